@@ -1,0 +1,1 @@
+"""Exchange between forming and the fluid: permeability and what couples them."""

@@ -1,0 +1,230 @@
+"""Permeability of fibre beds and of textiles with two fibre families.
+
+Laws for aligned fibres give the permeability along and across the fibres as a function of the
+fibre volume fraction; a textile's principal permeabilities follow from its two fibre families.
+The laws describe the flow between the fibres. In textiles whose tows leave gaps, as non-crimp
+fabrics do, the gaps carry most of the flow: the bulk permeability can be ten times larger, and a
+measured law should replace these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.errors import InputError
+
+LAWS = ("gebart", "kozeny_carman")
+
+# Fibre volume fraction at which neighbouring fibres touch.
+TOUCHING = {"quadratic": np.pi / 4.0, "hexagonal": np.pi / (2.0 * np.sqrt(3.0))}
+GEBART_SHAPE_FACTOR = {"quadratic": 57.0, "hexagonal": 53.0}
+GEBART_GAP_FACTOR = {
+    "quadratic": 16.0 / (9.0 * np.pi * np.sqrt(2.0)),
+    "hexagonal": 16.0 / (9.0 * np.pi * np.sqrt(6.0)),
+}
+
+
+@dataclass(frozen=True)
+class PermeabilityLaw:
+    """Permeability of a bed of aligned fibres.
+
+    Parameters
+    ----------
+    law : ``"gebart"`` or ``"kozeny_carman"``.
+    fibre_radius : [m].
+    packing : ``"quadratic"`` or ``"hexagonal"`` arrangement of the fibres (Gebart).
+    k_along, k_across : Kozeny constants along and across the fibres (Kozeny-Carman); the usual
+        ranges are 0.5 to 0.7 and 11 to 18.
+
+    Raises
+    ------
+    InputError : unknown law or packing, or a number that is not positive.
+    """
+
+    law: str = "gebart"
+    fibre_radius: float = 3.5e-6
+    packing: str = "quadratic"
+    k_along: float = 0.6
+    k_across: float = 15.0
+
+    def __post_init__(self) -> None:
+        _choice("law", self.law, LAWS)
+        _choice("packing", self.packing, TOUCHING)
+        for name in ("fibre_radius", "k_along", "k_across"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise InputError(f"has to be positive, not {value}", key=f"permeability.{name}")
+
+    @property
+    def largest_fibre_volume_fraction(self) -> float:
+        """Fibre volume fraction that the law cannot reach: the fibres touch, or no pore is left."""
+        return TOUCHING[self.packing] if self.law == "gebart" else 1.0
+
+
+class PrincipalPermeabilities(NamedTuple):
+    """Principal permeabilities [m2], each (C,), and their directions, each (C, 3).
+
+    ``k1`` is the larger one in the plane of the sheet, ``k2`` the smaller one, ``k3`` the one
+    through the thickness; ``direction_1``, ``direction_2``, ``direction_3`` are unit vectors
+    whose sign has no meaning.
+    """
+
+    k1: np.ndarray
+    k2: np.ndarray
+    k3: np.ndarray
+    direction_1: np.ndarray
+    direction_2: np.ndarray
+    direction_3: np.ndarray
+
+
+def gebart(fibre_volume_fraction, fibre_radius: float, packing: str = "quadratic"):
+    """Permeability along and across aligned fibres [m2] after Gebart.
+
+    Along: exact duct flow in form; across: lubrication in the gaps between neighbouring fibres,
+    good from about 0.35 up to the touching fraction (pi/4 quadratic, pi/(2 sqrt 3) hexagonal),
+    where it vanishes; beyond it is not a number.
+
+    Source: B. R. Gebart, Journal of Composite Materials 26 (1992) 1100.
+    """
+    _choice("packing", packing, TOUCHING)
+    v = np.asarray(fibre_volume_fraction, dtype=float)
+    touching = TOUCHING[packing]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        v = np.where((v > 0.0) & (v <= touching), v, np.nan)
+        along = 8.0 * fibre_radius**2 / GEBART_SHAPE_FACTOR[packing] * (1.0 - v) ** 3 / v**2
+        gap = np.sqrt(touching / v) - 1.0
+        across = GEBART_GAP_FACTOR[packing] * gap**2.5 * fibre_radius**2
+    return along, across
+
+
+def kozeny_carman(fibre_volume_fraction, fibre_radius: float, kozeny_constant: float):
+    """Permeability of a fibre bed [m2] after Kozeny and Carman: r² (1 - v)³ / (4 k v²).
+
+    Holds for 0 < v < 1 as a fit; across the fibres it misses that the flow stops where fibres
+    touch. Not a number outside.
+
+    Source: P. C. Carman, Transactions of the Institution of Chemical Engineers 15 (1937) 150;
+    form for fibres: T. G. Gutowski et al., Journal of Composite Materials 21 (1987) 172.
+    """
+    v = np.asarray(fibre_volume_fraction, dtype=float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        v = np.where((v > 0.0) & (v < 1.0), v, np.nan)
+        return fibre_radius**2 / (4.0 * kozeny_constant) * (1.0 - v) ** 3 / v**2
+
+
+def aligned_permeabilities(
+    law: PermeabilityLaw, fibre_volume_fraction, *, out_of_range: str = "raise"
+) -> tuple[np.ndarray, np.ndarray]:
+    """Permeability along and across aligned fibres [m2].
+
+    Parameters
+    ----------
+    law : a :class:`PermeabilityLaw`, or the scene's ``permeability`` entry, which has its names.
+    fibre_volume_fraction : of any shape.
+    out_of_range : ``"raise"`` stops where the law does not hold; ``"nan"`` marks these places as
+        not-a-number and leaves them to the caller. A value is never clamped: a cell beyond the
+        packing limit has no permeability that a fill simulation should trust.
+
+    Raises
+    ------
+    InputError : a fibre volume fraction outside 0 to the law's largest (not included), unless
+        ``out_of_range="nan"``; the message names the first cells and the worst value. A value
+        that is not a number (an unmapped cell) stays one.
+    """
+    _choice("out_of_range", out_of_range, ("raise", "nan"))
+    law = _as_law(law)
+    v = np.asarray(fibre_volume_fraction, dtype=float)
+    limit = law.largest_fibre_volume_fraction
+    outside = (v <= 0.0) | (v >= limit)
+    if out_of_range == "raise" and np.any(outside):
+        _refuse(law, v, outside, limit)
+    v = np.where(outside, np.nan, v)
+    if law.law == "gebart":
+        return gebart(v, law.fibre_radius, law.packing)
+    return (
+        kozeny_carman(v, law.fibre_radius, law.k_along),
+        kozeny_carman(v, law.fibre_radius, law.k_across),
+    )
+
+
+def principal_permeabilities(
+    law: PermeabilityLaw,
+    fibre_volume_fraction: np.ndarray,
+    fibre_direction_1: np.ndarray,
+    fibre_direction_2: np.ndarray,
+    *,
+    out_of_range: str = "raise",
+) -> PrincipalPermeabilities:
+    """Principal permeabilities of a textile with two equal fibre families.
+
+    Each family is a ply of aligned fibres with half the thickness. Along the sheet the plies
+    conduct side by side: the permeability tensor is the mean of both, so that shear turns its
+    axes to the bisectors of the families and stretches it along the acute one. Through the
+    thickness they conduct one after the other, both across their fibres.
+
+    Parameters
+    ----------
+    law, out_of_range : as in :func:`aligned_permeabilities`.
+    fibre_volume_fraction : shape (C,).
+    fibre_direction_1, fibre_direction_2 : unit vectors, shape (C, 3); their sign has no meaning.
+
+    Raises
+    ------
+    InputError : outside the range of the law (see :func:`aligned_permeabilities`).
+    """
+    along, across = aligned_permeabilities(law, fibre_volume_fraction, out_of_range=out_of_range)
+    a1 = np.asarray(fibre_direction_1, dtype=float)
+    a2 = np.asarray(fibre_direction_2, dtype=float)
+    # One sign for both, so that their angle is at most a right one and the sum bisects it.
+    cosine = np.einsum("ci,ci->c", a1, a2)
+    a2 = np.where(cosine[:, None] < 0.0, -a2, a2)
+    cosine = np.abs(cosine)
+    normal = np.cross(a1, a2)
+    acute = _unit(a1 + a2)
+    normal = _unit(normal)
+    # Mean of (along - across) a⊗a over the families has the values (1 ± cosine) / 2 on the axes.
+    k1 = across + (along - across) * 0.5 * (1.0 + cosine)
+    k2 = across + (along - across) * 0.5 * (1.0 - cosine)
+    return PrincipalPermeabilities(k1, k2, across, acute, np.cross(normal, acute), normal)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vectors, axis=1)
+    return vectors / np.where(length > 0.0, length, np.nan)[:, None]
+
+
+def _as_law(law) -> PermeabilityLaw:
+    if isinstance(law, PermeabilityLaw):
+        return law
+    names = ("law", "fibre_radius", "packing", "k_along", "k_across")
+    given = {name: getattr(law, name, None) for name in names}
+    return PermeabilityLaw(**{name: value for name, value in given.items() if value is not None})
+
+
+def _choice(name: str, value: str, known) -> None:
+    if value not in known:
+        raise InputError(
+            f'"{value}" is unknown; write one of {", ".join(known)}', key=f"permeability.{name}"
+        )
+
+
+def _refuse(law: PermeabilityLaw, v: np.ndarray, outside: np.ndarray, limit: float) -> None:
+    cells = np.flatnonzero(outside)
+    flat = v.reshape(-1)
+    worst = cells[np.argmax(np.abs(flat[cells] - 0.5 * limit))]
+    few = ", ".join(str(cell) for cell in cells[:5]) + (", ..." if len(cells) > 5 else "")
+    packing = f" with {law.packing} packing" if law.law == "gebart" else ""
+    advice = (
+        "; choose hexagonal packing, which reaches 0.907, or a softer compaction law"
+        if law.law == "gebart" and law.packing == "quadratic" and flat[worst] >= limit
+        else ""
+    )
+    raise InputError(
+        f"{law.law}{packing} holds for fibre volume fractions between 0 and {limit:.3f}, but "
+        f"{len(cells)} cells lie outside (cell {few}; the worst is {worst} with "
+        f"{flat[worst]:.3f}){advice}",
+        key="permeability",
+    )

@@ -1,0 +1,313 @@
+"""The commands of lcmchain. They parse, call, and report; the work is done elsewhere."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lcmchain.errors import InputError, LcmchainError
+
+# Nothing heavy is imported up here: `lcmchain --help` must answer at once.
+
+app = typer.Typer(
+    name="lcmchain",
+    help="Forming simulation of engineering textiles, and the chain of stages that follows it.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+fmu_app = typer.Typer(no_args_is_help=True, help="Package a scene as a functional mock-up unit.")
+app.add_typer(fmu_app, name="fmu")
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
+OutFolder = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder of the results; default results/<scene>."),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Replace a scene entry, as in --set tools.punch.friction=0.2; may be repeated.",
+    ),
+]
+
+
+@app.command()
+def run(
+    scene: SceneFile,
+    out: OutFolder = None,
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", min=1, metavar="N", help="Number of threads; default all cores."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the last checkpoint in DIR.")
+    ] = False,
+    overrides: Overrides = None,
+) -> None:
+    """Form the blank, and map its fields to the meshes that the scene names."""
+    from lcmchain.scene import read_scene
+
+    the_scene = read_scene(scene, overrides or ())
+    with output_folder(out or default_out(scene)) as folder:
+        from lcmchain.pipeline import run_scene
+
+        with progress_bar() as progress:
+            run_scene(the_scene, folder, threads=threads, resume=resume, progress=progress)
+    _say(f"Results in {folder}")
+
+
+@app.command()
+def check(scene: SceneFile, out: OutFolder = None, overrides: Overrides = None) -> None:
+    """Show what will be simulated and why, what was defaulted, and what it costs."""
+    from lcmchain.scene import read_scene
+
+    the_scene = read_scene(scene, overrides or ())
+    with output_folder(out or default_out(scene)) as folder:
+        from lcmchain.check import check_scene
+
+        report = check_scene(the_scene, folder)
+    console = _console()
+    for table in report.tables():
+        console.print(table)
+    for warning in report.warnings:
+        _warn(warning)
+    _say(f"Picture of the start: {report.picture}")
+
+
+@app.command()
+def schema(
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Write to a file instead of the terminal."),
+    ] = None,
+) -> None:
+    """Print the JSON Schema of scene files, for completion and checks in editors."""
+    from lcmchain.scene import scene_json_schema
+
+    text = json.dumps(scene_json_schema(), indent=2) + "\n"
+    if out is None:
+        sys.stdout.write(text)
+        return
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=out) from None
+
+
+@app.command("map")
+def map_fields(
+    source: Annotated[Path, typer.Argument(metavar="SOURCE.nc", help="forming.nc of a run.")],
+    target: Annotated[Path, typer.Argument(metavar="TARGET", help="Any mesh that meshio reads.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="F", help="F.nc or F.vtu; the other is written too.")
+    ],
+    kind: Annotated[
+        str, typer.Option(help="What the mesh is for: infiltration or structure.")
+    ] = "structure",
+    method: Annotated[str, typer.Option(help="Weights: overlap or closest.")] = "overlap",
+    maximum_distance: Annotated[
+        str | None,
+        typer.Option(metavar="LENGTH", help='Farthest distance to map over, such as "2 mm".'),
+    ] = None,
+    length_unit: Annotated[str, typer.Option(help="Unit of the target mesh.")] = "m",
+    allow_unmapped: Annotated[
+        bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
+    ] = False,
+) -> None:
+    """Map the formed blank's fields onto another mesh."""
+    from lcmchain.scene.schema import MappingTarget
+
+    _require_choice("--kind", kind, MappingTarget)
+    _require_choice("--method", method, MappingTarget)
+    for file in (source, target):
+        if not file.is_file():
+            raise InputError("there is no such file", file=file)
+    distance = None if maximum_distance is None else _length("--maximum-distance", maximum_distance)
+    _length("--length-unit", f"1 {length_unit}")
+    with output_folder(out.parent):
+        from lcmchain.mapping import map_file
+
+        report = map_file(
+            source,
+            target,
+            out,
+            kind=kind,
+            method=method,
+            maximum_distance=distance,
+            length_unit=length_unit,
+            allow_unmapped=allow_unmapped,
+        )
+    _say(report.summary())
+    for warning in report.warnings:
+        _warn(warning)
+
+
+@fmu_app.callback()
+def _fmu() -> None:
+    """Package a scene as a functional mock-up unit."""
+
+
+@fmu_app.command("build")
+def fmu_build(
+    scene: SceneFile,
+    out: Annotated[Path, typer.Option("-o", "--out", metavar="F.fmu", help="The unit to write.")],
+) -> None:
+    """Build an FMI 2.0 co-simulation unit that forms the scene."""
+    from lcmchain.scene import read_scene
+
+    read_scene(scene)  # wrong input is told before anything is built
+    if out.suffix != ".fmu":
+        raise InputError("the name of a functional mock-up unit ends in .fmu", file=out)
+    with output_folder(out.parent):
+        from lcmchain.fmu.build import build_fmu
+
+        build_fmu(scene, out)
+    _say(f"Wrote {out}")
+
+
+@app.command()
+def bench() -> None:
+    """Measure the speed of the solver on this machine."""
+    from lcmchain.bench import run_bench
+
+    table = run_bench()
+    if table is not None:
+        _console().print(table)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line: exit code 0 done, 2 wrong input, 1 failed run."""
+    try:
+        app(args=arguments)
+    except LcmchainError as error:
+        _print_error(str(error))
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        _print_error("stopped by the user")
+        sys.exit(1)
+    except OSError as error:
+        # A full disk or a vanished folder is no defect of the program; a traceback would hide it.
+        _print_error(f"{error.filename or 'file'}: {error.strerror or error}")
+        sys.exit(1)
+
+
+# --- output folder --------------------------------------------------------------------------------
+
+
+def default_out(scene: Path) -> Path:
+    """Name the folder of the results: ``results/`` and the name of the scene (or of its folder)."""
+    name = scene.resolve().parent.name if scene.stem == "scene" else scene.stem
+    return Path("results") / (name or "scene")
+
+
+@contextmanager
+def output_folder(folder: Path) -> Iterator[Path]:
+    """Make the folder of the results and prove that it can be written to, before any work.
+
+    When the work then finds wrong input, folders made here that are still empty are removed.
+
+    Raises
+    ------
+    InputError : the folder cannot be made or written to.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        _remove_empty(made)
+        reason = "it is a file" if folder.is_file() else error.strerror or str(error)
+        raise InputError(
+            f"results cannot be written here ({reason}); name another folder with --out",
+            file=folder,
+        ) from None
+    try:
+        yield folder
+    except BaseException:
+        _remove_empty(made)
+        raise
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:  # innermost first
+        try:
+            folder.rmdir()
+        except OSError:
+            return
+
+
+# --- small helpers of the commands ----------------------------------------------------------------
+
+
+@contextmanager
+def progress_bar() -> Iterator:
+    """Show a bar with the time left on a terminal; yields ``update(completed, total, text)``."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(),
+    )
+    console = _console(stderr=True)
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("preparing", total=None)
+
+        def update(completed: float, total: float, text: str = "forming") -> None:
+            bar.update(task, completed=completed, total=total, description=text)
+
+        yield update
+
+
+def _length(option: str, text: str) -> float:
+    from lcmchain.scene.units import LENGTH, QuantityError, parse_quantity
+
+    try:
+        return parse_quantity(text, LENGTH)
+    except QuantityError as error:
+        raise InputError(str(error), key=option) from None
+
+
+def _require_choice(option: str, value: str, model) -> None:
+    from typing import get_args
+
+    choices = get_args(model.model_fields[option.lstrip("-")].annotation)
+    if value not in choices:
+        raise InputError(f'"{value}" must be one of {", ".join(choices)}', key=option)
+
+
+def _console(*, stderr: bool = False):
+    from rich.console import Console
+
+    return Console(stderr=stderr)
+
+
+def _say(message: str) -> None:
+    _console().print(message, markup=False, highlight=False, soft_wrap=True)
+
+
+def _warn(message: str) -> None:
+    text = f"Warning: {message}"
+    _console().print(text, style="yellow", markup=False, highlight=False, soft_wrap=True)
+
+
+def _print_error(message: str) -> None:
+    print(f"Error: {message}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+"""Where numba keeps compiled kernels: one folder per state of the package sources.
+
+A kernel that numba caches on disk is looked up by the time stamp of its own file. It does not
+notice that a file whose functions it inlines has changed, and would go on running old physics.
+Here the folder itself is named by a hash of all package sources, so that any change of any file
+starts an empty one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shutil
+import stat
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+# Packages that live outside the folder of lcmchain in a checkout.
+OUTER_PACKAGES = ("lcmchain.mapping", "lcmchain.coupling", "lcmchain.fmu")
+
+HASH_LENGTH = 20
+MAXIMUM_AGE_DAYS = 30
+
+# Set beside NUMBA_CACHE_DIR and inherited with it: tells a folder chosen here by a parent process
+# (to be chosen anew, the child may run other sources) from one that the user chose.
+CHOSEN_HERE = "LCMCHAIN_CHOSEN_CACHE_DIR"
+
+
+def use_source_keyed_cache() -> Path | None:
+    """Point numba at the cache folder of the present sources; None if the user chose a folder.
+
+    Must run before the first kernel is compiled, best before numba is imported.
+    """
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given and given != os.environ.get(CHOSEN_HERE):
+        return None
+    folder = _writable_folder(source_key())
+    os.environ["NUMBA_CACHE_DIR"] = os.environ[CHOSEN_HERE] = str(folder)
+    if "numba" in sys.modules:  # it has read the environment already
+        sys.modules["numba"].config.CACHE_DIR = str(folder)
+    _remove_stale_siblings(folder)
+    return folder
+
+
+def source_key() -> str:
+    """Hash of every source file of lcmchain, the numba version and the kind of processor."""
+    digest = hashlib.blake2b(digest_size=HASH_LENGTH // 2)
+    for folder in _package_folders():
+        for file in _python_files(folder):
+            digest.update(f"{folder.name}{file[len(str(folder)) :]}\0".encode())
+            digest.update(hashlib.blake2b(Path(file).read_bytes()).digest())
+    digest.update(_numba_version())
+    digest.update(_processor().encode())
+    return digest.hexdigest()
+
+
+def _package_folders() -> list[Path]:
+    folders = [Path(__file__).resolve().parent]
+    for name in OUTER_PACKAGES:
+        spec = find_spec(name)
+        if spec is None or not spec.submodule_search_locations:
+            continue  # run from a checkout that was not installed
+        folder = Path(next(iter(spec.submodule_search_locations))).resolve()
+        if folders[0] not in folder.parents:  # an installed wheel has it inside lcmchain
+            folders.append(folder)
+    return folders
+
+
+def _python_files(folder: Path) -> Iterator[str]:
+    """Every source file below a folder, in an order that does not depend on the file system."""
+    with os.scandir(folder) as entries:
+        ordered = sorted(entries, key=lambda entry: entry.name)
+    for entry in ordered:
+        if entry.is_dir():
+            if entry.name != "__pycache__":
+                yield from _python_files(Path(entry.path))
+        elif entry.name.endswith(".py"):
+            yield entry.path
+
+
+def _numba_version() -> bytes:
+    """Version file of numba, read as text because importing numba takes a second."""
+    spec = find_spec("numba")
+    if spec is None or spec.origin is None:
+        return b""
+    version_file = Path(spec.origin).with_name("_version.py")
+    return version_file.read_bytes() if version_file.is_file() else b""
+
+
+def _processor() -> str:
+    """Processor model and instruction sets; kernels are compiled for exactly these."""
+    described = {}
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
+            for line in file:
+                if not line.strip():
+                    break  # the first core stands for all
+                name, _, value = line.partition(":")
+                described[name.strip()] = value.strip()
+    except OSError:
+        return f"{platform.machine()} {platform.processor()}"
+    wanted = ("vendor_id", "cpu family", "model", "model name", "flags", "Features", "CPU part")
+    return " ".join([platform.machine(), *(described.get(name, "") for name in wanted)])
+
+
+def _user_cache_folder() -> Path:
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+def _writable_folder(key: str) -> Path:
+    """Folder of this key below the user's cache, else below the temporary folder."""
+    try:
+        folder = _user_cache_folder() / "lcmchain" / key
+        if _make_private_folder(folder):
+            return folder
+    except (OSError, RuntimeError):  # RuntimeError: no home folder
+        pass
+    user = os.getuid() if hasattr(os, "getuid") else "user"
+    try:
+        folder = Path(tempfile.gettempdir()) / f"lcmchain-{user}" / key
+        if _make_private_folder(folder.parent) and _make_private_folder(folder):
+            return folder
+    except OSError:
+        pass
+    return Path(tempfile.mkdtemp(prefix="lcmchain-"))
+
+
+def _make_private_folder(folder: Path) -> bool:
+    """Create the folder; True if it is ours alone to write (cached kernels are executed)."""
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    found = folder.stat(follow_symlinks=False)
+    if not stat.S_ISDIR(found.st_mode):
+        return False
+    if hasattr(os, "getuid"):
+        if found.st_uid != os.getuid() or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            return False
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return False
+    os.utime(folder)  # last use, for the removal of stale folders
+    return True
+
+
+def _remove_stale_siblings(folder: Path) -> None:
+    """Remove caches of other source states that nobody has used for a month."""
+    oldest = time.time() - MAXIMUM_AGE_DAYS * 86400.0
+    try:
+        siblings = list(os.scandir(folder.parent))
+    except OSError:
+        return
+    for entry in siblings:
+        is_cache = len(entry.name) == HASH_LENGTH and set(entry.name) <= set("0123456789abcdef")
+        if not is_cache or entry.name == folder.name:
+            continue
+        try:
+            if entry.is_dir(follow_symlinks=False) and entry.stat().st_mtime < oldest:
+                shutil.rmtree(entry.path, ignore_errors=True)
+        except OSError:
+            continue

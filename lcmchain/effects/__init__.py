@@ -1,0 +1,1 @@
+"""Effects that a scene may or may not need, one file each."""

@@ -1,0 +1,1 @@
+"""Solid-shell elements: strains, internal forces, hourglass stabilisation."""

@@ -1,0 +1,403 @@
+"""Loop over elements: gather node positions, evaluate the element's equations, store the forces.
+
+Blocks of 16 elements lie in flat arrays ``[(block * rows + row) * 16 + lane]``; one loop over the
+lanes around straight-line code is what the compiler turns into packed instructions. Effects that
+the scene does not call for are arguments that are ``None``; their code is pruned when compiling.
+"""
+
+from __future__ import annotations
+
+from numba import prange
+
+from lcmchain.elements.solid_shell import (
+    NINTH,
+    THIRD,
+    CurvedFrame,
+    FlatFrame,
+    Taylor,
+    condensed_enhanced_strain,
+    covariant_products,
+    curved_covariant_stress,
+    curved_material_strain,
+    diagonal_product,
+    flat_covariant_stress,
+    flat_material_strain,
+    mode_components,
+    mode_force_components,
+    node_components,
+    normal_compaction,
+    scaled6,
+    stress_matrix,
+    sum6,
+    thickness_resultants,
+)
+from lcmchain.jit import equation, kernel
+from lcmchain.materials.fabric import bending_stiffness, membrane_stress_and_tangent
+from lcmchain.materials.st_venant_kirchhoff import bending_rows, membrane_rows, stress
+
+LANES = 16
+CORNER_ROWS = 24
+FLAT_ROWS = 19
+CURVED_ROWS = 66
+
+
+@equation
+def replace33(E, E33):
+    return (E[0], E[1], E33, E[3], E[4], E[5])
+
+
+@equation
+def scaled_shear_rows(E, factor):
+    """Weight the in-plane shear row of the covariant ξ- and η-terms (0 drops it)."""
+    x, e = E.xi, E.eta
+    return Taylor(
+        E.centre,
+        E.zeta,
+        E.zeta2,
+        (x[0], x[1], factor * x[2], x[3]),
+        (e[0], e[1], factor * e[2], e[3]),
+        E.eta_zeta,
+        E.xi_zeta,
+    )
+
+
+@equation
+def difference(E, R):
+    """Return the covariant strain coefficients: products minus those of the reference."""
+    c, z, q, x, e, ez, xz = E
+    rc, rz, rq, rx, re, rez, rxz = R
+    return Taylor(
+        (c[0] - rc[0], c[1] - rc[1], c[2] - rc[2], c[3] - rc[3], c[4] - rc[4], c[5] - rc[5]),
+        (z[0] - rz[0], z[1] - rz[1], z[2] - rz[2], z[3] - rz[3], z[4] - rz[4]),
+        (q[0] - rq[0], q[1] - rq[1], q[2] - rq[2]),
+        (x[0] - rx[0], x[1] - rx[1], x[2] - rx[2], x[3] - rx[3]),
+        (e[0] - re[0], e[1] - re[1], e[2] - re[2], e[3] - re[3]),
+        (ez[0] - rez[0], ez[1] - rez[1], ez[2] - rez[2]),
+        (xz[0] - rxz[0], xz[1] - rxz[1], xz[2] - rxz[2]),
+    )
+
+
+@equation
+def difference_flat(E, R):
+    """As :func:`difference` where the reference is a flat parallelogram: only E^0 has a part."""
+    c = E.centre
+    return Taylor(
+        (c[0] - R[0], c[1] - R[1], c[2] - R[2], c[3] - R[3], c[4], c[5]),
+        E.zeta,
+        E.zeta2,
+        E.xi,
+        E.eta,
+        E.eta_zeta,
+        E.xi_zeta,
+    )
+
+
+@equation
+def fabric_resultants(law, enhanced, moments, E):
+    """Return stress resultants of Eqs. (15) and (16) per unit volume 8 J⁰ for a fabric."""
+    S_centre, C_M = membrane_stress_and_tangent(law, E.centre)
+    C_B = bending_stiffness(law)
+    S_zeta = diagonal_product(C_B, E.zeta)
+    if enhanced is not None:
+        # with diagonal stiffnesses the enhanced strain carries no other component than 33
+        S_zeta = replace33(S_zeta, 0.0)
+    S_zeta2 = diagonal_product(C_B, E.zeta2)
+    c, z, q = thickness_resultants(moments, S_centre, S_zeta, S_zeta2)
+    return Taylor(
+        c,
+        z,
+        q,
+        scaled6(THIRD, diagonal_product(C_M, E.xi)),
+        scaled6(THIRD, diagonal_product(C_M, E.eta)),
+        scaled6(NINTH, diagonal_product(C_B, E.eta_zeta)),
+        scaled6(NINTH, diagonal_product(C_B, E.xi_zeta)),
+    )
+
+
+@equation
+def stiffness_resultants(law, enhanced, moments, E):
+    """Return stress resultants of Eqs. (15) and (16) per unit volume 8 J⁰ for full C^M, C^B."""
+    C_M, C_B = membrane_rows(law), bending_rows(law)
+    S_centre = stress(C_M, E.centre)
+    S_zeta = stress(C_B, E.zeta)
+    if enhanced is not None:
+        enhanced33 = condensed_enhanced_strain(S_zeta[2], C_M[2][2])
+        S_zeta = sum6(S_zeta, scaled6(enhanced33, C_M[2]))
+    S_zeta2 = stress(C_B, E.zeta2)
+    c, z, q = thickness_resultants(moments, S_centre, S_zeta, S_zeta2)
+    return Taylor(
+        c,
+        z,
+        q,
+        scaled6(THIRD, stress(C_M, E.xi)),
+        scaled6(THIRD, stress(C_M, E.eta)),
+        scaled6(NINTH, stress(C_B, E.eta_zeta)),
+        scaled6(NINTH, stress(C_B, E.xi_zeta)),
+    )
+
+
+@equation
+def load6(data, i):
+    L = LANES
+    return (data[i], data[i + L], data[i + 2 * L], data[i + 3 * L], data[i + 4 * L], data[i + 5 * L])
+
+
+@equation
+def load3(data, i):
+    return (data[i], data[i + LANES], data[i + 2 * LANES])
+
+
+@equation
+def load3x3(data, i):
+    L = LANES
+    return (load3(data, i), load3(data, i + 3 * L), load3(data, i + 6 * L))
+
+
+@equation
+def flat_frame(data, i):
+    """Return frame, volume 8 J⁰ and reference products of a flat element (FLAT_ROWS rows)."""
+    L = LANES
+    p, r, q = load3x3(data, i)
+    P = (p[0], p[1], p[2], r[0], r[1], r[2], q[0], q[1], q[2])
+    Q = (data[i + 9 * L], data[i + 10 * L], data[i + 11 * L], data[i + 12 * L])
+    reference = (data[i + 15 * L], data[i + 16 * L], data[i + 17 * L], data[i + 18 * L])
+    return FlatFrame(P, Q, data[i + 13 * L]), data[i + 14 * L], reference
+
+
+@equation
+def curved_frame(data, i):
+    """Return frame, 1/h, volume 8 J⁰, reference products of a curved element (CURVED_ROWS rows)."""
+    L = LANES
+    frame = CurvedFrame(
+        load3x3(data, i),
+        load3x3(data, i + 9 * L),
+        load3x3(data, i + 18 * L),
+        load3x3(data, i + 27 * L),
+    )
+    z, q = i + 44 * L, i + 49 * L
+    x, e, ez, xz = i + 52 * L, i + 56 * L, i + 60 * L, i + 63 * L
+    reference = Taylor(
+        load6(data, i + 38 * L),
+        (data[z], data[z + L], data[z + 2 * L], data[z + 3 * L], data[z + 4 * L]),
+        load3(data, q),
+        (data[x], data[x + L], data[x + 2 * L], data[x + 3 * L]),
+        (data[e], data[e + L], data[e + 2 * L], data[e + 3 * L]),
+        load3(data, ez),
+        load3(data, xz),
+    )
+    return frame, data[i + 36 * L], data[i + 37 * L], reference
+
+
+@equation
+def load_component(x, i):
+    """Return one component of the mode vectors from the eight corner values at stride 3 rows."""
+    s = 3 * LANES
+    return mode_components(
+        x[i],
+        x[i + s],
+        x[i + 2 * s],
+        x[i + 3 * s],
+        x[i + 4 * s],
+        x[i + 5 * s],
+        x[i + 6 * s],
+        x[i + 7 * s],
+    )
+
+
+@equation
+def store_component(f, i, p):
+    """Store one component of the eight corner forces from that of the mode forces."""
+    s = 3 * LANES
+    n = node_components(p[0], p[1], p[2], p[3], p[4], p[5], p[6])
+    f[i] = n[0]
+    f[i + s] = n[1]
+    f[i + 2 * s] = n[2]
+    f[i + 3 * s] = n[3]
+    f[i + 4 * s] = n[4]
+    f[i + 5 * s] = n[5]
+    f[i + 6 * s] = n[6]
+    f[i + 7 * s] = n[7]
+
+
+@equation
+def add_normal(p, g, s, k):
+    """Add component k of s times the gradients of the normal compaction to those on a1, a2, a3."""
+    return (p[0] + s * g[1][k], p[1] + s * g[2][k], p[2] + s * g[3][k], p[3], p[4], p[5], p[6])
+
+
+@equation
+def times_volume(v, p):
+    return (v * p[0], v * p[1], v * p[2], v * p[3], v * p[4], v * p[5], v * p[6])
+
+
+@equation
+def with_centre33(T, value):
+    """Return the Taylor terms with component 33 of the centre replaced."""
+    return Taylor(replace33(T.centre, value), T.zeta, T.zeta2, T.xi, T.eta, T.eta_zeta, T.xi_zeta)
+
+
+@equation
+def mode_vectors(mx, my, mz):
+    """Return a1 ... a7 from their Cartesian components."""
+    return (
+        (mx[0], my[0], mz[0]),
+        (mx[1], my[1], mz[1]),
+        (mx[2], my[2], mz[2]),
+        (mx[3], my[3], mz[3]),
+        (mx[4], my[4], mz[4]),
+        (mx[5], my[5], mz[5]),
+        (mx[6], my[6], mz[6]),
+    )
+
+
+@equation
+def element_stress(
+    a,
+    data,
+    i,
+    fabric,
+    stiffness,
+    flat,
+    curved,
+    director,
+    enhanced,
+    moments,
+    in_plane_shear,
+):
+    """Return Σ (:func:`stress_matrix`) per volume, the centre strain, and the normal compaction.
+
+    The compaction by the normal thickness is no product of mode vectors: its stress resultant S33
+    is returned beside Σ, followed by (E33, gradients), the volume 8 J⁰ and 1/h.
+    """
+    products = covariant_products(a)
+    if curved is not None:
+        curved_axes, inverse_height, volume, reference = curved_frame(data, i)
+        Ebar = scaled_shear_rows(difference(products, reference), in_plane_shear)
+        E = curved_material_strain(curved_axes, Ebar)
+    if flat is not None:
+        flat_axes, volume, flat_reference = flat_frame(data, i)
+        inverse_height = flat_axes.inverse_height
+        Ebar = scaled_shear_rows(difference_flat(products, flat_reference), in_plane_shear)
+        E = flat_material_strain(flat_axes, Ebar)
+
+    normal = normal_compaction(a[0], a[1], a[2], inverse_height)
+    if director is None:
+        E = with_centre33(E, normal[0])
+    if fabric is not None:
+        S = fabric_resultants(fabric, enhanced, moments, E)
+    if stiffness is not None:
+        S = stiffness_resultants(stiffness, enhanced, moments, E)
+    S33 = 0.0
+    if director is None:
+        S33 = S.centre[2]
+        S = with_centre33(S, 0.0)
+
+    if curved is not None:
+        Sbar = curved_covariant_stress(curved_axes, S)
+    if flat is not None:
+        Sbar = flat_covariant_stress(flat_axes, S)
+    sigma = stress_matrix(scaled_shear_rows(Sbar, in_plane_shear))
+    return sigma, E, S33, normal, volume, inverse_height
+
+
+@equation
+def element_in_lane(
+    i,
+    corner,
+    data,
+    fabric,
+    stiffness,
+    flat,
+    curved,
+    director,
+    enhanced,
+    moments,
+    in_plane_shear,
+):
+    """Replace the corner positions at ``corner[i + row*16]`` by the internal corner forces."""
+    mx = load_component(corner, i)
+    my = load_component(corner, i + LANES)
+    mz = load_component(corner, i + 2 * LANES)
+    sigma, _, S33, normal, volume, _ = element_stress(
+        mode_vectors(mx, my, mz),
+        data,
+        i,
+        fabric,
+        stiffness,
+        flat,
+        curved,
+        director,
+        enhanced,
+        moments,
+        in_plane_shear,
+    )
+    px = mode_force_components(sigma, mx[0], mx[1], mx[2], mx[3], mx[4], mx[5], mx[6])
+    py = mode_force_components(sigma, my[0], my[1], my[2], my[3], my[4], my[5], my[6])
+    pz = mode_force_components(sigma, mz[0], mz[1], mz[2], mz[3], mz[4], mz[5], mz[6])
+    if director is None:
+        px = add_normal(px, normal, S33, 0)
+        py = add_normal(py, normal, S33, 1)
+        pz = add_normal(pz, normal, S33, 2)
+    store_component(corner, i, times_volume(volume, px))
+    store_component(corner, i + LANES, times_volume(volume, py))
+    store_component(corner, i + 2 * LANES, times_volume(volume, pz))
+
+
+@kernel
+def internal_forces(
+    positions,
+    corner_node,
+    element_data,
+    corner_force,
+    fabric,
+    stiffness,
+    flat,
+    curved,
+    director,
+    enhanced,
+    moments,
+    in_plane_shear,
+):
+    """Write the internal forces of all elements into ``corner_force``.
+
+    Parameters
+    ----------
+    positions : (3, node_count) [m].
+    corner_node : (block_count * 8 * 16,) int32, nodes of the corners.
+    element_data : (block_count * rows * 16,), reference geometry (see ``model.py``).
+    corner_force : (block_count * 24 * 16 + 1,) [N], row ``3*corner + component``; the last entry is
+        a zero that nodes with fewer elements point to.
+    fabric : :class:`FabricLaw` or ``None``; stiffness : (72,) C^M and C^B row by row, or ``None``.
+    flat, curved : ``True`` or ``None``, one of them ``None``: kind of the reference geometry.
+    director, enhanced : ``True`` or ``None``: the effect is on or pruned.
+    moments : :class:`Moments`.
+    in_plane_shear : 1, or 0 to drop the in-plane shear row of B^ξ and B^η.
+    """
+    block_count = corner_node.size // (8 * LANES)
+    rows = element_data.size // (block_count * LANES)
+    for block in prange(block_count):
+        # views per block: indices made of a lane and literals are provably not negative, which
+        # spares the wrap-around test that would keep the lane loop scalar
+        nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
+        corner = corner_force[block * CORNER_ROWS * LANES : (block + 1) * CORNER_ROWS * LANES]
+        data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
+        for c in range(8):
+            for lane in range(LANES):
+                node = nodes[c * LANES + lane]
+                corner[3 * c * LANES + lane] = positions[0, node]
+                corner[(3 * c + 1) * LANES + lane] = positions[1, node]
+                corner[(3 * c + 2) * LANES + lane] = positions[2, node]
+        for lane in range(LANES):
+            element_in_lane(
+                lane,
+                corner,
+                data,
+                fabric,
+                stiffness,
+                flat,
+                curved,
+                director,
+                enhanced,
+                moments,
+                in_plane_shear,
+            )

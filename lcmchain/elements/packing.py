@@ -1,0 +1,95 @@
+"""Layout of elements in blocks of 16 lanes, and the reference data of each element (NumPy)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lcmchain.elements.geometry import ReferenceGeometry
+from lcmchain.elements.kernel import LANES
+
+# Every product a_k·a_l (modes counted from 1) in the covariant strains, in the order in which
+# ``covariant_products`` holds them: Taylor term, Voigt component, ((factor, k, l), ...).
+COVARIANT_PRODUCTS = (
+    ("centre", 0, ((0.5, 1, 1),)),
+    ("centre", 1, ((0.5, 2, 2),)),
+    ("centre", 2, ((0.5, 3, 3), (0.5, 5, 5), (0.5, 6, 6), (0.5, 7, 7))),
+    ("centre", 3, ((1.0, 1, 2),)),
+    ("centre", 4, ((1.0, 2, 3), (1.0, 4, 6))),
+    ("centre", 5, ((1.0, 1, 3), (1.0, 4, 5))),
+    ("zeta", 0, ((1.0, 1, 6),)),
+    ("zeta", 1, ((1.0, 2, 5),)),
+    ("zeta", 3, ((1.0, 1, 5), (1.0, 2, 6))),
+    ("zeta", 4, ((1.0, 3, 5), (1.0, 6, 7))),
+    ("zeta", 5, ((1.0, 3, 6), (1.0, 5, 7))),
+    ("zeta2", 0, ((0.5, 6, 6),)),
+    ("zeta2", 1, ((0.5, 5, 5),)),
+    ("zeta2", 3, ((1.0, 5, 6),)),
+    ("xi", 1, ((1.0, 2, 4),)),
+    ("xi", 2, ((1.0, 3, 6), (1.0, 5, 7))),
+    ("xi", 3, ((1.0, 1, 4),)),
+    ("xi", 4, ((1.0, 2, 6), (1.0, 3, 4))),
+    ("eta", 0, ((1.0, 1, 4),)),
+    ("eta", 2, ((1.0, 3, 5), (1.0, 6, 7))),
+    ("eta", 3, ((1.0, 2, 4),)),
+    ("eta", 5, ((1.0, 1, 5), (1.0, 3, 4))),
+    ("eta_zeta", 0, ((1.0, 1, 7), (1.0, 4, 6))),
+    ("eta_zeta", 3, ((1.0, 2, 7), (1.0, 4, 5))),
+    ("eta_zeta", 5, ((1.0, 3, 7), (1.0, 5, 6))),
+    ("xi_zeta", 1, ((1.0, 2, 7), (1.0, 4, 5))),
+    ("xi_zeta", 3, ((1.0, 1, 7), (1.0, 4, 6))),
+    ("xi_zeta", 4, ((1.0, 3, 7), (1.0, 5, 6))),
+)
+TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
+
+
+def in_blocks(rows: np.ndarray) -> np.ndarray:
+    """Return rows (E, R) as a flat array ``[(block*R + row)*16 + lane]``; the last is repeated."""
+    element_count, row_count = rows.shape
+    block_count = -(-element_count // LANES)
+    padding = np.repeat(rows[-1:], block_count * LANES - element_count, axis=0)
+    padded = np.concatenate([rows, padding])
+    return np.ascontiguousarray(
+        padded.reshape(block_count, LANES, row_count).transpose(0, 2, 1)
+    ).ravel()
+
+
+def from_blocks(data: np.ndarray, row_count: int, element_count: int) -> np.ndarray:
+    """Return the inverse of :func:`in_blocks`, (E, R)."""
+    blocks = data.reshape(-1, row_count, LANES).transpose(0, 2, 1)
+    return blocks.reshape(-1, row_count)[:element_count]
+
+
+def flat_rows(geometry: ReferenceGeometry) -> np.ndarray:
+    """Return the data (E, 19) of elements whose reference is a flat parallelogram."""
+    K, h = geometry.K, 1.0 / geometry.height
+    k11, k21, k12, k22 = K[:, 0, 0], K[:, 1, 0], K[:, 0, 1], K[:, 1, 1]
+    P = (
+        k11 * k11, k21 * k21, k11 * k21,
+        k12 * k12, k22 * k22, k12 * k22,
+        2 * k11 * k12, 2 * k21 * k22, k11 * k22 + k21 * k12,
+    )  # fmt: skip
+    Q = (h * k22, h * k12, h * k21, h * k11)
+    reference = _reference_products(geometry.modes)[:, :4]
+    return np.column_stack([*P, *Q, h, geometry.volume, reference])
+
+
+def curved_rows(geometry: ReferenceGeometry) -> np.ndarray:
+    """Return the data (E, 66) of elements with any reference."""
+    count = len(geometry.K)
+    return np.column_stack(
+        [
+            geometry.K.reshape(count, 9),
+            geometry.dK.reshape(count, 27),
+            1.0 / geometry.height,
+            geometry.volume,
+            _reference_products(geometry.modes),
+        ]
+    )
+
+
+def _reference_products(A: np.ndarray) -> np.ndarray:
+    columns = [
+        sum(f * np.einsum("ed,ed->e", A[:, k - 1], A[:, m - 1]) for f, k, m in products)
+        for _, _, products in COVARIANT_PRODUCTS
+    ]
+    return np.column_stack(columns)

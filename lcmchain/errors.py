@@ -1,0 +1,43 @@
+"""Errors that a user can act on, and the exit code each one maps to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class LcmchainError(Exception):
+    """Base of every error that the command line prints as one message without a traceback."""
+
+    exit_code = 1
+
+
+class InputError(LcmchainError):
+    """Wrong input: names the scene key or the file, and says what to do (exit code 2).
+
+    Parameters
+    ----------
+    message : what is wrong and what to do about it.
+    key : dotted scene key, for example ``"blank.edge_length"``.
+    file : the file that could not be used.
+    """
+
+    exit_code = 2
+
+    def __init__(self, message: str, *, key: str | None = None, file: str | Path | None = None):
+        self.key = key
+        self.file = None if file is None else str(file)
+        self.message = message
+        place = key if key is not None else self.file
+        super().__init__(message if place is None else f"{place}: {message}")
+
+
+class SimulationError(LcmchainError):
+    """A run that a guard stopped: names element, position, time and likely cause (exit code 1)."""
+
+    exit_code = 1
+
+
+class SimulationInterrupted(LcmchainError):
+    """A run that the user stopped; a checkpoint was left (exit code 1)."""
+
+    exit_code = 1

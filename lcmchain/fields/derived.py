@@ -1,0 +1,100 @@
+"""Fields that follow from the positions of the nodes: deformation gradient at element centres."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lcmchain.blank import BlankMesh
+from lcmchain.elements.geometry import MODES
+
+
+def derive_fields(blank: BlankMesh, material, positions: np.ndarray) -> dict[str, np.ndarray]:
+    """Derive the state of the textile in every element from the positions of the nodes.
+
+    With the covariant base vectors a1, a2, a3 of the element centre (modes 1 to 3 of the node
+    positions; capitals: reference) the deformation gradient is F = a_k ⊗ A^k. Every measure is
+    taken at the centre, where the element has its strains: a face has the area 4 |a1 × a2| and
+    the element the thickness 2 a3·n, n normal to a1 and a2.
+
+    Parameters
+    ----------
+    blank : undeformed mesh with its fibre directions.
+    material : with ``areal_mass`` [kg/m²], ``fibre_density`` [kg/m³] or None, and
+        ``compaction_pressure(thickness_stretch)`` [Pa].
+    positions : node positions [m], shape (..., node_count, 3).
+
+    Returns
+    -------
+    The variables of the face fields in :data:`lcmchain.fields.table.FIELDS`, each of shape
+    (..., element_count); without ``fibre_volume_fraction`` where the fibre density is unknown.
+
+    Notes
+    -----
+    The fibre volume fraction is conserved volume, v_f = v_f0 / det F. With inextensible fibres
+    det F = (t / t0) cos γ, so that shear and compaction both raise it. The compaction pressure is
+    that of plate-to-plate compaction, λ |S33| with λ = t / t0.
+    """
+    reference = _base_vectors(blank, blank.node_positions)
+    current = _base_vectors(blank, np.asarray(positions, dtype=float))
+    area_0, normal_0 = _length_and_direction(np.cross(reference[..., 0, :], reference[..., 1, :]))
+    area, normal = _length_and_direction(np.cross(current[..., 0, :], current[..., 1, :]))
+    height_0, height = _dot(reference[..., 2, :], normal_0), _dot(current[..., 2, :], normal)
+
+    fibre_1, fibre_2 = (
+        _dragged_along(reference, current, direction)
+        for direction in (blank.fibre_direction_1, blank.fibre_direction_2)
+    )
+    stretch_1, direction_1 = _length_and_direction(fibre_1)
+    stretch_2, direction_2 = _length_and_direction(fibre_2)
+
+    fields = {"thickness": 2.0 * height}
+    if material.fibre_density is not None:
+        initial_fraction = material.areal_mass / (material.fibre_density * 2.0 * height_0)
+        with np.errstate(divide="ignore"):
+            fields["fibre_volume_fraction"] = initial_fraction * (
+                (area_0 * height_0) / (area * height)
+            )
+    fields["areal_fibre_mass"] = material.areal_mass * (area_0 / area)
+    # arctan of cosine over sine stays exact for small angles, where arccos loses half the digits.
+    fields["shear_angle"] = np.arctan2(
+        _dot(direction_1, direction_2), _dot(np.cross(direction_1, direction_2), normal)
+    )
+    for name, direction in (("1", direction_1), ("2", direction_2)):
+        for axis, component in zip("xyz", np.moveaxis(direction, -1, 0), strict=True):
+            fields[f"fibre_direction_{name}_{axis}"] = np.ascontiguousarray(component)
+    fields["fibre_strain_1"] = stretch_1 - 1.0
+    fields["fibre_strain_2"] = stretch_2 - 1.0
+    fields["compaction_pressure"] = material.compaction_pressure(height / height_0)
+    return fields
+
+
+def face_area_vectors(corners: np.ndarray) -> np.ndarray:
+    """Half the cross product of the diagonals of faces, shape (..., 4, 3) [m], as (..., 3) [m2].
+
+    Its length 4 |a1 × a2| is the area at the centre of a warped face, and the exact area of a
+    plane face and of a triangle that repeats its last corner.
+    """
+    return 0.5 * np.cross(
+        corners[..., 2, :] - corners[..., 0, :], corners[..., 3, :] - corners[..., 1, :]
+    )
+
+
+def _base_vectors(blank: BlankMesh, positions: np.ndarray) -> np.ndarray:
+    """Covariant base vectors at the element centres, shape (..., element_count, 3, 3)."""
+    return MODES[:3] @ positions[..., blank.elements, :]
+
+
+def _dragged_along(reference: np.ndarray, current: np.ndarray, direction) -> np.ndarray:
+    """F·direction: contravariant components in the reference, carried by the current base."""
+    components = np.linalg.solve(np.swapaxes(reference, -1, -2), direction[..., None])
+    return np.sum(components * current, axis=-2)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...i->...", a, b)
+
+
+def _length_and_direction(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    length = np.linalg.norm(vector, axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return length, vector / length[..., None]

@@ -1,0 +1,82 @@
+"""``forming.nc``: writing and reading the groups of a forming result as netCDF-4."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import xarray as xr
+
+from lcmchain.errors import InputError
+from lcmchain.fields.atomic import replacing
+from lcmchain.fields.dataset import SHEET
+
+
+def write_forming_netcdf(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:
+    """Write the groups of :func:`lcmchain.fields.dataset.build_datasets`; whole or not at all.
+
+    The netCDF4 engine is used because it writes attributes as character arrays, which is how
+    VTK's UGRID reader knows a mesh. Numbers are stored in double precision, without loss.
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    groups = [SHEET, *(name for name in datasets if name != SHEET)]
+    try:
+        with replacing(path) as temporary:
+            for group in groups:
+                datasets[group].to_netcdf(
+                    temporary,
+                    mode="w" if group == SHEET else "a",
+                    group=None if group == SHEET else group,
+                    format="NETCDF4",
+                    engine="netcdf4",
+                    encoding=_encoding(datasets[group]),
+                )
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"cannot be written ({reason}); choose another place", file=path) from None
+
+
+def read_forming(path: Path | str) -> xr.Dataset:
+    """Read the formed sheet, the root group of ``forming.nc``, into memory.
+
+    Raises
+    ------
+    InputError : the file is absent or no forming result.
+    """
+    dataset = read_group(path, SHEET)
+    if "sheet_face_nodes" not in dataset:
+        raise InputError("this is no forming result: it has no mesh named sheet", file=path)
+    return dataset
+
+
+def read_group(path: Path | str, group: str) -> xr.Dataset:
+    """Read one group of ``forming.nc`` into memory: ``"/"``, ``"solid"`` or ``"history"``.
+
+    Integers stay integers: the missing node of a triangle is -1.
+
+    Raises
+    ------
+    InputError : the file is absent, not netCDF, or has no such group.
+    """
+    if not Path(path).is_file():
+        raise InputError("the forming result does not exist", file=path)
+    try:
+        return xr.load_dataset(path, group=group, engine="netcdf4", mask_and_scale=False)
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read the group {group} ({error})", file=path) from None
+
+
+def _encoding(dataset: xr.Dataset) -> dict[str, dict]:
+    encoding: dict[str, dict] = {}
+    for name, variable in dataset.variables.items():
+        options: dict = {}
+        if "_FillValue" not in variable.attrs:
+            options["_FillValue"] = None
+        if variable.ndim and variable.dtype.kind in "fi":
+            # Shuffled bytes compress smooth fields to about two thirds.
+            options |= {"zlib": True, "complevel": 4, "shuffle": True}
+        encoding[str(name)] = options
+    return encoding

@@ -1,0 +1,117 @@
+"""Numbers that sum a forming result up: mass, extrema, and warnings in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.fields.dataset import HISTORY, SHEET
+from lcmchain.fields.derived import face_area_vectors
+
+#: Fibre volume fraction above which round fibres can hardly be packed (hexagonal: 0.907).
+LARGEST_FIBRE_VOLUME_FRACTION = 0.9
+
+
+def sheet_positions(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
+    """Return the positions of the mid-surface nodes in a frame [m], shape (node_count, 3)."""
+    reference, displacement = (
+        np.stack([sheet[f"{name}_{axis}"].values for axis in "xyz"], axis=-1)
+        for name in ("reference_position", "displacement")
+    )
+    return reference + displacement[frame]
+
+
+def sheet_faces(sheet: xr.Dataset) -> np.ndarray:
+    """Return the nodes of the faces, shape (face_count, 4); a triangle repeats its last node."""
+    faces = sheet["sheet_face_nodes"].values
+    # Read without mask_and_scale=False, xarray gives floating point numbers with nan for -1.
+    faces = np.where(np.isfinite(faces), faces, -1).astype(np.int64)
+    return np.where(faces < 0, faces[:, 2:3], faces)
+
+
+def sheet_areas(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
+    """Return the areas of the faces in a frame [m2], as ``areal_fibre_mass`` refers to them."""
+    corners = sheet_positions(sheet, frame)[sheet_faces(sheet)]
+    return np.linalg.norm(face_area_vectors(corners), axis=-1)
+
+
+def fibre_mass(sheet: xr.Dataset, frame: int = -1) -> float:
+    """Return the fibre mass of the sheet [kg]: ``areal_fibre_mass`` times area, over all faces.
+
+    A face has the area 4 |a1 × a2| at its centre, half the cross product of its diagonals, which
+    is also the measure in ``areal_fibre_mass``: the mass is the initial one up to round-off.
+    """
+    return float(np.sum(sheet["areal_fibre_mass"].values[frame] * sheet_areas(sheet, frame)))
+
+
+def field_summary(
+    datasets: Mapping[str, xr.Dataset], *, punch: str | None = None, frame: int = -1
+) -> dict[str, float]:
+    """Return the extrema of a frame under the names of ``summary.json``.
+
+    Parameters
+    ----------
+    datasets : groups of the result.
+    punch : tool whose largest force over all frames is reported; by default the tool of that
+        name, else the one with the longest travel.
+    frame : saved frame, the last one by default.
+
+    Returns
+    -------
+    ``thickness_min_m``, ``thickness_max_m``, ``shear_angle_max_rad`` (magnitude),
+    ``fibre_strain_max`` (magnitude), ``fibre_volume_fraction_max``, ``fibre_mass_kg``,
+    ``fibre_mass_error`` (relative to the first frame), ``punch_force_max_N``; without those that
+    the result does not have.
+    """
+    sheet, history = datasets[SHEET], datasets[HISTORY]
+    last = sheet.isel(frame=frame)
+    mass = fibre_mass(sheet, frame)
+    strains = [np.abs(last[f"fibre_strain_{i}"].values).max() for i in (1, 2)]
+    summary = {
+        "thickness_min_m": float(last["thickness"].min()),
+        "thickness_max_m": float(last["thickness"].max()),
+        "shear_angle_max_rad": float(np.abs(last["shear_angle"]).max()),
+        "fibre_strain_max": float(max(strains)),
+        "fibre_mass_kg": mass,
+        "fibre_mass_error": mass / fibre_mass(sheet, 0) - 1.0,
+    }
+    if "fibre_volume_fraction" in last:
+        summary["fibre_volume_fraction_max"] = float(last["fibre_volume_fraction"].max())
+    if history.sizes["tool"]:
+        index = punch_index(history, punch)
+        summary["punch_force_max_N"] = float(tool_force_magnitude(history)[:, index].max())
+    return summary
+
+
+def field_warnings(sheet: xr.Dataset, frame: int = -1) -> list[str]:
+    """Say in words where the fields of a frame leave the range of the model."""
+    found = []
+    if "fibre_volume_fraction" in sheet:
+        fraction = sheet["fibre_volume_fraction"].values[frame]
+        over = np.flatnonzero(fraction > LARGEST_FIBRE_VOLUME_FRACTION)
+        if len(over):
+            worst = int(np.argmax(fraction))
+            found.append(
+                f"the fibre volume fraction exceeds {LARGEST_FIBRE_VOLUME_FRACTION:g} in "
+                f"{len(over)} elements (up to {fraction[worst]:.2f} in element {worst}), more "
+                "than fibres can be packed to: the compaction law does not know the shear"
+            )
+    return found
+
+
+def punch_index(history: xr.Dataset, punch: str | None = None) -> int:
+    """Return the tool called ``punch``, else the one with the longest travel."""
+    names = [str(name) for name in history["tool"].values]
+    if punch is not None:
+        return names.index(punch)
+    if "punch" in names:
+        return names.index("punch")
+    return int(np.argmax(np.abs(history["tool_travel"].values).max(axis=0)))
+
+
+def tool_force_magnitude(history: xr.Dataset) -> np.ndarray:
+    """Return the magnitude of the force on each tool [N], shape (frame_count, tool_count)."""
+    force = np.stack([history[f"tool_force_{axis}"].values for axis in "xyz"], axis=-1)
+    return np.linalg.norm(force, axis=-1)

@@ -1,0 +1,166 @@
+"""The fields of a forming result, declared as data: name, unit, place and meaning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+FACE, NODE = "face", "node"
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of the result files.
+
+    Parameters
+    ----------
+    name : as in all files; the components of a vector end in ``_x``, ``_y`` and ``_z``.
+    units : SI unit as CF writes it.
+    long_name : name in words.
+    location : ``"face"`` (one value per element) or ``"node"``.
+    meaning : definition, for readers of the file.
+    is_vector : whether the field has three components.
+    """
+
+    name: str
+    units: str
+    long_name: str
+    location: str
+    meaning: str
+    is_vector: bool = False
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables that hold the field."""
+        return tuple(f"{self.name}_{axis}" for axis in "xyz") if self.is_vector else (self.name,)
+
+    def attributes(self, variable: str) -> dict[str, str]:
+        """Unit, name and definition of one of :attr:`variables`."""
+        component = f", {variable[-1]} component" if self.is_vector else ""
+        return {
+            "units": self.units,
+            "long_name": self.long_name + component,
+            "comment": self.meaning,
+        }
+
+
+_FIELDS = (
+    Field(
+        "thickness",
+        "m",
+        "thickness",
+        FACE,
+        "distance of the top from the bottom face along the normal of the mid-surface, at the "
+        "element centre",
+    ),
+    Field(
+        "fibre_volume_fraction",
+        "1",
+        "fibre volume fraction",
+        FACE,
+        "volume of the fibres per volume of the textile: the initial fraction, areal mass / "
+        "(fibre density * thickness), divided by the determinant of the deformation gradient",
+    ),
+    Field(
+        "areal_fibre_mass",
+        "kg m-2",
+        "fibre mass per area",
+        FACE,
+        "fibre mass per current area of the mid-surface; the area of a face is half the length of "
+        "the cross product of its diagonals, and the sum of the products is the fibre mass",
+    ),
+    Field(
+        "shear_angle",
+        "rad",
+        "shear angle",
+        FACE,
+        "a right angle minus the angle from fibre 1 to fibre 2 about the normal of the sheet: "
+        "positive where the angle between the fibres has become smaller",
+    ),
+    Field(
+        "fibre_direction_1",
+        "1",
+        "direction of fibre 1",
+        FACE,
+        "unit vector along the first fibre family in the formed textile",
+        is_vector=True,
+    ),
+    Field(
+        "fibre_direction_2",
+        "1",
+        "direction of fibre 2",
+        FACE,
+        "unit vector along the second fibre family in the formed textile",
+        is_vector=True,
+    ),
+    Field(
+        "fibre_strain_1",
+        "1",
+        "strain of fibre 1",
+        FACE,
+        "current length over initial length of the first fibre family, minus one",
+    ),
+    Field(
+        "fibre_strain_2",
+        "1",
+        "strain of fibre 2",
+        FACE,
+        "current length over initial length of the second fibre family, minus one",
+    ),
+    Field(
+        "compaction_pressure",
+        "Pa",
+        "compaction pressure",
+        FACE,
+        "pressure of a tool that compacts the textile to this thickness, thickness stretch times "
+        "|S33|; zero where the textile is thicker than at the start",
+    ),
+    *(
+        Field(
+            f"permeability_{number}",
+            "m2",
+            f"principal permeability {number}",
+            FACE,
+            meaning,
+        )
+        for number, meaning in (
+            (1, "larger principal permeability in the plane of the sheet"),
+            (2, "smaller principal permeability in the plane of the sheet"),
+            (3, "permeability through the thickness"),
+        )
+    ),
+    *(
+        Field(
+            f"permeability_direction_{number}",
+            "1",
+            f"direction of principal permeability {number}",
+            FACE,
+            "unit vector without a sense",
+            is_vector=True,
+        )
+        for number in (1, 2, 3)
+    ),
+    Field(
+        "displacement",
+        "m",
+        "displacement",
+        NODE,
+        "current minus reference position",
+        is_vector=True,
+    ),
+    Field(
+        "reference_position",
+        "m",
+        "reference position",
+        NODE,
+        "position before forming; the coordinates of the mesh are those of the last frame",
+        is_vector=True,
+    ),
+)
+
+#: Every field by name.
+FIELDS: dict[str, Field] = {field.name: field for field in _FIELDS}
+
+#: The field that each variable of the files belongs to.
+FIELD_OF_VARIABLE: dict[str, Field] = {
+    variable: field for field in _FIELDS for variable in field.variables
+}

@@ -1,0 +1,104 @@
+"""VTU files of the solid-shell elements, and a time series (PVD) that ParaView opens at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import meshio
+import numpy as np
+import xarray as xr
+
+from lcmchain.errors import InputError
+from lcmchain.fields.atomic import replacing
+from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
+
+
+def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int = -1) -> None:
+    """Write the solid elements in one frame with all face fields as cell data; whole or not at all.
+
+    Points are the positions of the frame, with the ``displacement`` that led to them; vectors have
+    three components. Cells are hexahedra, then the wedges of halved cells at a cut edge; the cell
+    data ``element`` holds the element numbers.
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    with replacing(path) as temporary:
+        try:
+            meshio.write(temporary, _mesh(datasets, frame), file_format="vtu")
+        except OSError as error:
+            raise InputError(
+                f"cannot be written ({error.strerror}); choose another place", file=path
+            ) from None
+
+
+def write_pvd(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:
+    """Write every frame as VTU into the folder ``<name>_frames`` and a PVD file that lists them.
+
+    The PVD file comes last and names the frames by relative paths: the two can be moved together.
+    """
+    path = Path(path)
+    folder = path.with_name(f"{path.stem}_frames")
+    entries = []
+    for frame, time in enumerate(datasets[HISTORY]["time"].values):
+        name = f"{path.stem}_{frame:04d}.vtu"
+        write_vtu(folder / name, datasets, frame)
+        file = quoteattr(f"{folder.name}/{name}")
+        entries.append(f'    <DataSet timestep="{float(time)!r}" group="" part="0" file={file}/>')
+    with replacing(path) as temporary:
+        temporary.write_text(
+            '<?xml version="1.0"?>\n'
+            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+            "  <Collection>\n" + "\n".join(entries) + "\n  </Collection>\n</VTKFile>\n",
+            encoding="utf-8",
+        )
+
+
+def _mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
+    sheet, solid = datasets[SHEET], datasets[SOLID]
+    reference = _vector(solid, "reference_position", None)
+    displacement = _vector(solid, "displacement", frame)
+    volumes = solid["solid_volume_nodes"].values.astype(np.int64)
+    wedge = volumes[:, 6] < 0
+    blocks = [
+        (kind, numbers, volumes[numbers, :corners])
+        for kind, numbers, corners in (
+            ("hexahedron", np.flatnonzero(~wedge), 8),
+            ("wedge", np.flatnonzero(wedge), 6),
+        )
+        if len(numbers)
+    ]
+    fields = _cell_fields(sheet, frame) | {"element": np.arange(len(volumes))}
+    return meshio.Mesh(
+        reference + displacement,
+        [(kind, nodes) for kind, _, nodes in blocks],
+        point_data={"displacement": displacement},
+        cell_data={
+            name: [values[numbers] for _, numbers, _ in blocks] for name, values in fields.items()
+        },
+    )
+
+
+def _cell_fields(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:
+    """Scalars (E,) and vectors (E, 3) of all face variables, in the order of the file."""
+    names = [
+        str(name)
+        for name, variable in sheet.data_vars.items()
+        if variable.attrs.get("location") == "face"
+    ]
+    fields = {}
+    for name in names:
+        stem = name[:-2]
+        if all(f"{stem}_{axis}" in names for axis in "xyz"):
+            fields[stem] = _vector(sheet, stem, frame)
+        else:
+            fields[name] = sheet[name].values[frame]
+    return fields
+
+
+def _vector(dataset: xr.Dataset, stem: str, frame: int | None) -> np.ndarray:
+    values = np.stack([dataset[f"{stem}_{axis}"].values for axis in "xyz"], axis=-1)
+    return values if frame is None else values[frame]

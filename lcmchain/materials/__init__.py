@@ -1,0 +1,1 @@
+"""Material laws: second Piola-Kirchhoff stress and tangent, each with its source."""

@@ -1,0 +1,180 @@
+"""Engineering textile with decoupled membrane, compaction and bending behaviour.
+
+Sources: Schäfer, Mitsch, Kärger, Eqs. (19)-(25) and Tables B.1-B.3 (MD600). Voigt order
+11, 22, 33, 12, 23, 13 with engineering shear strains; axis 1 and 2 are the reference fibre
+directions, axis 3 the reference normal.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.jit import equation
+from lcmchain.materials.elementary import exponential, logarithm
+
+# Below this strain the exponent of the compaction law is zero to double precision for c2 >= 1.
+SMALLEST_COMPACTION_STRAIN = 1e-16
+
+
+class FabricLaw(NamedTuple):
+    """Parameters of the fabric law [Pa]; shear moduli act on engineering shear strains.
+
+    ``s0 ... s4`` are the coefficients of the shear polynomial, Eq. (21), in powers of the tensor
+    strain |E12|; ``c0, c1, c2`` those of the compaction law, Eq. (23); ``B..`` the bending
+    stiffness, Eq. (25).
+    """
+
+    C11: float
+    C22: float
+    C23: float
+    C13: float
+    s0: float
+    s1: float
+    s2: float
+    s3: float
+    s4: float
+    c0: float
+    c1: float
+    c2: float
+    B11: float
+    B22: float
+    B33: float
+    B12: float
+    B23: float
+    B13: float
+
+
+@equation
+def shear_stress_and_tangent(law, g):
+    """Return S12 and dS12/dg for the engineering shear strain g = 2 E12, Eq. (21)."""
+    e = 0.5 * abs(g)
+    modulus = law.s0 + e * (law.s1 + e * (law.s2 + e * (law.s3 + e * law.s4)))
+    slope = law.s1 + e * (2.0 * law.s2 + e * (3.0 * law.s3 + e * (4.0 * law.s4)))
+    return modulus * g, modulus + e * slope
+
+
+@equation
+def compaction_stress_and_tangent(law, E33):
+    """Return S33 and dS33/dE33, Eq. (23): stiffening in compression, c0 in thickening."""
+    e = max(-E33, SMALLEST_COMPACTION_STRAIN)
+    exponent = law.c1 * exponential(law.c2 * logarithm(e))
+    modulus = law.c0 * exponential(min(exponent, 600.0))
+    return modulus * E33, modulus * (1.0 + law.c2 * exponent)
+
+
+@equation
+def membrane_stress_and_tangent(law, E):
+    """Return the stress S^M (Eq. 19, at the centre) and the diagonal of the tangent C^M."""
+    S12, C12 = shear_stress_and_tangent(law, E[3])
+    S33, C33 = compaction_stress_and_tangent(law, E[2])
+    S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
+    return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
+
+
+@equation
+def bending_stiffness(law):
+    """Return the diagonal of C^B, Eq. (25)."""
+    return (law.B11, law.B22, law.B33, law.B12, law.B23, law.B13)
+
+
+class Fabric:
+    """A fabric as the rest of the program sees it: the law, its energy, and its constants.
+
+    Parameters
+    ----------
+    law : parameters in SI.
+    thickness : initial thickness [m].
+    areal_mass : mass per area [kg/m²].
+    fibre_density : density of the fibres [kg/m³], for the fibre volume fraction.
+    name : as in the scene.
+    """
+
+    is_diagonal = True
+
+    def __init__(self, law: FabricLaw, *, thickness, areal_mass, fibre_density, name="fabric"):
+        self.law = law
+        self.thickness = thickness
+        self.areal_mass = areal_mass
+        self.density = areal_mass / thickness
+        self.fibre_density = fibre_density
+        self.name = name
+
+    @classmethod
+    def from_scene(cls, spec) -> Fabric:
+        """Build from the scene's material; see design note on the reading of Voigt shear."""
+        m, c, b = spec.membrane, spec.compaction, spec.bending
+        # S12 = C12 (2 E12) in the engineering reading, C12 E12 in the tensor reading.
+        f = 1.0 if m.shear_convention == "engineering" else 0.5
+        law = FabricLaw(
+            m.C11, m.C22, f * m.C23, f * m.C13,
+            *(f * s for s in m.shear_polynomial),
+            c.c0, c.c1, c.c2,
+            b.C11, b.C22, b.C33, f * b.C12, f * b.C23, f * b.C13,
+        )  # fmt: skip
+        return cls(
+            FabricLaw(*(float(p) for p in law)),
+            thickness=spec.thickness,
+            areal_mass=spec.areal_mass,
+            fibre_density=spec.fibre_density,
+            name=spec.name,
+        )
+
+    def stress_and_tangent(self, E):
+        """Return S^M (..., 6) and the tangent C^M (..., 6, 6) for strains E (..., 6).
+
+        Plain NumPy, written separately from the compiled law so that each checks the other.
+        """
+        E = np.asarray(E)
+        law = self.law
+        e12 = 0.5 * np.abs(E[..., 3])
+        coefficients = np.array([law.s0, law.s1, law.s2, law.s3, law.s4])
+        modulus = np.polynomial.polynomial.polyval(e12, coefficients)
+        slope = np.polynomial.polynomial.polyval(e12, coefficients[1:] * np.arange(1, 5))
+        S = np.zeros_like(E)
+        C = np.zeros((*E.shape, 6))
+        for row, stiffness in ((0, law.C11), (1, law.C22), (4, law.C23), (5, law.C13)):
+            S[..., row] = stiffness * E[..., row]
+            C[..., row, row] = stiffness
+        S[..., 3] = modulus * E[..., 3]
+        C[..., 3, 3] = modulus + e12 * slope
+        S[..., 2], C[..., 2, 2] = self._compaction(E[..., 2])
+        return S, C
+
+    def bending_matrix(self):
+        """Return C^B (6, 6), Eq. (25)."""
+        law = self.law
+        return np.diag([law.B11, law.B22, law.B33, law.B12, law.B23, law.B13])
+
+    def _compaction(self, E33):
+        law = self.law
+        exponent = law.c1 * np.maximum(-E33, 0.0) ** law.c2
+        modulus = law.c0 * np.exp(exponent)
+        return modulus * E33, modulus * (1.0 + law.c2 * exponent)
+
+    def membrane_energy(self, E):
+        """Return the stored energy density W^M [J/m³] of the centre strain E (..., 6)."""
+        E = np.asarray(E)
+        law = self.law
+        e12 = 0.5 * np.abs(E[..., 3])
+        s = (law.s0, law.s1, law.s2, law.s3, law.s4)
+        shear = sum(4.0 * si * e12 ** (i + 2) / (i + 2) for i, si in enumerate(s))
+        linear = 0.5 * (
+            law.C11 * E[..., 0] ** 2
+            + law.C22 * E[..., 1] ** 2
+            + law.C23 * E[..., 4] ** 2
+            + law.C13 * E[..., 5] ** 2
+        )
+        # the compaction law has no closed primitive: Gauss-Legendre over [0, E33]
+        points, weights = np.polynomial.legendre.leggauss(24)
+        E33 = E[..., 2, None]
+        stress, _ = self._compaction(0.5 * E33 * (1.0 + points))
+        compaction = np.sum(0.5 * E33 * weights * stress, axis=-1)
+        return linear + shear + compaction
+
+    def compaction_pressure(self, thickness_stretch):
+        """Return the tool pressure p = λ |S33| [Pa] of plate-to-plate compaction; 0 if thicker."""
+        stretch = np.asarray(thickness_stretch, dtype=float)
+        stress, _ = self._compaction(0.5 * (stretch**2 - 1.0))
+        return np.where(stretch < 1.0, -stretch * stress, 0.0)

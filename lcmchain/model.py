@@ -1,0 +1,230 @@
+"""Everything about a scene that stays constant during a run, as arrays and effect slots.
+
+Slots are the arguments of the kernels that are ``None`` where the scene does not need the effect;
+compiling prunes their code (see ``elements/kernel.py``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lcmchain.blank import BlankMesh, build_blank
+from lcmchain.elements.geometry import (
+    ReferenceGeometry,
+    reference_geometry,
+    strain_transformation,
+)
+from lcmchain.elements.kernel import CORNER_ROWS, LANES
+from lcmchain.elements.packing import curved_rows, flat_rows, in_blocks
+from lcmchain.elements.solid_shell import Moments
+from lcmchain.materials.fabric import Fabric
+from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
+from lcmchain.tools.table import ToolTable, build_tool_table
+
+STANDARD_GRAVITY = 9.81
+
+# Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
+# start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres (README).
+AUTOMATIC_PENALTY = 0.1
+
+
+class ElementSlots(NamedTuple):
+    """Arguments of the element kernels after the node positions and the connectivity."""
+
+    fabric: Any
+    stiffness: Any
+    flat: Any
+    curved: Any
+    director: Any
+    enhanced: Any
+    moments: Moments
+    in_plane_shear: float
+
+
+class NodeSlots(NamedTuple):
+    """Constants of the node kernel; every float is in SI.
+
+    force_slot : (valence, node_count) where to find a node's corner forces.
+    mass : (node_count,) [kg]; area : (node_count,) reference area per face node [m²].
+    free : (3, node_count) 1 where a displacement component is free, 0 where it is held.
+    """
+
+    force_slot: np.ndarray
+    mass: np.ndarray
+    area: np.ndarray
+    free: np.ndarray
+
+
+class Environment(NamedTuple):
+    """Scalars of contact, damping and gravity."""
+
+    penalty: float  # [Pa/m]
+    tangential_ratio: float
+    contact_damping_ratio: float
+    mass_damping: float  # [1/s]
+    gravity: float  # acceleration along -z [m/s²]
+
+
+@dataclass(frozen=True)
+class Model:
+    """Constants of one forming simulation (see the classes above for the arrays)."""
+
+    blank: BlankMesh
+    material: Fabric | StVenantKirchhoff
+    geometry: ReferenceGeometry
+    corner_node: np.ndarray
+    element_data: np.ndarray
+    elements: ElementSlots
+    transformation: np.ndarray
+    transformation_change: np.ndarray
+    nodes: NodeSlots
+    tools: ToolTable
+    tool_names: tuple[str, ...]
+    environment: Environment
+    process_time: float
+    frame_count: int
+    step_safety: float
+
+    @property
+    def element_count(self) -> int:
+        return len(self.blank.elements)
+
+    @property
+    def node_count(self) -> int:
+        return len(self.blank.node_positions)
+
+    @property
+    def corner_force_size(self) -> int:
+        """Corner forces of all blocks, then zeros for nodes with fewer elements."""
+        return self.corner_node.size * 3 + 2 * LANES + 1
+
+
+def build_material(spec) -> Fabric | StVenantKirchhoff:
+    """Return the material of a scene's ``[material]`` table."""
+    return Fabric.from_scene(spec) if spec.law == "fabric" else StVenantKirchhoff.from_scene(spec)
+
+
+def element_slots(material, element, geometry: ReferenceGeometry) -> ElementSlots:
+    """Choose the effects of the element: what the material and the reference geometry call for."""
+    flat = bool(np.all(geometry.flat))
+    two_points = element.integration_points == 2
+    moments = Moments(
+        zeta2=1.0 / 3.0,
+        zeta4=1.0 / 9.0 if two_points else 1.0 / 5.0,
+        cross=1.0 / 3.0 if element.cross_terms else 0.0,
+    )
+    return ElementSlots(
+        fabric=material.law if material.is_diagonal else None,
+        stiffness=None if material.is_diagonal else material.law,
+        flat=True if flat else None,
+        curved=None if flat else True,
+        director=True if element.compaction_strain == "director" else None,
+        # E33^ζ vanishes by ANS in a flat element: only coupling to in-plane strains calls for it
+        enhanced=None if flat and material.is_diagonal else True,
+        moments=moments,
+        in_plane_shear=1.0 if element.in_plane_shear_hourglass else 0.0,
+    )
+
+
+def build_model(scene) -> Model:
+    """Build the model of a scene.
+
+    Raises
+    ------
+    InputError : a blank, tool or material that cannot be used; names the scene key.
+    """
+    material = build_material(scene.material)
+    blank = build_blank(scene.blank, material.thickness)
+    tools = build_tool_table(scene.tools, scene.source.directory, scene.process.time)
+    return assemble_model(
+        blank,
+        material,
+        scene.element,
+        tools=tools,
+        tool_names=tuple(tool.name for tool in scene.tools),
+        contact=scene.contact,
+        process=scene.process,
+    )
+
+
+def assemble_model(blank, material, element, *, tools, tool_names, contact, process) -> Model:
+    """Build the model of a given blank mesh and tool table."""
+    geometry = reference_geometry(blank.node_positions[blank.elements], blank.fibre_direction_1)
+    slots = element_slots(material, element, geometry)
+    rows = flat_rows(geometry) if slots.flat else curved_rows(geometry)
+    nodes = _node_slots(blank, geometry, material.density)
+    penalty = contact.penalty
+    if penalty is None:
+        penalty = _automatic_penalty(material, geometry)
+    block_count = -(-len(blank.elements) // LANES)
+    T = strain_transformation(geometry.K, geometry.K)
+    if slots.flat:
+        change = np.zeros((1, 3, 6, 6))
+    else:
+        change = np.stack(
+            [strain_transformation(geometry.K, 2.0 * geometry.dK[:, d]) for d in range(3)], axis=1
+        )
+        change = _padded(change, block_count * LANES)
+    return Model(
+        blank=blank,
+        material=material,
+        geometry=geometry,
+        corner_node=in_blocks(blank.elements).astype(np.int32),
+        element_data=in_blocks(rows),
+        elements=slots,
+        transformation=_padded(T, block_count * LANES),
+        transformation_change=change,
+        nodes=nodes,
+        tools=tools,
+        tool_names=tool_names,
+        environment=Environment(
+            penalty=float(penalty),
+            tangential_ratio=float(contact.tangential_ratio),
+            contact_damping_ratio=float(contact.damping_ratio),
+            mass_damping=float(process.mass_damping),
+            gravity=STANDARD_GRAVITY if process.gravity else 0.0,
+        ),
+        process_time=float(process.time),
+        frame_count=int(process.frames),
+        step_safety=float(process.step_safety),
+    )
+
+
+def _padded(array: np.ndarray, count: int) -> np.ndarray:
+    return np.concatenate([array, np.repeat(array[-1:], count - len(array), axis=0)])
+
+
+def _node_slots(blank: BlankMesh, geometry: ReferenceGeometry, density: float) -> NodeSlots:
+    node_count = len(blank.node_positions)
+    corners = blank.elements.ravel()
+    element, corner = np.divmod(np.arange(corners.size), 8)
+    block, lane = np.divmod(element, LANES)
+    slot = (block * CORNER_ROWS + 3 * corner) * LANES + lane
+
+    # a fixed order of the corners of each node keeps sums bit-identical for any thread count
+    order = np.argsort(corners, kind="stable")
+    node = corners[order]
+    rank = np.arange(node.size) - np.searchsorted(node, node)
+    block_count = -(-len(blank.elements) // LANES)
+    zero_slot = block_count * CORNER_ROWS * LANES
+    force_slot = np.full((rank.max() + 1, node_count), zero_slot, dtype=np.int32)
+    force_slot[rank, node] = slot[order]
+
+    volume_share = np.repeat(geometry.volume / 8.0, 8)
+    mass = density * np.bincount(corners, weights=volume_share, minlength=node_count)
+    area_share = np.repeat(geometry.volume / (2.0 * geometry.height) / 4.0, 8)
+    area = np.bincount(corners, weights=area_share, minlength=node_count)
+    return NodeSlots(force_slot, mass, area, np.ones((3, node_count)))
+
+
+def _automatic_penalty(material, geometry: ReferenceGeometry) -> float:
+    """Return the contact stiffness [Pa/m] that keeps contact from governing the time step."""
+    C = material.stress_and_tangent(np.zeros(6))[1]
+    stiffness = max(C[0, 0], C[1, 1])
+    wave2 = stiffness / material.density
+    length = 2.0 * np.linalg.norm(geometry.modes[:, :2], axis=2).min()
+    omega2 = 4.0 * wave2 / length**2
+    return AUTOMATIC_PENALTY * omega2 * 0.5 * material.density * material.thickness

@@ -1,0 +1,364 @@
+"""Types of scene entries: quantities with units, plain numbers, rows of values, names."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import StrictBool, ValidationInfo
+from pydantic_core import PydanticCustomError, core_schema
+
+from lcmchain.scene.units import (
+    ANGLE,
+    AREAL_MASS,
+    DENSITY,
+    FORCE,
+    LENGTH,
+    MASS,
+    PENALTY,
+    QUANTITY_PATTERN,
+    RATE,
+    STIFFNESS,
+    TIME,
+    VISCOSITY,
+    Dimension,
+    QuantityError,
+    length_factor,
+    parse_quantity,
+    split_row,
+)
+
+#: Validation context of a scene file: there, a physical quantity without a unit is an error.
+#: Models built in Python take SI numbers as well.
+FROM_FILE = {"from_file": True}
+
+
+def wrong(message: str, *, field: str | None = None) -> PydanticCustomError:
+    """Make the error of one scene entry; `field` names the sub-entry that a model check is about.
+
+    The message travels in the context because pydantic's own templates would read braces in it.
+    """
+    return PydanticCustomError("scene", "{message}", {"message": message, "field": field or ""})
+
+
+@dataclass(frozen=True)
+class Range:
+    """Values that an entry may take; an end in `open_ends` is itself not allowed.
+
+    `words` completes "must …" where the SI numbers would not be understood.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    open_ends: tuple[float, ...] = ()
+    words: str = ""
+
+    def complaint(self, value: float) -> str | None:
+        """Say what is wrong with the value, or None when it lies in the range."""
+        too_low = value < self.low or (value == self.low and self.low in self.open_ends)
+        too_high = value > self.high or (value == self.high and self.high in self.open_ends)
+        return f"must {self}" if too_low or too_high else None
+
+    def __str__(self) -> str:
+        if self.words:
+            return self.words
+        if math.isinf(self.high):
+            if self.low == 0:
+                return "be positive" if 0 in self.open_ends else "not be negative"
+            return f"be {'above' if self.low in self.open_ends else 'at least'} {self.low:g}"
+        low = f"above {self.low:g}" if self.low in self.open_ends else f"at least {self.low:g}"
+        high = f"below {self.high:g}" if self.high in self.open_ends else f"at most {self.high:g}"
+        return f"be {low} and {high}"
+
+
+ANY = Range()
+POSITIVE = Range(0.0, open_ends=(0.0,))
+NOT_NEGATIVE = Range(0.0)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A physical quantity: text with a unit in a scene file, SI float in the model."""
+
+    dimension: Dimension
+    allowed: Range = ANY
+    example: str | None = None
+
+    @property
+    def example_text(self) -> str:
+        """A correct TOML value."""
+        return f'"{self.example or self.dimension.example}"'
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+        example = self.example or self.dimension.example
+        return {"type": "string", "pattern": QUANTITY_PATTERN, "examples": [example]}
+
+    def _validate(self, value: Any, info: ValidationInfo) -> float:
+        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if is_number and not (info.context or {}).get("from_file"):
+            si_value = float(value)
+        elif is_number:
+            raise wrong(
+                f"{value!r} has no unit; write {self.dimension.with_article} in quotes with its "
+                f"unit, for example {self.example_text}"
+            )
+        elif isinstance(value, str):
+            try:
+                si_value = parse_quantity(value, self.dimension)
+            except QuantityError as error:
+                raise wrong(str(error)) from None
+        else:
+            raise wrong(
+                f"must be {self.dimension.with_article} in quotes with its unit, "
+                f"for example {self.example_text}"
+            )
+        if not math.isfinite(si_value):
+            raise wrong(f"{value!r} is not finite; for example {self.example_text}")
+        complaint = self.allowed.complaint(si_value)
+        if complaint:
+            raise wrong(f'{complaint}, but is "{value}"; for example {self.example_text}')
+        return si_value
+
+
+@dataclass(frozen=True)
+class Number:
+    """A dimensionless number, written without quotes and unit."""
+
+    example: float
+    allowed: Range = ANY
+    whole: bool = False
+
+    @property
+    def example_text(self) -> str:
+        """A correct TOML value."""
+        return f"{self.example:g}"
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+        return core_schema.no_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+        json_schema: dict[str, Any] = {
+            "type": "integer" if self.whole else "number",
+            "examples": [self.example],
+        }
+        for bound, key in ((self.allowed.low, "Minimum"), (self.allowed.high, "Maximum")):
+            if math.isfinite(bound):
+                is_open = bound in self.allowed.open_ends
+                json_schema[f"exclusive{key}" if is_open else key.lower()] = bound
+        return json_schema
+
+    def _validate(self, value: Any) -> float | int:
+        kind = "whole number" if self.whole else "number"
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise wrong(
+                f"must be a plain {kind} without quotes or unit, but is {_toml_like(value)}; "
+                f"for example {self.example_text}"
+            )
+        if not math.isfinite(value):
+            raise wrong(f"{value!r} is not finite; for example {self.example_text}")
+        if self.whole and not isinstance(value, int):
+            raise wrong(f"must be a whole number, but is {value!r}; write {round(value)}")
+        complaint = self.allowed.complaint(value)
+        if complaint:
+            raise wrong(f"{complaint}, but is {value!r}; for example {self.example_text}")
+        return int(value) if self.whole else float(value)
+
+
+@dataclass(frozen=True)
+class Row:
+    """Several values: a list of quantities, or one text with the unit at its end (`"0 20 mm"`).
+
+    Parameters
+    ----------
+    example_text : a correct TOML value.
+    count : how many values there must be; None for any number.
+    minimum_count : the least number of values where `count` is None.
+    entries : what one value is called in messages.
+    units : False for rows of plain numbers and of points, which have no one-text form.
+    """
+
+    example_text: str
+    count: int | None = None
+    minimum_count: int = 0
+    entries: str = "values"
+    units: bool = True
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+        return core_schema.no_info_before_validator_function(self._prepare, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+        json_schema = handler(schema)
+        if not self.units:
+            return json_schema
+        return {"anyOf": [json_schema, {"type": "string"}], "description": self.example_text}
+
+    def _prepare(self, value: Any) -> Any:
+        if value is None:
+            return None
+        if isinstance(value, str) and self.units:
+            value = split_row(value) or value
+        if isinstance(value, (str, bytes, dict)) or not hasattr(value, "__len__"):
+            raise wrong(
+                f"must be a list of {self.entries}, but is {_toml_like(value)}; "
+                f"for example {self.example_text}"
+            )
+        if self.count is not None and len(value) != self.count:
+            raise wrong(
+                f"needs {self.count} {self.entries}, but has {len(value)}; "
+                f"for example {self.example_text}"
+            )
+        if len(value) < self.minimum_count:
+            raise wrong(
+                f"needs at least {self.minimum_count} {self.entries}, but has {len(value)}; "
+                f"for example {self.example_text}"
+            )
+        return tuple(value)
+
+
+@dataclass(frozen=True)
+class UnitVector:
+    """Three numbers that are scaled to length one."""
+
+    example_text: str = "[0, 0, 1]"
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+        return core_schema.no_info_after_validator_function(self._normalise, handler(source))
+
+    def _normalise(self, vector: tuple[float, float, float]) -> tuple[float, float, float]:
+        length = math.hypot(*vector)
+        if length < 1e-300:
+            raise wrong(f"has no direction because it is zero; for example {self.example_text}")
+        return tuple(component / length for component in vector)
+
+
+@dataclass(frozen=True)
+class Name:
+    """A name that can serve in file names, netCDF variables and FMU variables."""
+
+    example: str
+
+    @property
+    def example_text(self) -> str:
+        """A correct TOML value."""
+        return f'"{self.example}"'
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+        return core_schema.no_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+        return {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_-]*$", "examples": [self.example]}
+
+    def _validate(self, value: Any) -> str:
+        if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", value):
+            raise wrong(
+                f"{_toml_like(value)} is not a name: use letters, digits, _ and -, "
+                f"starting with a letter; for example {self.example_text}"
+            )
+        return value
+
+
+@dataclass(frozen=True)
+class LengthUnit:
+    """The unit of the coordinates in a mesh file, for example ``"mm"``."""
+
+    example_text: str = '"mm"'
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+        return core_schema.no_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+        return {"type": "string", "examples": ["mm", "m"]}
+
+    def _validate(self, value: Any) -> str:
+        try:
+            if not isinstance(value, str):
+                raise QuantityError("not a text")
+            length_factor(value)
+        except QuantityError:
+            raise wrong(
+                f"{_toml_like(value)} is not a unit of length; for example {self.example_text}"
+            ) from None
+        return value
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text that is not empty."""
+
+    example: str
+
+    @property
+    def example_text(self) -> str:
+        """A correct TOML value."""
+        return f'"{self.example}"'
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+        return core_schema.no_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+        return {"type": "string", "minLength": 1, "examples": [self.example]}
+
+    def _validate(self, value: Any) -> str:
+        if not isinstance(value, str) or not value.strip():
+            raise wrong(f"must be a text in quotes; for example {self.example_text}")
+        return value
+
+
+@dataclass(frozen=True)
+class AbsentMeans:
+    """What leaving out an optional entry means, for the table of defaulted values.
+
+    An empty text keeps the entry out of that table (where another entry takes its place).
+    """
+
+    text: str
+
+
+def _toml_like(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table"
+    return repr(value)
+
+
+Length = Annotated[float, Quantity(LENGTH)]
+PositiveLength = Annotated[float, Quantity(LENGTH, POSITIVE)]
+LengthOrZero = Annotated[float, Quantity(LENGTH, NOT_NEGATIVE)]
+TimeOrZero = Annotated[float, Quantity(TIME, NOT_NEGATIVE)]
+PositiveTime = Annotated[float, Quantity(TIME, POSITIVE)]
+PositiveMass = Annotated[float, Quantity(MASS, POSITIVE)]
+Force = Annotated[float, Quantity(FORCE)]
+Angle = Annotated[float, Quantity(ANGLE)]
+AcuteAngle = Annotated[
+    float,
+    Quantity(ANGLE, Range(0.0, math.pi / 2, (0.0, math.pi / 2), "be above 0 and below 90 deg")),
+]
+Stiffness = Annotated[float, Quantity(STIFFNESS)]
+PositiveStiffness = Annotated[float, Quantity(STIFFNESS, POSITIVE)]
+Modulus = Annotated[float, Quantity(STIFFNESS, POSITIVE, "210 GPa")]
+Density = Annotated[float, Quantity(DENSITY, POSITIVE)]
+ArealMass = Annotated[float, Quantity(AREAL_MASS, POSITIVE)]
+Penalty = Annotated[float, Quantity(PENALTY, POSITIVE)]
+Rate = Annotated[float, Quantity(RATE, NOT_NEGATIVE)]
+ViscousDamping = Annotated[float, Quantity(VISCOSITY, NOT_NEGATIVE)]
+FibreRadius = Annotated[float, Quantity(LENGTH, POSITIVE, "3.5 um")]
+FrictionCoefficient = Annotated[float, Number(0.157, Range(0.0, 1.0))]
+
+_Coordinate = Annotated[float, Number(1.0)]
+Direction = Annotated[
+    tuple[_Coordinate, _Coordinate, _Coordinate],
+    Row("[0, 0, -1]", count=3, entries="numbers", units=False),
+    UnitVector(),
+]
+Position = Annotated[tuple[Length, Length, Length], Row('["0 mm", "0 mm", "5 mm"]', count=3)]
+PointInPlane = Annotated[tuple[Length, Length], Row('["0 mm", "5 mm"]', count=2)]
+Switch = StrictBool

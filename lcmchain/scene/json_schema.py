@@ -1,0 +1,64 @@
+"""JSON Schema of scene files, for completion and checks in editors."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+from lcmchain.scene.presets import PRESETS
+from lcmchain.scene.schema import Scene
+
+
+def scene_json_schema() -> dict[str, Any]:
+    """Describe scene files as a JSON Schema; quantities are texts with an example."""
+    schema = Scene.model_json_schema()
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "lcmchain scene"
+    definitions = schema["$defs"]
+    _allow_presets(schema, definitions)
+    for title, definition in definitions.items():
+        # The key that chooses the form must be written in a file, unless a preset implies it.
+        for key in ("law", "type"):
+            chooses = "const" in definition.get("properties", {}).get(key, {})
+            if chooses and title != "PresetMaterial":
+                definition["properties"][key].pop("default", None)
+                required = definition.setdefault("required", [])
+                if key not in required:
+                    required.insert(0, key)
+    return _without_null(schema)
+
+
+def _allow_presets(schema: dict[str, Any], definitions: dict[str, Any]) -> None:
+    """Offer a material that names a preset and then needs none of the other keys."""
+    preset = copy.deepcopy(definitions["FabricMaterial"])
+    preset["title"] = "PresetMaterial"
+    preset["description"] = "Published fabric; keys that are given replace the published values."
+    preset["required"] = ["preset"]
+    preset["properties"]["preset"] = {"type": "string", "enum": sorted(PRESETS)}
+    for name in ("membrane", "compaction", "bending"):
+        full_name = preset["properties"][name]["$ref"].rsplit("/", 1)[1]
+        partial = copy.deepcopy(definitions[full_name])
+        partial.pop("required", None)
+        definitions[f"Preset{full_name}"] = partial
+        preset["properties"][name] = {"$ref": f"#/$defs/Preset{full_name}"}
+    definitions["PresetMaterial"] = preset
+    definitions["FabricMaterial"]["properties"].pop("preset")
+    laws = schema["properties"]["material"].pop("oneOf")
+    schema["properties"]["material"].pop("discriminator", None)
+    schema["properties"]["material"]["anyOf"] = [{"$ref": "#/$defs/PresetMaterial"}, *laws]
+
+
+def _without_null(node: Any) -> Any:
+    """Drop null from the schema: TOML has none, an optional entry is simply left out."""
+    if isinstance(node, list):
+        return [_without_null(item) for item in node if item != {"type": "null"}]
+    if not isinstance(node, dict):
+        return node
+    result = {
+        key: _without_null(value)
+        for key, value in node.items()
+        if not (key == "default" and value is None)
+    }
+    if len(result.get("anyOf", ())) == 1:
+        result |= result.pop("anyOf")[0]
+    return result

@@ -1,0 +1,95 @@
+"""Changes to a scene from the command line: ``--set tools.punch.friction=0.2``."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Sequence
+from typing import Any
+
+from lcmchain.errors import InputError
+
+_STEP = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(?:\[\d+\])*)")
+
+
+def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> None:
+    """Write ``key=value`` texts into a parsed scene, in place and in order.
+
+    Keys are dotted; an entry of a list is named by its index (``tools[0]`` or ``tools.0``) or by
+    its name (``tools.punch``). Values are read as TOML where that is possible, else as text, so
+    that ``blank.edge_length=2.5 mm`` needs no inner quotes.
+
+    Raises
+    ------
+    InputError : no ``=``, a key that is not dotted names, or a list entry that does not exist.
+    """
+    for override in overrides:
+        key, separator, value_text = override.partition("=")
+        key = key.strip()
+        if not separator or not key:
+            raise InputError(
+                f'"{override}" is not key=value; for example --set tools.punch.friction=0.2',
+                key="--set",
+            )
+        _assign(data, key, parse_value(value_text.strip()))
+
+
+def parse_value(text: str) -> Any:
+    """Read the value of an override as TOML, or as plain text where it is none."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (tomllib.TOMLDecodeError, KeyError):
+        return text
+
+
+def _assign(data: dict[str, Any], key: str, value: Any) -> None:
+    node: Any = data
+    steps = _steps(key)
+    for position, step in enumerate(steps):
+        last = position == len(steps) - 1
+        if isinstance(node, list):
+            step = _index_in(node, step, key)
+        elif not isinstance(node, dict) or isinstance(step, int):
+            before = ".".join(str(part) for part in steps[:position])
+            raise InputError(f'cannot set "{key}": "{before}" holds no entries', key="--set")
+        if last:
+            node[step] = value
+        elif isinstance(node, list):
+            node = node[step]
+        else:
+            node = node.setdefault(step, {})
+
+
+def _steps(key: str) -> list[str | int]:
+    steps: list[str | int] = []
+    for part in key.split("."):
+        match = _STEP.fullmatch(part)
+        if match is None:
+            raise InputError(
+                f'"{key}" is not a dotted key; for example tools.punch.motion.distance or '
+                "tools[0].friction",
+                key="--set",
+            )
+        steps.append(match["name"])
+        steps += [int(index) for index in re.findall(r"\d+", match["indices"])]
+    return steps
+
+
+def _index_in(entries: list[Any], step: str | int, key: str) -> int:
+    names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
+    if step in names:
+        return names.index(step)
+    if isinstance(step, int) or step.isdigit():
+        if int(step) < len(entries):
+            return int(step)
+        raise InputError(
+            f'cannot set "{key}": there is no entry {step}, the list has {len(entries)} '
+            "(counted from 0)",
+            key="--set",
+        )
+    known = [name for name in names if isinstance(name, str)]
+    close = difflib.get_close_matches(step, known, n=1, cutoff=0.5)
+    hint = f'; did you mean "{close[0]}"?' if close else ""
+    there = f"; there is {', '.join(known)}" if known and not close else ""
+    raise InputError(f'cannot set "{key}": there is no "{step}"{hint}{there}', key="--set")

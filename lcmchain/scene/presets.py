@@ -1,0 +1,36 @@
+"""Materials that a scene can name instead of listing their parameters."""
+
+from __future__ import annotations
+
+#: Bidirectional carbon non-crimp fabric MD600 (Schäfer, Mitsch, Kärger), as scene-file entries.
+#:
+#: Shear: Table B.1. Compaction: Table B.2 (simulation). Bending: Table B.3; its last column is
+#: unreadable in the text at hand, and section 3.3 gives C13 = C23 = 0.1 MPa. Membrane: C11 = C22
+#: and the transverse shear stiffness of section 3.2. Areal mass 600 g/m², thickness 1.004 mm;
+#: fibre density 1810 kg/m³ from the roving's data sheet (assumed, the paper gives none).
+MD600 = {
+    "law": "fabric",
+    "name": "MD600",
+    "thickness": "1.004 mm",
+    "areal_mass": "600 g/m^2",
+    "fibre_density": "1810 kg/m^3",
+    "membrane": {
+        "C11": "1000 MPa",
+        "C22": "1000 MPa",
+        "shear_polynomial": "0.1919 -2.3637 14.7593 -40.7199 42.3208 MPa",
+        "C23": "0.1 MPa",
+        "C13": "0.1 MPa",
+        "shear_convention": "engineering",
+    },
+    "compaction": {"c0": "0.1563 MPa", "c1": 60.4653, "c2": 2.4528},
+    "bending": {
+        "C11": "38.0615 MPa",
+        "C22": "43.0668 MPa",
+        "C33": "0.1 MPa",
+        "C12": "4.2123 MPa",
+        "C23": "0.1 MPa",
+        "C13": "0.1 MPa",
+    },
+}
+
+PRESETS = {"MD600": MD600}

@@ -1,0 +1,141 @@
+"""Physical quantities of a scene file: text with a unit in, SI number out."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from functools import lru_cache
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})\s*(\S.*)?")
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+(\s|$|[^\d,])")
+_ROW = re.compile(rf"\s*((?:{_NUMBER}[\s,]+)+{_NUMBER})\s*([^\d\s.+-].*)")
+
+#: Pattern of a quantity for editors (JSON Schema); the unit itself is checked when read.
+QUANTITY_PATTERN = rf"^\s*{_NUMBER}\s*[^\d\s.,].*$"
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A kind of physical quantity that scene files may hold.
+
+    Parameters
+    ----------
+    name : what the field calls it, for messages.
+    unit : SI unit in which the program computes.
+    example : text that a user may copy.
+    common_units : spellings offered when an unknown unit looks like one of them.
+    """
+
+    name: str
+    unit: str
+    example: str
+    common_units: tuple[str, ...]
+
+    @property
+    def with_article(self) -> str:
+        """The name as it stands in a sentence."""
+        return f"{'an' if self.name[0] in 'aeiou' else 'a'} {self.name}"
+
+
+LENGTH = Dimension("length", "m", "5 mm", ("mm", "cm", "m", "um", "inch"))
+TIME = Dimension("time", "s", "100 ms", ("ms", "s", "us", "min"))
+MASS = Dimension("mass", "kg", "1.7 kg", ("kg", "g", "t", "lb"))
+FORCE = Dimension("force", "N", "20 N", ("N", "kN", "mN", "kgf", "lbf"))
+ANGLE = Dimension("angle", "rad", "45 deg", ("deg", "degree", "rad"))
+STIFFNESS = Dimension("stiffness", "Pa", "0.1563 MPa", ("MPa", "GPa", "kPa", "Pa", "N/mm^2"))
+DENSITY = Dimension("density", "kg/m^3", "1810 kg/m^3", ("kg/m^3", "g/cm^3"))
+AREAL_MASS = Dimension("mass per area", "kg/m^2", "600 g/m^2", ("g/m^2", "kg/m^2"))
+PENALTY = Dimension("contact stiffness per area", "Pa/m", "1 MPa/mm", ("MPa/mm", "Pa/m", "N/mm^3"))
+RATE = Dimension("rate", "1/s", "50 1/s", ("1/s", "1/ms", "Hz"))
+VISCOSITY = Dimension("viscous damping", "N*s/m", "5 N*s/m", ("N*s/m", "kg/s"))
+
+
+class QuantityError(ValueError):
+    """A text that is not a quantity of the dimension asked for."""
+
+
+@lru_cache(maxsize=1)
+def _registry():
+    import pint
+
+    # Decimal arithmetic: "1.004 mm" becomes the float nearest to 0.001004, the same on any machine.
+    return pint.UnitRegistry(non_int_type=Decimal)
+
+
+def split_row(text: str) -> list[str] | None:
+    """Split ``"0 20 75 mm"`` into one quantity per number, or return None if it is not a row."""
+    match = _ROW.fullmatch(text)
+    if match is None:
+        return None
+    return [f"{number} {match[2].strip()}" for number in re.split(r"[\s,]+", match[1].strip())]
+
+
+def parse_quantity(text: str, dimension: Dimension) -> float:
+    """Read a number with a unit and return it in SI units.
+
+    Parameters
+    ----------
+    text : for example ``"5 mm"``, ``"0.1563 MPa"``, ``"600 g/m²"``, ``"45 deg"``.
+    dimension : the kind of quantity that is needed.
+
+    Raises
+    ------
+    QuantityError : no number, no unit, an unknown unit, a unit of another dimension, or a value
+        that is not finite; the message says what is needed with an example.
+    """
+    needed = f'write {dimension.with_article} with its unit, for example "{dimension.example}"'
+    match = _NUMBER_AND_UNIT.fullmatch(text)
+    if _DECIMAL_COMMA.match(text):
+        raise QuantityError(f'"{text}" has a decimal comma; write a point, for example "1.5 mm"')
+    if match is None:
+        raise QuantityError(f'"{text}" is not a number with a unit; {needed}')
+    number, unit_text = match[1], match[2]
+    if unit_text is None:
+        raise QuantityError(f'"{text}" has no unit; {needed}')
+    unit_text = unit_text.strip()
+    if dimension is STIFFNESS and re.fullmatch(r"m(Pa|pa)", unit_text):
+        raise QuantityError(f'"{text}" is in millipascal; megapascal is written "{number} MPa"')
+
+    registry = _registry()
+    unit = _parse_unit(unit_text, dimension, needed)
+    wanted = registry.parse_units(dimension.unit)
+    # Angles need a second look: pint treats radians, percent and plain numbers alike.
+    is_angle = registry.get_root_units(unit)[1] == registry.radian
+    if unit.dimensionality != wanted.dimensionality or is_angle != (dimension is ANGLE):
+        kind = "an angle" if is_angle else f"of dimension {_dimension_text(unit)}"
+        raise QuantityError(f'"{text}" is {kind}; {needed}')
+    try:
+        value = float(registry.Quantity(Decimal(number), unit).to(wanted).magnitude)
+    except (InvalidOperation, OverflowError, ArithmeticError):
+        value = math.inf
+    if not math.isfinite(value):
+        raise QuantityError(f'"{text}" is too large to compute with; {needed}')
+    return value
+
+
+def length_factor(unit_text: str) -> float:
+    """Length in metres of one unit of a mesh file, for example 0.001 for ``"mm"``.
+
+    Raises
+    ------
+    QuantityError : not a unit of length.
+    """
+    return parse_quantity(f"1 {unit_text}", LENGTH)
+
+
+def _parse_unit(unit_text: str, dimension: Dimension, needed: str):
+    try:
+        return _registry().parse_units(unit_text)
+    # pint reports a malformed expression in many ways (tokenizer, syntax, scaling factor, operand).
+    except Exception:
+        close = difflib.get_close_matches(unit_text, dimension.common_units, n=1, cutoff=0.3)
+        hint = f' (did you mean "{close[0]}"?)' if close else ""
+        raise QuantityError(f'unknown unit "{unit_text}"{hint}; {needed}') from None
+
+
+def _dimension_text(unit) -> str:
+    return re.sub(r"[\[\]]", "", str(unit.dimensionality)).replace(" ** ", "^")

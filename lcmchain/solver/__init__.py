@@ -1,0 +1,1 @@
+"""Explicit time integration: loop, stable time step, energy balance, guards."""

@@ -1,0 +1,98 @@
+"""Guards of a run: what stops it, and in which words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lcmchain.errors import SimulationError
+from lcmchain.model import Model
+from lcmchain.state import EXTERNAL, KINETIC, WORK_COLUMNS, State
+
+# Below this fraction of its initial thickness an element counts as collapsed: the compaction law of
+# a textile ends long before (MD600: solid fibre at 0.33).
+COLLAPSED_STRETCH = 0.05
+
+# Energy that may appear from nowhere, relative to the external work, before a run is called
+# unstable; the floor is the strain energy of a strain of 1e-4 over the whole sheet.
+RUNAWAY_FRACTION = 0.1
+FLOOR_STRAIN = 1e-4
+
+
+def require_finite(model: Model, state: State) -> None:
+    """Stop where a node has no finite position or velocity."""
+    finite = np.isfinite(state.position).all(axis=0) & np.isfinite(state.velocity).all(axis=0)
+    if finite.all():
+        return
+    node = int(np.flatnonzero(~finite)[0])
+    element = int(np.flatnonzero((model.blank.elements == node).any(axis=1))[0])
+    raise SimulationError(
+        f"a position or velocity is not a number at node {node} (element {element}, initially at "
+        f"{_millimetres(model.blank.node_positions[node])}) at {_when(state)}. Likely cause: the "
+        "step is too large for the contact stiffness or for the material; lower "
+        "process.step_safety or contact.penalty"
+    )
+
+
+def require_upright(model: Model, state: State, stretch: np.ndarray) -> None:
+    """Stop where an element is inverted or collapsed through the thickness."""
+    worst = int(np.argmin(stretch))
+    if stretch[worst] > COLLAPSED_STRETCH:
+        return
+    centre = state.position[:, model.blank.elements[worst]].mean(axis=1)
+    what = "inverted" if stretch[worst] <= 0.0 else "collapsed"
+    if model.elements.director is not None:
+        cause = (
+            'compaction_strain = "director" measures the length of the director: under a pressure '
+            "above the transverse shear stiffness the director tilts instead of shortening and the "
+            'element folds over; use element.compaction_strain = "normal"'
+        )
+    else:
+        tools = [
+            name
+            for name, near in zip(model.tool_names, state.near, strict=True)
+            if near[model.blank.elements[worst]].any()
+        ]
+        cause = (
+            f"it is squeezed between tools ({', '.join(tools)}); check their gap and stroke"
+            if len(tools) > 1
+            else "the sheet folds on itself or the mesh cannot resolve the tool; use a smaller "
+            "blank.edge_length or a larger radius"
+        )
+    raise SimulationError(
+        f"element {worst} is {what} (thickness {stretch[worst]:.3f} of the initial one) at "
+        f"{_millimetres(centre)} at {_when(state)}. Likely cause: {cause}"
+    )
+
+
+def require_passive(model: Model, state: State) -> None:
+    """Stop where motion and dissipation have taken more energy than was put in."""
+    taken = float(np.sum(state.work[:WORK_COLUMNS]) - state.work[EXTERNAL])
+    surplus = taken - float(state.work[EXTERNAL])
+    limit = RUNAWAY_FRACTION * max(abs(float(state.work[EXTERNAL])), 0.0) + energy_floor(model)
+    if surplus <= limit:
+        return
+    fastest = int(np.argmax(np.sum(state.velocity**2, axis=0)))
+    element = int(np.flatnonzero((model.blank.elements == fastest).any(axis=1))[0])
+    raise SimulationError(
+        f"the energy balance runs away at {_when(state)}: kinetic energy "
+        f"{state.work[KINETIC]:.3g} J and dissipation exceed the external work "
+        f"{state.work[EXTERNAL]:.3g} J by {surplus:.3g} J. The fastest node is {fastest} (element "
+        f"{element}) at {_millimetres(state.position[:, fastest])}. Likely cause: an unstable time "
+        "step; lower process.step_safety or contact.penalty"
+    )
+
+
+def energy_floor(model: Model) -> float:
+    """Return the energy [J] below which a balance says nothing."""
+    C = model.material.stress_and_tangent(np.zeros(6))[1]
+    stiffness = max(C[0, 0], C[1, 1])
+    return 0.5 * stiffness * FLOOR_STRAIN**2 * float(model.geometry.volume.sum())
+
+
+def _when(state: State) -> str:
+    return f"{1e3 * state.time:.4f} ms (step {state.step_count})"
+
+
+def _millimetres(point) -> str:
+    x, y, z = (1e3 * float(c) for c in point)
+    return f"({x:.2f}, {y:.2f}, {z:.2f}) mm"

@@ -1,0 +1,271 @@
+"""The explicit time loop: central differences with a lumped mass.
+
+One step: internal forces of all elements; per node the sum of its corner forces, contact with the
+tools near it, and the update of velocity and position; then the tools. Sums over nodes are made per
+chunk of nodes and then over the chunks in a fixed order: bit-identical for any number of threads.
+Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1, with a variable step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+
+from lcmchain.effects.contact import friction, normal_force
+from lcmchain.effects.damping import damped_velocity
+from lcmchain.elements.kernel import LANES, internal_forces
+from lcmchain.jit import FLOATING_POINT, kernel
+from lcmchain.state import (
+    CONTACT,
+    CONTACT_DAMPING,
+    EXTERNAL,
+    FRICTION,
+    KINETIC,
+    MASS_DAMPING,
+    WORK_COLUMNS,
+)
+from lcmchain.tools.distance import signed_distance
+from lcmchain.tools.motion import GUIDED, prescribed_travel
+
+NODE_CHUNK = 128
+# columns of a tool's part of the chunk sums after the energies: force x, y, z and smallest gap
+TOOL_COLUMNS = 4
+
+
+class Arrays(NamedTuple):
+    """What the loop reads and writes; ``state.py`` and ``model.py`` document the entries."""
+
+    # constants
+    corner_node: np.ndarray
+    element_data: np.ndarray
+    force_slot: np.ndarray
+    mass: np.ndarray
+    area: np.ndarray
+    free: np.ndarray
+    # state
+    position: np.ndarray
+    velocity: np.ndarray
+    stick: np.ndarray
+    near: np.ndarray
+    tool_travel: np.ndarray
+    tool_velocity: np.ndarray
+    tool_input: np.ndarray
+    driven: np.ndarray
+    tool_force: np.ndarray
+    penetration_max: np.ndarray
+    work: np.ndarray
+    clock: np.ndarray
+    counters: np.ndarray
+    # scratch
+    corner_force: np.ndarray
+    force: np.ndarray  # (3, node_count)
+    chunk_sums: np.ndarray  # (chunk_count, WORK_COLUMNS + TOOL_COLUMNS * tool_count)
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def advance(arrays, tools, environment, elements, step_count, dt):
+    """Make ``step_count`` steps of size ``dt`` [s]."""
+    clock = arrays.clock
+    for _ in range(step_count):
+        dt_last = clock[1]
+        internal_forces(
+            arrays.position,
+            arrays.corner_node,
+            arrays.element_data,
+            arrays.corner_force,
+            elements.fabric,
+            elements.stiffness,
+            elements.flat,
+            elements.curved,
+            elements.director,
+            elements.enhanced,
+            elements.moments,
+            elements.in_plane_shear,
+        )
+        move_nodes(arrays, tools, environment, dt_last, dt)
+        add_chunk_sums(arrays)
+        move_tools(arrays, tools, clock[0], dt_last, dt)
+        clock[0] += dt
+        clock[1] = dt
+        arrays.counters[0] += 1
+
+
+@kernel
+def move_nodes(arrays, tools, environment, dt_last, dt):
+    """Sum the forces on the nodes, and update velocities and positions."""
+    node_count = arrays.mass.size
+    for chunk in prange(arrays.chunk_sums.shape[0]):
+        first = chunk * NODE_CHUNK
+        last = min(first + NODE_CHUNK, node_count)
+        sums = arrays.chunk_sums[chunk]
+        sums[:] = 0.0
+        gather_internal_forces(arrays, first, last)
+        for tool in range(tools.kind.size):
+            add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, sums)
+        integrate(arrays, environment, first, last, dt_last, dt, sums)
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def gather_internal_forces(arrays, first, last):
+    """Set the force on each node to minus the sum of its corner forces."""
+    force, corner_force, force_slot = arrays.force, arrays.corner_force, arrays.force_slot
+    for node in range(first, last):
+        x = 0.0
+        y = 0.0
+        z = 0.0
+        for i in range(force_slot.shape[0]):
+            slot = force_slot[i, node]
+            x -= corner_force[slot]
+            y -= corner_force[slot + LANES]
+            z -= corner_force[slot + 2 * LANES]
+        force[0, node] = x
+        force[1, node] = y
+        force[2, node] = z
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, sums):
+    """Add the contact forces of one tool to the nodes near it."""
+    near, stick, mass, force = arrays.near, arrays.stick, arrays.mass, arrays.force
+    position, velocity = arrays.position, arrays.velocity
+    column = WORK_COLUMNS + TOOL_COLUMNS * tool
+    travel = arrays.tool_travel[tool]
+    tool_x = arrays.tool_velocity[tool] * tools.direction[tool, 0]
+    tool_y = arrays.tool_velocity[tool] * tools.direction[tool, 1]
+    tool_z = arrays.tool_velocity[tool] * tools.direction[tool, 2]
+    coefficient = tools.friction[tool]
+    ratio = environment.tangential_ratio
+    force_x, force_y, force_z, gap_min = 0.0, 0.0, 0.0, 0.0
+    for node in range(first, last):
+        if near[tool, node] == 0:
+            continue
+        gap, nx, ny, nz = signed_distance(
+            tools, tool, position[0, node], position[1, node], position[2, node], travel
+        )
+        s = (stick[tool, 0, node], stick[tool, 1, node], stick[tool, 2, node])
+        stiffness = environment.penalty * arrays.area[node]
+        if gap >= 0.0:
+            if s[0] != 0.0 or s[1] != 0.0 or s[2] != 0.0:
+                # the friction spring of a node that lifts off is lost
+                squared = s[0] * s[0] + s[1] * s[1] + s[2] * s[2]
+                sums[FRICTION] += 0.5 * ratio * stiffness * squared
+                stick[tool, 0, node] = 0.0
+                stick[tool, 1, node] = 0.0
+                stick[tool, 2, node] = 0.0
+            continue
+        gap_min = min(gap_min, gap)
+        vx = velocity[0, node] - tool_x
+        vy = velocity[1, node] - tool_y
+        vz = velocity[2, node] - tool_z
+        vn = vx * nx + vy * ny + vz * nz
+        damping = 2.0 * environment.contact_damping_ratio * math.sqrt(stiffness * mass[node])
+        normal, elastic = normal_force(stiffness, damping, gap, vn)
+        sums[CONTACT] += 0.5 * stiffness * gap * gap
+        sums[CONTACT_DAMPING] += (elastic - normal) * vn * dt_last
+        fx, fy, fz = normal * nx, normal * ny, normal * nz
+        if coefficient > 0.0:
+            slip = (
+                dt_last * (vx - vn * nx),
+                dt_last * (vy - vn * ny),
+                dt_last * (vz - vn * nz),
+            )
+            s, f, dissipated = friction(
+                s, slip, (nx, ny, nz), ratio * stiffness, coefficient * normal
+            )
+            stick[tool, 0, node] = s[0]
+            stick[tool, 1, node] = s[1]
+            stick[tool, 2, node] = s[2]
+            sums[FRICTION] += dissipated
+            squared = s[0] * s[0] + s[1] * s[1] + s[2] * s[2]
+            sums[CONTACT] += 0.5 * ratio * stiffness * squared
+            fx, fy, fz = fx + f[0], fy + f[1], fz + f[2]
+        force[0, node] += fx
+        force[1, node] += fy
+        force[2, node] += fz
+        force_x -= fx
+        force_y -= fy
+        force_z -= fz
+    sums[column] = force_x
+    sums[column + 1] = force_y
+    sums[column + 2] = force_z
+    sums[column + 3] = gap_min
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def integrate(arrays, environment, first, last, dt_last, dt, sums):
+    """Update velocity (to n + ½) and position (to n + 1), and sum the energies of the nodes."""
+    position, velocity, force = arrays.position, arrays.velocity, arrays.force
+    mass, free = arrays.mass, arrays.free
+    interval = 0.5 * (dt_last + dt)
+    damping = environment.mass_damping
+    for d in range(3):
+        gravity = -environment.gravity if d == 2 else 0.0
+        kinetic, damped, weight = 0.0, 0.0, 0.0
+        for node in range(first, last):
+            old = velocity[d, node]
+            acceleration = free[d, node] * (force[d, node] / mass[node] + gravity)
+            new = damped_velocity(old, acceleration, damping, interval)
+            velocity[d, node] = new
+            position[d, node] += dt * new
+            mean = 0.5 * (old + new)
+            kinetic += 0.5 * mass[node] * old * new
+            damped += damping * mass[node] * mean * mean * interval
+            weight += mass[node] * gravity * mean * interval
+        sums[KINETIC] += kinetic
+        sums[MASS_DAMPING] += damped
+        sums[EXTERNAL] += weight
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def add_chunk_sums(arrays):
+    """Reduce the sums of the chunks, in their order."""
+    work, sums, tool_force = arrays.work, arrays.chunk_sums, arrays.tool_force
+    work[KINETIC] = 0.0
+    work[CONTACT] = 0.0
+    tool_force[:] = 0.0
+    for chunk in range(sums.shape[0]):
+        for column in range(WORK_COLUMNS):
+            work[column] += sums[chunk, column]
+        for tool in range(tool_force.shape[0]):
+            column = WORK_COLUMNS + TOOL_COLUMNS * tool
+            for d in range(3):
+                tool_force[tool, d] += sums[chunk, column + d]
+            arrays.penetration_max[tool] = max(
+                arrays.penetration_max[tool], -sums[chunk, column + 3]
+            )
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def move_tools(arrays, tools, time, dt_last, dt):
+    """Update the travel of every tool: as prescribed, as driven, or by its equation of motion."""
+    work = arrays.work
+    for tool in range(tools.kind.size):
+        old = arrays.tool_velocity[tool]
+        contact = 0.0
+        for d in range(3):
+            contact += arrays.tool_force[tool, d] * tools.direction[tool, d]
+        if tools.motion_kind[tool] == GUIDED and arrays.driven[tool] == 0:
+            mass = tools.mass[tool]
+            applied = tools.force[tool] + arrays.tool_input[tool, 1]
+            applied += mass * tools.gravity_along[tool]
+            interval = 0.5 * (dt_last + dt)
+            damping = tools.damping[tool] / mass
+            new = damped_velocity(old, (contact + applied) / mass, damping, interval)
+            displacement = dt * new
+            mean = 0.5 * (old + new)
+            work[KINETIC] += 0.5 * mass * old * new
+            work[MASS_DAMPING] += tools.damping[tool] * mean * mean * interval
+            work[EXTERNAL] += applied * mean * interval
+        else:
+            if arrays.driven[tool] != 0:
+                displacement = dt * arrays.tool_input[tool, 0]
+            else:
+                target, _ = prescribed_travel(tools, tool, time + dt)
+                displacement = target - arrays.tool_travel[tool]
+            new = displacement / dt
+            work[EXTERNAL] -= contact * 0.5 * (old * dt_last + displacement)
+        arrays.tool_travel[tool] += displacement
+        arrays.tool_velocity[tool] = new

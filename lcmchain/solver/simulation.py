@@ -1,0 +1,289 @@
+"""A forming simulation that can be advanced to any time, saved, and restored."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lcmchain.threads import load_threading_library
+
+load_threading_library()
+
+from lcmchain.elements.diagnosis import strain_energies, thickness_stretches  # noqa: E402
+from lcmchain.elements.frequency import IN_PLANE_MODES, frequency_bounds  # noqa: E402
+from lcmchain.elements.kernel import LANES  # noqa: E402
+from lcmchain.model import Model, build_model  # noqa: E402
+from lcmchain.solver import guards  # noqa: E402
+from lcmchain.solver.contact_search import find_near_nodes  # noqa: E402
+from lcmchain.solver.loop import NODE_CHUNK, TOOL_COLUMNS, Arrays, advance  # noqa: E402
+from lcmchain.state import (  # noqa: E402
+    CONTACT,
+    CONTACT_DAMPING,
+    EXTERNAL,
+    FRICTION,
+    KINETIC,
+    MASS_DAMPING,
+    WORK_COLUMNS,
+    State,
+)
+
+# Steps between two looks at guards, contact search and step size: long enough to cost little,
+# short enough that a fabric under compaction stiffens by less than step_safety allows for.
+STEPS_PER_CHUNK = 50
+# The in-plane frequency changes slowly: its bound is renewed every so many chunks, unless the
+# thickness wave comes near it.
+CHUNKS_PER_FREQUENCY = 8
+THICKNESS_SHARE = 0.3
+# Nodes are searched for contact within the way that they may go until the next search, taken at
+# this multiple of the present largest speed, and never below this part of the thickness.
+SEARCH_SPEED_FACTOR = 3.0
+SEARCH_THICKNESS_PART = 0.1
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What a saved frame holds.
+
+    time [s]; position (node_count, 3) [m]; tool_travel (tool_count,) [m]; tool_force
+    (tool_count, 3) [N]; energy by name [J], ``balance_error`` included.
+    """
+
+    time: float
+    position: np.ndarray
+    tool_travel: np.ndarray
+    tool_force: np.ndarray
+    energy: dict[str, float]
+
+
+@dataclass
+class StepControl:
+    """What limits the time step at present."""
+
+    step: float = 0.0  # [s], with the safety factor
+    element: int = -1
+    cause: str = ""
+    history: dict[str, int] = field(default_factory=dict)  # steps made under each cause
+
+
+class Simulation:
+    """One forming simulation.
+
+    Parameters
+    ----------
+    model : constants; state : start, at rest in the reference when omitted.
+    """
+
+    def __init__(self, model: Model, state: State | None = None):
+        self.model = model
+        self.state = state or State.at_rest(model)
+        self.control = StepControl()
+        padded = model.corner_node.size // 8
+        self._stretch = np.ones(padded)
+        self._omega2 = np.zeros(padded)
+        self._mode = np.zeros(padded, dtype=np.int64)
+        height = model.geometry.height
+        self._height = np.concatenate([height, np.repeat(height[-1:], padded - len(height))])
+        self._bind()
+
+    @classmethod
+    def from_scene(cls, scene) -> Simulation:
+        """Build the simulation of a scene."""
+        return cls(build_model(scene))
+
+    @property
+    def time(self) -> float:
+        """Present time [s]."""
+        return self.state.time
+
+    def restore(self, state: State) -> None:
+        """Continue from a copy of ``state`` (checkpoint, rollback of a co-simulation step)."""
+        self.state = state.copy()
+        self._bind()
+
+    def advance_to(self, time: float, on_chunk: Callable[[Simulation], None] | None = None):
+        """Advance to ``time`` [s] exactly; call ``on_chunk`` after every chunk of steps.
+
+        Raises
+        ------
+        SimulationError : a guard stopped the run; the state is that of the stop.
+        """
+        while self.time < time:
+            step = self._prepare_chunk()
+            remaining = time - self.time
+            count = max(1, math.ceil(remaining / step))
+            chunk = min(count, STEPS_PER_CHUNK)
+            advance(
+                self._arrays,
+                self.model.tools,
+                self.model.environment,
+                self.model.elements,
+                chunk,
+                remaining / count,
+            )
+            if chunk == count:
+                self.state.clock[0] = time
+            history = self.control.history
+            history[self.control.cause] = history.get(self.control.cause, 0) + chunk
+            guards.require_finite(self.model, self.state)
+            if on_chunk is not None:
+                on_chunk(self)
+        self._check_elements()
+
+    def snapshot(self) -> Snapshot:
+        """Return positions, tools and energies at the present time."""
+        state = self.state
+        return Snapshot(
+            time=self.time,
+            position=np.ascontiguousarray(state.position.T),
+            tool_travel=state.tool_travel.copy(),
+            tool_force=state.tool_force.copy(),
+            energy=self.energy(),
+        )
+
+    def energy(self) -> dict[str, float]:
+        """Return the energy balance [J].
+
+        ``internal`` and ``hourglass`` are potentials of the present strains, not the work of the
+        internal forces: ``balance_error`` shows what time integration, the step size and the
+        unsymmetric cross terms of Eqs. (15) and (19) have added or lost.
+        """
+        count = self.model.corner_node.size // 8
+        strain, bending, hourglass = np.empty((count, 6)), np.empty(count), np.empty(count)
+        strain_energies(
+            self.state.position,
+            self.model.corner_node,
+            self.model.element_data,
+            *self.model.elements,
+            strain,
+            bending,
+            hourglass,
+        )
+        real = slice(self.model.element_count)
+        membrane = self.model.material.membrane_energy(strain[real]) * self.model.geometry.volume
+        work = self.state.work
+        energy = {
+            "kinetic": work[KINETIC],
+            "internal": membrane.sum() + bending[real].sum(),
+            "hourglass": hourglass[real].sum(),
+            "contact": work[CONTACT],
+            "friction": work[FRICTION],
+            "damping": work[CONTACT_DAMPING] + work[MASS_DAMPING],
+            "external": work[EXTERNAL],
+        }
+        energy = {name: float(value) for name, value in energy.items()}
+        spent = sum(value for name, value in energy.items() if name != "external")
+        energy["balance_error"] = spent - energy["external"]
+        return energy
+
+    def critical_step(self) -> float:
+        """Return the stable step [s] without the safety factor, and note what controls it."""
+        state, model = self.state, self.model
+        frequency_bounds(
+            state.position,
+            model.corner_node,
+            model.element_data,
+            model.transformation,
+            model.transformation_change,
+            model.material.density,
+            *model.elements,
+            self._omega2,
+            self._mode,
+        )
+        omega2 = self._omega2[: model.element_count]
+        element = int(np.argmax(omega2))
+        state.clock[2] = omega2[element]
+        state.counters[2] = element
+        state.counters[3] = self._mode[element]
+        return self._step_of(omega2[element])
+
+    def _bind(self) -> None:
+        model, state = self.model, self.state
+        chunk_count = -(-model.node_count // NODE_CHUNK)
+        columns = WORK_COLUMNS + TOOL_COLUMNS * len(model.tool_names)
+        self._arrays = Arrays(
+            model.corner_node,
+            model.element_data,
+            *model.nodes,
+            **state.as_dict(),
+            corner_force=np.zeros(model.corner_force_size),
+            force=np.zeros((3, model.node_count)),
+            chunk_sums=np.zeros((chunk_count, columns)),
+        )
+
+    def _prepare_chunk(self) -> float:
+        """Check the elements, search for contact, and return the step [s] of the next chunk."""
+        state = self.state
+        self._check_elements()
+        since = int(state.counters[1])
+        if state.clock[2] == 0.0 or since >= CHUNKS_PER_FREQUENCY or self._thickness_is_near():
+            self.critical_step()
+            state.counters[1] = 0
+        state.counters[1] += 1
+        self._find_contact()
+        step = self.model.step_safety * self._step_of(state.clock[2])
+        self.control.step = step
+        self.control.element = int(state.counters[2])
+        return step
+
+    def _check_elements(self) -> None:
+        model = self.model
+        thickness_stretches(self.state.position, model.corner_node, self._height, self._stretch)
+        guards.require_upright(model, self.state, self._stretch[: model.element_count])
+        guards.require_passive(model, self.state)
+
+    def _thickness_is_near(self) -> bool:
+        """Tell whether the thickness wave may come to govern the step within a few chunks."""
+        stretch = self._stretch[: self.model.element_count]
+        thinnest = int(np.argmin(stretch))
+        strain = np.zeros(6)
+        strain[2] = 0.5 * (stretch[thinnest] ** 2 - 1.0)
+        tangent = self.model.material.stress_and_tangent(strain)[1][2, 2]
+        omega2 = tangent / (self.model.material.density * self._height[thinnest] ** 2)
+        return bool(omega2 > THICKNESS_SHARE * self.state.clock[2])
+
+    def _find_contact(self) -> None:
+        state, model = self.state, self.model
+        if not model.tool_names:
+            return
+        step = self._step_of(state.clock[2])
+        speed = math.sqrt(float(np.max(np.sum(state.velocity**2, axis=0))))
+        ahead = np.array([self._coming_tool_speed(k, step) for k in range(len(model.tool_names))])
+        reach = SEARCH_SPEED_FACTOR * (speed + ahead) * STEPS_PER_CHUNK * step
+        reach += SEARCH_THICKNESS_PART * model.material.thickness
+        find_near_nodes(self._arrays, model.tools, reach)
+
+    def _coming_tool_speed(self, tool: int, step: float) -> float:
+        from lcmchain.tools.motion import prescribed_travel
+
+        if self.state.driven[tool]:
+            return abs(float(self.state.tool_input[tool, 0]))
+        later = prescribed_travel(self.model.tools, tool, self.time + STEPS_PER_CHUNK * step)[1]
+        return max(abs(float(self.state.tool_velocity[tool])), abs(later))
+
+    def _step_of(self, omega2: float) -> float:
+        """Return 2/ω with the stiffness and the damping of the present contacts.
+
+        With a damping force lagging half a step, central differences are stable for
+        ω²dt²/4 + ξω_c dt <= 1.
+        """
+        state, model = self.state, self.model
+        cause = "in-plane stiffness"
+        if int(state.counters[3]) not in IN_PLANE_MODES:
+            cause = "compaction (thickness)"
+        contact2 = 0.0
+        if len(model.tool_names) and state.near.any():
+            stiffness = model.environment.penalty * model.nodes.area
+            contacts = state.near.sum(axis=0)
+            contact2 = float(np.max(contacts * stiffness / model.nodes.mass))
+            for tool, mass in enumerate(model.tools.mass):
+                if mass > 0.0:
+                    contact2 += float(np.sum(stiffness[state.near[tool] != 0])) / mass
+        if contact2 > omega2:
+            cause = "contact stiffness"
+        self.control.cause = cause
+        damping = model.environment.contact_damping_ratio * math.sqrt(contact2)
+        total = omega2 + contact2
+        return 2.0 * (math.sqrt(damping**2 + total) - damping) / total

@@ -1,0 +1,205 @@
+"""What a mapping did, in numbers: coverage, status counts, distances, conservation, warnings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from lcmchain.fields.atomic import replacing
+from lcmchain.mapping.orientation import perpendicular_family_error
+from lcmchain.mapping.sheet import FIBRE_FAMILIES, Sheet
+from lcmchain.mapping.target import TargetMesh
+from lcmchain.mapping.transfer import (
+    CONTENTS,
+    MappedFields,
+    content_of_cells,
+    content_of_sheet,
+    covered_areas,
+)
+from lcmchain.mapping.weights import MappingWeights, Status
+
+# Below this the families or layers in a cell disagree so much that one direction misleads:
+# 0.75 is the mean of two axes 60 degrees apart.
+LOW_ALIGNMENT = 0.75
+# Beyond this the fibres of the sheet and the cell's plane belong to different shapes.
+LARGE_TILT = np.radians(30.0)
+# Changes of content beyond this come from a target that covers the sheet more than once.
+LARGE_CORRECTION = 0.25
+# Below this a shear angle is within what a perpendicular second family misrepresents harmlessly.
+NOTABLE_ANGLE = np.radians(1.0)
+
+
+@dataclass
+class MappingReport:
+    """Result of one mapping; angles in rad, lengths in m, shares between 0 and 1.
+
+    ``conservation_error`` is the relative difference between the fibre mass on the covered target
+    area and on the covered sheet area. Overlap weights keep it by scaling each face's shares;
+    ``wedge_correction`` is the largest such scaling, so both are stated.
+    """
+
+    name: str
+    kind: str
+    method: str
+    source: str
+    target: str
+    maximum_distance: float
+    cell_count: int
+    status_count: dict[str, int]
+    target_coverage: float
+    source_coverage: float
+    worst_distance: float
+    worst_distance_cell: int
+    conservation_error: float | None
+    wedge_correction: float
+    fibre_mass_of_covered_sheet: float | None
+    fibre_mass_on_target: float | None
+    second_family_error_max: float | None
+    second_family_error_cell: int | None
+    fields: list[str]
+    ignored_cells: dict[str, int]
+    ignored_fields: list[str]
+    warnings: list[str] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
+
+    def as_dict(self) -> dict:
+        """Plain values, ready for JSON."""
+        return asdict(self)
+
+    def save(self, path: Path | str) -> None:
+        """Write as JSON, complete or not at all."""
+        with replacing(path) as temporary:
+            temporary.write_text(json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
+
+    def summary(self) -> str:
+        """One sentence for the terminal."""
+        counts = ", ".join(f"{n} {name}" for name, n in self.status_count.items() if n)
+        return (
+            f"{self.name}: {self.cell_count} cells ({counts}); "
+            f"{100 * self.target_coverage:.1f} % of the target area and "
+            f"{100 * self.source_coverage:.1f} % of the sheet covered; "
+            f"farthest {1e3 * self.worst_distance:.2f} mm off the sheet"
+        )
+
+
+def mapping_report(
+    sheet: Sheet,
+    target: TargetMesh,
+    weights: MappingWeights,
+    mapped: MappedFields,
+    *,
+    name: str,
+    kind: str,
+) -> MappingReport:
+    """Gather the numbers of a mapping and the warnings that follow from them."""
+    status_count = {s.name.lower(): int(np.sum(weights.status == s)) for s in Status}
+    area = weights.cell_area.sum()
+    distance = np.where(weights.mapped, weights.distance, -1.0)
+    worst = int(np.argmax(distance))
+    masses = _fibre_mass(sheet, weights, mapped)
+    error_cell, error = _second_family_error(mapped)
+    sheet_area = sheet.surface.areas
+    return MappingReport(
+        name=name,
+        kind=kind,
+        method=weights.method,
+        source=sheet.name,
+        target=str(target.file) if target.file else "mesh",
+        maximum_distance=weights.maximum_distance,
+        cell_count=target.cell_count,
+        status_count=status_count,
+        target_coverage=float(covered_areas(weights).sum() / area) if area > 0.0 else 0.0,
+        source_coverage=float((weights.face_coverage * sheet_area).sum() / sheet_area.sum()),
+        worst_distance=max(float(distance[worst]), 0.0),
+        worst_distance_cell=worst,
+        conservation_error=masses[2],
+        wedge_correction=weights.wedge_correction,
+        fibre_mass_of_covered_sheet=masses[0],
+        fibre_mass_on_target=masses[1],
+        second_family_error_max=error,
+        second_family_error_cell=error_cell,
+        fields=[*mapped.scalars, *mapped.directions],
+        ignored_cells=dict(target.ignored),
+        ignored_fields=list(sheet.unused),
+        warnings=_warnings(weights, target, sheet, mapped, kind, error, error_cell),
+    )
+
+
+def _fibre_mass(sheet: Sheet, weights: MappingWeights, mapped: MappedFields):
+    name = CONTENTS[0]
+    # Several solids may lie over each other in the thickness: their sections have no common area.
+    if name not in mapped.scalars or np.all(weights.cell_area == 0.0):
+        return None, None, None
+    source = content_of_sheet(sheet, weights, sheet.scalars[name])
+    target = content_of_cells(weights, mapped.scalars[name])
+    if source == 0.0 or (weights.method == "overlap" and not weights.conservative):
+        return source, None, None
+    return source, target, (target - source) / source
+
+
+def _second_family_error(mapped: MappedFields) -> tuple[int | None, float | None]:
+    if not all(name in mapped.directions for name in FIBRE_FAMILIES):
+        return None, None
+    first, second = (mapped.directions[name] for name in FIBRE_FAMILIES)
+    error = perpendicular_family_error(first.direction, second.direction)
+    if np.isnan(error).all():
+        return None, None
+    worst = int(np.nanargmax(error))
+    return worst, float(error[worst])
+
+
+def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[str]:
+    found = []
+    extrapolated = np.flatnonzero(weights.status == Status.EXTRAPOLATED)
+    if len(extrapolated):
+        found.append(
+            f"{len(extrapolated)} cells reach beyond the edge of the sheet and take the values of "
+            f"its nearest part ({first_few(extrapolated)})"
+        )
+    unmapped = np.flatnonzero(~weights.mapped)
+    if len(unmapped):
+        found.append(f"{len(unmapped)} cells are unmapped and hold no values (NaN) "
+                     f"({first_few(unmapped)})")  # fmt: skip
+    if weights.wedge_correction > LARGE_CORRECTION:
+        found.append(
+            "the target bends sharply or covers parts of the sheet more than once: contents were "
+            f"scaled by up to {100 * weights.wedge_correction:.0f} % to keep the fibre mass"
+        )
+    for name in FIBRE_FAMILIES:
+        family = mapped.directions.get(name)
+        if family is None:
+            continue
+        mixed = np.flatnonzero(family.alignment < LOW_ALIGNMENT)
+        if len(mixed):
+            found.append(
+                f"{name} varies strongly within {len(mixed)} cells ({first_few(mixed)}); refine "
+                "the target there"
+            )
+        tilted = np.flatnonzero(family.tilt > LARGE_TILT)
+        if len(tilted):
+            found.append(
+                f"{name} leaves the plane of {len(tilted)} cells by up to "
+                f"{np.degrees(np.nanmax(family.tilt)):.0f} degrees ({first_few(tilted)}); the "
+                "target has another shape there"
+            )
+    if kind == "structure" and error is not None and error > NOTABLE_ANGLE:
+        found.append(
+            "both fibre directions are kept here; a solver deck with one orientation per element "
+            "takes the second family as perpendicular to the first and is wrong by up to "
+            f"{np.degrees(error):.1f} degrees (cell {error_cell})"
+        )
+    if target.ignored:
+        cells = ", ".join(f"{count} {name}" for name, count in target.ignored.items())
+        found.append(f"cells of the target file left aside: {cells}")
+    if sheet.unused:
+        found.append(f"fields left aside, no scalars or with holes: {', '.join(sheet.unused)}")
+    return found
+
+
+def first_few(numbers: np.ndarray, count: int = 5) -> str:
+    """The first few cell numbers, for messages."""
+    shown = ", ".join(str(number) for number in numbers[:count])
+    return f"cell {shown}" + (", ..." if len(numbers) > count else "")

@@ -1,0 +1,165 @@
+"""The mapping as a stage of the chain: forming result and mesh in, mapped files and report out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.errors import InputError
+from lcmchain.mapping.files import mapped_dataset, write_netcdf, write_vtu
+from lcmchain.mapping.picture import draw_mapping
+from lcmchain.mapping.report import MappingReport, first_few, mapping_report
+from lcmchain.mapping.sheet import Sheet, read_sheet
+from lcmchain.mapping.target import TargetMesh, read_target
+from lcmchain.mapping.transfer import transfer
+from lcmchain.mapping.weights import MappingWeights, compute_weights
+
+
+def map_forming(
+    source: Path | str | xr.Dataset,
+    target_mesh: Path | str,
+    *,
+    name: str,
+    kind: str,
+    out_dir: Path | str,
+    method: str = "overlap",
+    maximum_distance: float | None = None,
+    length_unit: str = "m",
+    frame: int = -1,
+    allow_unmapped: bool = False,
+    weights_file: Path | str | None = None,
+    picture: bool = True,
+) -> MappingReport:
+    """Map a forming result onto a mesh; write ``NAME.nc``, ``.vtu``, ``.png`` and ``.json``.
+
+    Arguments as in :func:`map_file`; ``name`` names the target and its files in ``out_dir``.
+    """
+    return map_file(
+        source,
+        target_mesh,
+        Path(out_dir) / f"{name}.nc",
+        name=name,
+        kind=kind,
+        method=method,
+        maximum_distance=maximum_distance,
+        length_unit=length_unit,
+        frame=frame,
+        allow_unmapped=allow_unmapped,
+        weights_file=weights_file,
+        picture=picture,
+    )
+
+
+def map_file(
+    source: Path | str | xr.Dataset,
+    target_mesh: Path | str,
+    out: Path | str,
+    *,
+    name: str | None = None,
+    kind: str = "structure",
+    method: str = "overlap",
+    maximum_distance: float | None = None,
+    length_unit: str = "m",
+    frame: int = -1,
+    allow_unmapped: bool = False,
+    weights_file: Path | str | None = None,
+    picture: bool = True,
+) -> MappingReport:
+    """Map a forming result onto a mesh and write the fields, a picture and a report.
+
+    Parameters
+    ----------
+    source : ``forming.nc``, or its root group as a dataset.
+    target_mesh : any mesh file that meshio reads.
+    out : ``.nc`` or ``.vtu``; the other of the two, ``.png`` and ``.json`` are written beside it.
+    name : name of the target in the report, by default the stem of ``out``.
+    kind : ``"infiltration"`` (surface cells) or ``"structure"`` (solids, else shells).
+    method : ``"overlap"`` or ``"closest"``.
+    maximum_distance : how far [m] from the sheet a cell may lie, by default one edge length of
+        the sheet.
+    length_unit : unit of the target's coordinates; what is written is in metres.
+    frame : saved frame to map, the last one by default.
+    allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
+    weights_file : ``.npz`` with stored weights: used where it exists, else written.
+    picture : draw source and target side by side.
+
+    Raises
+    ------
+    InputError : unreadable input, unwritable output, or unmapped cells that are not allowed.
+        Nothing is written then.
+    """
+    out = Path(out)
+    if out.suffix not in (".nc", ".vtu"):
+        raise InputError("the mapped file has to end in .nc or .vtu", file=out)
+    name = name if name is not None else out.stem
+    sheet = read_sheet(source, frame=frame)
+    target = read_target(target_mesh, kind=kind, length_unit=length_unit)
+    weights = _weights(sheet, target, method, maximum_distance, weights_file)
+    if not allow_unmapped:
+        _refuse_unmapped(sheet, target, weights, length_unit)
+    mapped = transfer(sheet, target, weights)
+    report = mapping_report(sheet, target, weights, mapped, name=name, kind=kind)
+
+    # Names only: the report stays right when the folder moves.
+    endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
+    if picture:
+        endings["picture"] = ".png"
+    files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
+    report.files = {what: path.name for what, path in files.items()}
+    if weights_file is not None and not Path(weights_file).exists():
+        weights.save(weights_file)
+    write_netcdf(files["netcdf"], mapped_dataset(sheet, target, weights, mapped, report))
+    write_vtu(files["vtu"], sheet, target, weights, mapped)
+    if picture:
+        draw_mapping(files["picture"], sheet, target, weights, mapped, report)
+    report.save(files["report"])
+    return report
+
+
+def _weights(
+    sheet: Sheet,
+    target: TargetMesh,
+    method: str,
+    maximum_distance: float | None,
+    weights_file: Path | str | None,
+) -> MappingWeights:
+    if weights_file is None or not Path(weights_file).exists():
+        return compute_weights(sheet, target, method=method, maximum_distance=maximum_distance)
+    weights = MappingWeights.load(weights_file)
+    weights.check_meshes(sheet, target, file=weights_file)
+    same_distance = maximum_distance in (None, weights.maximum_distance)
+    if weights.method != method or not same_distance:
+        raise InputError(
+            f"the stored weights are {weights.method} weights within "
+            f"{weights.maximum_distance:g} m; ask for the same or delete the file",
+            file=weights_file,
+        )
+    return weights
+
+
+def _refuse_unmapped(
+    sheet: Sheet, target: TargetMesh, weights: MappingWeights, length_unit: str
+) -> None:
+    unmapped = np.flatnonzero(~weights.mapped)
+    if len(unmapped) == 0:
+        return
+    message = (
+        f"{len(unmapped)} of {target.cell_count} cells have no sheet within "
+        f"{1e3 * weights.maximum_distance:.3g} mm ({first_few(unmapped)}; the first has its "
+        f"centroid at {_place(target.centroids[unmapped[0]])} mm). Trim the mesh to the sheet, "
+        "raise maximum_distance, or allow unmapped cells"
+    )
+    used = target.points[np.unique(target.corners[target.corners >= 0])]
+    ratio = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0))) / sheet.surface.size
+    if ratio > 100.0 or ratio < 0.01:
+        message = (
+            f"the mesh is {ratio:.3g} times as large as the sheet: check length_unit "
+            f'(now "{length_unit}"). ' + message
+        )
+    raise InputError(message, file=target.file)
+
+
+def _place(point: np.ndarray) -> str:
+    return "(" + ", ".join(f"{1e3 * x:.1f}" for x in point) + ")"

@@ -1,0 +1,82 @@
+"""Transfer of face fields to target cells: averages for states, conservation for contents."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcmchain.mapping.orientation import MappedDirections, map_directions
+from lcmchain.mapping.sheet import Sheet
+from lcmchain.mapping.target import TargetMesh
+from lcmchain.mapping.weights import MappingWeights
+
+# Fields that count something per area; its total over the covered area is kept.
+CONTENTS = ("areal_fibre_mass",)
+
+
+@dataclass(frozen=True)
+class MappedFields:
+    """Fields on the target: scalars (C,), directions (C, 3); not a number where unmapped."""
+
+    scalars: dict[str, np.ndarray]
+    directions: dict[str, MappedDirections]
+
+
+def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> MappedFields:
+    """Carry every field of the sheet to the target."""
+    scalars = {
+        name: (
+            transfer_content(sheet, weights, values)
+            if name in CONTENTS and weights.conservative
+            else transfer_average(weights, values)
+        )
+        for name, values in sheet.scalars.items()
+    }
+    normals = None if target.is_solid else target.surface.normals
+    directions = {
+        name: map_directions(weights, values, normals if lies_in(sheet, values) else None)
+        for name, values in sheet.directions.items()
+    }
+    return MappedFields(scalars, directions)
+
+
+def lies_in(sheet: Sheet, directions: np.ndarray) -> bool:
+    """Whether a family runs along the sheet, as fibres do, rather than through its thickness."""
+    out_of_plane = np.einsum("fi,fi->f", directions, sheet.surface.normals)
+    return bool(np.median(np.abs(out_of_plane)) < np.sqrt(0.5))
+
+
+def transfer_average(weights: MappingWeights, values: np.ndarray) -> np.ndarray:
+    """Mean of a face field, shape (F,), over the part of the sheet over each cell, shape (C,)."""
+    averaged = weights.average_matrix @ values
+    return np.where(weights.mapped, averaged, np.nan)
+
+
+def transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> np.ndarray:
+    """Content per area of a cell's covered part, such that the total content is kept.
+
+    The sum over cells of value times covered area equals the content of the covered part of the
+    sheet. Cells beyond its edge take the value of the closest face and add nothing.
+    """
+    content = weights.content_matrix @ (per_area * sheet.surface.areas)
+    covered_area = covered_areas(weights)
+    nearest = transfer_average(weights, per_area)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(covered_area > 0.0, content / covered_area, nearest)
+
+
+def covered_areas(weights: MappingWeights) -> np.ndarray:
+    """Area of each cell that the sheet covers [m2], shape (C,); folds do not count twice."""
+    return np.minimum(weights.coverage, 1.0) * weights.cell_area
+
+
+def content_of_cells(weights: MappingWeights, per_area: np.ndarray) -> float:
+    """Content of all cells over their covered areas."""
+    covered = covered_areas(weights)
+    return float(np.sum(np.where(covered > 0.0, per_area * covered, 0.0)))
+
+
+def content_of_sheet(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> float:
+    """Content of the covered part of the sheet."""
+    return float(np.sum(per_area * sheet.surface.areas * weights.face_coverage))

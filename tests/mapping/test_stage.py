@@ -1,0 +1,300 @@
+"""The mapping as a stage: files that other programs open, the report, and clear refusals."""
+
+import json
+
+import meshio
+import numpy as np
+import pytest
+import xarray as xr
+
+from lcmchain.errors import InputError
+from lcmchain.mapping import MappingWeights, map_file, map_forming, read_sheet, read_target
+
+FIELDS = ["thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle"]
+FIBRES = ["fibre_direction_1", "fibre_direction_2"]
+SHEAR = np.radians(25.0)
+
+
+@pytest.fixture(scope="module")
+def result(make):
+    """A bowl of 100 mm with two families sheared by 25 degrees."""
+    points, quads = make.grid(14, 14, (-0.05, -0.05), (0.05, 0.05), jitter=0.1)
+    points = make.bowl(points, depth=6.0)
+    first, second = make.families(points, quads, SHEAR)
+    return make.forming_result(
+        points,
+        quads,
+        thickness=lambda c: 1e-3 * (1.0 - 4.0 * np.hypot(c[:, 0], c[:, 1])),
+        areal_fibre_mass=lambda c: 0.6 + 2.0 * c[:, 0],
+        shear_angle=SHEAR,
+        fibre_direction_1=first,
+        fibre_direction_2=second,
+    )
+
+
+@pytest.fixture
+def part(make, write_mesh):
+    """Write a target mesh for the bowl: half width and scale of the coordinates, kind of cells."""
+
+    def write(half=0.04, scale=1.0, cells="triangle", name="target.vtu"):
+        points, quads = make.grid(9, 9, (-half, -half), (half, half), jitter=0.1, seed=9)
+        points = make.bowl(points, depth=6.0)
+        if cells == "hexahedron":
+            count = len(points)
+            points = np.concatenate([points - [0, 0, 4e-4], points + [0, 0, 4e-4]])
+            blocks = [("quad", quads), (cells, np.hstack([quads, quads + count]))]
+        else:
+            blocks = [(cells, make.triangles_of(quads) if cells == "triangle" else quads)]
+        return write_mesh(points * scale, blocks, name)
+
+    return write
+
+
+def left_behind(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_all_files_and_fields_are_written(result, part, tmp_path):
+    out = tmp_path / "out"
+    report = map_forming(result, part(), name="infiltration", kind="infiltration", out_dir=out)
+    endings = ["json", "nc", "png", "vtu"]
+    assert left_behind(out) == [f"infiltration.{ending}" for ending in endings]
+    assert set(report.files.values()) == set(left_behind(out))
+    assert report.status_count == {"inside": 162, "projected": 0, "extrapolated": 0, "unmapped": 0}
+    assert report.target_coverage == pytest.approx(1.0, abs=1e-3)
+    assert report.source_coverage == pytest.approx(0.64, abs=0.03)
+    assert abs(report.conservation_error) < 1e-12
+    assert json.loads((out / "infiltration.json").read_text()) == report.as_dict()
+    assert "162 inside" in report.summary()
+
+    with xr.open_dataset(out / "infiltration.nc") as dataset:
+        thickness = dataset["thickness"].values
+        nodes = dataset["target_face_nodes"].values.astype(int)
+        x, y = (dataset[f"target_node_{axis}"].values for axis in "xy")
+        radius = np.hypot(x[nodes].mean(axis=1), y[nodes].mean(axis=1))
+        # The last frame, not the first, which holds half of it.
+        np.testing.assert_allclose(thickness, 1e-3 * (1.0 - 4.0 * radius), atol=2e-5)
+        for name in [*FIELDS, *[f"{f}_{axis}" for f in FIBRES for axis in "xyz"]]:
+            assert np.isfinite(dataset[name].values).all()
+    mesh = meshio.read(out / "infiltration.vtu")
+    np.testing.assert_array_equal(mesh.cell_data["thickness"][0], thickness)
+    for name in FIBRES:
+        np.testing.assert_allclose(np.linalg.norm(mesh.cell_data[name][0], axis=1), 1.0)
+
+
+@pytest.mark.parametrize("cells", ["triangle", "quad", "hexahedron"])
+def test_netcdf_keeps_the_conventions(result, part, tmp_path, cells):
+    map_file(result, part(cells=cells), tmp_path / "mapped.nc", picture=False)
+    location = "volume" if cells == "hexahedron" else "face"
+    with xr.open_dataset(tmp_path / "mapped.nc") as dataset:
+        fields = [v for v in dataset.data_vars.values() if v.dims == (f"target_{location}",)]
+        described = [v for v in fields if v.name != "target_volume_shape"]
+        assert {v.name for v in described} >= {*FIELDS, "mapping_status", "mapping_coverage"}
+        for variable in described:
+            assert {"units", "long_name", "mesh", "location"} <= set(variable.attrs), variable.name
+            assert variable.attrs["mesh"] == "target"
+            assert variable.attrs["location"] == location
+        assert "UGRID-1.0" in dataset.attrs["Conventions"]
+        assert dataset.attrs["history"].endswith("formed")
+        assert dataset.attrs["scene"] == "title = 1"
+
+
+@pytest.mark.parametrize("cells", ["triangle", "quad"])
+def test_netcdf_opens_elsewhere(result, part, tmp_path, cells):
+    path = tmp_path / "mapped.nc"
+    map_file(result, part(cells=cells), path, picture=False)
+    checks = pytest.importorskip("ugrid_checks.check")
+    checker = checks.check_dataset(path, print_summary=False)
+    assert not checker.logger.report_statement_logrecords(), checker.checking_report()
+    xugrid = pytest.importorskip("xugrid")
+    with xugrid.open_dataset(path) as opened:
+        assert opened.ugrid.grid.n_face == (162 if cells == "triangle" else 81)
+        assert opened["thickness"].ugrid.grid.topology_dimension == 2
+    netcdf = pytest.importorskip("vtkmodules.vtkIONetCDF")
+    reader = netcdf.vtkNetCDFUGRIDReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    grid = reader.GetOutput()
+    assert grid.GetNumberOfCells() == (162 if cells == "triangle" else 81)
+    assert grid.GetCellData().HasArray("fibre_volume_fraction")
+
+
+def test_vtu_opens_in_vtk(result, part, tmp_path):
+    map_file(result, part(cells="hexahedron"), tmp_path / "mapped.vtu", picture=False)
+    xml = pytest.importorskip("vtkmodules.vtkIOXML")
+    reader = xml.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(tmp_path / "mapped.vtu"))
+    reader.Update()
+    grid = reader.GetOutput()
+    assert grid.GetNumberOfCells() == 81
+    for name in FIBRES:
+        assert grid.GetCellData().GetArray(name).GetNumberOfComponents() == 3
+
+
+def test_second_family_error_is_the_shear_angle(result, part, tmp_path):
+    report = map_file(result, part(cells="quad"), tmp_path / "structure.nc", picture=False)
+    assert report.second_family_error_max == pytest.approx(SHEAR, abs=np.radians(1.0))
+    (warning,) = [w for w in report.warnings if "one orientation per element" in w]
+    assert "25." in warning or "24." in warning
+    assert f"cell {report.second_family_error_cell}" in warning
+
+
+def test_skin_of_a_solid_is_left_aside_and_said_so(result, part, tmp_path):
+    report = map_file(result, part(cells="hexahedron"), tmp_path / "s.nc", picture=False)
+    assert report.ignored_cells == {"quad": 81}
+    assert any("81 quad" in warning for warning in report.warnings)
+    assert report.conservation_error is None  # solids may lie over each other
+    shells = read_target(part(cells="hexahedron"), kind="infiltration")
+    assert shells.cell_count == 81 and not shells.is_solid
+
+
+def test_unmapped_cells_stop_the_mapping_and_leave_nothing(result, part, tmp_path):
+    path = part(half=0.09)
+    out = tmp_path / "out"
+    with pytest.raises(InputError, match=r"of 162 cells have no sheet within .* allow unmapped"):
+        map_file(result, path, out / "mapped.nc")
+    assert not out.exists()
+    report = map_file(result, path, out / "mapped.nc", allow_unmapped=True)
+    assert report.status_count["unmapped"] > 50
+    assert report.target_coverage < 0.5
+    values = meshio.read(out / "mapped.vtu").cell_data
+    unmapped = values["mapping_status"][0] == 3
+    for name in [*FIELDS, *FIBRES]:
+        assert np.isnan(values[name][0][unmapped]).all()
+        assert np.isfinite(values[name][0][~unmapped]).all()
+    assert any("unmapped" in warning for warning in report.warnings)
+
+
+def test_coordinates_in_millimetres(result, part, tmp_path):
+    path = part(scale=1e3)
+    with pytest.raises(InputError, match="check length_unit"):
+        map_file(result, path, tmp_path / "mapped.nc")
+    map_file(result, path, tmp_path / "mapped.nc", length_unit="mm", picture=False)
+    assert np.abs(meshio.read(tmp_path / "mapped.vtu").points).max() < 0.06
+    with pytest.raises(InputError, match="length_unit"):
+        map_file(result, path, tmp_path / "mapped.nc", length_unit="kg")
+
+
+def test_weights_are_stored_and_used_again(result, part, tmp_path):
+    path, stored = part(), tmp_path / "weights.npz"
+    first = map_file(result, path, tmp_path / "a.nc", weights_file=stored, picture=False)
+    before = stored.stat().st_mtime_ns
+    assert isinstance(MappingWeights.load(stored), MappingWeights)
+    second = map_file(result, path, tmp_path / "b.nc", weights_file=stored, picture=False)
+    assert stored.stat().st_mtime_ns == before
+    assert first.fibre_mass_on_target == second.fibre_mass_on_target
+    earlier = map_file(result, path, tmp_path / "c.nc", weights_file=stored, frame=0, picture=False)
+    assert earlier.fibre_mass_on_target == pytest.approx(0.5 * first.fibre_mass_on_target)
+    with pytest.raises(InputError, match="stored weights are overlap"):
+        map_file(result, path, tmp_path / "d.nc", weights_file=stored, method="closest")
+
+
+def test_mapping_twice_gives_the_same_bytes(result, part, tmp_path):
+    path = part()
+    for name in ("a", "b"):
+        map_file(result, path, tmp_path / name / "mapped.nc", picture=False)
+    for ending in ("nc", "vtu", "json"):
+        one, two = (tmp_path / name / f"mapped.{ending}" for name in ("a", "b"))
+        assert one.read_bytes() == two.read_bytes(), ending
+
+
+def test_a_result_from_a_file_maps_like_the_dataset(result, part, tmp_path):
+    result.to_netcdf(tmp_path / "forming.nc", engine="netcdf4")
+    one = map_file(result, part(), tmp_path / "a.nc", picture=False)
+    two = map_file(tmp_path / "forming.nc", part(), tmp_path / "b.nc", picture=False)
+    assert one.fibre_mass_on_target == two.fibre_mass_on_target
+
+
+def test_the_picture_shows_the_uncovered_cells_grey(result, part, tmp_path):
+    image = pytest.importorskip("matplotlib.image")
+    colours = {}
+    for half in (0.04, 0.09):
+        map_file(result, part(half=half), tmp_path / "m.nc", allow_unmapped=True)
+        pixels = (255 * image.imread(tmp_path / "m.png")[:, :, :3]).round().astype(int)
+        right = pixels[:, pixels.shape[1] // 2 : int(0.85 * pixels.shape[1])]
+        grey = (np.ptp(right, axis=2) == 0) & (right[:, :, 0] > 150) & (right[:, :, 0] < 215)
+        colours[half] = grey.mean()
+    assert colours[0.09] > 0.05 > 10 * colours[0.04]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"kind": "fluid"}, "infiltration, structure"),
+        ({"method": "nearest"}, "overlap, closest"),
+        ({"maximum_distance": -1.0}, "positive"),
+        ({"frame": 7}, "frame 7 does not exist; there are 2"),
+        ({"out": "mapped.csv"}, r"\.nc or \.vtu"),
+        ({"out": "target.vtu/mapped.nc"}, "cannot be written"),
+        ({"source": "absent.nc"}, "does not exist"),
+        ({"source": "target.vtu"}, "not a netCDF forming result"),
+        ({"target": "absent.vtu"}, "does not exist"),
+        ({"target": "broken.vtu"}, "cannot read"),
+        ({"target": "mesh.unknown"}, "cannot read"),
+        ({"target": "lines.vtu"}, "no shells or solids"),
+        ({"target": "lines.vtu", "kind": "infiltration"}, "no triangles or quadrilaterals"),
+    ],
+)
+def test_wrong_input_gives_one_clear_error(result, part, write_mesh, tmp_path, change, message):
+    part()
+    (tmp_path / "broken.vtu").write_text("<VTKFile")
+    (tmp_path / "mesh.unknown").write_text("")
+    write_mesh(np.eye(3), [("line", np.array([[0, 1], [1, 2]]))], "lines.vtu")
+    before = left_behind(tmp_path)
+    arguments = {"source": result, "target": "target.vtu", "out": "mapped.nc", **change}
+    source = arguments.pop("source")
+    source = tmp_path / source if isinstance(source, str) else source
+    target, out = (tmp_path / arguments.pop(key) for key in ("target", "out"))
+    with pytest.raises(InputError, match=message):
+        map_file(source, target, out, **arguments)
+    assert left_behind(tmp_path) == before
+
+
+def test_positions_and_fields_belong_to_the_same_frame(make, write_mesh, tmp_path):
+    """The mesh of the file shows the last frame; an earlier one needs its displacement."""
+    points, quads = make.grid(6, 6)
+    flat, formed = make.lifted(points), make.bowl(points, depth=0.4)
+    result = make.forming_result(formed, quads, frames=2)
+    for k, axis in enumerate("xyz"):
+        moves = np.stack([0.0 * formed[:, k], formed[:, k] - flat[:, k]])
+        result[f"reference_position_{axis}"] = ("sheet_node", flat[:, k])
+        result[f"displacement_{axis}"] = (("frame", "sheet_node"), moves)
+    np.testing.assert_allclose(read_sheet(result).surface.points, formed, atol=1e-15)
+    np.testing.assert_array_equal(read_sheet(result, frame=0).surface.points, flat)
+    report = map_file(
+        result, write_mesh(flat, [("quad", quads)]), tmp_path / "m.nc", frame=0, picture=False
+    )
+    assert report.worst_distance < 1e-12
+
+
+def test_permeability_axes_keep_their_place_in_the_sheet(make, result, part, tmp_path):
+    """In-plane axes are turned into the cells; the one through the thickness stays normal."""
+    with_axes = result.copy()
+    stack = {"1": "fibre_direction_1", "2": "fibre_direction_2"}
+    first, second = (
+        np.stack([result[f"{stack[k]}_{a}"].values[-1] for a in "xyz"], axis=1) for k in "12"
+    )
+    normal = np.cross(first, second)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    for k, axis in enumerate("xyz"):
+        for name, values in (("1", first), ("3", normal)):
+            with_axes[f"permeability_direction_{name}_{axis}"] = ("sheet_face", values[:, k])
+    with_axes["permeability_1"] = ("sheet_face", np.where(np.arange(196) == 5, np.nan, 1e-12))
+    report = map_file(with_axes, part(), tmp_path / "m.vtu", picture=False)
+    normals = read_target(tmp_path / "target.vtu").surface.normals
+    found = meshio.read(tmp_path / "m.vtu").cell_data
+    in_plane = np.einsum("ci,ci->c", found["permeability_direction_1"][0], normals)
+    along = np.abs(np.einsum("ci,ci->c", found["permeability_direction_3"][0], normals))
+    np.testing.assert_allclose(in_plane, 0.0, atol=1e-12)
+    assert along.min() > 0.99
+    assert report.ignored_fields == ["permeability_1"]  # it has a hole
+    assert any("permeability_1" in warning for warning in report.warnings)
+
+
+def test_a_source_without_numbers_is_refused(make, result, part, tmp_path):
+    broken = result.copy(deep=True)
+    broken["thickness"].values[-1, 17] = np.nan
+    with pytest.raises(InputError, match="thickness of face 17"):
+        map_file(broken, part(), tmp_path / "mapped.nc")
+    with pytest.raises(InputError, match="one two-dimensional mesh"):
+        map_file(xr.Dataset(), part(), tmp_path / "mapped.nc")

@@ -1,0 +1,381 @@
+"""Properties of a mapping: constants, linear fields, conservation, rotation, status, storage."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lcmchain.errors import InputError
+from lcmchain.mapping import (
+    MappingWeights,
+    Status,
+    TargetMesh,
+    compute_weights,
+    read_sheet,
+    transfer,
+)
+from lcmchain.mapping.transfer import content_of_cells, content_of_sheet, transfer_average
+
+METHODS = ("overlap", "closest")
+
+
+def shell(points, cells):
+    return TargetMesh(points, (("triangle" if cells.shape[1] == 3 else "quad", cells),), {})
+
+
+def rotation_of(turn):
+    """Rotation matrix of a rotation vector."""
+    angle = np.linalg.norm(turn)
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.array(turn) / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+@pytest.fixture(scope="module")
+def bowls(make):
+    """The same paraboloid meshed twice: 12 x 12 quadrilaterals, and triangles on another grid."""
+    points, quads = make.grid(12, 12, (-0.5, -0.5), (0.5, 0.5), jitter=0.2, seed=3)
+    other, cells = make.grid(9, 10, (-0.5, -0.5), (0.5, 0.5), jitter=0.2, seed=4)
+    return (make.bowl(points), quads), (make.bowl(other), make.triangles_of(cells))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_constant_field_stays_constant(make, bowls, method):
+    source, target = bowls
+    sheet = read_sheet(make.forming_result(*source, thickness=0.7, fibre_volume_fraction=0.42))
+    target = shell(*target)
+    weights = compute_weights(sheet, target, method=method)
+    mapped = transfer(sheet, target, weights)
+    np.testing.assert_allclose(mapped.scalars["thickness"], 0.7, rtol=1e-12)
+    np.testing.assert_allclose(mapped.scalars["fibre_volume_fraction"], 0.42, rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_mesh_mapped_onto_itself_returns_every_value(make, bowls, method):
+    source, _ = bowls
+    values = np.random.default_rng(0).uniform(0.3, 0.7, len(source[1]))
+    sheet = read_sheet(make.forming_result(*source, fibre_volume_fraction=values))
+    weights = compute_weights(sheet, shell(*source), method=method)
+    # On warped quadrilaterals the tangent plane of a cell sees a sliver of its neighbours.
+    np.testing.assert_allclose(
+        transfer_average(weights, values), values, atol=5e-3 if method == "overlap" else 0.0
+    )
+    assert set(weights.status) == {Status.INSIDE}
+
+
+def test_a_linear_field_is_exact_on_the_same_plane_mesh(make):
+    points, quads = make.grid(7, 8, jitter=0.3)
+    linear = lambda c: 0.2 + 0.5 * c[:, 0] - 0.1 * c[:, 1]  # noqa: E731
+    sheet = read_sheet(
+        make.forming_result(make.lifted(points), quads, fibre_volume_fraction=linear)
+    )
+    weights = compute_weights(sheet, shell(make.lifted(points), quads))
+    expected = sheet.scalars["fibre_volume_fraction"]
+    found = transfer_average(weights, expected)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_a_smooth_field_converges_at_first_order_or_better(make):
+    smooth = lambda c: np.sin(5.0 * c[:, 0]) * np.cos(4.0 * c[:, 1])  # noqa: E731
+    errors = []
+    for n in (8, 16, 32):
+        points, quads = make.grid(n, n, jitter=0.2, seed=n)
+        other, cells = make.grid(n + 3, n + 1, jitter=0.2, seed=n + 1)
+        sheet = read_sheet(
+            make.forming_result(make.lifted(points), quads, fibre_volume_fraction=smooth)
+        )
+        target = shell(make.lifted(other), make.triangles_of(cells))
+        weights = compute_weights(sheet, target)
+        found = transfer_average(weights, sheet.scalars["fibre_volume_fraction"])
+        errors.append(np.sqrt(np.mean((found - smooth(target.centroids)) ** 2)))
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(rates > 0.85), (errors, rates)
+
+
+def test_fibre_mass_is_conserved_between_plates(make):
+    points, quads = make.grid(11, 9, jitter=0.3, seed=1)
+    other, cells = make.grid(6, 7, jitter=0.3, seed=2)
+    uneven = lambda c: 0.6 + 0.3 * np.sin(9.0 * c[:, 0] * c[:, 1])  # noqa: E731
+    sheet = read_sheet(make.forming_result(make.lifted(points), quads, areal_fibre_mass=uneven))
+    target = shell(make.lifted(other), cells)
+    weights = compute_weights(sheet, target)
+    mapped = transfer(sheet, target, weights).scalars["areal_fibre_mass"]
+    exact = np.sum(sheet.scalars["areal_fibre_mass"] * sheet.surface.areas)
+    np.testing.assert_allclose(np.sum(mapped * target.surface.areas), exact, rtol=1e-12)
+    np.testing.assert_allclose(weights.face_coverage, 1.0, rtol=1e-12)
+    assert weights.wedge_correction < 1e-12
+    # Local, too: a cell receives what lies over it, between the extremes of its surroundings.
+    assert np.all(mapped > 0.29) and np.all(mapped < 0.91)
+
+
+def test_fibre_mass_is_conserved_between_curved_meshes(make, bowls):
+    source, target = bowls
+    sheet = read_sheet(make.forming_result(*source, areal_fibre_mass=lambda c: 0.5 + c[:, 0] ** 2))
+    target = shell(*target)
+    weights = compute_weights(sheet, target)
+    mapped = transfer(sheet, target, weights).scalars["areal_fibre_mass"]
+    mass = sheet.scalars["areal_fibre_mass"]
+    assert content_of_cells(weights, mapped) == pytest.approx(
+        content_of_sheet(sheet, weights, mass), rel=1e-12
+    )
+    # Both meshes cover the bowl, so the whole mass has to arrive, and locally unchanged.
+    assert content_of_cells(weights, mapped) == pytest.approx(
+        np.sum(mass * sheet.surface.areas), rel=2e-3
+    )
+    np.testing.assert_allclose(mapped, 0.5 + target.centroids[:, 0] ** 2, atol=0.05)
+    assert weights.wedge_correction < 0.1
+
+
+@settings(max_examples=15)
+@given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3), st.sampled_from(METHODS))
+def test_a_rotated_pair_of_meshes_maps_the_same(make, bowls, turn, method):
+    (points, quads), (other, cells) = bowls
+    rotation = rotation_of(turn)
+    first, second = make.families(points, quads, shear=0.3)
+    fields = {"areal_fibre_mass": lambda c: 0.6 + 0.1 * np.arange(len(c)) / len(c)}
+    results = []
+    for r in (np.eye(3), rotation):
+        fibres = {"fibre_direction_1": first @ r.T, "fibre_direction_2": second @ r.T}
+        sheet = read_sheet(make.forming_result(points @ r.T, quads, **fields, **fibres))
+        target = shell(other @ r.T, cells)
+        weights = compute_weights(sheet, target, method=method)
+        results.append((weights, transfer(sheet, target, weights)))
+    (weights, still), (turned_weights, turned) = results
+    np.testing.assert_array_equal(weights.status, turned_weights.status)
+    np.testing.assert_allclose(weights.distance, turned_weights.distance, atol=1e-12)
+    mass = "areal_fibre_mass"
+    np.testing.assert_allclose(turned.scalars[mass], still.scalars[mass], rtol=1e-9)
+    for name, family in still.directions.items():
+        expected = family.direction @ rotation.T
+        np.testing.assert_allclose(turned.directions[name].direction, expected, atol=1e-8)
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 2**32 - 1))
+def test_signs_of_fibre_directions_have_no_meaning(make, bowls, seed):
+    (points, quads), (other, cells) = bowls
+    first, second = make.families(points, quads, shear=-0.4)
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], (2, len(quads), 1))
+    target = shell(other, cells)
+    found = []
+    for s in (np.ones_like(signs), signs):
+        fibres = {"fibre_direction_1": s[0] * first, "fibre_direction_2": s[1] * second}
+        sheet = read_sheet(make.forming_result(points, quads, **fibres))
+        weights = compute_weights(sheet, target)
+        found.append(transfer(sheet, target, weights).directions)
+    for name in ("fibre_direction_1", "fibre_direction_2"):
+        a, b = found[0][name].direction, found[1][name].direction
+        np.testing.assert_allclose(np.abs(np.einsum("ci,ci->c", a, b)), 1.0, atol=1e-12)
+
+
+def test_fibre_directions_lie_in_the_cells_and_keep_their_angle(make, bowls):
+    (points, quads), (other, cells) = bowls
+    shear = 0.35
+    first, second = make.families(points, quads, shear)
+    sheet = read_sheet(
+        make.forming_result(points, quads, fibre_direction_1=first, fibre_direction_2=second)
+    )
+    target = shell(other, cells)
+    mapped = transfer(sheet, target, compute_weights(sheet, target)).directions
+    a, b = (mapped[f"fibre_direction_{k}"].direction for k in (1, 2))
+    for family in (a, b):
+        np.testing.assert_allclose(np.linalg.norm(family, axis=1), 1.0, rtol=1e-12)
+        in_plane = np.einsum("ci,ci->c", family, target.surface.normals)
+        np.testing.assert_allclose(in_plane, 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.arcsin(np.abs(np.sum(a * b, axis=1))), shear, atol=0.02)
+
+
+def test_the_mean_of_two_axes_bisects_their_acute_angle(make):
+    points, quads = make.grid(2, 1)
+    fibres = np.array([[np.cos(x), np.sin(x), 0.0] for x in np.radians([80.0, 120.0])])
+    sheet = read_sheet(
+        make.forming_result(make.lifted(points), quads, fibre_direction_1=fibres * [[1], [-1]])
+    )
+    cell = shell(
+        make.lifted(np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])), np.array([[0, 1, 2, 3]])
+    )
+    family = transfer(sheet, cell, compute_weights(sheet, cell)).directions["fibre_direction_1"]
+    expected = [np.cos(np.radians(100.0)), np.sin(np.radians(100.0)), 0.0]
+    np.testing.assert_allclose(np.abs(family.direction[0] @ expected), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(family.alignment, 0.5 * (1.0 + np.cos(np.radians(40.0))))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_cell_says_how_it_was_mapped(make, method):
+    """A target twice as long as the sheet: over it, across its edge, near it, and far from it."""
+    points, quads = make.grid(10, 10)
+    sheet = read_sheet(make.forming_result(make.lifted(points), quads, areal_fibre_mass=0.6))
+    other, cells = make.grid(8, 1, (0.2, 0.0), (1.8, 1.0))
+    target = shell(make.lifted(other), cells)
+    weights = compute_weights(sheet, target, method=method, maximum_distance=0.35)
+    expected = [Status.INSIDE] * 4 + [Status.EXTRAPOLATED] * 2 + [Status.UNMAPPED] * 2
+    np.testing.assert_array_equal(weights.status, expected)
+    mapped = transfer(sheet, target, weights).scalars["areal_fibre_mass"]
+    np.testing.assert_allclose(mapped[:6], 0.6, rtol=1e-12)
+    assert np.isnan(mapped[6:]).all() and np.isnan(weights.distance[6:]).all()
+    np.testing.assert_allclose(weights.distance[4:6], [0.1, 0.3], rtol=1e-9)
+
+
+def test_coverage_of_half_overlapping_plates_is_exact(make):
+    points, quads = make.grid(7, 6, jitter=0.2)
+    sheet = read_sheet(make.forming_result(make.lifted(points), quads, areal_fibre_mass=0.6))
+    other, cells = make.grid(9, 5, (0.37, 0.0), (1.37, 1.0), jitter=0.2)
+    target = shell(make.lifted(other), cells)
+    weights = compute_weights(sheet, target)
+    assert np.sum(weights.coverage * weights.cell_area) == pytest.approx(0.63, rel=1e-12)
+    assert np.sum(weights.face_coverage * sheet.surface.areas) == pytest.approx(0.63, rel=1e-12)
+    mapped = transfer(sheet, target, weights).scalars["areal_fibre_mass"]
+    assert content_of_cells(weights, mapped) == pytest.approx(0.6 * 0.63, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_distance_decides_between_inside_projected_and_unmapped(make, method):
+    points, quads = make.grid(10, 10)
+    sheet = read_sheet(make.forming_result(make.lifted(points), quads, thickness=0.02))
+    other, cells = make.grid(4, 4, (0.1, 0.1), (0.9, 0.9))
+    found = {}
+    for height in (0.009, -0.011, 0.06, 0.11):
+        target = shell(make.lifted(other) + [0.0, 0.0, height], cells)
+        weights = compute_weights(sheet, target, method=method, maximum_distance=0.1)
+        (found[height],) = set(weights.status)
+        if height < 0.1:
+            np.testing.assert_allclose(weights.distance, abs(height), rtol=1e-12)
+    assert list(found.values()) == [
+        Status.INSIDE,
+        Status.PROJECTED,
+        Status.PROJECTED,
+        Status.UNMAPPED,
+    ]
+
+
+def test_opposite_walls_do_not_mix(make):
+    """Two plates one edge length apart; each wall of the target takes its own wall's values."""
+    points, quads = make.grid(10, 10)
+    far = 0.3
+    both = np.concatenate([make.lifted(points), make.lifted(points) + [0.0, 0.0, far]])
+    faces = np.concatenate([quads, quads + len(points)])
+    wall = np.repeat([0.3, 0.6], len(quads))
+    sheet = read_sheet(make.forming_result(both, faces, fibre_volume_fraction=wall))
+    other, cells = make.grid(7, 7)
+    for height, value in ((0.02, 0.3), (far - 0.03, 0.6)):
+        target = shell(make.lifted(other) + [0.0, 0.0, height], cells)
+        weights = compute_weights(sheet, target)
+        np.testing.assert_allclose(transfer_average(weights, wall), value, rtol=1e-12)
+
+
+def test_a_fold_doubles_the_areal_mass(make):
+    points, quads = make.grid(10, 10)
+    layers = np.concatenate([make.lifted(points), make.lifted(points) + [0.0, 0.0, 1e-3]])
+    faces = np.concatenate([quads, quads + len(points)])
+    sheet = read_sheet(make.forming_result(layers, faces, areal_fibre_mass=0.6))
+    other, cells = make.grid(7, 7)
+    target = shell(make.lifted(other), cells)
+    weights = compute_weights(sheet, target)
+    mapped = transfer(sheet, target, weights).scalars
+    np.testing.assert_allclose(mapped["areal_fibre_mass"], 1.2, rtol=1e-12)
+    np.testing.assert_allclose(mapped["fibre_volume_fraction"], 0.5, rtol=1e-12)
+    np.testing.assert_allclose(weights.coverage, 2.0, rtol=1e-12)
+
+
+def solid_plate(make, kind):
+    """Plate of 6 x 5 x 2 bricks from z = -0.02 to 0.02, or the tetrahedra of these."""
+    points, quads = make.grid(6, 5, jitter=0.2, seed=5)
+    layers = [make.lifted(points) + [0.0, 0.0, z] for z in (-0.02, 0.0, 0.02)]
+    count = len(points)
+    bricks = np.concatenate(
+        [np.hstack([quads + k * count, quads + (k + 1) * count]) for k in (0, 1)]
+    )
+    if kind == "hexahedron":
+        return TargetMesh(np.concatenate(layers), (("hexahedron", bricks),), {})
+    parts = {
+        "wedge": [[0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]],
+        "tetra": [[0, 1, 3, 4], [1, 2, 3, 6], [1, 3, 4, 6], [1, 4, 5, 6], [3, 4, 6, 7]],
+    }[kind]
+    cells = bricks[:, parts].reshape(-1, len(parts[0]))
+    return TargetMesh(np.concatenate(layers), ((kind, cells),), {})
+
+
+@pytest.mark.parametrize("kind", ["hexahedron", "wedge", "tetra"])
+@pytest.mark.parametrize("method", METHODS)
+def test_solids_take_the_values_of_the_sheet_through_them(make, kind, method):
+    points, quads = make.grid(20, 20)
+    first, second = make.families(make.lifted(points), quads, 0.2)
+    sheet = read_sheet(
+        make.forming_result(
+            make.lifted(points), quads, fibre_direction_1=first, fibre_direction_2=second,
+            fibre_volume_fraction=lambda c: 0.4 + 0.2 * c[:, 0], thickness=0.05,
+        )
+    )  # fmt: skip
+    target = solid_plate(make, kind)
+    weights = compute_weights(sheet, target, method=method)
+    mapped = transfer(sheet, target, weights)
+    assert set(weights.status) == {Status.INSIDE}
+    expected = 0.4 + 0.2 * target.centroids[:, 0]
+    np.testing.assert_allclose(mapped.scalars["fibre_volume_fraction"], expected, atol=0.012)
+    directions = mapped.directions["fibre_direction_2"].direction
+    np.testing.assert_allclose(np.abs(directions @ second[0]), 1.0, rtol=1e-12)
+
+
+def test_the_section_of_a_brick_has_its_area(make):
+    target = solid_plate(make, "hexahedron")
+    polygons = target.polygons(np.tile([0.0, 0.0, 1.0], (target.cell_count, 1)))
+    np.testing.assert_allclose(polygons.areas.sum(), 2.0, rtol=1e-12)  # two layers of bricks
+    tilted = np.tile([0.6, 0.0, 0.8], (target.cell_count, 1))
+    assert np.all(target.polygons(tilted).areas > 0.0)
+
+
+def test_stored_weights_map_the_same(make, bowls, tmp_path):
+    source, other = bowls
+    sheet = read_sheet(make.forming_result(*source, areal_fibre_mass=lambda c: 0.5 + c[:, 0] ** 2))
+    target = shell(*other)
+    weights = compute_weights(sheet, target)
+    weights.save(tmp_path / "weights.npz")
+    stored = MappingWeights.load(tmp_path / "weights.npz")
+    stored.check_meshes(sheet, target, file="weights.npz")
+    before, after = (transfer(sheet, target, w).scalars for w in (weights, stored))
+    for name, values in before.items():
+        np.testing.assert_array_equal(after[name], values)
+    assert stored.method == "overlap" and stored.maximum_distance == weights.maximum_distance
+    with pytest.raises(InputError, match="another target mesh"):
+        stored.check_meshes(sheet, shell(other[0] * 1.001, other[1]), file="weights.npz")
+    with pytest.raises(InputError, match="another sheet"):
+        moved = read_sheet(make.forming_result(source[0] + 1e-6, source[1]))
+        stored.check_meshes(moved, target, file="weights.npz")
+
+
+def test_broken_weights_are_refused(tmp_path):
+    (tmp_path / "weights.npz").write_bytes(b"PK no archive")
+    np.savez(tmp_path / "other.npz", values=np.zeros(3))
+    for name in ("weights.npz", "other.npz", "absent.npz"):
+        with pytest.raises(InputError, match=name):
+            MappingWeights.load(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [({"method": "nearest"}, "overlap, closest"), ({"maximum_distance": 0.0}, "positive")],
+)
+def test_wrong_options_are_refused(make, bowls, wrong, message):
+    sheet = read_sheet(make.forming_result(*bowls[0]))
+    with pytest.raises(InputError, match=message):
+        compute_weights(sheet, shell(*bowls[1]), **wrong)
+
+
+@pytest.mark.slow  # compiling xugrid's search takes half a minute
+def test_overlap_regridding_agrees_with_xugrid(make):
+    pytest.importorskip("numba_celltree")  # without it xugrid cannot search
+    xugrid = pytest.importorskip("xugrid")
+    points, quads = make.grid(12, 9, jitter=0.2, seed=6)
+    other, cells = make.grid(7, 8, jitter=0.2, seed=7)
+    values = np.random.default_rng(8).uniform(0.3, 0.7, len(quads))
+    grids = [xugrid.Ugrid2d(p[:, 0], p[:, 1], -1, f) for p, f in ((points, quads), (other, cells))]
+    data = xugrid.UgridDataArray(xr.DataArray(values, dims=[grids[0].face_dimension]), grids[0])
+    peer = xugrid.OverlapRegridder(data, grids[1], method="mean").regrid(data)
+    sheet = read_sheet(
+        make.forming_result(make.lifted(points), quads, fibre_volume_fraction=values)
+    )
+    weights = compute_weights(sheet, shell(make.lifted(other), cells))
+    np.testing.assert_allclose(transfer_average(weights, values), peer.values, rtol=1e-9)

@@ -1,0 +1,113 @@
+"""Compiled kernels are kept per state of the sources, never shared between two states."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+from lcmchain import compile_cache
+
+REPORT = "import lcmchain, os; print(os.environ['NUMBA_CACHE_DIR'])"
+
+
+def cache_folder_of_new_process(code=REPORT, **changes):
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("NUMBA_CACHE_DIR", compile_cache.CHOSEN_HERE)
+    }
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        env={**environment, **changes},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip()
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package of two files in place of lcmchain."""
+    folder = tmp_path / "package"
+    (folder / "inner").mkdir(parents=True)
+    (folder / "kernel.py").write_text("from inner.physics import stress\n")
+    (folder / "inner" / "physics.py").write_text("stress = 1\n")
+    monkeypatch.setattr(compile_cache, "_package_folders", lambda: [folder])
+    return folder
+
+
+def test_key_changes_with_any_source_file(package):
+    keys = [compile_cache.source_key()]
+    (package / "inner" / "physics.py").write_text("stress = 2\n")
+    keys.append(compile_cache.source_key())
+    (package / "inner" / "physics.py").rename(package / "inner" / "other.py")
+    keys.append(compile_cache.source_key())
+    assert len(set(keys)) == 3
+    (package / "notes.txt").write_text("not a source\n")
+    (package / "__pycache__").mkdir()
+    (package / "__pycache__" / "left_over.py").write_text("")
+    assert compile_cache.source_key() == keys[-1]
+
+
+def test_key_changes_with_numba(package, monkeypatch):
+    before = compile_cache.source_key()
+    assert b"version" in compile_cache._numba_version()
+    monkeypatch.setattr(compile_cache, "_numba_version", lambda: b"another")
+    assert compile_cache.source_key() != before
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="cache folder of Linux")
+def test_numba_uses_the_folder_of_the_sources(tmp_path):
+    code = "import lcmchain, numba; print(numba.config.CACHE_DIR)"
+    folder = cache_folder_of_new_process(code, XDG_CACHE_HOME=str(tmp_path))
+    assert folder == str(tmp_path / "lcmchain" / compile_cache.source_key())
+    assert os.path.isdir(folder)
+    late = "import numba, lcmchain; print(numba.config.CACHE_DIR)"
+    assert cache_folder_of_new_process(late, XDG_CACHE_HOME=str(tmp_path)) == folder
+
+
+def test_folder_of_the_user_is_respected(tmp_path):
+    assert cache_folder_of_new_process(NUMBA_CACHE_DIR=str(tmp_path)) == str(tmp_path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="cache folder of Linux")
+def test_folder_inherited_from_a_parent_process_is_chosen_anew(tmp_path):
+    stale = str(tmp_path / "of_other_sources")
+    changes = {"NUMBA_CACHE_DIR": stale, compile_cache.CHOSEN_HERE: stale}
+    folder = cache_folder_of_new_process(XDG_CACHE_HOME=str(tmp_path), **changes)
+    assert folder == str(tmp_path / "lcmchain" / compile_cache.source_key())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="cache folder of Linux")
+def test_falls_back_to_the_temporary_folder(tmp_path):
+    blocked = tmp_path / "a_file_instead_of_a_folder"
+    blocked.write_text("")
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    folder = cache_folder_of_new_process(XDG_CACHE_HOME=str(blocked), TMPDIR=str(temporary))
+    assert folder.startswith(str(temporary))
+    assert os.access(folder, os.W_OK)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="permissions of POSIX")
+def test_folder_that_others_may_write_is_not_used(tmp_path):
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    shared.chmod(0o777)
+    assert not compile_cache._make_private_folder(shared)
+
+
+def test_caches_unused_for_a_month_are_removed(tmp_path):
+    present, recent, old = (tmp_path / (digit * compile_cache.HASH_LENGTH) for digit in "abc")
+    foreign = tmp_path / "something_else"
+    long_ago = time.time() - (compile_cache.MAXIMUM_AGE_DAYS + 1) * 86400.0
+    for folder in (present, recent, old, foreign):
+        folder.mkdir()
+        (folder / "kernel.nbi").write_text("")
+    for folder in (present, old, foreign):
+        os.utime(folder, (long_ago, long_ago))
+    compile_cache._remove_stale_siblings(present)
+    assert sorted(tmp_path.iterdir()) == sorted([present, recent, foreign])

@@ -1,0 +1,228 @@
+"""The wheel holds every package, works outside the checkout, and imports run in one direction."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+import zipfile
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+OUTER = ("mapping", "coupling", "fmu")
+
+pytestmark = pytest.mark.skipif(
+    not (ROOT / "pyproject.toml").is_file(), reason="needs the checkout, not only the tests"
+)
+
+# Rank of every core module: it may import modules of its own or a lower rank. A new module must
+# be placed here.
+RANK_OF_CORE = {
+    "": 0,  # lcmchain/__init__.py
+    "compile_cache": 0,
+    "errors": 0,
+    "jit": 0,
+    "threads": 0,
+    "scene": 1,
+    "blank": 2,
+    "elements": 3,
+    "materials": 3,
+    "effects": 3,
+    "tools": 3,
+    "model": 3,
+    "state": 3,
+    "solver": 4,
+    "fields": 5,
+    "report": 6,
+    "check": 7,
+    "bench": 7,
+    "pipeline": 7,
+    "__main__": 8,
+    "cli": 8,
+}
+# Each may import the core and what stands before it, but not what stands after it.
+OUTER_RANK = {"mapping": 1, "coupling": 2, "fmu": 3}
+# The only core modules that may import mapping, coupling or fmu, and only inside functions.
+CHAIN_MODULES = {"pipeline", "cli"}
+
+
+def source_files():
+    """Every source file and the dotted name it is imported by."""
+    for folder in ("lcmchain", *OUTER):
+        prefix = ("lcmchain",) if folder == "lcmchain" else ("lcmchain", folder)
+        for file in sorted((ROOT / folder).rglob("*.py")):
+            parts = file.relative_to(ROOT / folder).with_suffix("").parts
+            name = ".".join((*prefix, *parts))
+            yield file, name.removesuffix(".__init__")
+
+
+def imports_of(file: Path, name: str):
+    """(imported module, line, True if inside a function) of every import of lcmchain."""
+    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    inside = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            inside.update(id(child) for child in ast.walk(node) if child is not node)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            targets = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parents = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*parents, *([base] if base else [])])
+            # `from lcmchain import solver` imports a module, `from lcmchain.solver import run` a
+            # name; with both levels in the list the room is found either way.
+            targets = [f"{base}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        for target in targets:
+            if target.split(".")[0] in ("lcmchain", *OUTER):
+                yield target, node.lineno, id(node) in inside
+
+
+def room_of(module: str) -> str:
+    """First level below lcmchain; empty for names that lcmchain itself offers."""
+    parts = module.split(".")
+    room = parts[1] if len(parts) > 1 else ""
+    known = room in OUTER or (ROOT / "lcmchain" / room).is_dir() and room
+    return room if known or (ROOT / "lcmchain" / f"{room}.py").is_file() else ""
+
+
+def all_imports():
+    for file, name in source_files():
+        for target, line, in_function in imports_of(file, name):
+            place = f"{file.relative_to(ROOT)}:{line} imports {target}"
+            yield room_of(name), target, in_function, place
+
+
+def test_every_package_folder_is_listed_for_the_wheel():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    found = {name for file, name in source_files() if file.name == "__init__.py"}
+    assert sorted(settings["tool"]["setuptools"]["packages"]) == sorted(found)
+
+
+def test_every_source_file_lies_in_a_package():
+    lost = [str(file) for file, _ in source_files() if not (file.parent / "__init__.py").is_file()]
+    assert lost == []
+
+
+def test_every_core_module_has_a_rank():
+    rooms = {room_of(name) for _, name in source_files()} - set(OUTER)
+    assert rooms - set(RANK_OF_CORE) == set(), "place these in RANK_OF_CORE"
+
+
+def test_packages_are_imported_through_lcmchain_only():
+    bare = [place for _, target, _, place in all_imports() if target.split(".")[0] in OUTER]
+    assert bare == []
+
+
+def test_core_modules_import_downwards_only():
+    wrong = []
+    for room, target, _, place in all_imports():
+        other = room_of(target)
+        if room not in OUTER and other not in OUTER and other != room:
+            if RANK_OF_CORE.get(other, 0) > RANK_OF_CORE.get(room, 99):
+                wrong.append(place)
+    assert wrong == []
+
+
+def test_core_rooms_do_not_depend_on_each_other_in_circles():
+    needs: dict[str, set[str]] = {}
+    for room, target, _, _ in all_imports():
+        other = room_of(target)
+        if other and room and other != room:
+            needs.setdefault(room, set()).add(other)
+    # The chain is called by the pipeline and built on the core, both as intended.
+    needs = {room: set() if room in CHAIN_MODULES else others for room, others in needs.items()}
+    try:
+        TopologicalSorter(needs).prepare()
+    except CycleError as error:
+        pytest.fail(f"rooms import each other in a circle: {' <- '.join(error.args[1])}")
+
+
+def test_core_reaches_the_chain_from_pipeline_and_cli_functions_only():
+    wrong = []
+    for room, target, in_function, place in all_imports():
+        if room not in OUTER and room_of(target) in OUTER:
+            if room not in CHAIN_MODULES or not in_function:
+                wrong.append(place)
+    assert wrong == []
+
+
+def test_the_chain_imports_downwards_only():
+    wrong = []
+    for room, target, _, place in all_imports():
+        if room in OUTER and OUTER_RANK.get(room_of(target), 0) > OUTER_RANK[room]:
+            wrong.append(place)
+    assert wrong == []
+
+
+def run_python(code: str, **environment: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        env={**os.environ, **environment},
+        cwd=os.path.abspath(os.sep),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_import_is_light():
+    heavy = "('numba', 'numpy', 'scipy', 'pydantic', 'xarray', 'matplotlib')"
+    loaded = run_python(
+        f"import sys, lcmchain; print([name for name in {heavy} if name in sys.modules])"
+    )
+    assert loaded.strip() == "[]"
+
+
+def test_wheel_works_outside_the_checkout(tmp_path):
+    pytest.importorskip("setuptools", minversion="77")
+    # From a copy: a build folder left in the checkout would leak deleted files into the wheel.
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, copy)
+    for name in ("lcmchain", *OUTER):
+        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
+    built = subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", *options, "--wheel-dir", str(tmp_path), str(copy)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert built.returncode == 0, built.stdout + built.stderr
+    (wheel,) = tmp_path.glob("*.whl")
+    site = tmp_path / "site"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+
+    modules = {name for _, name in source_files()}
+    packed = {
+        ".".join(file.relative_to(site).with_suffix("").parts).removesuffix(".__init__")
+        for file in (site / "lcmchain").rglob("*.py")
+    }
+    assert packed == modules
+
+    code = f"""
+import importlib, pathlib
+for name in {sorted(modules - {"lcmchain.__main__"})!r}:
+    file = pathlib.Path(importlib.import_module(name).__file__)
+    assert file.is_relative_to({str(site)!r}), file
+import lcmchain
+assert all(getattr(lcmchain, name) is not None for name in lcmchain.__all__)
+import lcmchain.cli
+assert callable(lcmchain.cli.main)
+"""
+    run_python(
+        code, PYTHONPATH=str(site), XDG_CACHE_HOME=str(tmp_path / "cache"), NUMBA_CACHE_DIR=""
+    )

@@ -1,0 +1,304 @@
+"""The command line: quick help, thin commands, exit codes, and what is left on disk."""
+
+import json
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+from lcmchain import cli
+from lcmchain.errors import InputError, SimulationError
+from lcmchain.scene import read_scene
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+SCENE = """
+[process]
+time = "20 ms"
+[blank]
+size = ["100 mm", "80 mm"]
+edge_length = "10 mm"
+height = "0.502 mm"
+[material]
+preset = "MD600"
+[contact]
+friction = 0.157
+[[tools]]
+name = "punch"
+shape = { type = "sphere_capped_punch", radius = "30 mm" }
+position = "0 0 1.004 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "20 mm" }
+[[tools]]
+name = "holder"
+shape = { type = "plate_with_hole", hole_radius = "32 mm", fillet_radius = "5 mm", side = "above" }
+position = "0 0 2 mm"
+friction = 0
+motion = { type = "guided", direction = [0, 0, -1], mass = "1.7 kg" }
+"""
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / "dome.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    return path
+
+
+def exit_code(*arguments) -> int:
+    with pytest.raises(SystemExit) as stop:
+        cli.main([str(argument) for argument in arguments])
+    return stop.value.code or 0
+
+
+def stand_in(monkeypatch, module_name: str, **functions) -> None:
+    """Replace a module that a command imports when it runs."""
+    module = types.ModuleType(module_name)
+    for name, function in functions.items():
+        setattr(module, name, function)
+    monkeypatch.setitem(sys.modules, module_name, module)
+
+
+def test_help_lists_the_commands_without_loading_the_solver():
+    program = (
+        "import sys\n"
+        "import lcmchain.cli as cli\n"
+        "try:\n    cli.main(['--help'])\nexcept SystemExit as stop:\n    assert not stop.code\n"
+        "heavy = {'numba', 'numpy', 'pydantic', 'pint', 'xarray', 'matplotlib'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    for command in ("run", "check", "schema", "map", "fmu", "bench"):
+        assert f" {command} " in result.stdout
+
+
+def test_no_command_shows_the_help(capsys):
+    assert exit_code() == 2
+    captured = capsys.readouterr()
+    assert "Usage" in captured.out + captured.err
+
+
+@pytest.mark.parametrize("arguments", [["run"], ["walk"], ["run", "--threads", "0", "a.toml"]])
+def test_wrong_usage_is_wrong_input(arguments, capsys):
+    assert exit_code(*arguments) == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_run_hands_everything_over(monkeypatch, scene_file, tmp_path, capsys):
+    calls = []
+
+    def run_scene(scene, out, *, threads, resume, progress):
+        progress(0.5, 1.0, "forming")
+        calls.append((scene.process.frames, out, threads, resume))
+
+    stand_in(monkeypatch, "lcmchain.pipeline", run_scene=run_scene)
+    out = tmp_path / "deep" / "results"
+    code = exit_code(
+        "run", scene_file, "--out", out, "--threads", 2, "--resume", "--set", "process.frames=5",
+        "--set", "tools.punch.friction=0.2",
+    )  # fmt: skip
+    assert code == 0
+    assert calls == [(5, out, 2, True)]
+    assert str(out) in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (SimulationError("element 7 is inverted at 3 ms"), 1),
+        (InputError("is wrong", key="blank.size"), 2),
+        (OSError(28, "No space left on device", "forming.nc"), 1),
+        (KeyboardInterrupt(), None),
+    ],
+)
+def test_errors_are_one_message_and_an_exit_code(
+    error, code, monkeypatch, scene_file, tmp_path, capsys
+):
+    def run_scene(*arguments, **options):
+        raise error
+
+    stand_in(monkeypatch, "lcmchain.pipeline", run_scene=run_scene)
+    out = tmp_path / "deep" / "results"
+    found = exit_code("run", scene_file, "--out", out)
+    message = capsys.readouterr().err
+    if code is None:
+        assert found not in (0, 2)
+    else:
+        assert found == code
+        assert message.count("Error:") == 1 and message.startswith("Error: ")
+    assert "Traceback" not in message
+    assert not (tmp_path / "deep").exists(), "folders made for nothing are removed"
+
+
+def test_a_failed_run_keeps_what_it_left(monkeypatch, scene_file, tmp_path):
+    def run_scene(scene, out, **options):
+        (out / "checkpoint.npz").touch()
+        raise SimulationError("stopped by a guard")
+
+    stand_in(monkeypatch, "lcmchain.pipeline", run_scene=run_scene)
+    assert exit_code("run", scene_file, "--out", tmp_path / "results") == 1
+    assert (tmp_path / "results" / "checkpoint.npz").exists()
+
+
+def test_default_folder_is_named_after_the_scene():
+    assert cli.default_out(Path("examples/hemisphere_free/scene.toml")) == Path(
+        "results/hemisphere_free"
+    )
+    assert cli.default_out(Path("dome.toml")) == Path("results/dome")
+
+
+def test_existing_results_are_not_touched_by_wrong_input(scene_file, tmp_path, capsys):
+    out = tmp_path / "results"
+    out.mkdir()
+    (out / "forming.nc").write_text("earlier result")
+    assert exit_code("run", scene_file, "--out", out, "--set", "process.time=1") == 2
+    assert [path.name for path in out.iterdir()] == ["forming.nc"]
+    assert (out / "forming.nc").read_text() == "earlier result"
+
+
+def test_schema_is_json(tmp_path, capsys):
+    assert exit_code("schema") == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["title"] == "lcmchain scene"
+    assert exit_code("schema", "--out", tmp_path / "schema.json") == 0
+    assert json.loads((tmp_path / "schema.json").read_text()) == printed
+    assert exit_code("schema", "--out", tmp_path) == 2
+
+
+def test_map_passes_si_values(monkeypatch, tmp_path, capsys):
+    source, target = tmp_path / "forming.nc", tmp_path / "part.vtu"
+    source.touch(), target.touch()
+    calls = []
+
+    def map_file(source, target, out, **options):
+        calls.append((out.name, options))
+        return types.SimpleNamespace(summary=lambda: "part: 12 cells", warnings=["[a] warning"])
+
+    stand_in(monkeypatch, "lcmchain.mapping", map_file=map_file)
+    out = tmp_path / "mapped.nc"
+    options = ["--kind", "infiltration", "--maximum-distance", "2 mm", "--length-unit", "mm"]
+    assert exit_code("map", source, target, "--out", out, *options) == 0
+    assert calls[0][0] == "mapped.nc"
+    assert calls[0][1]["maximum_distance"] == 0.002
+    assert calls[0][1]["kind"] == "infiltration" and calls[0][1]["method"] == "overlap"
+    printed = capsys.readouterr().out
+    assert "part: 12 cells" in printed and "[a] warning" in printed
+
+    for wrong in (
+        ["--kind", "part"],
+        ["--method", "nearest"],
+        ["--maximum-distance", "2"],
+        ["--length-unit", "kg"],
+    ):
+        assert exit_code("map", source, target, "--out", out, *wrong) == 2
+        assert wrong[0] in capsys.readouterr().err
+    assert exit_code("map", tmp_path / "absent.nc", target, "--out", out) == 2
+    assert len(calls) == 1
+
+
+def test_fmu_build_reads_the_scene_first(monkeypatch, scene_file, tmp_path, capsys):
+    calls = []
+    stand_in(monkeypatch, "lcmchain.fmu.build", build_fmu=lambda *paths: calls.append(paths))
+    assert exit_code("fmu", "build", scene_file, "-o", tmp_path / "dome.fmu") == 0
+    assert calls == [(scene_file, tmp_path / "dome.fmu")]
+    assert exit_code("fmu", "build", scene_file, "-o", tmp_path / "dome.zip") == 2
+    scene_file.write_text(SCENE.replace('"20 ms"', "20"), encoding="utf-8")
+    assert exit_code("fmu", "build", scene_file, "-o", tmp_path / "dome.fmu") == 2
+    assert len(calls) == 1
+
+
+def test_bench_prints_its_table(monkeypatch, capsys):
+    stand_in(monkeypatch, "lcmchain.bench", run_bench=lambda: "0.031 us")
+    assert exit_code("bench") == 0
+    assert "0.031 us" in capsys.readouterr().out
+
+
+# --- check ----------------------------------------------------------------------------------------
+
+
+def test_check_says_what_is_simulated_and_why(scene_file, tmp_path, capsys):
+    assert exit_code("check", scene_file, "--out", tmp_path / "look") == 0
+    printed = capsys.readouterr().out
+    assert (tmp_path / "look" / "initial.png").stat().st_size > 10_000
+    for text in (
+        "Given in the scene", "blank.edge_length", "10 mm",
+        "Defaulted", "1.004 mm (preset MD600)", "contact.penalty",
+        "friction on punch", "coefficient 0.157", "guided tool holder",
+        "touches", "0.996 mm", "elements", "80", "critical time step",
+    ):  # fmt: skip
+        assert text in printed, text
+
+
+def test_effects_follow_from_the_scene(scene_file):
+    from lcmchain.check import scene_effects
+
+    def active(*overrides):
+        effects = scene_effects(read_scene(scene_file, overrides))
+        return {effect.name for effect in effects if effect.active}
+
+    basic = active()
+    assert {"compaction", "bending", "transverse shear", "hourglass control"} <= basic
+    assert {"contact with punch", "contact with holder", "friction on punch"} <= basic
+    assert "friction on holder" not in basic, "its coefficient is zero"
+    assert not {"enhanced strain", "gravity", "mass damping", "permeability"} & basic
+
+    assert "gravity" in active("process.gravity=true")
+    assert "mass damping" in active("process.mass_damping=50 1/s")
+    assert not any("contact" in name or "friction" in name for name in active("tools=[]"))
+    steel = (
+        'material={law="isotropic", thickness="1 mm", density="7850 kg/m^3",'
+        ' young_modulus="210 GPa", poisson_ratio=NU}'
+    )
+    assert "enhanced strain" in active(steel.replace("NU", "0.3"))
+    assert "enhanced strain" not in active(steel.replace("NU", "0.0"))
+    assert "compaction" not in active(steel.replace("NU", "0.3"))
+
+
+def test_estimated_step_is_the_time_of_a_wave_across_an_element(scene_file):
+    from lcmchain.blank import build_blank
+    from lcmchain.check import estimate_run
+
+    scene = read_scene(scene_file, ["blank.edge_length=5 mm"])
+    estimate = estimate_run(scene, build_blank(scene.blank, scene.material.thickness))
+    assert estimate.critical_step == pytest.approx(3.87e-6, abs=0.01e-6)
+    assert estimate.step_count == pytest.approx(0.02 / (0.9 * 3.87e-6), rel=0.01)
+    assert estimate.controlled_by == "in-plane waves"
+    thin = read_scene(scene_file, ["material.thickness=0.05 mm", "blank.height=0 mm",
+                                   "material.areal_mass=30 g/m^2"])  # fmt: skip
+    estimate = estimate_run(thin, build_blank(thin.blank, thin.material.thickness))
+    assert estimate.critical_step == pytest.approx(0.05e-3 / (0.1563e6 / 600.0) ** 0.5)
+    assert estimate.controlled_by == "waves over the thickness"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["tools=[]"], "nothing moves"),
+        (["tools.holder.motion.direction=[0, 0, 1]"], "points against its direction"),
+        (["tools.holder.shape.fillet_radius=2 mm"], "smaller than the elements"),
+        (["tools.holder.shape.fillet_radius=0 mm"], "sharp edge"),
+        (["element.compaction_strain=director"], "fold over"),
+        (["material.areal_mass=1700 g/m^2"], "more than fibres can be packed to"),
+    ],
+)
+def test_what_is_probably_not_meant_is_said(overrides, words, scene_file):
+    from lcmchain.check import scene_warnings
+
+    assert any(words in warning for warning in scene_warnings(read_scene(scene_file, overrides)))
+    regular = scene_warnings(read_scene(scene_file))
+    assert not any(words in warning for warning in regular if "smaller than" not in warning)
+
+
+@pytest.mark.parametrize("name", ["hemisphere_holder", "hemisphere_free", "stl_tool"])
+def test_examples_can_start(name):
+    from lcmchain.check import check_scene
+
+    report = check_scene(read_scene(EXAMPLES / name / "scene.toml"))
+    assert not report.warnings
+    gaps = {gap.tool: gap.gap for gap in report.gaps}
+    start = 0.0 if name != "stl_tool" else 0.096e-3
+    assert gaps["punch"] == pytest.approx(start, abs=0.01e-3)
+    assert all(abs(gap) < 1e-6 for tool, gap in gaps.items() if tool != "punch")
+    assert report.element_count == (1024 if name == "stl_tool" else 3600)
