@@ -6,13 +6,14 @@ from lcmchain.compile_cache import use_source_keyed_cache
 
 __version__ = "0.1.0"
 
-__all__ = ["Scene", "read_scene", "run"]
+__all__ = ["Result", "Scene", "read_scene", "run"]
 
 # First of all: numba reads the cache folder when it is imported.
 use_source_keyed_cache()
 
 # Public names and where they live; loaded on first use so that `import lcmchain` stays quick.
 _HOME_OF_NAME = {
+    "Result": "lcmchain.pipeline",
     "Scene": "lcmchain.scene",
     "read_scene": "lcmchain.scene",
     "run": "lcmchain.pipeline",

@@ -59,7 +59,7 @@ def run(
 
     the_scene = read_scene(scene, overrides or ())
     with output_folder(out or default_out(scene)) as folder:
-        from lcmchain.pipeline import run_scene
+        from lcmchain.pipeline import run as run_scene
 
         with progress_bar() as progress:
             run_scene(the_scene, folder, threads=threads, resume=resume, progress=progress)

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from numba import njit
 
+from lcmchain.threads import load_threading_library
+
+load_threading_library()
+
 # 'nnan' and 'ninf' are left out on purpose: they let the compiler delete the guards' checks.
 FLOATING_POINT = {"contract", "nsz"}
 

@@ -72,6 +72,7 @@ def mapped_dataset(
             "cf_role": f"{location}_node_connectivity",
             "long_name": f"nodes of each {location}",
             "start_index": np.int32(0),
+            "_FillValue": np.int32(-1),
         },
     )
     for axis, values in zip("xyz", points.T, strict=True):
@@ -89,23 +90,17 @@ def mapped_dataset(
     dataset = xr.Dataset(variables)
     dataset = dataset.set_coords(coordinates)
     dataset.attrs = {**sheet.provenance, **_global_attributes(sheet, target, report)}
-    fill = dataset[connectivity].encoding
-    fill["_FillValue"] = np.int32(-1)
-    for name in dataset.variables:
-        if name != connectivity and name not in mapped.scalars:
-            dataset[name].encoding["_FillValue"] = None
-    for name in _nan_fields(mapped):
-        dataset[name].encoding["_FillValue"] = np.nan
     return dataset
 
 
 def write_netcdf(path: Path | str, dataset: xr.Dataset) -> None:
-    """Write a mapped dataset as netCDF-4."""
-    encoding = {
-        name: {"zlib": True, "complevel": 4}
-        for name, variable in dataset.variables.items()
-        if variable.ndim
-    }
+    """Write a mapped dataset as netCDF-4, numbers in double precision without loss."""
+    encoding: dict[str, dict] = {}
+    for name, variable in dataset.variables.items():
+        options = {} if "_FillValue" in variable.attrs else {"_FillValue": None}
+        if variable.ndim:
+            options |= {"zlib": True, "complevel": 4, "shuffle": True}
+        encoding[name] = options
     with replacing(path) as temporary:
         dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
 
@@ -142,11 +137,11 @@ def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) ->
     """Every cell variable with its attributes, in the order of the file."""
     fields = {}
     for name, values in mapped.scalars.items():
-        fields[name] = (values, dict(sheet.attributes.get(name, {"long_name": name})))
+        fields[name] = (values, _attributes(sheet, name))
     for stem, family in mapped.directions.items():
         for axis, values in zip("xyz", family.direction.T, strict=True):
             name = f"{stem}_{axis}"
-            fields[name] = (np.ascontiguousarray(values), dict(sheet.attributes.get(name, {})))
+            fields[name] = (np.ascontiguousarray(values), _attributes(sheet, name))
     fields["mapping_status"] = (
         weights.status,
         {
@@ -165,14 +160,18 @@ def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) ->
     )
     fields["mapping_distance"] = (
         weights.distance,
-        {"long_name": "distance of the cell's centroid from the sheet", "units": "m"},
+        {
+            "long_name": "distance of the cell's centroid from the sheet",
+            "units": "m",
+            "_FillValue": np.nan,
+        },
     )
     return fields
 
 
-def _nan_fields(mapped: MappedFields) -> list[str]:
-    components = [f"{stem}_{axis}" for stem in mapped.directions for axis in "xyz"]
-    return [*mapped.scalars, *components, "mapping_distance"]
+def _attributes(sheet: Sheet, name: str) -> dict:
+    """Attributes of a field, and the value of cells without a sheet."""
+    return {"long_name": name, "units": "1", **sheet.attributes.get(name, {}), "_FillValue": np.nan}
 
 
 def _compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -73,7 +73,7 @@ def draw_mapping(
     figure = Figure(figsize=(11.0, 1.1 + 4.6 * sum(heights) + 0.35 * row_count), dpi=110)
     FigureCanvasAgg(figure)
     axes = figure.subplots(row_count, 2, squeeze=False, gridspec_kw={"height_ratios": heights})
-    figure.set_layout_engine("constrained", hspace=0.01, h_pad=0.02)
+    figure.set_layout_engine("constrained", hspace=0.01, h_pad=0.06)
     figure.suptitle(_headline(report), fontsize=10.5)
 
     for row, (name, factor, label) in zip(axes, rows, strict=False):

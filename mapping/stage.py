@@ -78,7 +78,7 @@ def map_file(
     kind : ``"infiltration"`` (surface cells) or ``"structure"`` (solids, else shells).
     method : ``"overlap"`` or ``"closest"``.
     maximum_distance : how far [m] from the sheet a cell may lie, by default one edge length of
-        the sheet.
+        the sheet, or the radius of a typical cell where that is larger.
     length_unit : unit of the target's coordinates; what is written is in metres.
     frame : saved frame to map, the last one by default.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.

@@ -104,6 +104,13 @@ class TargetMesh:
         summed = np.where(used[:, :, None], self.points[self.corners], 0.0).sum(axis=1)
         return summed / used.sum(axis=1)[:, None]
 
+    @cached_property
+    def cell_radius(self) -> float:
+        """Median over the cells of the distance from the centroid to the farthest corner [m]."""
+        offset = self.points[self.corners] - self.centroids[:, None]
+        distance = np.where(self.corners >= 0, np.linalg.norm(offset, axis=2), 0.0)
+        return float(np.median(distance.max(axis=1)))
+
     def polygons(self, sheet_normals: np.ndarray) -> CellPolygons:
         """One polygon per cell; a solid is cut through its centroid.
 

@@ -28,7 +28,7 @@ COVERED = 0.99
 
 # A face whose nodes all lie over the target is taken as wholly covered when the intersections
 # found at least this share of it; the rest fell into the wedges between neighbouring cells.
-WEDGE = 0.8
+WEDGE = 0.5
 
 FORMAT = 1
 
@@ -153,9 +153,13 @@ def mesh_key(points: np.ndarray, cells: np.ndarray) -> str:
     return digest.hexdigest()[:32]
 
 
-def default_maximum_distance(sheet: Sheet) -> float:
-    """One edge length of the sheet [m]: two surfaces nearer than that count as the same part."""
-    return sheet.surface.edge_length
+def default_maximum_distance(sheet: Sheet, target: TargetMesh) -> float:
+    """Distance [m] up to which a cell and the sheet count as the same part.
+
+    One edge length of the sheet, or the radius of a typical cell where that is larger: flat cells
+    cut the corners of a curved part by a fraction of their size.
+    """
+    return max(sheet.surface.edge_length, target.cell_radius)
 
 
 def compute_weights(
@@ -172,7 +176,7 @@ def compute_weights(
     method : ``"overlap"`` averages over the part of the sheet that lies over the cell, measured
         on the cell's tangent plane; ``"closest"`` takes the face closest to the cell's centroid.
     maximum_distance : how far [m] from the sheet a cell may lie; by default one edge length of
-        the sheet.
+        the sheet, or the radius of a typical cell where that is larger.
 
     Raises
     ------
@@ -181,7 +185,7 @@ def compute_weights(
     if method not in METHODS:
         raise InputError(f'"{method}" is no mapping method; write one of {", ".join(METHODS)}')
     if maximum_distance is None:
-        maximum_distance = default_maximum_distance(sheet)
+        maximum_distance = default_maximum_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
         raise InputError(f"maximum_distance has to be positive, not {maximum_distance} m")
     surface = sheet.surface

@@ -308,10 +308,11 @@ def _coordinates(mesh: str, positions: np.ndarray) -> dict[str, tuple]:
         attributes = {
             "units": "m",
             "long_name": f"{axis} coordinate of the node in the last frame",
-        }
-        if axis != "z":
             # Readers of two-dimensional meshes know the plane of the map by these names.
-            attributes["standard_name"] = f"projection_{axis}_coordinate"
+            "standard_name": f"projection_{axis}_coordinate",
+        }
+        if axis == "z":
+            attributes |= {"standard_name": "height", "positive": "up"}
         variables[f"{mesh}_node_{axis}"] = (f"{mesh}_node", np.array(values), attributes)
     return variables
 

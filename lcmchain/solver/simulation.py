@@ -8,18 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lcmchain.threads import load_threading_library
-
-load_threading_library()
-
-from lcmchain.elements.diagnosis import strain_energies, thickness_stretches  # noqa: E402
-from lcmchain.elements.frequency import IN_PLANE_MODES, frequency_bounds  # noqa: E402
-from lcmchain.elements.kernel import LANES  # noqa: E402
-from lcmchain.model import Model, build_model  # noqa: E402
-from lcmchain.solver import guards  # noqa: E402
-from lcmchain.solver.contact_search import find_near_nodes  # noqa: E402
-from lcmchain.solver.loop import NODE_CHUNK, TOOL_COLUMNS, Arrays, advance  # noqa: E402
-from lcmchain.state import (  # noqa: E402
+from lcmchain.elements.diagnosis import strain_energies, thickness_stretches
+from lcmchain.elements.frequency import IN_PLANE_MODES, frequency_bounds
+from lcmchain.model import Model, build_model
+from lcmchain.solver import guards
+from lcmchain.solver.contact_search import find_near_nodes
+from lcmchain.solver.loop import NODE_CHUNK, TOOL_COLUMNS, Arrays, advance
+from lcmchain.state import (
     CONTACT,
     CONTACT_DAMPING,
     EXTERNAL,
@@ -29,6 +24,7 @@ from lcmchain.state import (  # noqa: E402
     WORK_COLUMNS,
     State,
 )
+from lcmchain.tools.motion import prescribed_travel
 
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
 # short enough that a fabric under compaction stiffens by less than step_safety allows for.
@@ -103,6 +99,16 @@ class Simulation:
         self.state = state.copy()
         self._bind()
 
+    def compile(self) -> None:
+        """Compile (or load from the cache) every kernel that a run needs, without a step."""
+        before = self.state.copy()
+        self.critical_step()
+        self._find_contact()
+        self._check_elements()
+        self.energy()
+        self._advance(0, 1.0)
+        self.restore(before)
+
     def advance_to(self, time: float, on_chunk: Callable[[Simulation], None] | None = None):
         """Advance to ``time`` [s] exactly; call ``on_chunk`` after every chunk of steps.
 
@@ -115,14 +121,7 @@ class Simulation:
             remaining = time - self.time
             count = max(1, math.ceil(remaining / step))
             chunk = min(count, STEPS_PER_CHUNK)
-            advance(
-                self._arrays,
-                self.model.tools,
-                self.model.environment,
-                self.model.elements,
-                chunk,
-                remaining / count,
-            )
+            self._advance(chunk, remaining / count)
             if chunk == count:
                 self.state.clock[0] = time
             history = self.control.history
@@ -213,6 +212,12 @@ class Simulation:
             chunk_sums=np.zeros((chunk_count, columns)),
         )
 
+    def _advance(self, step_count: int, step: float) -> None:
+        model = self.model
+        advance(
+            self._arrays, model.tools, model.environment, model.elements, step_count, float(step)
+        )
+
     def _prepare_chunk(self) -> float:
         """Check the elements, search for contact, and return the step [s] of the next chunk."""
         state = self.state
@@ -256,8 +261,6 @@ class Simulation:
         find_near_nodes(self._arrays, model.tools, reach)
 
     def _coming_tool_speed(self, tool: int, step: float) -> float:
-        from lcmchain.tools.motion import prescribed_travel
-
         if self.state.driven[tool]:
             return abs(float(self.state.tool_input[tool, 0]))
         later = prescribed_travel(self.model.tools, tool, self.time + STEPS_PER_CHUNK * step)[1]

@@ -36,7 +36,7 @@ def tool_surface(tool, directory: Path, extent) -> tuple[np.ndarray, np.ndarray]
         box = position + np.array([[-1.0], [1.0]]) * box * np.ones(3)
     # Infinite parts must reach the corner of the box that lies farthest from the tool.
     reach = float(np.linalg.norm(np.maximum(np.abs(box[0] - position), np.abs(box[1] - position))))
-    key = f"tool {tool.name}"
+    key = f'tool "{tool.name}"'
     if tool.shape.type == "surface_mesh":
         surface = read_surface(Path(directory) / tool.shape.file, tool.shape.length_unit)
         points, faces = surface.points, surface.triangles

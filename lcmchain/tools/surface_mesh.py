@@ -36,6 +36,9 @@ WELD = 1e-6
 #: counts as solid. Wide enough to close the cracks between patches that do not share vertices.
 OVERHANG = 1.0
 
+#: Largest difference of distances, in spacings, at which two open edges count as equally close.
+CRACK = 0.05
+
 #: Largest jump of a true signed distance between neighbouring nodes, in spacings. One is the limit
 #: for a solid; beyond an open edge the two sides differ by up to 1 + sqrt(1 + OVERHANG^2).
 LARGEST_JUMP = 3.0
@@ -174,7 +177,7 @@ def build_distance_field(surface: Surface, spacing: float | None, *, key: str) -
     origin = low - margin
     shape = tuple(int(n) for n in np.ceil((high - low + 2.0 * margin) / h) + 1)
 
-    squared = np.full(shape, np.inf)
+    unsigned = np.full(shape, np.inf)
     side = np.zeros(shape, np.int8)
     normals, is_open = _feature_normals(surface)
     _narrow_band(
@@ -185,14 +188,15 @@ def build_distance_field(surface: Surface, spacing: float | None, *, key: str) -
         h,
         BAND * h,
         OVERHANG * h,
-        squared,
+        unsigned,
         side,
         np.zeros(shape, np.float32),
     )
-    in_band = np.isfinite(squared)
+    in_band = np.isfinite(unsigned)
+    unsigned[~in_band] = 0.0
     beyond_edge = in_band & (side == 0)
     valid = in_band & ~beyond_edge
-    distance = np.where(valid, side * np.sqrt(np.where(in_band, squared, 0.0)), 0.0)
+    distance = side * unsigned
     _check_jumps(distance, valid, origin, h, surface.file)
 
     inside = _enclosed(in_band, valid & (side < 0))
@@ -203,12 +207,10 @@ def build_distance_field(surface: Surface, spacing: float | None, *, key: str) -
     fringe &= ndimage.binary_dilation(free, np.ones((3, 3, 3)))
 
     # Any path from a node outside the band to the surface passes a node of the band.
-    bound = np.where(in_band, np.sqrt(np.where(in_band, squared, 0.0)), 0.0)
-    bound += np.where(
-        in_band, 0.0, h * ndimage.distance_transform_edt(~in_band) + (BAND - math.sqrt(3.0)) * h
-    )
+    way = ndimage.distance_transform_edt(~in_band) + BAND - math.sqrt(3.0)
+    bound = np.where(in_band, unsigned / h, way)
     bound[beyond_edge | fringe] = 0.0
-    steps = 1.0 + np.floor(np.maximum(bound / h - 0.5 * math.sqrt(3.0), 0.0))
+    steps = 1.0 + np.floor(np.maximum(bound - 0.5 * math.sqrt(3.0), 0.0))
     negative = (inside | (valid & (side < 0))) & ~fringe
     far_bound = np.where(negative, -1.0, 1.0) * np.minimum(steps, 127.0)
     far_bound[interpolated] = 0.0
@@ -443,13 +445,15 @@ def _closest_on_triangle(p, a, b, c):
 
 
 @strict_equation
-def _narrow_band(corners, normals, is_open, origin, h, band, overhang, squared, side, alignment):
-    """Fill squared distance and side (+1, -1; 0 behind an open edge) of nodes near the surface.
+def _narrow_band(corners, normals, is_open, origin, h, band, overhang, distance, side, alignment):
+    """Fill distance and side (+1, -1; 0 behind an open edge) of the nodes near the surface.
 
-    `alignment` is scratch: the cosine between the way to the closest point and its normal. Between
-    equally close features, as along cracks, the best aligned one tells the side.
+    The pseudonormal of an open edge knows one of its sides only. Where two such edges are as close,
+    as at a crack, the one tells the side whose normal is best aligned with the way to it.
+    `alignment` is scratch: this cosine; -1 where an edge or vertex with all its triangles, of which
+    the closest always tells the side, is the closest.
     """
-    tie = 1e-6 * h * h
+    tie = CRACK * h
     for t in range(corners.shape[0]):
         a = (corners[t, 0, 0], corners[t, 0, 1], corners[t, 0, 2])
         b = (corners[t, 1, 0], corners[t, 1, 1], corners[t, 1, 2])
@@ -471,28 +475,36 @@ def _narrow_band(corners, normals, is_open, origin, h, band, overhang, squared, 
                         + (y - a[1]) * normals[t, 0, 1]
                         + (z - a[2]) * normals[t, 0, 2]
                     )
-                    best = min(squared[i, j, k], band * band)
-                    if height * height > best + tie:
+                    closest = distance[i, j, k]
+                    if abs(height) > min(closest + tie, band):
                         continue
                     qx, qy, qz, feature = _closest_on_triangle((x, y, z), a, b, c)
                     dx, dy, dz = x - qx, y - qy, z - qz
-                    d2 = dx * dx + dy * dy + dz * dz
-                    if d2 > best + tie or d2 > band * band:
+                    d = math.sqrt(dx * dx + dy * dy + dz * dz)
+                    if d > min(closest + tie, band):
                         continue
                     along = (
                         dx * normals[t, feature, 0]
                         + dy * normals[t, feature, 1]
                         + dz * normals[t, feature, 2]
                     )
-                    cosine = abs(along) / math.sqrt(d2) if d2 > 0.0 else 1.0
-                    if d2 >= squared[i, j, k] - tie and cosine <= alignment[i, j, k]:
-                        squared[i, j, k] = min(d2, squared[i, j, k])
+                    cosine = -1.0
+                    if feature == 0 or d == 0.0:
+                        cosine = 1.0
+                    elif is_open[t, feature]:
+                        cosine = abs(along) / d
+                    comparable = cosine >= 0.0 and alignment[i, j, k] >= 0.0
+                    if comparable and d > closest - tie:
+                        preferred = cosine > alignment[i, j, k]
+                    else:
+                        preferred = d < closest
+                    distance[i, j, k] = min(d, closest)
+                    if not preferred:
                         continue
-                    squared[i, j, k] = min(d2, squared[i, j, k])
                     alignment[i, j, k] = cosine
                     if along >= 0.0:
                         side[i, j, k] = 1
-                    elif is_open[t, feature] and d2 - along * along > overhang * overhang:
+                    elif is_open[t, feature] and d * d - along * along > overhang * overhang:
                         side[i, j, k] = 0
                     else:
                         side[i, j, k] = -1

@@ -99,11 +99,12 @@ def build_tool_table(
     ToolWarning
         if a surface mesh had to be repaired or is not well resolved by its distance field.
     """
-    shapes = [tool_shape(tool, directory, key=f"tools[{i}].shape") for i, tool in enumerate(tools)]
-    rotations = [tool_rotation(tool, key=f"tools[{i}].axis") for i, tool in enumerate(tools)]
+    keys = [f'tools[{i}] "{tool.name}"' for i, tool in enumerate(tools)]
+    shapes = [tool_shape(tool, directory, key=f"{key}.shape") for tool, key in zip(tools, keys)]
+    rotations = [tool_rotation(tool, key=f"{key}.axis") for tool, key in zip(tools, keys)]
     motions = [
-        motion_entries(tool.motion, rotation[2], process_time, key=f"tools[{i}].motion")
-        for i, (tool, rotation) in enumerate(zip(tools, rotations))
+        motion_entries(tool.motion, rotation[2], process_time, key=f"{key}.motion")
+        for tool, rotation, key in zip(tools, rotations, keys)
     ]
     for i, tool in enumerate(tools):
         if tool.shape.type == "plate" and _flipped(tool):

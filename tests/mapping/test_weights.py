@@ -129,6 +129,26 @@ def test_fibre_mass_is_conserved_between_curved_meshes(make, bowls):
     assert weights.wedge_correction < 0.1
 
 
+@pytest.mark.parametrize("offset", [-0.05, 0.05])
+def test_no_fibre_is_lost_between_the_cells_of_a_bent_target(make, offset):
+    """Off the sheet, prisms over neighbouring cells of an arc leave or share thin wedges."""
+
+    def arc(points, radius):
+        angle, width = points.T
+        return np.stack([radius * np.sin(angle), width, radius * np.cos(angle)], axis=1)
+
+    points, quads = make.grid(24, 4)
+    other, cells = make.grid(9, 3, (-0.2, -0.2), (1.2, 1.2))
+    sheet = read_sheet(make.forming_result(arc(points, 1.0), quads, areal_fibre_mass=0.6))
+    target = shell(arc(other, 1.0 + offset), cells)
+    weights = compute_weights(sheet, target, maximum_distance=0.2)
+    np.testing.assert_array_equal(weights.face_coverage, 1.0)
+    assert 0.02 < weights.wedge_correction < 0.25
+    mapped = transfer(sheet, target, weights).scalars["areal_fibre_mass"]
+    whole = 0.6 * sheet.surface.areas.sum()
+    assert content_of_cells(weights, mapped) == pytest.approx(whole, rel=1e-12)
+
+
 @settings(max_examples=15)
 @given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3), st.sampled_from(METHODS))
 def test_a_rotated_pair_of_meshes_maps_the_same(make, bowls, turn, method):

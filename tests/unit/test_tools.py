@@ -240,6 +240,27 @@ def test_open_end_towards_the_axis_stops_there():
     np.testing.assert_allclose(disc, puck, atol=1e-15)
 
 
+def test_no_point_falls_between_a_line_and_its_fillet():
+    # On the common normal of a line and an arc, rounding may put a point beyond the end of both.
+    rng = np.random.default_rng(7)
+    for _ in range(60):
+        slopes = rng.uniform(0.3, 1.2, 2)
+        corner = rng.uniform(-0.3, 0.3, 2)
+        ends = corner + [(-0.1, -0.1 * slopes[0]), (0.1, -0.1 * slopes[1])]
+        points = [ends[0], corner, ends[1]]
+        shape = {"type": "extruded_profile", "points": points, "solid": "right"}
+        table = table_of({**shape, "fillet_radii": (0.0, rng.uniform(0.01, 0.03), 0.0)})
+        for start, end, piece in ((0, 1, 1), (1, 2, 1)):
+            tangent = (points[end] - points[start]) / np.linalg.norm(points[end] - points[start])
+            centre = table.segments[piece, 1:3]
+            normal = np.array([-tangent[1], tangent[0]])
+            joint = points[1] + tangent * np.dot(centre - points[1], tangent)
+            height = np.linspace(-0.008, 0.1, 50)
+            plane = joint + height[:, None] * normal
+            where = np.insert(plane, 1, 0.0, axis=1)
+            np.testing.assert_allclose(gaps(table, 0, where, 0.0), height, atol=1e-15)
+
+
 # --- properties of every signed distance ----------------------------------------------------------
 
 
@@ -341,6 +362,7 @@ def test_normal_at_pole_and_centre_of_a_punch():
 def test_hot_function_counts_no_references():
     # One pair of counts per array of the table and call costs more than the distance itself.
     options = {**signed_distance.targetoptions, "cache": False}  # cached code cannot be inspected
+    options.pop("nopython")
     fresh = numba.njit(**options)(signed_distance.py_func)
     fresh(TABLES["cone"], 0, 0.0, 0.0, 0.0, 0.0)
     (code,) = fresh.inspect_llvm().values()
@@ -395,7 +417,7 @@ def test_wrong_profiles_are_named(points, radii, says):
     shape = {"type": "revolved_profile", "points": points, "fillet_radii": radii, "solid": "left"}
     with pytest.raises(InputError, match=says) as error:
         table_of(SPHERE_CAPPED, shape)
-    assert error.value.key.startswith("tools[1].shape.")
+    assert error.value.key.startswith('tools[1] "tool".shape.')
 
 
 # --- motion ---------------------------------------------------------------------------------------
@@ -496,17 +518,17 @@ def test_friction_of_a_tool_or_of_the_scene():
 @pytest.mark.parametrize(
     "changes, key",
     [
-        ({"end": 0.005}, "tools[0].motion.end"),
-        ({"direction": (0, 0, 0)}, "tools[0].motion.direction"),
-        ({"profile": "fast"}, "tools[0].motion.profile"),
-        ({"type": "table", "times": (0, 2, 1), "travel": (0, 1, 2)}, "tools[0].motion.times[2]"),
-        ({"type": "table", "times": (0, 2), "travel": (0, 1, 2)}, "tools[0].motion.travel"),
+        ({"end": 0.005}, "motion.end"),
+        ({"direction": (0, 0, 0)}, "motion.direction"),
+        ({"profile": "fast"}, "motion.profile"),
+        ({"type": "table", "times": (0, 2, 1), "travel": (0, 1, 2)}, "motion.times[2]"),
+        ({"type": "table", "times": (0, 2), "travel": (0, 1, 2)}, "motion.travel"),
     ],
 )
 def test_wrong_motions_are_named(changes, key):
     with pytest.raises(InputError) as error:
         table_of(PUCK, motion=SimpleNamespace(**{**vars(SMOOTH_STROKE), **changes}))
-    assert error.value.key == key
+    assert error.value.key == f'tools[0] "tool".{key}'
 
 
 # --- surface meshes -------------------------------------------------------------------------------
@@ -659,6 +681,12 @@ def test_open_skin_is_solid_behind_and_free_beside(tmp_path):
         distance, normals = distances_and_normals(table, over + (0.0, 0.0, height))
         np.testing.assert_allclose(distance, height, atol=1e-8)
         np.testing.assert_allclose(normals, np.tile([0.0, 0.0, 1.0], (21, 1)), atol=1e-6)
+    # Behind the skin it is solid down to where the band ends, and free from there on.
+    down = -np.linspace(0.0, 7.0, 141) * spacing
+    behind = gaps(table, 0, np.stack((0.003 + 0.0 * down, 0.0 * down, down), axis=1), 0.0)
+    solid = behind < 0.0
+    np.testing.assert_allclose(behind[solid], down[solid], atol=1e-8)
+    assert solid[1:61].all() and not solid[101:].any() and np.count_nonzero(np.diff(solid)) == 2
     # A sheet that hangs down over the edge, or passes far behind the skin, touches nothing.
     hanging = np.array([(0.03 + 2.5 * spacing, 0.0, z) for z in np.linspace(-0.02, 0.01, 61)])
     assert (gaps(table, 0, hanging, 0.0) >= 0.0).all()
@@ -677,6 +705,46 @@ def test_cracks_between_patches_do_not_leak(tmp_path):
         distance, normals = distances_and_normals(table, way)
         np.testing.assert_allclose(distance, height, atol=1e-4)
         assert (normals[:, 2] > 0.99).all()
+
+
+def test_sign_beyond_an_acute_crack(tmp_path):
+    # The flanks of a wedge of 30 degrees meet at the y axis without sharing a vertex. A point
+    # beside the tip is as close to both, but only one of them knows that it is outside.
+    at = np.linspace(-0.03, 0.03, 13)
+    slope = math.tan(math.radians(15.0))
+    points, triangles = [], []
+    for sign in (1.0, -1.0):
+        start = len(points)
+        points += [(1e-6 * sign - x, y, sign * slope * x) for x in (0.0, 0.03) for y in at]
+        for i in range(start, start + 12):
+            strip = [(i, i + 14, i + 13), (i, i + 1, i + 14)]
+            triangles += strip if sign > 0.0 else [triangle[::-1] for triangle in strip]
+    table = mesh_table(tmp_path, np.array(points), np.array(triangles), 0.001)
+    angle = np.radians(np.arange(-85.0, 86.0, 5.0))
+    around = 0.002 * np.stack((np.cos(angle), 0.0 * angle, np.sin(angle)), axis=1)
+    np.testing.assert_allclose(gaps(table, 0, around, 0.0), 0.002, atol=2e-4)
+
+
+def test_sign_beyond_a_vertex_of_uneven_triangles(tmp_path):
+    # A spike one of whose faces is cut into forty triangles: they must not outvote the others.
+    turn = np.radians(np.concatenate((np.linspace(0.0, 90.0, 41), [180.0, 270.0])))
+    rim = np.stack((np.cos(turn), np.sin(turn), np.full_like(turn, -3.0)), axis=1)
+    rim[1:40, :2] = rim[0, :2] + np.linspace(0.0, 1.0, 41)[1:40, None] * (rim[40] - rim[0])[:2]
+    points = 0.01 * np.concatenate(([(0.0, 0.0, 0.0)], rim))
+    around = np.arange(1, len(points))
+    triangles = np.stack((np.zeros_like(around), around, np.roll(around, -1)), axis=1)
+    table = mesh_table(tmp_path, points, triangles, 0.0005)
+    where = random_points(4000, reach=0.002, seed=8)
+    # Closest to the tip: behind the plane through the tip across each of the four ridges.
+    ridges = points[[1, 41, 42, 43]] / np.linalg.norm(points[1])
+    where = where[(where @ ridges.T < -1e-4).all(axis=1)]
+    exact = np.linalg.norm(where, axis=1)
+    where, exact = where[exact > 0.0008], exact[exact > 0.0008]
+    assert len(where) > 100
+    distance = gaps(table, 0, where, 0.0)
+    near = exact < 0.0012
+    np.testing.assert_allclose(distance[near], exact[near], atol=1e-4)
+    assert (distance > 0.0).all()
 
 
 def test_turned_triangles_are_turned_back(tmp_path):

@@ -1,0 +1,132 @@
+"""Curves of a run: energy balance over time, tool forces over stroke."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import xarray as xr
+
+from lcmchain.fields.summary import punch_index, tool_force_magnitude
+from lcmchain.report.style import INK, RC, SERIES, headline, new_figure, save
+
+# Parts of the energy balance that are not stored or dissipated energy, and how they are drawn.
+WORK, ERROR = "external", "balance_error"
+# Kinetic to internal energy below which a process counts as quasi-static.
+QUASI_STATIC = 0.05
+
+
+def draw_energy(path: Path | str, history: xr.Dataset, title: str = "") -> None:
+    """Draw the energy balance over time, and kinetic energy and balance error as ratios.
+
+    The ratios refer to the internal energy at the time (kinetic) and to its largest value
+    (balance error); percent on a logarithmic scale.
+    """
+    time = 1e3 * history["time"].values
+    parts = {
+        str(name).removeprefix("energy_"): values.values
+        for name, values in history.data_vars.items()
+        if str(name).startswith("energy_")
+    }
+    error = parts.pop(ERROR, None)
+    largest = max((np.nanmax(np.abs(v)) for v in parts.values()), default=0.0)
+    factor, unit = (1e3, "mJ") if largest < 1.0 else (1.0, "J")
+    with matplotlib.rc_context(RC):
+        figure = new_figure(7.2, 5.4)
+        top = figure.add_axes([0.105, 0.42, 0.66, 0.455])
+        ratios = figure.add_axes([0.105, 0.095, 0.66, 0.26], sharex=top)
+        colours = iter(SERIES)
+        for name, values in parts.items():
+            style = {"color": INK, "ls": "--"} if name == WORK else {"color": next(colours, INK)}
+            label = "work of the tools" if name == WORK else name.replace("_", " ")
+            top.plot(time, factor * values, lw=1.5, label=label, **style)
+        top.set_ylabel(f"energy [{unit}]")
+        top.tick_params(labelbottom=False)
+        top.legend(loc="upper left", bbox_to_anchor=(1.02, 1.02))
+        _draw_ratios(ratios, time, parts, error)
+        for axis in (top, ratios):
+            _finish(axis, time)
+        ratios.set_xlabel("time [ms]")
+        headline(figure, "Energy balance", title)
+        save(figure, path)
+
+
+def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
+    """Draw the force on every tool over the stroke of the punch, and over time with the travel."""
+    time = 1e3 * history["time"].values
+    force = tool_force_magnitude(history)
+    travel = 1e3 * history["tool_travel"].values
+    names = [str(name) for name in history["tool"].values]
+    punch = punch_index(history)
+    with matplotlib.rc_context(RC):
+        figure = new_figure(9.6, 3.9)
+        left = figure.add_axes([0.07, 0.135, 0.40, 0.67])
+        right = figure.add_axes([0.545, 0.135, 0.395, 0.67])
+        second = right.twinx()
+        for tool, name in enumerate(names):
+            colour = SERIES[tool % len(SERIES)]
+            line = {"color": colour, "lw": 1.9 if tool == punch else 1.2}
+            left.plot(travel[:, punch], force[:, tool], label=name, **line)
+            right.plot(time, force[:, tool], **line)
+            if np.ptp(travel[:, tool]) > 0.0:
+                second.plot(time, travel[:, tool], color=colour, lw=1.0, ls=":")
+        peak = int(np.argmax(force[:, punch]))
+        left.annotate(
+            f"{names[punch]}: max {force[peak, punch]:.3g} N",
+            (travel[peak, punch], force[peak, punch]), (-8, 3), textcoords="offset points",
+            ha="right", fontsize=7.5,
+        )  # fmt: skip
+        left.plot(travel[peak, punch], force[peak, punch], "o", ms=3.5, color=INK, clip_on=False)
+        left.set_xlabel(f"travel of the {names[punch]} [mm]")
+        left.set_ylabel("contact force [N]")
+        left.legend(loc="upper left")
+        right.set_xlabel("time [ms]")
+        right.set_ylabel("contact force [N]")
+        second.set_ylabel("travel [mm] (dotted)")
+        reach = float(np.nanmax(np.abs(travel))) or 1.0
+        second.set_ylim(min(1.12 * float(np.nanmin(travel)), 0.0), 1.12 * reach)
+        second.tick_params(length=2.5)
+        second.spines["top"].set_visible(False)
+        _finish(left, travel[:, punch])
+        _finish(right, time)
+        for axis in (left, right):
+            axis.set_ylim(0.0, 1.12 * max(float(np.nanmax(force)), 1e-12))
+        headline(figure, "Tool forces", title)
+        save(figure, path)
+
+
+def _draw_ratios(axis, time, parts, error) -> None:
+    internal = np.abs(parts.get("internal", np.full(len(time), np.nan)))
+    largest = np.nanmax(internal) if np.isfinite(internal).any() else np.nan
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if "kinetic" in parts:
+            ratio = np.where(internal > 0.0, parts["kinetic"] / internal, np.nan)
+            _draw_ratio(axis, time, 100.0 * ratio, SERIES[0], "kinetic / internal")
+        if error is not None:
+            share = np.abs(error) / largest
+            _draw_ratio(axis, time, 100.0 * share, SERIES[1], "|balance error| /\nlargest internal")
+    axis.axhline(100.0 * QUASI_STATIC, color="#8a929c", lw=0.8, ls="--")
+    axis.text(
+        0.995, 100.0 * QUASI_STATIC, "5 %", transform=axis.get_yaxis_transform(), ha="right",
+        va="bottom", fontsize=7, color="#6b737d",
+    )  # fmt: skip
+    axis.set_yscale("log")
+    axis.set_ylim(1e-4, 1e3)
+    axis.set_ylabel("ratio [%]")
+    axis.legend(loc="upper left", bbox_to_anchor=(1.02, 1.02))
+
+
+def _draw_ratio(axis, time, percent, colour, label) -> None:
+    shown = np.where(percent > 0.0, percent, np.nan)
+    axis.plot(time, shown, color=colour, lw=1.3, marker="o", ms=2.2, label=label)
+
+
+def _finish(axis, x: np.ndarray) -> None:
+    axis.grid(True, color="#e4e7ea", lw=0.6)
+    axis.set_axisbelow(True)
+    axis.spines["top"].set_visible(False)
+    axis.spines["right"].set_visible(False)
+    axis.tick_params(length=2.5)
+    if np.ptp(x) > 0.0:
+        axis.set_xlim(np.min(x), np.max(x))
