@@ -7,8 +7,19 @@ import math
 import numpy as np
 from numba import prange
 
-from lcmchain.elements.kernel import LANES, element_stress, load_component, mode_vectors
-from lcmchain.elements.solid_shell import diagonal_product
+from lcmchain.elements.kernel import (
+    LANES,
+    element_stress,
+    load_component,
+    mode_vectors,
+    replace33,
+)
+from lcmchain.elements.solid_shell import (
+    condensed_enhanced_strain,
+    diagonal_product,
+    scaled6,
+    sum6,
+)
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel
 from lcmchain.materials.fabric import bending_stiffness, membrane_stress_and_tangent
@@ -107,8 +118,9 @@ def strain_energies(
             if fabric is not None:
                 S, C_M = membrane_stress_and_tangent(fabric, E.centre)
                 C_B = bending_stiffness(fabric)
-                tangent33 = C_M[2]
                 S_zeta = diagonal_product(C_B, E.zeta)
+                if enhanced is not None:
+                    S_zeta = replace33(S_zeta, 0.0)
                 S_zeta2 = diagonal_product(C_B, E.zeta2)
                 S_cross = diagonal_product(C_B, E.centre)
                 xi = product6(E.xi, diagonal_product(C_M, E.xi))
@@ -118,8 +130,10 @@ def strain_energies(
             if stiffness is not None:
                 M, B = membrane_rows(stiffness), bending_rows(stiffness)
                 S = stress(M, E.centre)
-                tangent33 = M[2][2]
                 S_zeta = stress(B, E.zeta)
+                if enhanced is not None:
+                    enhanced33 = condensed_enhanced_strain(S_zeta[2], M[2][2])
+                    S_zeta = sum6(S_zeta, scaled6(enhanced33, M[2]))
                 S_zeta2 = stress(B, E.zeta2)
                 S_cross = stress(B, E.centre)
                 xi = product6(E.xi, stress(M, E.xi))
@@ -127,8 +141,6 @@ def strain_energies(
                 eta_zeta = product6(E.eta_zeta, stress(B, E.eta_zeta))
                 xi_zeta = product6(E.xi_zeta, stress(B, E.xi_zeta))
             bending = moments.zeta2 * product6(S_zeta, E.zeta)
-            if enhanced is not None:
-                bending -= moments.zeta2 * S_zeta[2] * S_zeta[2] / tangent33
             bending += moments.zeta4 * product6(S_zeta2, E.zeta2)
             bending += moments.cross * (product6(S, E.zeta2) + product6(S_cross, E.zeta2))
             element = block * LANES + lane

@@ -96,13 +96,12 @@ class ReferenceElement:
             S = S_centre + C_M @ E_e + C_B @ (E_linear + E_quadratic)
             force += weight * (B["centre"] + zeta * B["zeta"] + zeta**2 * B["zeta2"]).T @ S
             bending_energy += weight * (
-                0.5 * E_linear @ C_B @ E_linear
+                0.5 * E_linear @ (C_B @ E_linear + C_M @ E_e)
                 + 0.5 * E_quadratic @ C_B @ E_quadratic
-                + E_e @ (C_B @ E_linear + 0.5 * C_M @ E_e)
             )
             if self.options.cross_terms:
-                # the cross terms have a potential only where C^M = C^B; this is that one
-                bending_energy += weight * S_centre @ E_quadratic
+                # a potential only where C^M = C^B; their symmetric part otherwise
+                bending_energy += 0.5 * weight * (S_centre + C_B @ E["centre"]) @ E_quadratic
             else:
                 force -= weight * (B["centre"].T @ (C_B @ E_quadratic))
                 force -= weight * zeta**2 * (B["zeta2"].T @ S_centre)

@@ -39,7 +39,7 @@ def draw_energy(path: Path | str, history: xr.Dataset, title: str = "") -> None:
         colours = iter(SERIES)
         for name, values in parts.items():
             style = {"color": INK, "ls": "--"} if name == WORK else {"color": next(colours, INK)}
-            label = "work of the tools" if name == WORK else name.replace("_", " ")
+            label = "external work" if name == WORK else name.replace("_", " ")
             top.plot(time, factor * values, lw=1.5, label=label, **style)
         top.set_ylabel(f"energy [{unit}]")
         top.tick_params(labelbottom=False)
@@ -54,6 +54,8 @@ def draw_energy(path: Path | str, history: xr.Dataset, title: str = "") -> None:
 
 def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
     """Draw the force on every tool over the stroke of the punch, and over time with the travel."""
+    from matplotlib.patheffects import withStroke
+
     time = 1e3 * history["time"].values
     force = tool_force_magnitude(history)
     travel = 1e3 * history["tool_travel"].values
@@ -75,7 +77,8 @@ def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
         left.annotate(
             f"{names[punch]}: max {force[peak, punch]:.3g} N",
             (travel[peak, punch], force[peak, punch]), (-8, 3), textcoords="offset points",
-            ha="right", fontsize=7.5,
+            ha="right", fontsize=7.5, zorder=6,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
         )  # fmt: skip
         left.plot(travel[peak, punch], force[peak, punch], "o", ms=3.5, color=INK, clip_on=False)
         left.set_xlabel(f"travel of the {names[punch]} [mm]")

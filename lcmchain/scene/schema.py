@@ -561,6 +561,11 @@ class GuidedMotion(SceneModel):
         default=True, description="Add the component of 9.81 m/s2 (0, 0, -1) along the direction."
     )
     damping: ViscousDamping = Field(default="0 N*s/m", description="Viscous damping of the travel.")
+    ramp: TimeOrZero = Field(
+        default="0 s",
+        description="Time over which weight and force come on smoothly; without it a tool laid on "
+        "the blank bounces with twice its load.",
+    )
 
 
 Motion = Annotated[

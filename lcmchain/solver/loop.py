@@ -28,7 +28,7 @@ from lcmchain.state import (
     WORK_COLUMNS,
 )
 from lcmchain.tools.distance import signed_distance
-from lcmchain.tools.motion import GUIDED, prescribed_travel
+from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 
 NODE_CHUNK = 128
 # columns of a tool's part of the chunk sums after the energies: force x, y, z and smallest gap
@@ -249,8 +249,7 @@ def move_tools(arrays, tools, time, dt_last, dt):
             contact += arrays.tool_force[tool, d] * tools.direction[tool, d]
         if tools.motion_kind[tool] == GUIDED and arrays.driven[tool] == 0:
             mass = tools.mass[tool]
-            applied = tools.force[tool] + arrays.tool_input[tool, 1]
-            applied += mass * tools.gravity_along[tool]
+            applied = guided_load(tools, tool, arrays.tool_input[tool, 1], time)
             interval = 0.5 * (dt_last + dt)
             damping = tools.damping[tool] / mass
             new = damped_velocity(old, (contact + applied) / mass, damping, interval)

@@ -38,6 +38,15 @@ def smooth_step(s):
 
 
 @equation
+def guided_load(table, tool, added_force, time):
+    """Load [N] on a guided tool along its direction: weight and forces, ramped up at the start."""
+    load = table.force[tool] + added_force + table.mass[tool] * table.gravity_along[tool]
+    if time < table.ramp[tool]:
+        return smooth_step(time / table.ramp[tool])[0] * load
+    return load
+
+
+@equation
 def tabulated_travel(times, travels, first, last, time):
     """Piecewise linear travel [m] and its velocity [m/s]; at rest before and after the table."""
     if time <= times[first]:
@@ -106,6 +115,7 @@ def motion_entries(motion, axis, process_time: float, *, key: str) -> dict:
         "mass": 0.0,
         "force": 0.0,
         "damping": 0.0,
+        "ramp": 0.0,
         "gravity_along": 0.0,
         "stroke_profile": SMOOTH,
         "stroke_distance": 0.0,
@@ -129,6 +139,7 @@ def motion_entries(motion, axis, process_time: float, *, key: str) -> dict:
             mass=motion.mass,
             force=motion.force,
             damping=motion.damping,
+            ramp=motion.ramp,
             gravity_along=-STANDARD_GRAVITY * entries["direction"][2] if motion.gravity else 0.0,
         )
     else:

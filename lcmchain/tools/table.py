@@ -29,9 +29,9 @@ class ToolTable(NamedTuple):
     direction : unit directions of travel, shape [T, 3].
     friction : Coulomb friction coefficients, shape [T].
     motion_kind : FIXED, PRESCRIBED or GUIDED, shape [T].
-    mass, force, damping, gravity_along : of guided tools: mass [kg], force along the direction [N],
-        viscous damping [N s/m], acceleration of gravity along the direction [m/s2], shape [T]; zero
-        for all others.
+    mass, force, damping, gravity_along, ramp : of guided tools: mass [kg], force along the direction
+        [N], viscous damping [N s/m], acceleration of gravity along the direction [m/s2], time over
+        which weight and force come on smoothly [s], shape [T]; zero for all others.
     stroke_profile, stroke_distance, stroke_start, stroke_end : kind, travel [m] and times [s] of
         prescribed strokes, shape [T].
     table_start, table_times, table_travels : tabulated motions one after the other; tool t owns
@@ -53,6 +53,7 @@ class ToolTable(NamedTuple):
     force: np.ndarray
     damping: np.ndarray
     gravity_along: np.ndarray
+    ramp: np.ndarray
     stroke_profile: np.ndarray
     stroke_distance: np.ndarray
     stroke_start: np.ndarray
@@ -140,6 +141,7 @@ def build_tool_table(
         force=column("force"),
         damping=column("damping"),
         gravity_along=column("gravity_along"),
+        ramp=column("ramp"),
         stroke_profile=np.array([m["stroke_profile"] for m in motions], dtype=np.int64),
         stroke_distance=column("stroke_distance"),
         stroke_start=column("stroke_start"),

@@ -18,7 +18,10 @@ EDGE = 5e-3
 
 # VTK hexahedron, bottom face counter-clockwise seen from above, then the top face
 CUBE = np.array(
-    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]
+    [
+        [-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1],
+        [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1],
+    ]
 ).astype(float)  # fmt: skip
 
 
@@ -105,7 +108,7 @@ def deformed(rng, nodes, fibre, *, gradient=None, warp=0.1, stretch=0.1):
 
 
 def sheared(angle, compaction=1.0, stretch=1.0):
-    """Deformation gradient of a fabric: fibres closed by ``angle``, compacted, fibre 1 stretched."""
+    """Gradient that closes the fibres by ``angle``, compacts, and stretches fibre 1."""
     half = 0.5 * angle
     a1 = stretch * np.array([np.cos(half), np.sin(half), 0.0])
     a2 = np.array([np.sin(half), np.cos(half), 0.0])
@@ -123,9 +126,7 @@ def separate_elements(nodes, fibres, material, options):
         nodes.reshape(-1, 3), np.arange(8 * count).reshape(count, 8), fibres, fibres, THICKNESS
     )
     contact = SimpleNamespace(penalty=1e9, tangential_ratio=0.5, damping_ratio=0.0)
-    process = SimpleNamespace(
-        mass_damping=0.0, gravity=False, time=1.0, frames=2, step_safety=0.9
-    )
+    process = SimpleNamespace(mass_damping=0.0, gravity=False, time=1.0, frames=2, step_safety=0.9)
     return assemble_model(
         blank,
         material,

@@ -16,7 +16,10 @@ import pytest
 from lcmchain.elements.reference import ElementOptions, ReferenceElement
 
 CORNERS = np.array(
-    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]]
+    [
+        [-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1],
+        [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1],
+    ]
 )  # fmt: skip
 VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 STEP = 1e-100  # of complex differentiation
@@ -228,11 +231,13 @@ def largest_difference(X, fibre, x, material, options):
     result = ReferenceElement(X, fibre, material, options).evaluate(x)
     scale = abs(expected).max()
     assert abs(expected_hourglass).max() > 1e-6 * scale  # the comparison sees the stabilisation
-    print("DIFF", abs(result.force - expected).max() / scale)
-    return max(
-        abs(result.force - expected).max(),
-        abs(result.hourglass_force - expected_hourglass).max(),
-    ) / scale
+    return (
+        max(
+            abs(result.force - expected).max(),
+            abs(result.hourglass_force - expected_hourglass).max(),
+        )
+        / scale
+    )
 
 
 @pytest.mark.parametrize("options", OPTIONS, ids=name_of)

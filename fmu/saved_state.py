@@ -1,0 +1,91 @@
+"""The state of a forming unit at a communication point, for rollback and for storing it."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from lcmchain.solver.simulation import Snapshot
+from lcmchain.state import State
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """Everything of a unit that a rollback brings back.
+
+    Parameters
+    ----------
+    guid : of the unit, so that the state of another one is refused.
+    state : of the simulation, None before initialization.
+    critical_step : stable time step [s].
+    values : of parameters and inputs, by name.
+    start_time : of the experiment [s].
+    frames : saved for ``forming.nc`` so far.
+    failure : what stopped the last step, empty if it went well.
+    """
+
+    guid: str
+    state: State | None
+    critical_step: float
+    values: dict[str, float | int | bool | str]
+    start_time: float
+    frames: tuple[Snapshot, ...]
+    failure: str
+
+    def to_bytes(self) -> bytes:
+        """Return the state as the content of an ``npz`` file; the same state gives equal bytes."""
+        header = {
+            "guid": self.guid,
+            "critical_step": self.critical_step,
+            "values": self.values,
+            "start_time": self.start_time,
+            "failure": self.failure,
+            "frames": len(self.frames),
+            "frame_energy": [frame.energy for frame in self.frames],
+        }
+        arrays = {"header": np.array(json.dumps(header))}
+        if self.state is not None:
+            arrays |= {f"state_{name}": array for name, array in self.state.as_dict().items()}
+        for number, frame in enumerate(self.frames):
+            entries = asdict(frame) | {"energy": None}
+            arrays |= {
+                f"frame_{number}_{name}": np.asarray(value)
+                for name, value in entries.items()
+                if value is not None
+            }
+        buffer = io.BytesIO()
+        np.savez(buffer, **arrays)
+        return buffer.getvalue()
+
+    @classmethod
+    def from_bytes(cls, content: bytes) -> SavedState:
+        """Read what :meth:`to_bytes` wrote."""
+        with np.load(io.BytesIO(content), allow_pickle=False) as data:
+            header = json.loads(str(data["header"]))
+            arrays = {
+                name.removeprefix("state_"): data[name]
+                for name in data.files
+                if name.startswith("state_")
+            }
+            frames = tuple(
+                Snapshot(
+                    time=float(data[f"frame_{number}_time"]),
+                    position=data[f"frame_{number}_position"],
+                    tool_travel=data[f"frame_{number}_tool_travel"],
+                    tool_force=data[f"frame_{number}_tool_force"],
+                    energy=header["frame_energy"][number],
+                )
+                for number in range(header["frames"])
+            )
+        return cls(
+            guid=header["guid"],
+            state=State(**arrays) if arrays else None,
+            critical_step=header["critical_step"],
+            values=header["values"],
+            start_time=header["start_time"],
+            frames=frames,
+            failure=header["failure"],
+        )

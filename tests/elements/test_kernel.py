@@ -1,0 +1,236 @@
+"""The compiled element kernel against the plainly written reference element, and its code."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numba import njit, typeof
+
+from lcmchain.elements.diagnosis import strain_energies, thickness_stretches
+from lcmchain.elements.kernel import internal_forces
+from lcmchain.elements.packing import from_blocks
+from lcmchain.elements.reference import ElementOptions, ReferenceElement
+
+# Every combination of effect slots that is compiled once; numbers (moments, the weight of the
+# shear row, material parameters) vary within a combination at no cost.
+FABRIC_FLAT = ("fabric", "flat", "normal")
+COMBINATIONS = [
+    FABRIC_FLAT,
+    ("fabric", "flat", "director"),
+    ("fabric", "curved", "normal"),
+    ("full", "flat", "normal"),
+    ("full", "curved", "normal"),
+    ("full", "curved", "director"),
+]
+ELEMENT_COUNT = 37  # two full blocks of 16 lanes and a part of a third
+
+
+@dataclass
+class Batch:
+    """Random elements of one kind, deformed, with the model that packs them."""
+
+    X: np.ndarray
+    fibres: np.ndarray
+    x: np.ndarray
+    material: object
+    options: ElementOptions
+    model: object
+
+    def reference(self):
+        return [
+            ReferenceElement(X, fibre, self.material, self.options).evaluate(x)
+            for X, fibre, x in zip(self.X, self.fibres, self.x, strict=True)
+        ]
+
+
+@pytest.fixture(scope="session")
+def batch(make):
+    def build(combination, **options):
+        material_kind, shape, compaction_strain = combination
+        rng = np.random.default_rng(7)
+        material = make.md600() if material_kind == "fabric" else make.coupled(rng)
+        reference = make.flat_reference if shape == "flat" else make.curved_reference
+        X, fibres = map(np.array, zip(*(reference(rng) for _ in range(ELEMENT_COUNT))))
+        x = np.array([make.deformed(rng, *element) for element in zip(X, fibres)])
+        options = ElementOptions(compaction_strain=compaction_strain, **options)
+        model = make.separate_elements(X, fibres, material, options)
+        return Batch(X, fibres, x, material, options, model)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def forces_of(make):
+    """Forces (E, 8, 3) of the compiled kernel, element by element."""
+
+    def forces(batch):
+        model = batch.model
+        corner_force = np.full(model.corner_force_size, np.nan)
+        internal_forces(
+            make.positions_of(batch.x),
+            model.corner_node,
+            model.element_data,
+            corner_force,
+            *model.elements,
+        )
+        rows = corner_force[: model.corner_node.size * 3]
+        return from_blocks(rows, 24, len(batch.x)).reshape(-1, 8, 3)
+
+    return forces
+
+
+def assert_agree(batch, forces):
+    for result, force in zip(batch.reference(), forces, strict=True):
+        scale = abs(result.force).max()
+        np.testing.assert_allclose(force, result.force, rtol=0.0, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize("combination", COMBINATIONS, ids=" ".join)
+def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
+    case = batch(combination)
+    kind, shape, strain = combination
+    slots = case.model.elements
+    assert (slots.fabric is None, slots.stiffness is None) == (kind != "fabric", kind == "fabric")
+    assert (slots.flat is None, slots.curved is None) == (shape != "flat", shape == "flat")
+    assert (slots.director is None) == (strain == "normal")
+    assert_agree(case, forces_of(case))
+
+
+@pytest.mark.parametrize("combination", [FABRIC_FLAT, ("full", "curved", "normal")], ids=" ".join)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"integration_points": 2},
+        {"integration_points": 5, "in_plane_shear_hourglass": False},
+        {"cross_terms": False, "integration_points": 2},
+        {"cross_terms": False, "in_plane_shear_hourglass": False},
+    ],
+    ids=str,
+)
+def test_forces_agree_under_every_option(batch, forces_of, combination, options):
+    case = batch(combination, **options)
+    assert_agree(case, forces_of(case))
+
+
+def test_a_flat_element_has_the_same_forces_as_a_curved_one(batch, forces_of, make):
+    """One warped element makes the whole sheet take the general path; the others do not notice."""
+    flat = batch(FABRIC_FLAT)
+    rng = np.random.default_rng(8)
+    warped, fibre = make.curved_reference(rng)
+    general = make.separate_elements(
+        np.concatenate([flat.X, warped[None]]),
+        np.concatenate([flat.fibres, fibre[None]]),
+        flat.material,
+        flat.options,
+    )
+    assert general.elements.curved is not None
+    mixed = Batch(None, None, np.concatenate([flat.x, warped[None]]), None, None, general)
+    expected, forces = forces_of(flat), forces_of(mixed)
+    scale = abs(expected).max(axis=(1, 2))[:, None, None]
+    np.testing.assert_allclose(forces[:-1] / scale, expected / scale, rtol=0.0, atol=1e-11)
+    assert abs(forces[-1]).max() < 1e-9 * abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    "combination, cross_terms",
+    [
+        (FABRIC_FLAT, False),
+        (("full", "curved", "normal"), False),
+        (("full", "curved", "normal"), True),
+    ],
+)
+def test_stored_energies_agree_with_the_reference_element(batch, make, combination, cross_terms):
+    case = batch(combination, cross_terms=cross_terms)
+    if cross_terms:  # only with C^M = C^B do the cross terms have a potential
+        case.material.C_bending = case.material.C_membrane
+        case.material.law = np.tile(case.material.C_membrane.ravel(), 2)
+        case.model = make.separate_elements(case.X, case.fibres, case.material, case.options)
+    model, count = case.model, case.model.corner_node.size // 8
+    strain, bending, hourglass = np.empty((count, 6)), np.empty(count), np.empty(count)
+    strain_energies(
+        make.positions_of(case.x),
+        model.corner_node,
+        model.element_data,
+        *model.elements,
+        strain,
+        bending,
+        hourglass,
+    )
+    real = slice(ELEMENT_COUNT)
+    membrane = case.material.membrane_energy(strain[real]) * model.geometry.volume
+    results = case.reference()
+    np.testing.assert_allclose(
+        membrane + bending[real], [result.energy for result in results], rtol=1e-11
+    )
+    np.testing.assert_allclose(
+        hourglass[real], [result.hourglass_energy for result in results], rtol=1e-11
+    )
+
+
+def test_thickness_stretch_is_that_of_the_normal(batch, make):
+    """a3·n of the mid-surface over its reference value; a turned-over element shows as negative."""
+    case = batch(FABRIC_FLAT)
+    case.x[5] = case.x[5][[4, 5, 6, 7, 0, 1, 2, 3]]
+    model = case.model
+    padded = model.corner_node.size // 8
+    height = np.resize(model.geometry.height, padded)
+    stretch = np.zeros(padded)
+    thickness_stretches(make.positions_of(case.x), model.corner_node, height, stretch)
+
+    def half_thickness(nodes):
+        a1, a2, a3 = make.cube.T @ nodes / 8.0
+        normal = np.cross(a1, a2)
+        return a3 @ normal / np.linalg.norm(normal)
+
+    expected = [half_thickness(x) / half_thickness(X) for x, X in zip(case.x, case.X, strict=True)]
+    np.testing.assert_allclose(stretch[:ELEMENT_COUNT], expected, rtol=1e-12)
+    assert (stretch[:ELEMENT_COUNT] < 0.0).nonzero()[0].tolist() == [5]
+
+
+def processor_flags():
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            return next((set(line.split()) for line in file if line.startswith("flags")), set())
+    except OSError:
+        return set()
+
+
+ARITHMETIC = r"v?(?:add|sub|mul|div|fn?m(?:add|sub)(?:132|213|231))"
+
+
+def lane_loop(assembly):
+    """Numbers of packed and of scalar operations in the largest straight run of packed code."""
+    packed, scalar = 0, 0
+    for block in re.split(r"\n\.?L?\w+:|\n\s+j\w+\s", assembly):  # cut at labels and jumps
+        vectors = len(re.findall(rf"\b{ARITHMETIC}pd\b.*%[yz]mm", block))
+        if vectors > packed:
+            packed, scalar = vectors, len(re.findall(rf"\b{ARITHMETIC}sd\b", block))
+    return packed, scalar
+
+
+@pytest.mark.skipif("avx2" not in processor_flags(), reason="the processor has no AVX2")
+@pytest.mark.parametrize("combination", [FABRIC_FLAT, ("full", "curved", "normal")], ids=" ".join)
+def test_the_lane_loop_is_packed(batch, make, combination):
+    """The arithmetic of the element runs on vectors.
+
+    A function that is not inlined, a call, or a division that may raise would leave it scalar.
+    """
+    case = batch(combination)
+    arguments = (
+        make.positions_of(case.x),
+        case.model.corner_node,
+        case.model.element_data,
+        np.zeros(case.model.corner_force_size),
+        *case.model.elements,
+    )
+    # code loaded from the disk cache cannot be inspected
+    options = {k: v for k, v in internal_forces.targetoptions.items() if k != "nopython"}
+    fresh = njit(**options)(internal_forces.py_func)
+    fresh.compile(tuple(map(typeof, arguments)))
+    (assembly,) = fresh.inspect_asm().values()
+    packed, scalar = lane_loop(assembly)
+    assert packed > 300
+    assert scalar < 0.05 * packed

@@ -1,0 +1,288 @@
+"""The unit in a master: the direct run, inputs, rollback, and steps that fail."""
+
+import re
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import fmi2LastSuccessfulTime, fmi2Terminated
+
+from lcmchain.fields import derive_fields, read_forming
+from lcmchain.scene import read_scene
+from lcmchain.solver.simulation import Simulation
+
+STEP = 5e-4
+POINTS = [i * STEP for i in range(7)]
+
+
+def fields_of(simulation):
+    position = np.ascontiguousarray(simulation.state.position.T)
+    return derive_fields(simulation.model.blank, simulation.model.material, position)
+
+
+@pytest.fixture(scope="module")
+def direct(scene_file):
+    """The direct run, advanced to the communication points of the masters."""
+    simulation = Simulation.from_scene(read_scene(scene_file))
+    for time in POINTS[1:]:
+        simulation.advance_to(time)
+    return simulation
+
+
+def recorded(result, name, count=400):
+    return np.array([result[f"{name}[{i + 1}]"][-1] for i in range(count)])
+
+
+# --- the direct run -------------------------------------------------------------------------------
+
+
+def test_fmpy_forms_the_part_as_the_direct_run_does(unit, direct):
+    result = fmpy.simulate_fmu(str(unit), stop_time=POINTS[-1], output_interval=STEP)
+    np.testing.assert_allclose(result["time"], POINTS, rtol=1e-12)
+    fields = fields_of(direct)
+    assert np.ptp(fields["thickness"]) > 1e-6, "the dome must have been formed"
+    for name in ("thickness", "fibre_volume_fraction"):
+        np.testing.assert_allclose(recorded(result, name), fields[name], rtol=0, atol=1e-12)
+        for end, expected in (("min", fields[name].min()), ("max", fields[name].max())):
+            assert result[f"{name}_{end}"][-1] == expected
+    assert result["shear_angle_max"][-1] == np.abs(fields["shear_angle"]).max()
+    snapshot = direct.snapshot()
+    for index, tool in enumerate(("punch", "die", "'blank-holder'")):
+        assert result[f"{tool}.travel"][-1] == snapshot.tool_travel[index]
+        force = [result[f"{tool}.force_{axis}"][-1] for axis in "xyz"]
+        np.testing.assert_array_equal(force, snapshot.tool_force[index])
+        along = force @ direct.model.tools.direction[index]
+        assert result[f"{tool}.force"][-1] == pytest.approx(along, rel=1e-12)
+    for output, energy in (
+        ("kinetic_energy", "kinetic"),
+        ("internal_energy", "internal"),
+        ("external_work", "external"),
+        ("energy_balance_error", "balance_error"),
+    ):
+        assert result[output][-1] == snapshot.energy[energy]
+    assert result["step_count"][-1] == direct.state.step_count
+    assert 1e-7 < result["critical_time_step"][0] < 1e-5
+    assert result["thickness[1]"][0] == pytest.approx(1.004e-3, rel=1e-12)
+
+
+def test_bit_identical_for_any_number_of_threads_and_any_start_time(new_master, direct):
+    master = new_master().initialize(start_time=2.0, threads=1)
+    for time in POINTS[:-1]:
+        master.step(2.0 + time, STEP)
+    # 2.0 + t has rounded the communication points
+    expected = fields_of(direct)["thickness"]
+    np.testing.assert_allclose(master.field("thickness"), expected, rtol=0, atol=1e-11)
+
+    one, two = (new_master(f"{n} threads").initialize(threads=n) for n in (1, 2))
+    for time in POINTS[:-1]:
+        one.step(time, STEP)
+        two.step(time, STEP)
+    np.testing.assert_array_equal(one.field("thickness"), two.field("thickness"))
+    np.testing.assert_array_equal(one.field("thickness"), expected)
+
+
+def test_result_file_has_the_frames_of_the_scene(unit, scene_file, direct, tmp_path):
+    out = tmp_path / "results" / "dome"
+    fmpy.simulate_fmu(
+        str(unit),
+        stop_time=POINTS[-1],
+        output_interval=STEP,
+        start_values={"out_dir": str(out)},
+        output=["punch.travel"],
+    )
+    forming = read_forming(out / "forming.nc")
+    sheet = forming["/"] if isinstance(forming, dict) else forming
+    np.testing.assert_allclose(sheet["frame_time"], [0.0, 1e-3, 2e-3, 3e-3], rtol=1e-9)
+    np.testing.assert_array_equal(sheet["thickness"][-1], fields_of(direct)["thickness"])
+    assert [path.name for path in out.iterdir()] == ["forming.nc"]
+
+
+# --- inputs ---------------------------------------------------------------------------------------
+
+
+def test_punch_driven_by_its_own_velocity_moves_as_in_the_scene(new_master):
+    as_in_scene = new_master("scene").initialize()
+    driven = new_master("driven").initialize(punch__drive=True, punch__velocity_input=1.0)
+    for time in POINTS[:3]:
+        as_in_scene.step(time, STEP)
+        driven.step(time, STEP)
+    # The scene's stroke is linear, 3 mm in 3 ms.
+    assert driven.get("punch.travel") == pytest.approx(3 * STEP * 1.0, rel=1e-12)
+    assert driven.get("punch.travel") == pytest.approx(as_in_scene.get("punch.travel"), rel=1e-12)
+    assert driven.get("punch.velocity") == pytest.approx(1.0, rel=1e-9)
+    np.testing.assert_allclose(
+        driven.field("thickness"), as_in_scene.field("thickness"), rtol=0, atol=1e-9
+    )
+
+
+def test_velocity_is_held_over_a_step_and_may_turn_back(new_master):
+    master = new_master().initialize(punch__drive=True)
+    time = 0.0
+    for velocity, travel in ((2.0, 1e-3), (0.5, 1.25e-3), (-1.0, 0.75e-3)):
+        master.set("punch.velocity_input", velocity)
+        time = master.step(time, STEP)
+        assert master.get("punch.travel") == pytest.approx(travel, rel=1e-10)
+        assert master.get("punch.velocity") == pytest.approx(velocity, rel=1e-9)
+
+
+def test_force_on_the_holder_arrives_at_the_die(new_master):
+    # Means over many points: the holder swings on the contact stiffness.
+    means = []
+    for force in (0.0, 50.0):
+        master = new_master(f"{force} N").initialize(punch__drive=True)
+        master.set("'blank-holder'.force_input", force)
+        forces = []
+        for i in range(60):
+            master.step(i * 5e-5, 5e-5)
+            forces.append(master.get("die.force", "'blank-holder'.force"))
+        means.append(np.mean(forces[20:], axis=0))
+    (die, holder), (loaded_die, loaded_holder) = means
+    # The sheet pushes the die down (against its axis), the holder up (against its direction).
+    assert die - loaded_die == pytest.approx(50.0, rel=0.1)
+    assert holder - loaded_holder == pytest.approx(50.0, rel=0.1)
+
+
+def test_holder_can_be_driven_too(new_master):
+    master = new_master().initialize()
+    master.set("'blank-holder'.drive", True)
+    master.set("'blank-holder'.velocity_input", -0.4)
+    master.step(0.0, STEP)
+    assert master.get("'blank-holder'.travel") == pytest.approx(-0.4 * STEP, rel=1e-10)
+    assert master.get("'blank-holder'.force") == 0.0, "it has been lifted"
+
+
+# --- rollback -------------------------------------------------------------------------------------
+
+
+def test_rollback_repeats_a_step_exactly(new_master):
+    master = new_master().initialize()
+    outputs = ("punch.force", "internal_energy", "external_work", "critical_time_step")
+    time = master.step(0.0, STEP)
+    before = master.get(*outputs)
+    saved = master.slave.getFMUstate()
+    master.step(time, STEP)
+    first = master.field("thickness"), master.get(*outputs)
+
+    master.slave.setFMUstate(saved)
+    assert master.get(*outputs) == before
+    master.set("punch.drive", True)
+    master.set("punch.velocity_input", 3.0)
+    master.step(time, STEP)
+    assert np.any(master.field("thickness") != first[0])
+
+    master.slave.setFMUstate(saved)  # inputs go back as well
+    master.step(time, STEP)
+    np.testing.assert_array_equal(master.field("thickness"), first[0])
+    assert master.get(*outputs) == first[1]
+    master.slave.freeFMUstate(saved)
+
+
+def test_serialized_state_goes_on_in_another_instance(new_master, tmp_path):
+    one = new_master("one").initialize(out_dir=str(tmp_path))
+    time = one.step(one.step(0.0, STEP), STEP)
+    saved = one.slave.getFMUstate()
+    content = one.slave.serializeFMUstate(saved)
+    one.slave.freeFMUstate(saved)
+    one.step(time, STEP)
+
+    other = new_master("other")
+    restored = other.slave.deSerializeFMUstate(content)
+    other.slave.setFMUstate(restored)  # not even initialized
+    other.slave.freeFMUstate(restored)
+    other.step(time, STEP)
+    np.testing.assert_array_equal(other.field("thickness"), one.field("thickness"))
+    other.slave.terminate()
+    frames = read_forming(tmp_path / "forming.nc")
+    sheet = frames["/"] if isinstance(frames, dict) else frames
+    np.testing.assert_allclose(sheet["frame_time"], [0.0, 1e-3, 1.5e-3], rtol=1e-9)
+
+
+def test_reset_starts_over(new_master):
+    master = new_master().initialize()
+    master.step(0.0, STEP)
+    first = master.field("thickness")
+    master.slave.reset()
+    master.initialize()
+    assert master.get("punch.travel") == 0.0
+    master.step(0.0, STEP)
+    np.testing.assert_array_equal(master.field("thickness"), first)
+
+
+# --- steps that fail ------------------------------------------------------------------------------
+
+
+def test_guard_stops_the_step_with_unit_time_cause_and_inputs(new_master, capfd):
+    master = new_master("press").initialize()
+    time = master.step(0.0, STEP)
+    good = master.field("thickness")
+    master.set("punch.drive", True)
+    master.set("punch.velocity_input", 400.0)
+    with pytest.raises(FMICallException, match="discard"):
+        master.step(time, STEP)
+    message = capfd.readouterr().err
+    assert message.startswith("press: the step from 0.0005 s to 0.001 s was stopped and undone: ")
+    assert re.search(r"element \d+", message)
+    assert "Likely cause" in message
+    assert "punch.velocity_input = 400.0" in message
+    assert master.slave.getBooleanStatus(fmi2Terminated)
+    assert master.slave.getRealStatus(fmi2LastSuccessfulTime) == time
+
+    # The state is that before the step, and a better input goes on from there.
+    np.testing.assert_array_equal(master.field("thickness"), good)
+    with pytest.raises(FMICallException, match="discard"):
+        master.step(time, STEP)
+    master.set("punch.velocity_input", 1.0)
+    master.step(time, STEP)
+    master.slave.terminate()
+
+
+def test_master_that_ignores_the_failed_step_is_told_at_the_end(unit, capfd):
+    # fmpy takes a discarded step for an early end that the unit wished for.
+    with pytest.raises(FMICallException, match="fmi2Terminate"):
+        fmpy.simulate_fmu(
+            str(unit),
+            stop_time=POINTS[-1],
+            output_interval=STEP,
+            start_values={"punch.drive": True, "punch.velocity_input": 400.0},
+        )
+    assert "the results end at 0 s" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("settings", "time", "step", "told"),
+    [
+        ({"punch__velocity_input": float("nan")}, 0.0, STEP, "punch.velocity_input is nan"),
+        ({}, 1e-3, STEP, "stands at 0 s, not at 0.001 s"),
+        ({}, 0.0, -STEP, "negative"),
+    ],
+)
+def test_step_without_sense_is_refused(new_master, capfd, settings, time, step, told):
+    master = new_master().initialize(**settings)
+    with pytest.raises(FMICallException, match="discard"):
+        master.step(time, step)
+    assert told in capfd.readouterr().err
+    assert master.get("punch.travel") == 0.0
+
+
+def test_punch_must_not_jump_back_to_the_motion_of_the_scene(new_master, capfd):
+    master = new_master().initialize(punch__drive=True, punch__velocity_input=0.2)
+    time = master.step(0.0, STEP)
+    master.set("punch.drive", False)
+    with pytest.raises(FMICallException, match="discard"):
+        master.step(time, STEP)
+    assert "punch would jump by 0.4 mm" in capfd.readouterr().err
+
+
+def test_unusable_folder_is_told_before_the_first_step(new_master, capfd, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FMICallException, match="fatal"):
+        new_master().initialize(out_dir=str(tmp_path / "file"))
+    assert "out_dir" in capfd.readouterr().err
+
+
+def test_outputs_cannot_be_set(new_master, capfd):
+    master = new_master()
+    with pytest.raises(FMICallException, match="fatal"):
+        master.set("punch.travel", 1.0)
+    assert "cannot be set" in capfd.readouterr().err
