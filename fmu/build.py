@@ -53,13 +53,13 @@ def build_fmu(scene_path: Path | str, out_path: Path | str) -> Path:
     if out_path.suffix != ".fmu":
         raise InputError("the name of a functional mock-up unit ends in .fmu", file=out_path)
     scene = read_scene(scene_path)
+    blank = build_blank(scene.blank, scene.material.thickness)
+    tools = build_tool_table(scene.tools, scene.source.directory, scene.process.time)
+    require_no_initial_overlap(scene, blank, tools)
     with tempfile.TemporaryDirectory(prefix="lcmchain-fmu-") as name:
         folder = Path(name)
         overrides = _stage_scene(scene, folder / "scene")
         staged = read_scene(folder / "scene" / "scene.toml", overrides)
-        blank = build_blank(staged.blank, staged.material.thickness)
-        tools = build_tool_table(staged.tools, staged.source.directory, staged.process.time)
-        require_no_initial_overlap(staged, blank, tools)
         unit = {
             "model_name": model_identifier(out_path.stem),
             "scene": "scene/scene.toml",

@@ -39,6 +39,7 @@ class ElementSlots(NamedTuple):
     flat: Any
     curved: Any
     director: Any
+    conservative: Any
     enhanced: Any
     moments: Moments
     in_plane_shear: float
@@ -122,6 +123,8 @@ def element_slots(material, element, geometry: ReferenceGeometry) -> ElementSlot
         flat=True if flat else None,
         curved=None if flat else True,
         director=True if element.compaction_strain == "director" else None,
+        # a constant tangent needs no correction of the hourglass energy
+        conservative=True if material.is_diagonal and element.hourglass == "conservative" else None,
         # E33^ζ vanishes by ANS in a flat element: only coupling to in-plane strains calls for it
         enhanced=None if flat and material.is_diagonal else True,
         moments=moments,

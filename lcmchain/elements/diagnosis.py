@@ -73,6 +73,7 @@ def strain_energies(
     flat,
     curved,
     director,
+    conservative,
     enhanced,
     moments,
     in_plane_shear,
@@ -85,9 +86,10 @@ def strain_energies(
     Parameters
     ----------
     positions ... in_plane_shear : as for ``internal_forces``.
-    centre_strain : (block_count * 16, 6), written; its energy is the material's ``membrane_energy``.
+    centre_strain : (block_count * 16, 6), written; see the material's ``membrane_energy``.
     bending_energy, hourglass_energy : (block_count * 16,) [J], written. The cross terms of E^0 and
-        E^ζζ have a potential only where C^M = C^B; their symmetric part is counted.
+        E^ζζ, and the enhanced strain, have a potential only where C^M and C^B are proportional (or
+        diagonal, for the latter); their symmetric part is counted.
     """
     block_count = corner_node.size // (8 * LANES)
     rows = element_data.size // (block_count * LANES)
@@ -111,6 +113,7 @@ def strain_energies(
                 flat,
                 curved,
                 director,
+                conservative,
                 enhanced,
                 moments,
                 in_plane_shear,

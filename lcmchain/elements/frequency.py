@@ -20,10 +20,18 @@ from lcmchain.elements.kernel import LANES, element_stress, load_component, mode
 from lcmchain.elements.packing import COVARIANT_PRODUCTS, TERMS
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import FLOATING_POINT, equation, kernel
-from lcmchain.materials.fabric import bending_stiffness, membrane_stress_and_tangent
+from lcmchain.materials.fabric import (
+    bending_stiffness,
+    compaction_tangent_curvature,
+    compaction_tangent_slope,
+    membrane_stress_and_tangent,
+    shear_tangent_curvature,
+    shear_tangent_slope,
+)
 from lcmchain.materials.st_venant_kirchhoff import bending_rows, membrane_rows
 
 IN_PLANE_MODES = (0, 1, 3)
+ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 _ENTRIES = [
     (TERMS.index(term), component, k - 1, m - 1, factor)
@@ -32,6 +40,21 @@ _ENTRIES = [
 ]
 PRODUCT_INDEX = np.array([entry[:4] for entry in _ENTRIES], dtype=np.int64)
 PRODUCT_FACTOR = np.array([entry[4] for entry in _ENTRIES])
+
+
+@equation
+def tangent_derivatives(law, E):
+    """Return first and second derivative of the diagonal tangent C^M of a fabric."""
+    slope = (0.0, 0.0, compaction_tangent_slope(law, E[2]), shear_tangent_slope(law, E[3]), 0.0, 0.0)
+    curvature = (
+        0.0,
+        0.0,
+        compaction_tangent_curvature(law, E[2]),
+        shear_tangent_curvature(law, E[3]),
+        0.0,
+        0.0,
+    )
+    return slope, curvature
 
 
 @equation
@@ -92,32 +115,48 @@ def mode_norms(row, norms):
 
 
 @njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def material_row_sums(rows, C_M, C_B, moments, has_normal, sums):
-    """Add the row sums of the material stiffness Σ d b bᵀ to ``sums`` (7,)."""
+def material_row_sums(rows, C_M, C_B, moments, slope, curvature, E, sums):
+    """Add the row sums of the material stiffness Σ d b bᵀ to ``sums`` (7,).
+
+    ``slope`` and ``curvature`` are the derivatives of the tangent C^M in the conservative hourglass
+    energy (1/6) E^ξ:C(E⁰):E^ξ; they stiffen E⁰ and couple it with E^ξ and E^η.
+    """
     norms, other = np.empty(7), np.empty(7)
-    for t in range(7):
-        for i in range(6):
-            if t == 0 and i == 2 and has_normal:
-                continue
-            if t == 0:
-                d = C_M[i]
-            elif t == 1:
-                d = moments.zeta2 * C_B[i]
-            elif t == 2:
-                d = moments.zeta4 * C_B[i]
-            elif t <= 4:
-                d = C_M[i] / 3.0
-            else:
-                d = C_B[i] / 9.0
-            total = mode_norms(rows[t, i], norms)
-            for k in range(7):
-                sums[k] += d * norms[k] * total
-            if t == 2 and moments.cross > 0.0 and total > 0.0:
-                # cross terms of B^0 and B^ζζ: not symmetric, their symmetric part counts
-                d = 0.5 * moments.cross * (C_M[i] + C_B[i])
-                other_total = mode_norms(rows[0, i], other)
-                for k in range(7):
-                    sums[k] += d * (norms[k] * other_total + other[k] * total)
+    for i in range(6):
+        xi, eta = abs(E.xi[i]), abs(E.eta[i])
+        centre = C_M[i] + abs(curvature[i]) * (xi * xi + eta * eta) / 6.0
+        add_row(rows[0, i], centre, sums, norms)
+        add_row(rows[1, i], moments.zeta2 * C_B[i], sums, norms)
+        add_row(rows[2, i], moments.zeta4 * C_B[i], sums, norms)
+        add_row(rows[3, i], C_M[i] / 3.0, sums, norms)
+        add_row(rows[4, i], C_M[i] / 3.0, sums, norms)
+        add_row(rows[5, i], C_B[i] / 9.0, sums, norms)
+        add_row(rows[6, i], C_B[i] / 9.0, sums, norms)
+        # cross terms of B^0 and B^ζζ: not symmetric, their symmetric part counts
+        cross = 0.5 * moments.cross * (C_M[i] + C_B[i])
+        add_pair(rows[0, i], rows[2, i], cross, sums, norms, other)
+        if slope[i] != 0.0:
+            add_pair(rows[0, i], rows[3, i], abs(slope[i]) * xi / 3.0, sums, norms, other)
+            add_pair(rows[0, i], rows[4, i], abs(slope[i]) * eta / 3.0, sums, norms, other)
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def add_row(row, d, sums, norms):
+    """Add the row sums of d b bᵀ."""
+    total = mode_norms(row, norms)
+    for k in range(7):
+        sums[k] += d * norms[k] * total
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def add_pair(row, other_row, d, sums, norms, other):
+    """Add the row sums of d (b cᵀ + c bᵀ)."""
+    if d == 0.0:
+        return
+    total = mode_norms(row, norms)
+    other_total = mode_norms(other_row, other)
+    for k in range(7):
+        sums[k] += d * (norms[k] * other_total + other[k] * total)
 
 
 @equation
@@ -143,21 +182,17 @@ def stress_row_sums(sigma):
 
 
 @njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def normal_compaction_row_sums(a1, a2, a3, gradients, C33, S33, inverse_height, sums):
-    """Add the row sums of the compaction by the normal thickness t = a3·n.
+def normal_compaction_row_sums(a1, a2, a3, gradients, S33, inverse_height, row, sums):
+    """Set the row of E33 by the normal thickness t = a3·n, and add its geometric stiffness.
 
     The second variation of ½t² is (δt)² + t δ²t with δ²t = -2 (n·δa_α)(a^α·δa3) + 2 (n·δa_α)
     (a^α·δa_β)(a^β·a3) - t |δn|² over the dual base a^α of the mid-surface; the bound takes every
     product by its length.
     """
-    lengths = (
-        math.sqrt(dot(gradients[0], gradients[0])),
-        math.sqrt(dot(gradients[1], gradients[1])),
-        math.sqrt(dot(gradients[2], gradients[2])),
-    )
-    total = lengths[0] + lengths[1] + lengths[2]
+    row[:] = 0.0
     for k in range(3):
-        sums[k] += C33 * lengths[k] * total
+        for d in range(3):
+            row[3 * k + d] = gradients[k][d]
     c = cross(a1, a2)
     area = math.sqrt(dot(c, c))
     t = abs(dot(a3, c)) / area
@@ -169,9 +204,7 @@ def normal_compaction_row_sums(a1, a2, a3, gradients, C33, S33, inverse_height, 
     sums[1] += w * dual2 * (1.0 + in_plane)
     sums[2] += w * (dual1 + dual2)
     if S33 > 0.0:
-        stiffening = S33 / (t * inverse_height) ** 2
-        for k in range(3):
-            sums[k] += stiffening * lengths[k] * total
+        add_row(row, S33 / (t * inverse_height) ** 2, sums, np.empty(7))
 
 
 @kernel
@@ -187,6 +220,7 @@ def frequency_bounds(
     flat,
     curved,
     director,
+    conservative,
     enhanced,
     moments,
     in_plane_shear,
@@ -232,6 +266,7 @@ def frequency_bounds(
                 flat,
                 curved,
                 director,
+                conservative,
                 enhanced,
                 moments,
                 in_plane_shear,
@@ -239,7 +274,11 @@ def frequency_bounds(
             if fabric is not None:
                 C_M = membrane_stress_and_tangent(fabric, E.centre)[1]
                 C_B = bending_stiffness(fabric)
+                slope, curvature = ZERO, ZERO
+                if conservative is not None:
+                    slope, curvature = tangent_derivatives(fabric, E.centre)
             if stiffness is not None:
+                slope, curvature = ZERO, ZERO
                 C_M = dominating_diagonal(membrane_rows(stiffness))
                 C_B = dominating_diagonal(bending_rows(stiffness))
 
@@ -264,11 +303,11 @@ def frequency_bounds(
             geometric = stress_row_sums(sigma)
             for k in range(7):
                 sums[k] = geometric[k]
-            material_row_sums(material, C_M, C_B, moments, director is None, sums)
             if director is None:
                 normal_compaction_row_sums(
-                    a[0], a[1], a[2], normal[1:], C_M[2], S33, inverse_height, sums
+                    a[0], a[1], a[2], normal[1:], S33, inverse_height, material[0, 2], sums
                 )
+            material_row_sums(material, C_M, C_B, moments, slope, curvature, E, sums)
             mode = np.argmax(sums)
             omega2[element] = sums[mode] / density
             controlling_mode[element] = mode

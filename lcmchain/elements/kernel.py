@@ -32,7 +32,12 @@ from lcmchain.elements.solid_shell import (
     thickness_resultants,
 )
 from lcmchain.jit import equation, kernel
-from lcmchain.materials.fabric import bending_stiffness, membrane_stress_and_tangent
+from lcmchain.materials.fabric import (
+    bending_stiffness,
+    compaction_tangent_slope,
+    membrane_stress_and_tangent,
+    shear_tangent_slope,
+)
 from lcmchain.materials.st_venant_kirchhoff import bending_rows, membrane_rows, stress
 
 LANES = 16
@@ -93,7 +98,22 @@ def difference_flat(E, R):
 
 
 @equation
-def fabric_resultants(law, enhanced, moments, E):
+def hourglass_tangent_stress(law, E):
+    """Return the centre stress from the change of the hourglass energy with the tangent.
+
+    The hourglass energy (V/6)(E^ξ:C(E⁰):E^ξ + E^η:C(E⁰):E^η) of Eq. (16) depends on E⁰ through the
+    tangent of Eq. (18). The paper leaves that derivative out; then the element has no potential and
+    feeds energy to a sheet that is compacted and warped at once (README, "Hourglass energy").
+    """
+    shear = E.xi[3] * E.xi[3] + E.eta[3] * E.eta[3]
+    normal = E.xi[2] * E.xi[2] + E.eta[2] * E.eta[2]
+    S12 = 0.5 * THIRD * shear_tangent_slope(law, E.centre[3]) * shear
+    S33 = 0.5 * THIRD * compaction_tangent_slope(law, E.centre[2]) * normal
+    return (0.0, 0.0, S33, S12, 0.0, 0.0)
+
+
+@equation
+def fabric_resultants(law, conservative, enhanced, moments, E):
     """Return stress resultants of Eqs. (15) and (16) per unit volume 8 J⁰ for a fabric."""
     S_centre, C_M = membrane_stress_and_tangent(law, E.centre)
     C_B = bending_stiffness(law)
@@ -103,6 +123,8 @@ def fabric_resultants(law, enhanced, moments, E):
         S_zeta = replace33(S_zeta, 0.0)
     S_zeta2 = diagonal_product(C_B, E.zeta2)
     c, z, q = thickness_resultants(moments, S_centre, S_zeta, S_zeta2)
+    if conservative is not None:
+        c = sum6(c, hourglass_tangent_stress(law, E))
     return Taylor(
         c,
         z,
@@ -139,7 +161,14 @@ def stiffness_resultants(law, enhanced, moments, E):
 @equation
 def load6(data, i):
     L = LANES
-    return (data[i], data[i + L], data[i + 2 * L], data[i + 3 * L], data[i + 4 * L], data[i + 5 * L])
+    return (
+        data[i],
+        data[i + L],
+        data[i + 2 * L],
+        data[i + 3 * L],
+        data[i + 4 * L],
+        data[i + 5 * L],
+    )
 
 
 @equation
@@ -260,6 +289,7 @@ def element_stress(
     flat,
     curved,
     director,
+    conservative,
     enhanced,
     moments,
     in_plane_shear,
@@ -284,7 +314,7 @@ def element_stress(
     if director is None:
         E = with_centre33(E, normal[0])
     if fabric is not None:
-        S = fabric_resultants(fabric, enhanced, moments, E)
+        S = fabric_resultants(fabric, conservative, enhanced, moments, E)
     if stiffness is not None:
         S = stiffness_resultants(stiffness, enhanced, moments, E)
     S33 = 0.0
@@ -310,6 +340,7 @@ def element_in_lane(
     flat,
     curved,
     director,
+    conservative,
     enhanced,
     moments,
     in_plane_shear,
@@ -327,6 +358,7 @@ def element_in_lane(
         flat,
         curved,
         director,
+        conservative,
         enhanced,
         moments,
         in_plane_shear,
@@ -354,6 +386,7 @@ def internal_forces(
     flat,
     curved,
     director,
+    conservative,
     enhanced,
     moments,
     in_plane_shear,
@@ -369,7 +402,7 @@ def internal_forces(
         a zero that nodes with fewer elements point to.
     fabric : :class:`FabricLaw` or ``None``; stiffness : (72,) C^M and C^B row by row, or ``None``.
     flat, curved : ``True`` or ``None``, one of them ``None``: kind of the reference geometry.
-    director, enhanced : ``True`` or ``None``: the effect is on or pruned.
+    director, conservative, enhanced : ``True`` or ``None``: the effect is on or pruned.
     moments : :class:`Moments`.
     in_plane_shear : 1, or 0 to drop the in-plane shear row of B^ξ and B^η.
     """
@@ -397,6 +430,7 @@ def internal_forces(
                 flat,
                 curved,
                 director,
+                conservative,
                 enhanced,
                 moments,
                 in_plane_shear,

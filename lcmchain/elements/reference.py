@@ -24,6 +24,7 @@ class ElementOptions:
     compaction_strain: str = "normal"
     cross_terms: bool = True
     in_plane_shear_hourglass: bool = True
+    hourglass: str = "conservative"
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,11 @@ class ReferenceElement:
         ):
             hourglass += self.volume * weight * B[term].T @ (C @ E[term])
             hourglass_energy += 0.5 * self.volume * weight * E[term] @ C @ E[term]
+        if self.options.hourglass == "conservative":
+            # derivative of that energy with respect to E⁰, on which the tangent of Eq. (18) depends
+            slope = self.material.tangent_slope(E["centre"])
+            squares = E["xi"] ** 2 + E["eta"] ** 2
+            hourglass += self.volume / 6.0 * B["centre"].T @ (slope * squares)
         total = (force + hourglass).reshape(8, 3)
         return ElementResult(total, hourglass.reshape(8, 3), float(energy), float(hourglass_energy))
 

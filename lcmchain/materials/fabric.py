@@ -65,6 +65,47 @@ def compaction_stress_and_tangent(law, E33):
 
 
 @equation
+def shear_tangent_slope(law, g):
+    """Return d²S12/dg², the slope of the shear tangent (odd in g)."""
+    e = 0.5 * abs(g)
+    first = law.s1 + e * (2.0 * law.s2 + e * (3.0 * law.s3 + e * (4.0 * law.s4)))
+    second = 2.0 * law.s2 + e * (6.0 * law.s3 + e * (12.0 * law.s4))
+    slope = 0.5 * (2.0 * first + e * second)
+    return slope if g >= 0.0 else -slope
+
+
+@equation
+def compaction_tangent_slope(law, E33):
+    """Return d²S33/dE33², the slope of the compaction tangent (0 in thickening)."""
+    e = max(-E33, SMALLEST_COMPACTION_STRAIN)
+    exponent = law.c1 * exponential(law.c2 * logarithm(e))
+    modulus = law.c0 * exponential(min(exponent, 600.0))
+    return -modulus * (law.c2 * exponent / e) * (1.0 + law.c2 + law.c2 * exponent)
+
+
+@equation
+def shear_tangent_curvature(law, g):
+    """Return d³S12/dg³."""
+    e = 0.5 * abs(g)
+    second = 2.0 * law.s2 + e * (6.0 * law.s3 + e * (12.0 * law.s4))
+    third = 6.0 * law.s3 + e * (24.0 * law.s4)
+    return 0.25 * (3.0 * second + e * third)
+
+
+@equation
+def compaction_tangent_curvature(law, E33):
+    """Return d³S33/dE33³ (0 in thickening)."""
+    e = max(-E33, SMALLEST_COMPACTION_STRAIN)
+    c2 = law.c2
+    X = law.c1 * exponential(c2 * logarithm(e))
+    modulus = law.c0 * exponential(min(X, 600.0))
+    first = c2 * X / e
+    second = (c2 - 1.0) * first / e
+    factor = 1.0 + c2 + c2 * X
+    return modulus * (first * first * (factor + c2) + second * factor)
+
+
+@equation
 def membrane_stress_and_tangent(law, E):
     """Return the stress S^M (Eq. 19, at the centre) and the diagonal of the tangent C^M."""
     S12, C12 = shear_stress_and_tangent(law, E[3])
@@ -141,6 +182,24 @@ class Fabric:
         C[..., 3, 3] = modulus + e12 * slope
         S[..., 2], C[..., 2, 2] = self._compaction(E[..., 2])
         return S, C
+
+    def tangent_slope(self, E):
+        """Return dC_ii/dE_i (..., 6) of the diagonal tangent C^M; only 12 and 33 are not zero."""
+        E = np.asarray(E)
+        law = self.law
+        slope = np.zeros_like(E)
+        e12 = 0.5 * np.abs(E[..., 3])
+        powers = np.arange(1, 5)
+        tangent = np.array([law.s0, law.s1, law.s2, law.s3, law.s4]) * np.arange(1, 6)
+        derivative = np.polynomial.polynomial.polyval(e12, tangent[1:] * powers)
+        slope[..., 3] = 0.5 * np.where(E[..., 3] >= 0.0, derivative, -derivative)
+        e33 = np.maximum(-E[..., 2], 1e-16)
+        exponent = law.c1 * e33**law.c2
+        slope[..., 2] = (
+            -law.c0 * np.exp(exponent) * law.c2 * exponent / e33
+            * (1.0 + law.c2 + law.c2 * exponent)
+        )  # fmt: skip
+        return slope
 
     def bending_matrix(self):
         """Return C^B (6, 6), Eq. (25)."""

@@ -121,6 +121,10 @@ class StVenantKirchhoff:
         E = np.asarray(E)
         return E @ self.C_membrane, np.broadcast_to(self.C_membrane, (*E.shape, 6))
 
+    def tangent_slope(self, E):
+        """Return dC_ii/dE_i (..., 6): zero."""
+        return np.zeros_like(np.asarray(E))
+
     def bending_matrix(self):
         """Return C^B (6, 6)."""
         return self.C_bending

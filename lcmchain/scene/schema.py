@@ -366,6 +366,10 @@ class Element(SceneModel):
     cross_terms: Switch = Field(
         default=True, description="Keep the cross terms of Eqs. (15) and (19)."
     )
+    hourglass: Literal["conservative", "published"] = Field(
+        default="conservative",
+        description="Derive the hourglass forces from an energy, or take Eq. (16) as printed.",
+    )
     in_plane_shear_hourglass: Switch = Field(
         default=True, description="Keep the in-plane shear row in the hourglass stabilisation."
     )

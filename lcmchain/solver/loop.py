@@ -81,6 +81,7 @@ def advance(arrays, tools, environment, elements, step_count, dt):
             elements.flat,
             elements.curved,
             elements.director,
+            elements.conservative,
             elements.enhanced,
             elements.moments,
             elements.in_plane_shear,

@@ -92,7 +92,7 @@ def material_frame(nodes, fibre):
     return np.array([e1, np.cross(e3, e1), e3])
 
 
-def deformed(rng, nodes, fibre, *, gradient=None, warp=0.1, stretch=0.1):
+def deformed(rng, nodes, fibre, *, gradient=None, warp=0.1, stretch=0.1, rotated=True):
     """Nodes after a homogeneous deformation in material axes, warping, rotation, translation.
 
     ``gradient`` (3, 3) defaults to a random one of size ``stretch``; ``warp`` is relative to the
@@ -104,7 +104,8 @@ def deformed(rng, nodes, fibre, *, gradient=None, warp=0.1, stretch=0.1):
     local = (nodes - nodes.mean(axis=0)) @ frame.T
     size = np.ptp(local, axis=0)
     local = local @ np.transpose(gradient) + warp * size * rng.uniform(-0.5, 0.5, (8, 3))
-    return local @ rotation(rng).T + rng.normal(size=3) * 0.1
+    turn = rotation(rng) if rotated else frame.T
+    return local @ turn.T + rng.normal(size=3) * 0.1
 
 
 def sheared(angle, compaction=1.0, stretch=1.0):
@@ -143,15 +144,15 @@ def positions_of(nodes):
     return np.ascontiguousarray(np.reshape(nodes, (-1, 3)).T)
 
 
-def difference_tangent(force, nodes, step):
-    """Derivative (24, 24) of forces (8, 3) by central differences of fourth order."""
+def difference_tangent(evaluate, nodes, step):
+    """Derivative (24, 24) of an element's forces (8, 3) by central differences of fourth order."""
     K = np.zeros((24, 24))
     for i in range(24):
         dx = np.zeros(24)
         dx[i] = step
         dx = dx.reshape(8, 3)
-        near = force(nodes + dx) - force(nodes - dx)
-        far = force(nodes + 2 * dx) - force(nodes - 2 * dx)
+        near = evaluate(nodes + dx).force - evaluate(nodes - dx).force
+        far = evaluate(nodes + 2 * dx).force - evaluate(nodes - 2 * dx).force
         K[:, i] = ((8 * near - far) / (12 * step)).ravel()
     return K
 

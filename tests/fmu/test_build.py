@@ -138,7 +138,7 @@ def test_unit_holds_the_files_that_the_scene_names(scene_file, tmp_path):
         text += f"""
 [[tools]]
 name = "{name}"
-shape = {{ type = "surface_mesh", file = "{file}", length_unit = "mm", spacing = "2 mm" }}
+shape = {{ type = "surface_mesh", file = "{file}", length_unit = "mm", spacing = "0.5 mm" }}
 """
     scene = tmp_path / "scene/scene.toml"
     scene.write_text(text)
