@@ -9,7 +9,7 @@ import shutil
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePath
 
@@ -133,6 +133,3 @@ def _unchanged_imports() -> Iterator[None]:
     finally:
         sys.path[:] = path
         sys.modules.pop(ENTRY_MODULE, None)
-
-
-__all__: Sequence[str] = ("build_fmu", "model_identifier")

@@ -16,14 +16,16 @@ from lcmchain.elements.reference import ElementOptions, ReferenceElement
 
 # Every combination of effect slots that is compiled once; numbers (moments, the weight of the
 # shear row, material parameters) vary within a combination at no cost.
-FABRIC_FLAT = ("fabric", "flat", "normal")
+FABRIC_FLAT = ("fabric", "flat", "normal", "conservative")
+FULL_CURVED = ("full", "curved", "normal", "conservative")
 COMBINATIONS = [
     FABRIC_FLAT,
-    ("fabric", "flat", "director"),
-    ("fabric", "curved", "normal"),
-    ("full", "flat", "normal"),
-    ("full", "curved", "normal"),
-    ("full", "curved", "director"),
+    ("fabric", "flat", "director", "published"),
+    ("fabric", "curved", "normal", "conservative"),
+    ("fabric", "curved", "director", "conservative"),
+    ("full", "flat", "normal", "conservative"),
+    FULL_CURVED,
+    ("full", "curved", "director", "conservative"),
 ]
 ELEMENT_COUNT = 37  # two full blocks of 16 lanes and a part of a third
 
@@ -49,13 +51,15 @@ class Batch:
 @pytest.fixture(scope="session")
 def batch(make):
     def build(combination, **options):
-        material_kind, shape, compaction_strain = combination
+        material_kind, shape, compaction_strain, hourglass = combination
         rng = np.random.default_rng(7)
         material = make.md600() if material_kind == "fabric" else make.coupled(rng)
         reference = make.flat_reference if shape == "flat" else make.curved_reference
         X, fibres = map(np.array, zip(*(reference(rng) for _ in range(ELEMENT_COUNT))))
         x = np.array([make.deformed(rng, *element) for element in zip(X, fibres)])
-        options = ElementOptions(compaction_strain=compaction_strain, **options)
+        options = ElementOptions(
+            compaction_strain=compaction_strain, hourglass=hourglass, **options
+        )
         model = make.separate_elements(X, fibres, material, options)
         return Batch(X, fibres, x, material, options, model)
 
@@ -91,15 +95,16 @@ def assert_agree(batch, forces):
 @pytest.mark.parametrize("combination", COMBINATIONS, ids=" ".join)
 def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
     case = batch(combination)
-    kind, shape, strain = combination
+    kind, shape, strain, hourglass = combination
     slots = case.model.elements
     assert (slots.fabric is None, slots.stiffness is None) == (kind != "fabric", kind == "fabric")
     assert (slots.flat is None, slots.curved is None) == (shape != "flat", shape == "flat")
     assert (slots.director is None) == (strain == "normal")
+    assert (slots.conservative is None) == (hourglass == "published" or kind == "full")
     assert_agree(case, forces_of(case))
 
 
-@pytest.mark.parametrize("combination", [FABRIC_FLAT, ("full", "curved", "normal")], ids=" ".join)
+@pytest.mark.parametrize("combination", [FABRIC_FLAT, FULL_CURVED], ids=" ".join)
 @pytest.mark.parametrize(
     "options",
     [
@@ -138,8 +143,8 @@ def test_a_flat_element_has_the_same_forces_as_a_curved_one(batch, forces_of, ma
     "combination, cross_terms",
     [
         (FABRIC_FLAT, False),
-        (("full", "curved", "normal"), False),
-        (("full", "curved", "normal"), True),
+        (FULL_CURVED, False),
+        (FULL_CURVED, True),
     ],
 )
 def test_stored_energies_agree_with_the_reference_element(batch, make, combination, cross_terms):
@@ -212,7 +217,7 @@ def lane_loop(assembly):
 
 
 @pytest.mark.skipif("avx2" not in processor_flags(), reason="the processor has no AVX2")
-@pytest.mark.parametrize("combination", [FABRIC_FLAT, ("full", "curved", "normal")], ids=" ".join)
+@pytest.mark.parametrize("combination", [FABRIC_FLAT, FULL_CURVED], ids=" ".join)
 def test_the_lane_loop_is_packed(batch, make, combination):
     """The arithmetic of the element runs on vectors.
 

@@ -103,8 +103,9 @@ class Master:
 
 
 @pytest.fixture(scope="session")
-def unpacked(unit):
-    return extract(str(unit)), read_model_description(str(unit))
+def unpacked(unit, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("unpacked")
+    return extract(str(unit), unzipdir=str(folder)), read_model_description(str(unit))
 
 
 @pytest.fixture
