@@ -147,12 +147,15 @@ class Simulation:
 
         ``internal`` and ``hourglass`` are potentials of the present strains, not the work of the
         internal forces: ``balance_error`` shows what time integration, the step size and the
-        unsymmetric cross terms of Eqs. (15) and (19) have added or lost.
+        unsymmetric cross terms of Eqs. (15) and (19) have added or lost. All energies are those of
+        the last step: its forces were taken at the positions before they moved on.
         """
+        state = self.state
+        position = state.position - state.clock[1] * state.velocity
         count = self.model.corner_node.size // 8
         strain, bending, hourglass = np.empty((count, 6)), np.empty(count), np.empty(count)
         strain_energies(
-            self.state.position,
+            position,
             self.model.corner_node,
             self.model.element_data,
             *self.model.elements,
@@ -162,7 +165,7 @@ class Simulation:
         )
         real = slice(self.model.element_count)
         membrane = self.model.material.membrane_energy(strain[real]) * self.model.geometry.volume
-        work = self.state.work
+        work = state.work
         energy = {
             "kinetic": work[KINETIC],
             "internal": membrane.sum() + bending[real].sum(),

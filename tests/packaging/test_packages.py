@@ -38,6 +38,7 @@ RANK_OF_CORE = {
     "solver": 4,
     "fields": 5,
     "report": 6,
+    "study": 6,
     "check": 7,
     "bench": 7,
     "pipeline": 7,

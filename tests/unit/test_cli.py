@@ -93,7 +93,7 @@ def test_run_hands_everything_over(monkeypatch, scene_file, tmp_path, capsys):
         progress(0.5, 1.0, "forming")
         calls.append((scene.process.frames, out, threads, resume))
 
-    stand_in(monkeypatch, "lcmchain.pipeline", run_scene=run_scene)
+    stand_in(monkeypatch, "lcmchain.pipeline", run=run_scene)
     out = tmp_path / "deep" / "results"
     code = exit_code(
         "run", scene_file, "--out", out, "--threads", 2, "--resume", "--set", "process.frames=5",
@@ -119,7 +119,7 @@ def test_errors_are_one_message_and_an_exit_code(
     def run_scene(*arguments, **options):
         raise error
 
-    stand_in(monkeypatch, "lcmchain.pipeline", run_scene=run_scene)
+    stand_in(monkeypatch, "lcmchain.pipeline", run=run_scene)
     out = tmp_path / "deep" / "results"
     found = exit_code("run", scene_file, "--out", out)
     message = capsys.readouterr().err
@@ -137,7 +137,7 @@ def test_a_failed_run_keeps_what_it_left(monkeypatch, scene_file, tmp_path):
         (out / "checkpoint.npz").touch()
         raise SimulationError("stopped by a guard")
 
-    stand_in(monkeypatch, "lcmchain.pipeline", run_scene=run_scene)
+    stand_in(monkeypatch, "lcmchain.pipeline", run=run_scene)
     assert exit_code("run", scene_file, "--out", tmp_path / "results") == 1
     assert (tmp_path / "results" / "checkpoint.npz").exists()
 

@@ -1,0 +1,1 @@
+"""Studies of what a result depends on: measures that compare forming results."""

@@ -1,0 +1,95 @@
+"""Measures by which two forming results are compared, and one with its mirror image."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lcmchain.fields import sheet_positions
+from lcmchain.fields.summary import sheet_faces
+
+# four elements beyond the end of the die fillet at 87 mm
+FLANGE_RADIUS = 0.105
+AREA = 0.02  # edge of the areas over which shear angles are averaged [m]
+
+
+def reference_positions(sheet) -> np.ndarray:
+    """Return the reference positions of the mid-surface nodes, (node_count, 3) [m]."""
+    return np.stack([sheet[f"reference_position_{axis}"].values for axis in "xyz"], axis=-1)
+
+
+def face_centres(sheet, *, formed: bool) -> np.ndarray:
+    """Return the centres of the faces, (face_count, 3) [m], formed or in the reference."""
+    positions = sheet_positions(sheet) if formed else reference_positions(sheet)
+    return positions[sheet_faces(sheet)].mean(axis=1)
+
+
+def root_mean_square(values) -> float:
+    return float(np.sqrt(np.mean(np.asarray(values) ** 2)))
+
+
+def outline_nodes(sheet) -> np.ndarray:
+    """Return the nodes on the outline of a blank that is a centred rectangle."""
+    reference = reference_positions(sheet)[:, :2]
+    return np.flatnonzero((np.abs(reference) > np.abs(reference).max(axis=0) - 1e-6).any(axis=1))
+
+
+def mirror_difference(sheet, axis: int) -> dict[str, float]:
+    """Return how far a result is from its mirror image along ``axis`` (0: x, 1: y).
+
+    ``contour`` [m] largest in-plane distance of outline nodes; ``thickness`` [m] and ``shear_angle``
+    [rad] root mean square over the sheet.
+    """
+    sign = np.ones(3)
+    sign[axis] = -1.0
+    reference, formed = reference_positions(sheet), sheet_positions(sheet)
+    twin = cKDTree(reference).query(reference * sign)[1]
+    contour = (formed - formed[twin] * sign)[outline_nodes(sheet), :2]
+    centres = face_centres(sheet, formed=False)
+    face_twin = cKDTree(centres).query(centres * sign)[1]
+    thickness = sheet["thickness"].values[-1]
+    shear = sheet["shear_angle"].values[-1]
+    return {
+        "contour": float(np.linalg.norm(contour, axis=1).max()),
+        "thickness": root_mean_square(thickness - thickness[face_twin]),
+        "shear_angle": root_mean_square(shear + shear[face_twin]),
+    }
+
+
+def flange_and_pole(sheet) -> tuple[np.ndarray, np.ndarray]:
+    """Return masks of the faces in the flat flange and at the pole of the hemisphere.
+
+    The flat flange: level within 2 degrees, farther than ``FLANGE_RADIUS`` from the axis, and not in
+    the outermost ring of elements. Nearer to the die, and along the drawn-in edges, a light holder
+    rests on the sheet that its bending over the fillet has lifted, and presses it.
+    """
+    centres = face_centres(sheet, formed=True)
+    radius = np.linalg.norm(centres[:, :2], axis=1)
+    corners = sheet_positions(sheet)[sheet_faces(sheet)]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    level = np.abs(normal[:, 2]) > np.cos(np.radians(2.0)) * np.linalg.norm(normal, axis=1)
+    outline = np.isin(sheet_faces(sheet), outline_nodes(sheet)).any(axis=1)
+    return level & (radius > FLANGE_RADIUS) & ~outline, radius < 0.01
+
+
+def area_mean_shear(sheet) -> dict[tuple[int, int], float]:
+    """Return shear angles [rad] averaged over squares of 20 mm of the reference."""
+    centres = face_centres(sheet, formed=False)[:, :2]
+    cells = np.floor((centres - centres.min()) / AREA + 1e-9).astype(int)
+    shear = sheet["shear_angle"].values[-1]
+    return {
+        tuple(cell): float(shear[(cells == cell).all(axis=1)].mean())
+        for cell in np.unique(cells, axis=0)
+    }
+
+
+def field_differences(sheet, other) -> dict[str, float]:
+    """Return root-mean-square differences over the sheet of two results on the same mesh."""
+    thickness, other_thickness = (s["thickness"].values[-1] for s in (sheet, other))
+    shear, other_shear = (s["shear_angle"].values[-1] for s in (sheet, other))
+    distance = np.linalg.norm(sheet_positions(sheet) - sheet_positions(other), axis=1)
+    return {
+        "position": root_mean_square(distance),
+        "shear_angle": root_mean_square(shear - other_shear),
+        "thickness": root_mean_square(thickness / other_thickness - 1.0),
+    }

@@ -1,0 +1,283 @@
+"""The explicit time loop: stable step, conservation, landing on times, bit-identical repeats."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+
+from lcmchain.elements.kernel import internal_forces
+from lcmchain.errors import SimulationError
+from lcmchain.model import build_model
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.loop import NODE_CHUNK
+from lcmchain.solver.simulation import Simulation
+from lcmchain.state import EXTERNAL
+
+SHEET = """
+title = "a small sheet"
+[process]
+time = "10 ms"
+[blank]
+size = ["30 mm", "20 mm"]
+edge_length = "5 mm"
+fibre_angle = "0 deg"
+height = "0.502 mm"
+[material]
+preset = "MD600"
+[element]
+cross_terms = false
+"""
+# a light plate falls on a sheet that is drawn over a bed: contact, friction, a guided tool, damping
+PRESSED = (
+    SHEET.replace('"30 mm", "20 mm"', '"80 mm", "60 mm"')  # several chunks of nodes
+    .replace("[process]", "[process]\ngravity = true\nmass_damping = '20 1/s'")
+    .replace("cross_terms = false", "cross_terms = true")
+    + """
+[contact]
+friction = 0.157
+[[tools]]
+name = "bed"
+shape = { type = "plate", side = "below" }
+motion = { type = "stroke", direction = [1, 0, 0], distance = "2 mm" }
+[[tools]]
+name = "weight"
+shape = { type = "sphere_capped_punch", radius = "30 mm" }
+position = ["2 mm", "1 mm", "1.2 mm"]
+motion = { type = "guided", direction = [0, 0, -1], mass = "20 g", force = "3 N" }
+"""
+)
+
+
+def simulation(text, **changes):
+    return Simulation(replace(build_model(scene_from_text(text)), **changes))
+
+
+def kicked(sim, size, seed=0):
+    """Move every node at random by up to ``size`` [m]; the energy counts as put in."""
+    rng = np.random.default_rng(seed)
+    sim.state.position += rng.uniform(-size, size, sim.state.position.shape)
+    balance = sim.energy()
+    sim.state.work[EXTERNAL] = balance["internal"] + balance["hourglass"]
+    return sim.state.work[EXTERNAL]
+
+
+def node_forces(sim, position):
+    """Internal forces (3, node_count), gathered independently of the solver."""
+    model = sim.model
+    corner_force = np.zeros(model.corner_force_size)
+    internal_forces(position, model.corner_node, model.element_data, corner_force, *model.elements)
+    total = np.zeros_like(position)
+    for element, nodes in enumerate(model.blank.elements):
+        block, lane = divmod(element, 16)
+        for corner, node in enumerate(nodes):
+            for d in range(3):
+                total[d, node] += corner_force[(block * 24 + 3 * corner + d) * 16 + lane]
+    return total
+
+
+def highest_frequency(sim):
+    """Of the whole sheet [1/s], by the power method on differences of forces."""
+    mass, start = sim.model.nodes.mass, sim.state.position
+    mode = np.random.default_rng(1).normal(size=start.shape)
+    step, value = 1e-8, 0.0
+    for _ in range(300):
+        mode /= np.sqrt(np.sum(mass * mode**2))
+        image = (node_forces(sim, start + step * mode) - node_forces(sim, start - step * mode)) / (
+            2 * step * mass
+        )
+        value = np.sum(mass * mode * image)
+        mode = image
+    return np.sqrt(value)
+
+
+# --- stability ------------------------------------------------------------------------------------
+
+
+def drift_of_balance(sim, duration):
+    """Largest difference of the balance error over the time, and the least energy seen."""
+    start = sim.time
+    balances = []
+    for part in np.linspace(0.1, 1.0, 10):
+        sim.advance_to(start + part * duration)
+        balances.append(sim.energy())
+    stored = [b["kinetic"] + b["internal"] + b["hourglass"] for b in balances]
+    return np.ptp([b["balance_error"] for b in balances]), min(stored)
+
+
+def test_vibration_is_stable_below_the_critical_step():
+    sim = simulation(SHEET, step_safety=0.95)
+    energy = kicked(sim, 1e-8)
+    critical = sim.critical_step()
+    drift, stored = drift_of_balance(sim, 3000 * critical)
+    assert sim.control.step == pytest.approx(0.95 * critical, rel=1e-3)
+    assert stored > 0.2 * energy
+    assert drift < 1e-3 * energy
+
+
+def test_vibration_explodes_beyond_the_true_critical_step():
+    """The bound is close to the sheet's own frequency, and the guard sees what goes wrong."""
+    sim = simulation(SHEET)
+    bound = sim.critical_step()
+    true = 2.0 / highest_frequency(sim)
+    assert 0.8 * true < bound < true * (1.0 + 1e-6)
+
+    sim = simulation(SHEET, step_safety=0.99 * true / bound)
+    energy = kicked(sim, 1e-8)
+    drift, stored = drift_of_balance(sim, 1000 * true)
+    assert drift < 1e-3 * energy < stored
+
+    sim = simulation(SHEET, step_safety=1.3 * true / bound)
+    kicked(sim, 1e-8)
+    with pytest.raises(SimulationError, match="step"):
+        sim.advance_to(1000 * true)
+
+
+# --- conservation ---------------------------------------------------------------------------------
+
+
+def angular_momentum(sim):
+    state, mass = sim.state, sim.model.nodes.mass
+    return np.cross(state.position.T, (mass * state.velocity).T).sum(axis=0)
+
+
+def test_free_flight_conserves_energy_and_momenta():
+    """A sheet thrown with spin: more than a full turn about a skew axis, and straight on."""
+    sim = simulation(SHEET)
+    state, mass = sim.state, sim.model.nodes.mass
+    spin, speed = np.array([150.0, 250.0, 400.0]), np.array([1.0, -2.0, 3.0])
+    centre = state.position @ mass / mass.sum()
+    state.velocity[:] = (speed + np.cross(spin, state.position.T - centre)).T
+    energy = 0.5 * np.sum(mass * state.velocity**2)
+    state.work[EXTERNAL] = energy
+    momentum, moment = (mass * state.velocity).sum(axis=1), None
+    amount = np.sum(mass * np.linalg.norm(state.velocity, axis=0))
+    errors = []
+    for k in range(1, 15):
+        sim.advance_to(k * 1e-3)
+        moment = angular_momentum(sim) if moment is None else moment
+        errors.append(sim.energy()["balance_error"])
+    np.testing.assert_allclose(
+        (mass * state.velocity).sum(axis=1), momentum, rtol=0.0, atol=1e-12 * amount
+    )
+    drift = angular_momentum(sim) - moment
+    assert abs(drift).max() < 1e-11 * np.linalg.norm(moment)
+    np.testing.assert_allclose(
+        state.position @ mass / mass.sum(), centre + 14e-3 * speed, rtol=0.0, atol=1e-10
+    )
+    assert max(map(abs, errors)) < 1e-4 * energy
+    assert sim.energy()["kinetic"] > 0.9 * energy
+
+
+def test_free_fall():
+    sim = simulation(SHEET.replace("[process]", "[process]\ngravity = true"))
+    start = sim.state.position.copy()
+    sim.advance_to(5e-3)
+    fall = start - sim.state.position
+    np.testing.assert_allclose(fall[2], 0.5 * 9.81 * 5e-3**2, rtol=2e-3)
+    np.testing.assert_allclose(sim.state.velocity[2], -9.81 * 5e-3, rtol=2e-3)
+    np.testing.assert_allclose(fall[:2], 0.0, atol=1e-12)
+
+
+def test_mass_damping_slows_motion_exponentially():
+    sim = simulation(SHEET.replace("[process]", '[process]\nmass_damping = "200 1/s"'))
+    sim.state.velocity[0] = 1.0
+    energy = 0.5 * sim.model.nodes.mass.sum()
+    sim.state.work[EXTERNAL] = energy
+    sim.advance_to(10e-3)
+    np.testing.assert_allclose(sim.state.velocity[0], np.exp(-2.0), rtol=1e-3)
+    balance = sim.energy()
+    assert balance["damping"] == pytest.approx(energy * (1.0 - np.exp(-4.0)), rel=1e-3)
+    assert abs(balance["balance_error"]) < 1e-3 * energy
+
+
+# --- landing on times, repeats --------------------------------------------------------------------
+
+
+def test_advance_lands_on_the_time_asked_for():
+    sim = simulation(SHEET)
+    for time in (1e-3, 1e-3 + 1e-9, 1.23456789e-3, 0.1 * 0.03):
+        sim.advance_to(time)
+        assert sim.time == time
+    steps = sim.state.step_count
+    sim.advance_to(1e-3)  # in the past
+    assert (sim.time, sim.state.step_count) == (0.1 * 0.03, steps)
+
+
+def test_prescribed_tools_follow_their_motion_exactly():
+    sim = simulation(PRESSED)
+    for time in (2.5e-3, 5e-3):
+        sim.advance_to(time)
+        s = time / 10e-3
+        travel = 2e-3 * s**3 * (10 - 15 * s + 6 * s**2)
+        assert sim.state.tool_travel[0] == pytest.approx(travel, rel=1e-9)
+
+
+def assert_identical(state, other):
+    for name, array in state.as_dict().items():
+        np.testing.assert_array_equal(array, getattr(other, name), err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """State after 4 ms of a run in one go, and copies of it on the way."""
+    sim = simulation(PRESSED)
+    copies = []
+    sim.advance_to(4e-3, on_chunk=lambda sim: copies.append(sim.state.copy()))
+    return sim.state, copies
+
+
+def test_the_pressed_sheet_uses_every_part_of_the_loop(pressed):
+    state, copies = pressed
+    assert len(copies) > 10
+    assert state.position.shape[1] > 3 * NODE_CHUNK
+    assert (state.penetration_max > 0.0).all()
+    assert (state.work != 0.0).all()
+    assert abs(state.stick).max() > 0.0
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_restored_run_is_bit_identical(pressed, share):
+    """From any copy on the way, in a new simulation or in one that went astray before."""
+    state, copies = pressed
+    copy = copies[int(share * len(copies))]
+    fresh = simulation(PRESSED)
+    fresh.restore(copy)
+    fresh.advance_to(4e-3)
+    assert_identical(fresh.state, state)
+
+    astray = simulation(PRESSED)
+    astray.state.tool_input[1, 1] = 50.0
+    astray.advance_to(1e-3)
+    astray.restore(copy)
+    astray.advance_to(4e-3)
+    assert_identical(astray.state, state)
+
+
+def test_looking_at_a_run_does_not_change_it(pressed):
+    state, _ = pressed
+    sim = simulation(PRESSED)
+
+    def look(sim):
+        sim.energy()
+        sim.snapshot()
+
+    sim.advance_to(4e-3, on_chunk=look)
+    assert_identical(sim.state, state)
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
+def test_threads_do_not_change_a_bit(pressed):
+    state, _ = pressed
+    before = numba.get_num_threads()
+    results = []
+    for count in (1, 2):
+        numba.set_num_threads(count)
+        sim = simulation(PRESSED)
+        sim.advance_to(4e-3)
+        results.append(sim.state)
+    numba.set_num_threads(before)
+    assert_identical(*results)
+    assert_identical(results[0], state)

@@ -1,0 +1,138 @@
+"""The main job against what a forming engineer would look at first."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from lcmchain.study.measures import flange_and_pole, mirror_difference
+
+from lcmchain.fields import read_forming, sheet_positions
+from lcmchain.fields.summary import sheet_faces
+
+INITIAL_THICKNESS = 1.004e-3
+
+
+@pytest.fixture(scope="module")
+def sheet(holder_result):
+    return read_forming(holder_result.folder / "forming.nc")
+
+
+def test_every_field_is_finite(sheet):
+    for name, variable in sheet.data_vars.items():
+        if np.issubdtype(variable.dtype, np.floating):
+            assert np.isfinite(variable.values).all(), name
+
+
+def test_no_element_is_inverted_or_collapsed(sheet):
+    assert sheet["thickness"].values.min() > 0.8 * INITIAL_THICKNESS
+
+
+def test_fibres_hardly_stretch(sheet):
+    for name in ("fibre_strain_1", "fibre_strain_2"):
+        assert np.abs(sheet[name].values[-1]).max() < 0.003
+
+
+def test_motion_has_come_to_rest(holder_result):
+    assert holder_result.summary["kinetic_to_internal_end"] < 0.05
+    assert holder_result.summary["kinetic_to_internal_max"] > 0.0  # reported over the stroke
+
+
+def test_energy_balance_closes(holder_result):
+    assert holder_result.summary["balance_error_max"] < 0.01
+
+
+def test_hourglass_energy_is_small(holder_result):
+    energy = holder_result.summary["energy"]
+    assert energy["hourglass"] < 0.05 * energy["internal"]
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_quarters_agree(sheet, axis):
+    difference = mirror_difference(sheet, axis)
+    assert difference["contour"] < 0.5e-3
+    assert difference["thickness"] < 0.002 * INITIAL_THICKNESS
+    assert difference["shear_angle"] < np.radians(0.5)
+
+
+def test_thickness_in_flange_and_at_the_pole_is_the_initial_one(sheet):
+    """Section 4.2 of the paper: no significant change in the flat areas and at the centre."""
+    flange, pole = flange_and_pole(sheet)
+    assert flange.sum() > 500 and pole.sum() >= 4
+    ratio = sheet["thickness"].values[-1] / INITIAL_THICKNESS
+    assert np.abs(ratio[flange] - 1.0).max() < 0.01
+    assert np.abs(ratio[pole] - 1.0).max() < 0.03
+
+
+def test_sheet_thins_along_the_die_radius(sheet):
+    """Section 4.2: the greatest change is a noticeable thinning in the area of the radius."""
+    centres = sheet_positions(sheet)[sheet_faces(sheet)].mean(axis=1)
+    radius = np.linalg.norm(centres[:, :2], axis=1)
+    ratio = sheet["thickness"].values[-1] / INITIAL_THICKNESS
+    at_radius = (radius > 0.072) & (radius < 0.087)
+    assert 0.84 < ratio[at_radius].min() < 0.92
+    assert at_radius[np.argmin(ratio)]
+
+
+def test_draw_in_follows_the_fibres(sheet):
+    """Fig. 7c: strong draw-in along the fibres, little at the corners."""
+    outline = 1e3 * np.abs(sheet_positions(sheet))
+    reference = 1e3 * np.abs(
+        np.stack([sheet[f"reference_position_{axis}"].values for axis in "xy"], axis=-1)
+    )
+    middle = (reference[:, 0] > 149.99) & (reference[:, 1] < 0.01)
+    corner = (reference > 149.99).all(axis=1)
+    assert 36.0 < 150.0 - outline[middle, 0].mean() < 39.0
+    assert 150.0 - outline[corner, 0].mean() < 10.0
+
+
+def test_no_tool_is_penetrated(holder_result):
+    assert max(holder_result.summary["penetration_max_m"].values()) < 1e-4
+
+
+def test_fibre_mass_is_conserved(holder_result):
+    assert holder_result.summary["fibre_mass_kg"] == pytest.approx(0.6 * 0.3 * 0.3, rel=1e-10)
+    assert abs(holder_result.summary["fibre_mass_error"]) < 1e-10
+
+
+def test_fibre_volume_fraction_follows_thickness_and_shear(sheet):
+    """v_f = m_A / (ρ_f t cos γ) for fibres that hardly stretch (values of section 2.6)."""
+    last = sheet.isel(frame=-1)
+    expected = 0.6 / (1810.0 * last["thickness"].values * np.cos(last["shear_angle"].values))
+    np.testing.assert_allclose(last["fibre_volume_fraction"].values, expected, rtol=3e-3)
+
+
+def test_punch_force_is_that_of_a_light_fabric(holder_result):
+    assert 15.0 < holder_result.summary["punch_force_max_N"] < 60.0
+
+
+def test_summary_has_every_promised_entry(holder_result):
+    summary = json.loads((holder_result.folder / "summary.json").read_text())
+    promised = """lcmchain_version scene_sha256 element_count node_count step_count process_time_s
+    wall_s compile_s threads us_per_element_step energy kinetic_to_internal_max thickness_min_m
+    thickness_max_m shear_angle_max_rad fibre_strain_max punch_force_max_N effects warnings"""
+    assert set(promised.split()) <= set(summary)
+    parts = "kinetic internal hourglass contact friction damping external balance_error"
+    assert set(parts.split()) == set(summary["energy"])
+    assert summary["warnings"] == []
+
+
+def test_every_promised_file_is_there(holder_result):
+    names = """forming.nc forming.vtu forming.pvd summary.json shear_angle.png thickness.png
+    infiltration.nc infiltration.vtu infiltration.png structure.nc structure.vtu structure.png"""
+    for name in names.split():
+        assert (holder_result.folder / name).stat().st_size > 0, name
+    assert not (holder_result.folder / "checkpoint.npz").exists()
+
+
+@pytest.mark.parametrize("target", ["infiltration", "structure"])
+def test_mapped_meshes_carry_the_fields(holder_result, target):
+    report = holder_result.summary["mapping"][target]
+    assert report["status_count"]["unmapped"] == 0
+    assert report["target_coverage"] == pytest.approx(1.0, abs=1e-9)
+    assert abs(report["conservation_error"]) < 1e-10
+    mapped = xr.open_dataset(holder_result.folder / f"{target}.nc", engine="netcdf4")
+    for name in ("thickness", "fibre_volume_fraction", "fibre_direction_1_x", "fibre_direction_2_x"):
+        assert np.isfinite(mapped[name].values).all(), name

@@ -1,0 +1,150 @@
+"""Interrupted, resumed and threaded runs give the bits of the plain run."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from lcmchain.fields import read_forming
+from lcmchain.scene import read_scene
+from lcmchain.pipeline import run
+from lcmchain.solver.checkpoint import FILE_NAME
+
+SCENE = """
+title = "small cup"
+process = { time = "40 ms", frames = 5 }
+output = { pictures = false, vtu = false }
+material = { preset = "MD600" }
+contact = { friction = 0.157 }
+
+[blank]
+size = ["120 mm", "120 mm"]
+edge_length = "5 mm"
+height = "0.502 mm"
+
+[[tools]]
+name = "punch"
+shape = { type = "sphere_capped_punch", radius = "25 mm" }
+position = "0 0 1.004 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "20 mm" }
+
+[[tools]]
+name = "die"
+shape = { type = "plate_with_hole", hole_radius = "28 mm", fillet_radius = "10 mm", side = "below" }
+
+[[tools]]
+name = "holder"
+shape = { type = "plate_with_hole", hole_radius = "28 mm", fillet_radius = "10 mm", side = "above" }
+position = "0 0 1.004 mm"
+motion = { type = "guided", direction = [0, 0, -1], mass = "0.3 kg", ramp = "5 ms" }
+"""
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("cup") / "cup.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def plain(scene_file, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plain")
+    run(read_scene(scene_file), folder, threads=2)
+    return read_forming(folder / "forming.nc")
+
+
+def assert_same_bits(one, other):
+    assert set(one.data_vars) == set(other.data_vars)
+    for name in one.data_vars:
+        assert one[name].values.tobytes() == other[name].values.tobytes(), name
+
+
+def command(scene_file, folder, *options):
+    program = [sys.executable, "-m", "lcmchain.cli", "run", str(scene_file), "--out", str(folder)]
+    return [*program, *options]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_killed_and_resumed_run_is_bit_identical(scene_file, plain, tmp_path, number):
+    """A killed run goes on from its last checkpoint, an interrupted one from where it stopped."""
+    process = subprocess.Popen(
+        command(scene_file, tmp_path), stderr=subprocess.PIPE, text=True, env=os.environ
+    )
+    checkpoint = tmp_path / FILE_NAME
+    deadline = time.monotonic() + 120.0
+    while not checkpoint.exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    # somewhere in the second frame
+    time.sleep(float(np.random.default_rng(number).uniform(0.0, 0.15)))
+    process.send_signal(number)
+    _, message = process.communicate(timeout=60)
+    assert process.returncode != 0, "the run ended before it was stopped"
+    if number != signal.SIGKILL:
+        assert process.returncode == 1 and "--resume" in message
+    assert checkpoint.exists()
+    assert not (tmp_path / "forming.nc").exists()
+
+    subprocess.run(command(scene_file, tmp_path, "--resume"), check=True)
+    assert_same_bits(read_forming(tmp_path / "forming.nc"), plain)
+
+
+def test_one_and_two_threads_give_the_same_bits(scene_file, plain, tmp_path):
+    run(read_scene(scene_file), tmp_path, threads=1)
+    assert_same_bits(read_forming(tmp_path / "forming.nc"), plain)
+
+
+def test_resume_without_or_with_a_foreign_checkpoint_is_refused(scene_file, tmp_path):
+    done = subprocess.run(
+        command(scene_file, tmp_path, "--resume"), capture_output=True, text=True
+    )
+    assert done.returncode == 2 and "no checkpoint" in done.stderr
+
+    (tmp_path / FILE_NAME).write_bytes(b"no archive")
+    done = subprocess.run(
+        command(scene_file, tmp_path, "--resume"), capture_output=True, text=True
+    )
+    assert done.returncode == 2 and "no readable checkpoint" in done.stderr
+
+
+PRESS = """
+title = "press"
+process = { time = "20 ms", frames = 11 }
+output = { pictures = false, vtu = false }
+element = { compaction_strain = "director" }
+material = { preset = "MD600" }
+blank = { size = ["60 mm", "60 mm"], edge_length = "5 mm", height = "0.502 mm" }
+
+[[tools]]
+name = "table"
+shape = { type = "plate", side = "below" }
+
+[[tools]]
+name = "press"
+shape = { type = "plate", side = "above" }
+position = "0 0 1.004 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "1 mm" }
+"""
+
+
+def test_guard_stops_the_published_compaction_and_keeps_the_good_frames(tmp_path):
+    """Between frictionless plates the published director strain tilts and folds over."""
+    scene_file = tmp_path / "press.toml"
+    scene_file.write_text(PRESS, encoding="utf-8")
+    out = tmp_path / "out"
+    done = subprocess.run(command(scene_file, out), capture_output=True, text=True)
+    assert done.returncode == 1
+    for part in ("element", "mm at", "ms (step", "Likely cause", "director", "normal"):
+        assert part in done.stderr, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    frames = read_forming(out / "forming.nc")
+    assert 2 <= frames.sizes["frame"] < 11
+    assert np.isfinite(frames["thickness"].values).all()
+    assert frames["thickness"].values.min() > 0.0
+    assert not (out / "summary.json").exists()
