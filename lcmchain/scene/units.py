@@ -15,7 +15,8 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+(\s|$|[^\d,])")
 _ROW = re.compile(rf"\s*((?:{_NUMBER}[\s,]+)+{_NUMBER})\s*([^\d\s.+-].*)")
 
 #: Pattern of a quantity for editors (JSON Schema); the unit itself is checked when read.
-QUANTITY_PATTERN = rf"^\s*{_NUMBER}\s*[^\d\s.,].*$"
+# a unit may begin with 1, as in "200 1/s"
+QUANTITY_PATTERN = rf"^\s*{_NUMBER}(\s+1\s*/|\s*[^\d\s.,]).*$"
 
 
 @dataclass(frozen=True)
