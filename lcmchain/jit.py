@@ -29,6 +29,6 @@ def strict_equation(function):
 
 def kernel(function):
     """Compile a loop over blocks of elements or chunks of nodes, parallel over the blocks."""
-    return njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True, parallel=True, nogil=True)(
-        function
-    )
+    return njit(
+        error_model="numpy", fastmath=FLOATING_POINT, cache=True, parallel=True, nogil=True
+    )(function)

@@ -26,14 +26,15 @@ class State:
     stick : (tool_count, 3, node_count) elastic slip of the friction springs [m].
     near : (tool_count, node_count) whether contact of the node with the tool is evaluated.
     tool_travel, tool_velocity : (tool_count,) at n and n - ½.
-    tool_input : (tool_count, 2) velocity of a driven tool [m/s] and added force of a guided one [N].
+    tool_input : (tool_count, 2) velocity of a driven tool [m/s], added force of a guided one
+        [N].
     driven : (tool_count,) whether the travel follows ``tool_input`` instead of the scene's motion.
     tool_force : (tool_count, 3) force of the sheet on the tool at the last step [N].
     penetration_max : (tool_count,) deepest penetration so far [m].
     work : energies, see the columns above.
     clock : (3,) time [s], size of the last step [s], ω² bound of the elements [1/s²].
-    counters : (4,) steps, chunks since the last full frequency evaluation, element that controls the
-        step, and the mode vector in which it does.
+    counters : (4,) steps, chunks since the last full frequency evaluation, element that controls
+        the step, and the mode vector in which it does.
     """
 
     position: np.ndarray

@@ -35,7 +35,8 @@ def draw_in(sheet) -> float:
     half = reference[:, :2].max()
     depths = []
     for axis in (0, 1):
-        middle = (np.abs(reference[:, axis]) > half - 1e-9) & (np.abs(reference[:, 1 - axis]) < 1e-9)
+        on_side = np.abs(reference[:, axis]) > half - 1e-9
+        middle = on_side & (np.abs(reference[:, 1 - axis]) < 1e-9)
         depths.append(half - np.abs(formed[middle, axis]))
     return float(np.mean(depths))
 
@@ -66,7 +67,8 @@ def main() -> None:
     values = np.array(list(change.values()))
     print("\nshear angles averaged over squares of 20 mm, edge length halved")
     for name, area in LOCAL_AREAS.items():
-        print(f"  {name}: {np.degrees(abs(coarse[area])):.1f} deg, changes by {change[area]:.2f} deg")
+        angle = np.degrees(abs(coarse[area]))
+        print(f"  {name}: {angle:.1f} deg, changes by {change[area]:.2f} deg")
     print(f"  all {len(values)}: root mean square {np.sqrt(np.mean(values**2)):.2f} deg, largest "
           f"{values.max():.1f} deg, {np.sum(values < 1.5)} below 1.5 deg")  # fmt: skip
 

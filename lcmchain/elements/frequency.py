@@ -45,7 +45,8 @@ PRODUCT_FACTOR = np.array([entry[4] for entry in _ENTRIES])
 @equation
 def tangent_derivatives(law, E):
     """Return first and second derivative of the diagonal tangent C^M of a fabric."""
-    slope = (0.0, 0.0, compaction_tangent_slope(law, E[2]), shear_tangent_slope(law, E[3]), 0.0, 0.0)
+    slope33, slope12 = compaction_tangent_slope(law, E[2]), shear_tangent_slope(law, E[3])
+    slope = (0.0, 0.0, slope33, slope12, 0.0, 0.0)
     curvature = (
         0.0,
         0.0,

@@ -95,6 +95,8 @@ def shear_tangent_curvature(law, g):
 @equation
 def compaction_tangent_curvature(law, E33):
     """Return d³S33/dE33³ (0 in thickening)."""
+    if E33 >= 0.0:
+        return 0.0  # e**(c2 - 2) below would grow without bound for c2 < 2
     e = max(-E33, SMALLEST_COMPACTION_STRAIN)
     c2 = law.c2
     X = law.c1 * exponential(c2 * logarithm(e))

@@ -11,7 +11,7 @@ from lcmchain.tools.distance import signed_distance
 
 @kernel
 def find_near_nodes(arrays, tools, reach):
-    """Mark in ``arrays.near`` the nodes whose gap to a tool is below ``reach`` [m] (tool_count,)."""
+    """Mark in ``arrays.near`` the nodes nearer to a tool than ``reach`` (tool_count,) [m]."""
     node_count = arrays.mass.size
     for chunk in prange(arrays.chunk_sums.shape[0]):
         first = chunk * NODE_CHUNK

@@ -10,14 +10,9 @@ the bound is exact.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numba import prange
 
 from lcmchain.elements.reference import _PRODUCTS, TERMS
-from lcmchain.jit import FLOATING_POINT, kernel
-from numba import njit
 
 CHUNK = 64
 IN_PLANE, THICKNESS = 0, 1

@@ -37,8 +37,8 @@ def outline_nodes(sheet) -> np.ndarray:
 def mirror_difference(sheet, axis: int) -> dict[str, float]:
     """Return how far a result is from its mirror image along ``axis`` (0: x, 1: y).
 
-    ``contour`` [m] largest in-plane distance of outline nodes; ``thickness`` [m] and ``shear_angle``
-    [rad] root mean square over the sheet.
+    ``contour`` [m] largest in-plane distance of outline nodes; ``thickness`` [m] and
+    ``shear_angle`` [rad] root mean square over the sheet.
     """
     sign = np.ones(3)
     sign[axis] = -1.0
@@ -59,9 +59,9 @@ def mirror_difference(sheet, axis: int) -> dict[str, float]:
 def flange_and_pole(sheet) -> tuple[np.ndarray, np.ndarray]:
     """Return masks of the faces in the flat flange and at the pole of the hemisphere.
 
-    The flat flange: level within 2 degrees, farther than ``FLANGE_RADIUS`` from the axis, and not in
-    the outermost ring of elements. Nearer to the die, and along the drawn-in edges, a light holder
-    rests on the sheet that its bending over the fillet has lifted, and presses it.
+    The flat flange: level within 2 degrees, farther than ``FLANGE_RADIUS`` from the axis, and not
+    in the outermost ring of elements. Nearer to the die, and along the drawn-in edges, a light
+    holder rests on the sheet that its bending over the fillet has lifted, and presses it.
     """
     centres = face_centres(sheet, formed=True)
     radius = np.linalg.norm(centres[:, :2], axis=1)

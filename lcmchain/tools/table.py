@@ -29,9 +29,10 @@ class ToolTable(NamedTuple):
     direction : unit directions of travel, shape [T, 3].
     friction : Coulomb friction coefficients, shape [T].
     motion_kind : FIXED, PRESCRIBED or GUIDED, shape [T].
-    mass, force, damping, gravity_along, ramp : of guided tools: mass [kg], force along the direction
-        [N], viscous damping [N s/m], acceleration of gravity along the direction [m/s2], time over
-        which weight and force come on smoothly [s], shape [T]; zero for all others.
+    mass, force, damping, gravity_along, ramp : of guided tools: mass [kg], force along the
+        direction [N], viscous damping [N s/m], acceleration of gravity along the direction
+        [m/s2], time over which weight and force come on smoothly [s], shape [T]; zero for all
+        others.
     stroke_profile, stroke_distance, stroke_start, stroke_end : kind, travel [m] and times [s] of
         prescribed strokes, shape [T].
     table_start, table_times, table_travels : tabulated motions one after the other; tool t owns

@@ -228,7 +228,15 @@ def test_slope_and_curvature_are_derivatives_of_the_tangent():
             shear_tangent_curvature(fabric.law, value),
         )
         size = abs(curvature).max() + MPA
-        np.testing.assert_allclose(compiled / size, curvature[[2, 3]] / size, atol=1e-5)
+        np.testing.assert_allclose(compiled / size, curvature[[2, 3]] / size, atol=1e-6)
+
+
+@pytest.mark.parametrize("c2", [2.4528, 1.5])
+def test_thickening_has_no_slope_or_curvature(c2):
+    law = md600(f"compaction.c2 = {c2}").law
+    for E33 in (0.0, 1e-6, 0.2):
+        assert compaction_tangent_curvature(law, E33) == 0.0
+        assert abs(compaction_tangent_slope(law, E33)) < 1e-4 * C0
 
 
 def test_energy_is_the_work_of_the_stress():

@@ -476,7 +476,13 @@ def test_tabulated_travel_passes_its_points():
 
 def test_guided_tool_data():
     motion = SimpleNamespace(
-        type="guided", direction=(0, 3, -4), mass=1.7, force=20.0, gravity=True, damping=5.0, ramp=0.01
+        type="guided",
+        direction=(0, 3, -4),
+        mass=1.7,
+        force=20.0,
+        gravity=True,
+        damping=5.0,
+        ramp=0.01,
     )
     table = table_of(PUCK, motion=motion)
     assert table.motion_kind[0] == GUIDED

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from lcmchain.fields import read_forming
-from lcmchain.scene import read_scene
 from lcmchain.pipeline import run
+from lcmchain.scene import read_scene
 from lcmchain.solver.checkpoint import FILE_NAME
 
 SCENE = """
