@@ -335,7 +335,5 @@ def _run_warnings(summary: dict) -> list[str]:
         )
     for tool, depth in summary["penetration_max_m"].items():
         if depth > LARGEST_PENETRATION:
-            found.append(
-                f"nodes reached {1e3 * depth:.2f} mm into {tool}; raise contact.penalty"
-            )
+            found.append(f"nodes reached {1e3 * depth:.2f} mm into {tool}; raise contact.penalty")
     return found

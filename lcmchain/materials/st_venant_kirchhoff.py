@@ -139,4 +139,3 @@ class StVenantKirchhoff:
         stretch = np.asarray(thickness_stretch, dtype=float)
         stress33 = self.C_membrane[2, 2] * 0.5 * (stretch**2 - 1.0)
         return np.where(stretch < 1.0, -stretch * stress33, 0.0)
-

@@ -162,7 +162,7 @@ class FabricCompaction(SceneModel):
 
     c0: PositiveStiffness = Field(description="Stiffness of the undeformed fabric.")
     c1: Annotated[float, Number(60.4653, NOT_NEGATIVE)] = Field(description="Growth factor.")
-    c2: Annotated[float, Number(2.4528, POSITIVE)] = Field(description="Growth exponent.")
+    c2: Annotated[float, Number(2.4528, Range(1.0, 10.0))] = Field(description="Growth exponent.")
 
     @model_validator(mode="after")
     def _check_growth(self) -> Self:

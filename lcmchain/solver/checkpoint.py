@@ -68,9 +68,7 @@ def read_checkpoint(folder: Path, scene_sha256: str) -> Checkpoint:
     try:
         with np.load(path, allow_pickle=False) as data:
             header = json.loads(str(data["header"]))
-            state = State(
-                **{key[6:]: data[key] for key in data.files if key.startswith("state_")}
-            )
+            state = State(**{key[6:]: data[key] for key in data.files if key.startswith("state_")})
             frames = zip(
                 header["times"],
                 data["frame_position"],

@@ -24,7 +24,7 @@ from lcmchain.state import (
     WORK_COLUMNS,
     State,
 )
-from lcmchain.tools.motion import prescribed_travel
+from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
 # short enough that a fabric under compaction stiffens by less than step_safety allows for.
@@ -102,9 +102,7 @@ class Simulation:
     def compile(self) -> None:
         """Compile (or load from the cache) every kernel that a run needs, without a step."""
         before = self.state.copy()
-        self.critical_step()
-        self._find_contact()
-        self._check_elements()
+        self._prepare_chunk()
         self.energy()
         self._advance(0, 1.0)
         self.restore(before)
@@ -181,7 +179,12 @@ class Simulation:
         return energy
 
     def critical_step(self) -> float:
-        """Return the stable step [s] without the safety factor, and note what controls it."""
+        """Return the stable step [s] of the present state, without the safety factor."""
+        omega2, _, mode = self._highest_frequency()
+        return self._step_of(omega2, mode)[0]
+
+    def _highest_frequency(self) -> tuple[float, int, int]:
+        """Return the largest ω² bound [1/s²], its element, and the mode vector of that bound."""
         state, model = self.state, self.model
         frequency_bounds(
             state.position,
@@ -194,12 +197,8 @@ class Simulation:
             self._omega2,
             self._mode,
         )
-        omega2 = self._omega2[: model.element_count]
-        element = int(np.argmax(omega2))
-        state.clock[2] = omega2[element]
-        state.counters[2] = element
-        state.counters[3] = self._mode[element]
-        return self._step_of(omega2[element])
+        element = int(np.argmax(self._omega2[: model.element_count]))
+        return float(self._omega2[element]), element, int(self._mode[element])
 
     def _bind(self) -> None:
         model, state = self.model, self.state
@@ -227,11 +226,12 @@ class Simulation:
         self._check_elements()
         since = int(state.counters[1])
         if state.clock[2] == 0.0 or since >= CHUNKS_PER_FREQUENCY or self._thickness_is_near():
-            self.critical_step()
+            state.clock[2], state.counters[2], state.counters[3] = self._highest_frequency()
             state.counters[1] = 0
         state.counters[1] += 1
         self._find_contact()
-        step = self.model.step_safety * self._step_of(state.clock[2])
+        step, self.control.cause = self._step_of(float(state.clock[2]), int(state.counters[3]))
+        step *= self.model.step_safety
         self.control.step = step
         self.control.element = int(state.counters[2])
         return step
@@ -256,40 +256,46 @@ class Simulation:
         state, model = self.state, self.model
         if not model.tool_names:
             return
-        step = self._step_of(state.clock[2])
+        interval = STEPS_PER_CHUNK * 2.0 / math.sqrt(state.clock[2])
         speed = math.sqrt(float(np.max(np.sum(state.velocity**2, axis=0))))
-        ahead = np.array([self._coming_tool_speed(k, step) for k in range(len(model.tool_names))])
-        reach = SEARCH_SPEED_FACTOR * (speed + ahead) * STEPS_PER_CHUNK * step
+        tools = range(len(model.tool_names))
+        ahead = np.array([self._coming_tool_speed(k, interval) for k in tools])
+        reach = SEARCH_SPEED_FACTOR * (speed + ahead) * interval
         reach += SEARCH_THICKNESS_PART * model.material.thickness
         find_near_nodes(self._arrays, model.tools, reach)
 
-    def _coming_tool_speed(self, tool: int, step: float) -> float:
-        if self.state.driven[tool]:
-            return abs(float(self.state.tool_input[tool, 0]))
-        later = prescribed_travel(self.model.tools, tool, self.time + STEPS_PER_CHUNK * step)[1]
-        return max(abs(float(self.state.tool_velocity[tool])), abs(later))
+    def _coming_tool_speed(self, tool: int, interval: float) -> float:
+        state, tools = self.state, self.model.tools
+        if state.driven[tool]:
+            return abs(float(state.tool_input[tool, 0]))
+        now = abs(float(state.tool_velocity[tool]))
+        if tools.motion_kind[tool] == GUIDED:
+            load = guided_load(tools, tool, float(state.tool_input[tool, 1]), self.time + interval)
+            return now + abs(load) / float(tools.mass[tool]) * interval
+        return max(now, abs(prescribed_travel(tools, tool, self.time + interval)[1]))
 
-    def _step_of(self, omega2: float) -> float:
-        """Return 2/ω with the stiffness and the damping of the present contacts.
+    def _step_of(self, omega2: float, mode: int) -> tuple[float, str]:
+        """Return 2/ω with the stiffness and the damping of the present contacts, and the cause.
 
         With a damping force lagging half a step, central differences are stable for
         ω²dt²/4 + ξω_c dt <= 1.
         """
         state, model = self.state, self.model
         cause = "in-plane stiffness"
-        if int(state.counters[3]) not in IN_PLANE_MODES:
+        if mode not in IN_PLANE_MODES:
             cause = "compaction (thickness)"
-        contact2 = 0.0
+        contact2 = damping = 0.0
         if len(model.tool_names) and state.near.any():
             stiffness = model.environment.penalty * model.nodes.area
             contacts = state.near.sum(axis=0)
-            contact2 = float(np.max(contacts * stiffness / model.nodes.mass))
+            single2 = stiffness / model.nodes.mass
+            contact2 = float(np.max(contacts * single2))
+            damping = float(np.max(contacts * np.sqrt(single2)))
+            damping *= model.environment.contact_damping_ratio
             for tool, mass in enumerate(model.tools.mass):
                 if mass > 0.0:
                     contact2 += float(np.sum(stiffness[state.near[tool] != 0])) / mass
         if contact2 > omega2:
             cause = "contact stiffness"
-        self.control.cause = cause
-        damping = model.environment.contact_damping_ratio * math.sqrt(contact2)
         total = omega2 + contact2
-        return 2.0 * (math.sqrt(damping**2 + total) - damping) / total
+        return 2.0 * (math.sqrt(damping**2 + total) - damping) / total, cause

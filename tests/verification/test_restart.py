@@ -101,15 +101,11 @@ def test_one_and_two_threads_give_the_same_bits(scene_file, plain, tmp_path):
 
 
 def test_resume_without_or_with_a_foreign_checkpoint_is_refused(scene_file, tmp_path):
-    done = subprocess.run(
-        command(scene_file, tmp_path, "--resume"), capture_output=True, text=True
-    )
+    done = subprocess.run(command(scene_file, tmp_path, "--resume"), capture_output=True, text=True)
     assert done.returncode == 2 and "no checkpoint" in done.stderr
 
     (tmp_path / FILE_NAME).write_bytes(b"no archive")
-    done = subprocess.run(
-        command(scene_file, tmp_path, "--resume"), capture_output=True, text=True
-    )
+    done = subprocess.run(command(scene_file, tmp_path, "--resume"), capture_output=True, text=True)
     assert done.returncode == 2 and "no readable checkpoint" in done.stderr
 
 
