@@ -238,10 +238,7 @@ class FormingSlave(Fmi2Slave):
             threads = use_threads(self._threads)
             simulation = Simulation.from_scene(self._scene)
             simulation.compile()
-            # Finding the step leaves traces in the state that the first step must not see.
-            at_rest = simulation.state.copy()
             self._critical_step = simulation.critical_step()
-            simulation.restore(at_rest)
             self._simulation = simulation
             self.log(
                 f"{self.instance_name}: {self._scene.title}, {simulation.model.element_count} "
