@@ -1,0 +1,66 @@
+"""Guards stop a run in words that name element, place, time and cause."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lcmchain.errors import SimulationError
+from lcmchain.scene import scene_from_text
+from lcmchain.solver import guards
+from lcmchain.solver.simulation import Simulation
+from lcmchain.state import EXTERNAL, KINETIC
+
+SCENE = """
+title = "patch"
+process = { time = "1 ms", frames = 2 }
+material = { preset = "MD600" }
+blank = { size = ["40 mm", "40 mm"], edge_length = "10 mm", height = "0.502 mm" }
+"""
+
+
+@pytest.fixture
+def simulation():
+    return Simulation.from_scene(scene_from_text(SCENE))
+
+
+def test_a_value_that_is_not_a_number_names_node_element_place_and_time(simulation):
+    guards.require_finite(simulation.model, simulation.state)
+    simulation.state.velocity[1, 7] = np.nan
+    with pytest.raises(SimulationError, match=r"node 7 \(element \d+.* mm\) at .* ms \(step 0\)"):
+        guards.require_finite(simulation.model, simulation.state)
+
+
+@pytest.mark.parametrize(("fraction", "word"), [(0.03, "collapsed"), (-0.2, "inverted")])
+def test_a_folded_element_is_named(simulation, fraction, word):
+    """Squeeze one element to a few per cent of its thickness, or turn it inside out."""
+    model, state = simulation.model, simulation.state
+    bottom, top = model.blank.elements[5, :4], model.blank.elements[5, 4:]
+    middle = 0.5 * (state.position[2, bottom] + state.position[2, top])
+    half = 0.5 * fraction * model.material.thickness
+    state.position[2, bottom], state.position[2, top] = middle - half, middle + half
+    with pytest.raises(SimulationError, match=f"element 5 is {word} .*edge_length"):
+        simulation.advance_to(1e-4)
+
+
+def test_energy_from_nowhere_stops_the_run(simulation):
+    model, state = simulation.model, simulation.state
+    state.work[EXTERNAL], state.work[KINETIC] = 1.0, 1.05
+    guards.require_passive(model, state)
+    state.work[KINETIC] = 1.2
+    state.velocity[2, 3] = 50.0
+    with pytest.raises(SimulationError, match="energy balance runs away.*fastest node is 3"):
+        guards.require_passive(model, state)
+
+
+def test_too_large_a_step_is_caught_by_a_guard(simulation):
+    """Three times the stable step: the run ends in a guard's words within the process time."""
+    state = simulation.state
+    rng = np.random.default_rng(0)
+    state.velocity[:] = rng.normal(scale=1e-3, size=state.velocity.shape)
+    step = 3.0 * simulation.critical_step()
+    with pytest.raises(SimulationError, match="not a number|runs away|inverted|collapsed"):
+        for _ in range(400):
+            simulation._advance(10, step)
+            guards.require_finite(simulation.model, state)
+            simulation._check_elements()
