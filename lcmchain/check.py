@@ -27,6 +27,7 @@ from lcmchain.scene.schema import (
     Tool,
 )
 from lcmchain.tools.distance import gaps as node_gaps
+from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
 
 if TYPE_CHECKING:
@@ -312,7 +313,7 @@ def _guided_reason(motion: GuidedMotion) -> str:
 
 def guided_load(motion: GuidedMotion) -> float:
     """Force along the direction of travel from weight and given force [N]."""
-    weight = -9.81 * motion.mass * motion.direction[2] if motion.gravity else 0.0
+    weight = -STANDARD_GRAVITY * motion.mass * motion.direction[2] if motion.gravity else 0.0
     return motion.force + weight
 
 

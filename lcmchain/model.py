@@ -22,9 +22,8 @@ from lcmchain.elements.packing import curved_rows, flat_rows, in_blocks
 from lcmchain.elements.solid_shell import Moments
 from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
+from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
-
-STANDARD_GRAVITY = 9.81
 
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
 # start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres (README).

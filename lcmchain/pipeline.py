@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain import __version__
+from lcmchain.atomic import replacing
 from lcmchain.check import require_no_initial_overlap, scene_effects
 from lcmchain.errors import SimulationError, SimulationInterrupted
 from lcmchain.fields import (
@@ -26,7 +27,6 @@ from lcmchain.fields import (
     write_pvd,
     write_vtu,
 )
-from lcmchain.fields.atomic import replacing
 from lcmchain.fields.summary import field_warnings
 from lcmchain.scene.schema import Scene
 from lcmchain.solver.checkpoint import (

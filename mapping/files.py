@@ -8,8 +8,8 @@ import meshio
 import numpy as np
 import xarray as xr
 
+from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.fields.atomic import replacing
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.target import TargetMesh

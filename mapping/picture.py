@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.fields.atomic import replacing
+from lcmchain.atomic import replacing
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, Sheet
 from lcmchain.mapping.target import TargetMesh, base_type, corner_count

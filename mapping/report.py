@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.fields.atomic import replacing
+from lcmchain.atomic import replacing
 from lcmchain.mapping.orientation import perpendicular_family_error
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, Sheet
 from lcmchain.mapping.target import TargetMesh

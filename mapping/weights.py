@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_array
 
+from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.fields.atomic import replacing
 from lcmchain.mapping.intersection import intersect
 from lcmchain.mapping.search import closest_points
 from lcmchain.mapping.sheet import Sheet

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import xarray as xr
 
+from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.fields.atomic import replacing
 from lcmchain.fields.dataset import SHEET
 
 

@@ -10,8 +10,8 @@ import meshio
 import numpy as np
 import xarray as xr
 
+from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.fields.atomic import replacing
 from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lcmchain.fields.atomic import replacing
+from lcmchain.atomic import replacing
 
 DPI = 200
 INK = "#22272e"

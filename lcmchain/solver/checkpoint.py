@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
@@ -49,9 +48,8 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
         "frame_tool_force": np.array([s.tool_force for s in checkpoint.snapshots]),
     }
     path = Path(folder) / FILE_NAME
-    with tempfile.NamedTemporaryFile(dir=folder, suffix=".npz", delete=False) as file:
-        np.savez(file, header=np.array(json.dumps(header)), **arrays)
-    os.replace(file.name, path)
+    with replacing(path) as temporary:
+        np.savez(temporary, header=np.array(json.dumps(header)), **arrays)
     return path
 
 

@@ -68,7 +68,7 @@ def require_passive(model: Model, state: State) -> None:
     """Stop where motion and dissipation have taken more energy than was put in."""
     taken = float(np.sum(state.work[:WORK_COLUMNS]) - state.work[EXTERNAL])
     surplus = taken - float(state.work[EXTERNAL])
-    limit = RUNAWAY_FRACTION * max(abs(float(state.work[EXTERNAL])), 0.0) + energy_floor(model)
+    limit = RUNAWAY_FRACTION * abs(float(state.work[EXTERNAL])) + energy_floor(model)
     if surplus <= limit:
         return
     fastest = int(np.argmax(np.sum(state.velocity**2, axis=0)))

@@ -25,6 +25,7 @@ RANK_OF_CORE = {
     "": 0,  # lcmchain/__init__.py
     "compile_cache": 0,
     "errors": 0,
+    "atomic": 0,
     "jit": 0,
     "threads": 0,
     "scene": 1,
