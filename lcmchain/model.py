@@ -6,12 +6,14 @@ compiling prunes their code (see ``elements/kernel.py``).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lcmchain.blank import BlankMesh, build_blank
+from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.geometry import (
     ReferenceGeometry,
     reference_geometry,
@@ -83,6 +85,8 @@ class Model:
     nodes: NodeSlots
     tools: ToolTable
     tool_names: tuple[str, ...]
+    supports: SupportTable | None
+    support_names: tuple[str, ...]
     environment: Environment
     process_time: float
     frame_count: int
@@ -152,12 +156,28 @@ def build_model(scene) -> Model:
     )
 
 
-def assemble_model(blank, material, element, *, tools, tool_names, contact, process) -> Model:
-    """Build the model of a given blank mesh and tool table."""
+def assemble_model(
+    blank,
+    material,
+    element,
+    *,
+    tools,
+    tool_names,
+    contact,
+    process,
+    supports: Sequence[Support] = (),
+) -> Model:
+    """Build the model of a given blank mesh, tool table and supports.
+
+    Raises
+    ------
+    InputError : see :func:`lcmchain.effects.supports.build_supports`.
+    """
     geometry = reference_geometry(blank.node_positions[blank.elements], blank.fibre_direction_1)
     slots = element_slots(material, element, geometry)
     rows = flat_rows(geometry) if slots.flat else curved_rows(geometry)
-    nodes = _node_slots(blank, geometry, material.density)
+    support_table, free = build_supports(supports, blank.node_positions, float(process.time))
+    nodes = _node_slots(blank, geometry, material.density, free)
     penalty = contact.penalty
     if penalty is None:
         penalty = _automatic_penalty(material, geometry)
@@ -182,6 +202,8 @@ def assemble_model(blank, material, element, *, tools, tool_names, contact, proc
         nodes=nodes,
         tools=tools,
         tool_names=tool_names,
+        supports=support_table,
+        support_names=tuple(support.name for support in supports),
         environment=Environment(
             penalty=float(penalty),
             tangential_ratio=float(contact.tangential_ratio),
@@ -199,7 +221,9 @@ def _padded(array: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([array, np.repeat(array[-1:], count - len(array), axis=0)])
 
 
-def _node_slots(blank: BlankMesh, geometry: ReferenceGeometry, density: float) -> NodeSlots:
+def _node_slots(
+    blank: BlankMesh, geometry: ReferenceGeometry, density: float, free: np.ndarray
+) -> NodeSlots:
     node_count = len(blank.node_positions)
     corners = blank.elements.ravel()
     element, corner = np.divmod(np.arange(corners.size), 8)
@@ -219,7 +243,7 @@ def _node_slots(blank: BlankMesh, geometry: ReferenceGeometry, density: float) -
     mass = density * np.bincount(corners, weights=volume_share, minlength=node_count)
     area_share = np.repeat(geometry.volume / (2.0 * geometry.height) / 4.0, 8)
     area = np.bincount(corners, weights=area_share, minlength=node_count)
-    return NodeSlots(force_slot, mass, area, np.ones((3, node_count)))
+    return NodeSlots(force_slot, mass, area, free)
 
 
 def _automatic_penalty(material, geometry: ReferenceGeometry) -> float:

@@ -31,6 +31,8 @@ class State:
     driven : (tool_count,) whether the travel follows ``tool_input`` instead of the scene's motion.
     tool_force : (tool_count, 3) force of the sheet on the tool at the last step [N].
     penetration_max : (tool_count,) deepest penetration so far [m].
+    support_force, support_impulse : (support_count, 3) force of each support on the sheet at the
+        last step [N], and its integral over time [N s].
     work : energies, see the columns above.
     clock : (3,) time [s], size of the last step [s], ω² bound of the elements [1/s²].
     counters : (4,) steps, chunks since the last full frequency evaluation, element that controls
@@ -47,6 +49,8 @@ class State:
     driven: np.ndarray
     tool_force: np.ndarray
     penetration_max: np.ndarray
+    support_force: np.ndarray
+    support_impulse: np.ndarray
     work: np.ndarray
     clock: np.ndarray
     counters: np.ndarray
@@ -66,6 +70,8 @@ class State:
             driven=np.zeros(tool_count, dtype=np.int64),
             tool_force=np.zeros((tool_count, 3)),
             penetration_max=np.zeros(tool_count),
+            support_force=np.zeros((len(model.support_names), 3)),
+            support_impulse=np.zeros((len(model.support_names), 3)),
             work=np.zeros(WORK_COLUMNS),
             clock=np.zeros(3),
             counters=np.zeros(4, dtype=np.int64),

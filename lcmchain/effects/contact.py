@@ -3,7 +3,7 @@
 Adds: a force on a node that lies inside a tool. Source: penalty method, e.g. Wriggers,
 "Computational Contact Mechanics", sections 5.2 (stick and slip by a return mapping) and 6.3.
 Stability limit: adds k/m to the square of the highest frequency of the nodes in contact, and the
-damping ratio shortens the step further (``solver/stable_step.py``).
+damping ratio shortens the step further (``Simulation._step_of``).
 Scene: ``[[tools]]`` (none: no contact code runs), ``contact.penalty``, ``contact.damping_ratio``,
 ``contact.tangential_ratio``, ``tools.friction``.
 """

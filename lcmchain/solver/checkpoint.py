@@ -14,7 +14,7 @@ from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
 FILE_NAME = "checkpoint.npz"
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,8 @@ def read_checkpoint(folder: Path, scene_sha256: str) -> Checkpoint:
     try:
         with np.load(path, allow_pickle=False) as data:
             header = json.loads(str(data["header"]))
+            if header["format"] != FORMAT:
+                raise ValueError(f"format {header['format']} instead of {FORMAT}")
             state = State(**{key[6:]: data[key] for key in data.files if key.startswith("state_")})
             frames = zip(
                 header["times"],

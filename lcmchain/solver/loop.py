@@ -1,8 +1,9 @@
 """The explicit time loop: central differences with a lumped mass.
 
 One step: internal forces of all elements; per node the sum of its corner forces, contact with the
-tools near it, and the update of velocity and position; then the tools. Sums over nodes are made per
-chunk of nodes and then over the chunks in a fixed order: bit-identical for any number of threads.
+tools near it, and the update of velocity and position; then supported nodes and tools. Sums over
+nodes are made per chunk of nodes and then over the chunks in a fixed order: bit-identical for any
+number of threads.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1, with a variable step.
 """
 
@@ -16,6 +17,7 @@ from numba import njit, prange
 
 from lcmchain.effects.contact import friction, normal_force
 from lcmchain.effects.damping import damped_velocity
+from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.kernel import LANES, internal_forces
 from lcmchain.jit import FLOATING_POINT, kernel
 from lcmchain.state import (
@@ -56,6 +58,8 @@ class Arrays(NamedTuple):
     driven: np.ndarray
     tool_force: np.ndarray
     penetration_max: np.ndarray
+    support_force: np.ndarray
+    support_impulse: np.ndarray
     work: np.ndarray
     clock: np.ndarray
     counters: np.ndarray
@@ -66,8 +70,8 @@ class Arrays(NamedTuple):
 
 
 @njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def advance(arrays, tools, environment, elements, step_count, dt):
-    """Make ``step_count`` steps of size ``dt`` [s]."""
+def advance(arrays, tools, environment, elements, supports, step_count, dt):
+    """Make ``step_count`` steps of size ``dt`` [s]; ``supports`` is a table or None."""
     clock = arrays.clock
     for _ in range(step_count):
         dt_last = clock[1]
@@ -88,6 +92,8 @@ def advance(arrays, tools, environment, elements, step_count, dt):
         )
         move_nodes(arrays, tools, environment, dt_last, dt)
         add_chunk_sums(arrays)
+        if supports is not None:
+            move_supports(arrays, supports, environment, dt_last, dt)
         move_tools(arrays, tools, clock[0], dt_last, dt)
         clock[0] += dt
         clock[1] = dt
@@ -197,7 +203,10 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, s
 
 @njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
 def integrate(arrays, environment, first, last, dt_last, dt, sums):
-    """Update velocity (to n + ½) and position (to n + 1), and sum the energies of the nodes."""
+    """Update velocity (to n + ½) and position (to n + 1), and sum the energies of the nodes.
+
+    Components that are not free keep their position; supports move them afterwards.
+    """
     position, velocity, force = arrays.position, arrays.velocity, arrays.force
     mass, free = arrays.mass, arrays.free
     interval = 0.5 * (dt_last + dt)
@@ -206,18 +215,50 @@ def integrate(arrays, environment, first, last, dt_last, dt, sums):
         gravity = -environment.gravity if d == 2 else 0.0
         kinetic, damped, weight = 0.0, 0.0, 0.0
         for node in range(first, last):
+            share = free[d, node]
             old = velocity[d, node]
-            acceleration = free[d, node] * (force[d, node] / mass[node] + gravity)
+            acceleration = force[d, node] / mass[node] + gravity
             new = damped_velocity(old, acceleration, damping, interval)
-            velocity[d, node] = new
-            position[d, node] += dt * new
+            velocity[d, node] = new if share > 0.0 else old
+            position[d, node] += share * dt * new
             mean = 0.5 * (old + new)
-            kinetic += 0.5 * mass[node] * old * new
-            damped += damping * mass[node] * mean * mean * interval
-            weight += mass[node] * gravity * mean * interval
+            free_mass = share * mass[node]
+            kinetic += 0.5 * free_mass * old * new
+            damped += damping * free_mass * mean * mean * interval
+            weight += free_mass * gravity * mean * interval
         sums[KINETIC] += kinetic
         sums[MASS_DAMPING] += damped
         sums[EXTERNAL] += weight
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def move_supports(arrays, supports, environment, dt_last, dt):
+    """Move held components as prescribed, and sum the forces that the supports exert [N].
+
+    Their impulses [N s] are summed over the run as well: a force averaged over an interval is the
+    difference of two impulses, free of the noise of single steps.
+    """
+    position, velocity, free, mass = arrays.position, arrays.velocity, arrays.free, arrays.mass
+    interval = 0.5 * (dt_last + dt)
+    place = (arrays.clock[0] + dt) / supports.interval
+    piece = min(int(place), supports.affine.shape[1] - 2)
+    s = min(place - piece, 1.0)
+    arrays.support_force[:] = 0.0
+    for k in range(supports.node.size):
+        node, group = supports.node[k], supports.group[k]
+        for d in range(3):
+            if free[d, node] > 0.0:
+                continue
+            old = velocity[d, node]
+            new = (prescribed_position(supports, k, d, piece, s) - position[d, node]) / dt
+            gravity = -environment.gravity if d == 2 else 0.0
+            held = mass[node] * ((new - old) / interval - gravity) - arrays.force[d, node]
+            arrays.support_force[group, d] += held
+            arrays.support_impulse[group, d] += held * interval
+            arrays.work[KINETIC] += 0.5 * mass[node] * old * new
+            arrays.work[EXTERNAL] += (held + mass[node] * gravity) * 0.5 * (old + new) * interval
+            velocity[d, node] = new
+            position[d, node] += dt * new
 
 
 @njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)

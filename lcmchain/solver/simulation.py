@@ -99,6 +99,15 @@ class Simulation:
         self.state = state.copy()
         self._bind()
 
+    def set_velocity(self, velocity: np.ndarray) -> None:
+        """Start with velocities (3, node_count) [m/s]; their energy counts as put in from outside.
+
+        Without that entry the guard of the energy balance takes it for energy from nowhere.
+        """
+        mass, old = self.model.nodes.mass, self.state.velocity
+        self.state.work[EXTERNAL] += 0.5 * np.sum(mass * (velocity**2 - old**2))
+        old[:] = velocity
+
     def compile(self) -> None:
         """Compile (or load from the cache) every kernel that a run needs, without a step."""
         before = self.state.copy()
@@ -217,7 +226,13 @@ class Simulation:
     def _advance(self, step_count: int, step: float) -> None:
         model = self.model
         advance(
-            self._arrays, model.tools, model.environment, model.elements, step_count, float(step)
+            self._arrays,
+            model.tools,
+            model.environment,
+            model.elements,
+            model.supports,
+            step_count,
+            float(step),
         )
 
     def _prepare_chunk(self) -> float:
