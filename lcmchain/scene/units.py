@@ -48,6 +48,7 @@ MASS = Dimension("mass", "kg", "1.7 kg", ("kg", "g", "t", "lb"))
 FORCE = Dimension("force", "N", "20 N", ("N", "kN", "mN", "kgf", "lbf"))
 ANGLE = Dimension("angle", "rad", "45 deg", ("deg", "degree", "rad"))
 STIFFNESS = Dimension("stiffness", "Pa", "0.1563 MPa", ("MPa", "GPa", "kPa", "Pa", "N/mm^2"))
+PRESSURE = Dimension("pressure", "Pa", "0.1 MPa", ("MPa", "kPa", "Pa", "bar", "N/mm^2"))
 DENSITY = Dimension("density", "kg/m^3", "1810 kg/m^3", ("kg/m^3", "g/cm^3"))
 AREAL_MASS = Dimension("mass per area", "kg/m^2", "600 g/m^2", ("g/m^2", "kg/m^2"))
 PENALTY = Dimension("contact stiffness per area", "Pa/m", "1 MPa/mm", ("MPa/mm", "Pa/m", "N/mm^3"))
@@ -98,7 +99,7 @@ def parse_quantity(text: str, dimension: Dimension) -> float:
     if unit_text is None:
         raise QuantityError(f'"{text}" has no unit; {needed}')
     unit_text = unit_text.strip()
-    if dimension is STIFFNESS and re.fullmatch(r"m(Pa|pa)", unit_text):
+    if dimension in (STIFFNESS, PRESSURE) and re.fullmatch(r"m(Pa|pa)", unit_text):
         raise QuantityError(f'"{text}" is in millipascal; megapascal is written "{number} MPa"')
 
     registry = _registry()

@@ -40,6 +40,7 @@ RANK_OF_CORE = {
     "fields": 5,
     "report": 6,
     "study": 6,
+    "coupons": 7,
     "check": 7,
     "bench": 7,
     "pipeline": 7,

@@ -1,0 +1,1 @@
+"""Coupon tests of fabrics: closed forms, and identification of parameters from test data."""

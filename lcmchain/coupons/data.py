@@ -1,0 +1,233 @@
+"""Coupon test data: CSV files whose header names quantity and unit of every column."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lcmchain.errors import InputError
+from lcmchain.scene.units import Dimension, QuantityError, parse_quantity
+
+_HEADER = re.compile(r"\s*(?P<name>[^\[\]()]+?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]+?)\s*[\])])?\s*")
+_SPECIMEN = "specimen"
+_TIME = "time"
+# A loading branch may step back by this share of its range (resolution of the sensors).
+_JITTER = 0.01
+
+
+@dataclass(frozen=True)
+class Column:
+    """A quantity that a coupon file must hold.
+
+    Parameters
+    ----------
+    name : as in the header, for example ``"force"``.
+    dimension : kind of quantity, which fixes the units allowed.
+    loading : sign of its change while the specimen is loaded: 1 rises, -1 falls, 0 no check.
+    """
+
+    name: str
+    dimension: Dimension
+    loading: int = 0
+
+
+@dataclass(frozen=True)
+class CouponData:
+    """Columns of a coupon file in SI units.
+
+    Attributes
+    ----------
+    file : name of the file, for messages.
+    columns : values by column name, each of shape [row_count].
+    lines : line of each row in the file, shape [row_count].
+    specimen : number of the specimen of each row, from 0, shape [row_count].
+    unused : headers of columns that nothing reads.
+    """
+
+    file: str
+    columns: dict[str, np.ndarray]
+    lines: np.ndarray
+    specimen: np.ndarray
+    unused: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def keep(self, rows: np.ndarray) -> CouponData:
+        """Return the data with only some rows, given as a mask of shape [row_count]."""
+        columns = {name: values[rows] for name, values in self.columns.items()}
+        return CouponData(self.file, columns, self.lines[rows], self.specimen[rows], self.unused)
+
+    def wrong(self, column: str, row: int, message: str) -> InputError:
+        """Return an error that names file, line and column of a row."""
+        return InputError(f'line {self.lines[row]}, column "{column}": {message}', file=self.file)
+
+
+def read_coupon(
+    path: Path | str, layouts: tuple[tuple[Column, ...], ...], *, minimum_rows: int = 1
+) -> CouponData:
+    """Read a coupon CSV file, with units in the header as in ``displacement [mm],force [N]``.
+
+    Comma, semicolon and tab separate columns; lines before the header may begin with ``#``. A
+    column ``specimen`` (a name or number, no unit) tells repeated tests in one file apart; a
+    column ``time`` must rise within each specimen.
+
+    Parameters
+    ----------
+    path : the file.
+    layouts : sets of columns, of which the file must hold one; the first that fits is taken.
+    minimum_rows : fewest rows that can be evaluated.
+
+    Raises
+    ------
+    InputError : no such file, a missing column, no or a wrong unit, a value that is no number, too
+        few rows, or a quantity that goes back; names file, line and column.
+    """
+    path = Path(path)
+    table, first_line = _read_text(path)
+    headers, unused = {}, []
+    for position, text in enumerate(table.columns):
+        name, unit = _split_header(str(text))
+        if name in headers:
+            raise InputError(f'has two columns "{name}"; keep one', file=path)
+        headers[name] = (position, unit)
+    layout = _fitting_layout(layouts, headers, path)
+    filled = np.array([any(cell.strip() for cell in row) for row in table.to_numpy()], dtype=bool)
+    lines = (first_line + 1 + np.arange(len(table)))[filled]
+    cells = table.to_numpy()[filled]
+    if len(lines) < minimum_rows:
+        raise InputError(
+            f"holds {len(lines)} rows of data; at least {minimum_rows} are needed", file=path
+        )
+    columns = {}
+    wanted = {column.name: column.dimension for column in layout}
+    for name, (position, unit) in headers.items():
+        if name in wanted:
+            factor = _unit_factor(name, unit, wanted[name], path)
+        elif name == _TIME:
+            factor = 1.0
+        else:
+            if name != _SPECIMEN:
+                unused.append(str(table.columns[position]))
+            continue
+        columns[name] = factor * _numbers(cells[:, position], name, lines, path)
+    specimen = np.zeros(len(lines), dtype=int)
+    if _SPECIMEN in headers:
+        names = [str(cell).strip() for cell in cells[:, headers[_SPECIMEN][0]]]
+        specimen = np.unique(names, return_inverse=True)[1]
+    data = CouponData(str(path), columns, lines, specimen, tuple(unused))
+    _check_order(data, layout)
+    return data
+
+
+def _read_text(path: Path):
+    """Return the cells as text (pandas) and the line of the header."""
+    import pandas
+
+    try:
+        text = path.read_text(encoding="utf-8-sig").splitlines()
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path) from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(f"cannot be read ({reason}); save it as CSV text", file=path) from None
+    start = next(
+        (i for i, line in enumerate(text) if line.strip() and not line.lstrip().startswith("#")),
+        None,
+    )
+    if start is None:
+        raise InputError("is empty; the first line names columns and units", file=path)
+    separator = max(",;\t", key=text[start].count)
+    try:
+        table = pandas.read_csv(
+            path, sep=separator, skiprows=start, dtype=str, keep_default_na=False,
+            skip_blank_lines=False, index_col=False, encoding="utf-8-sig",
+        )  # fmt: skip
+    except (pandas.errors.ParserError, pandas.errors.EmptyDataError) as error:
+        raise InputError(f"cannot be read as CSV: {str(error).strip()}", file=path) from None
+    # Short rows come back with not-a-number in the missing cells.
+    return table.fillna(""), start + 1
+
+
+def _split_header(text: str) -> tuple[str, str | None]:
+    match = _HEADER.fullmatch(text)
+    if match is None:
+        return text.strip().lower(), None
+    return match["name"].lower().replace("_", " "), match["unit"]
+
+
+def _fitting_layout(layouts, headers, path) -> tuple[Column, ...]:
+    for layout in layouts:
+        if all(column.name in headers for column in layout):
+            return layout
+    # The layout that misses the fewest columns is the one that was meant.
+    layout = min(layouts, key=lambda columns: sum(c.name not in headers for c in columns))
+    missing = next(column for column in layout if column.name not in headers)
+    close = difflib.get_close_matches(missing.name, headers, n=1, cutoff=0.5)
+    hint = f'; did you mean "{close[0]}"?' if close else ""
+    examples = " or ".join(
+        '"' + ",".join(f"{c.name} [{c.dimension.common_units[0]}]" for c in columns) + '"'
+        for columns in layouts
+    )
+    raise InputError(
+        f'has no column "{missing.name}"{hint} (the header must read {examples})', file=path
+    )
+
+
+def _unit_factor(name: str, unit: str | None, dimension: Dimension, path: Path) -> float:
+    if unit is None:
+        raise InputError(
+            f'column "{name}" has no unit; write for example "{name} [{dimension.common_units[0]}]"'
+            " in the header",
+            file=path,
+        )
+    try:
+        return parse_quantity(f"1 {unit}", dimension)
+    except QuantityError as error:
+        raise InputError(f'column "{name}": {error}', file=path) from None
+
+
+def _numbers(cells, name: str, lines, path: Path) -> np.ndarray:
+    values = np.empty(len(cells))
+    for row, cell in enumerate(cells):
+        try:
+            values[row] = float(cell)
+        except ValueError:
+            values[row] = np.nan
+        if not np.isfinite(values[row]):
+            shown = f'"{cell.strip()}" is not a finite number' if cell.strip() else "has no value"
+            hint = "; write a decimal point" if re.search(r"\d,\d", cell) else ""
+            raise InputError(
+                f'line {lines[row]}, column "{name}": {shown}{hint or "; remove or complete it"}',
+                file=path,
+            )
+    return values
+
+
+def _check_order(data: CouponData, layout) -> None:
+    for number in np.unique(data.specimen):
+        rows = np.flatnonzero(data.specimen == number)
+        if _TIME in data:
+            back = np.flatnonzero(np.diff(data[_TIME][rows]) <= 0.0)
+            if len(back):
+                raise data.wrong(_TIME, rows[back[0] + 1], "does not rise; sort the rows by time")
+        for column in layout:
+            if column.loading == 0:
+                continue
+            values = column.loading * data[column.name][rows]
+            behind = np.maximum.accumulate(values) - values
+            back = np.flatnonzero(behind > _JITTER * np.ptp(values))
+            if len(back):
+                verb = "falls" if column.loading > 0 else "rises"
+                raise data.wrong(
+                    column.name, rows[back[0]],
+                    f"{verb} again; keep only the loading branch, or tell repeated tests apart by "
+                    f'a column "{_SPECIMEN}"',
+                )  # fmt: skip

@@ -1,0 +1,200 @@
+"""Weighted least squares with intervals, for measurements whose error is relative.
+
+Noise model: the error of a measurement y is normal with a standard deviation proportional to
+max(|model|, floor * largest |y|), the factor being unknown. Weights follow the fitted model
+(iteratively reweighted), not the data, which would bias the fit towards values measured too small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares, nnls
+from scipy.stats import t as student
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A weighted least-squares fit.
+
+    Attributes
+    ----------
+    parameters : shape [parameter_count].
+    model : fitted values, shape [point_count].
+    residuals : (data - model) / noise_scale, shape [point_count]; the estimate of the relative
+        noise is their root mean square over the degrees of freedom, ``scale``.
+    noise_scale : what a relative error of 1 amounts to, shape [point_count].
+    covariance : of the parameters, shape [parameter_count, parameter_count].
+    condition : condition number of the Jacobian with columns scaled to unit length.
+    constrained : True if a constraint holds the parameters.
+    """
+
+    parameters: np.ndarray
+    model: np.ndarray
+    residuals: np.ndarray
+    noise_scale: np.ndarray
+    covariance: np.ndarray
+    condition: float
+    constrained: bool = False
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        return len(self.residuals) - len(self.parameters)
+
+    @property
+    def scale(self) -> float:
+        """Estimated relative noise; not-a-number without degrees of freedom."""
+        return _noise(self.residuals, self.degrees_of_freedom)
+
+    @property
+    def standard_errors(self) -> np.ndarray:
+        return np.sqrt(np.diag(self.covariance))
+
+    def half_widths(self) -> np.ndarray:
+        """Half the widths of the 95 % confidence intervals (Student's t)."""
+        return student_factor(self.degrees_of_freedom) * self.standard_errors
+
+    def correlation(self) -> np.ndarray:
+        """Correlation matrix of the parameters."""
+        error = self.standard_errors
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.covariance / np.outer(error, error)
+
+
+def student_factor(degrees_of_freedom: int) -> float:
+    """Return the two-sided 95 % quantile of Student's t; not-a-number without freedom."""
+    if degrees_of_freedom < 1:
+        return np.nan
+    return float(student.ppf(0.5 + 0.5 * CONFIDENCE, degrees_of_freedom))
+
+
+def noise_scale(model: np.ndarray, data: np.ndarray, floor: float) -> np.ndarray:
+    """Return the standard deviation, up to a common factor, of each measurement."""
+    return np.maximum(np.abs(model), floor * np.max(np.abs(data)))
+
+
+def coefficient_of_determination(data: np.ndarray, model: np.ndarray) -> float:
+    """Return R² = 1 - Σ(y - model)² / Σ(y - mean)² of the unweighted data."""
+    spread = np.sum((data - data.mean()) ** 2)
+    return float(1.0 - np.sum((data - model) ** 2) / spread) if spread > 0.0 else np.nan
+
+
+def residual_autocorrelation(residuals: np.ndarray, group: np.ndarray) -> float:
+    """Return the lag-1 autocorrelation of residuals, taken within each group of rows."""
+    within = group[1:] == group[:-1]
+    product = np.sum(residuals[1:][within] * residuals[:-1][within])
+    total = np.sum(residuals**2)
+    return float(product / total) if total > 0.0 else 0.0
+
+
+def fit_linear(
+    design: np.ndarray,
+    data: np.ndarray,
+    floor: float,
+    *,
+    at_least: tuple[np.ndarray, np.ndarray] | None = None,
+    scale_of: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> Fit:
+    """Fit data = design @ parameters, optionally with bounds G @ parameters >= h.
+
+    Parameters
+    ----------
+    design : shape [point_count, parameter_count].
+    data : shape [point_count].
+    floor : smallest noise relative to the largest measurement.
+    at_least : (G, h), shapes [bound_count, parameter_count] and [bound_count].
+    scale_of : noise scale for given parameters, where it is not :func:`noise_scale` of the model.
+    """
+    if scale_of is None:
+        def scale_of(parameters):
+            return noise_scale(design @ parameters, data, floor)
+
+    # Start from the scale of the data; the passes end when the weights repeat themselves.
+    scale, constrained = noise_scale(data, data, floor), False
+    for _ in range(50):
+        weighted = design / scale[:, None]
+        parameters = _solve(weighted, data / scale)
+        constrained = at_least is not None and bool(
+            np.any(at_least[0] @ parameters < at_least[1])
+        )
+        if constrained:
+            parameters = _solve_bounded(weighted, data / scale, *at_least)
+        previous, scale = scale, scale_of(parameters)
+        if np.max(np.abs(scale / previous - 1.0)) < 1e-9:
+            break
+    return _finish(design, parameters, design @ parameters, data, scale, constrained)
+
+
+def fit_nonlinear(
+    model: Callable[[np.ndarray], np.ndarray],
+    start: np.ndarray,
+    data: np.ndarray,
+    floor: float,
+    *,
+    bounds: tuple = (-np.inf, np.inf),
+) -> Fit:
+    """Fit data = model(parameters) by reweighted trust-region least squares."""
+    parameters = np.asarray(start, dtype=float)
+    scale = noise_scale(model(parameters), data, floor)
+    for _ in range(50):
+        solution = least_squares(
+            lambda theta, scale=scale: (model(theta) - data) / scale, parameters, jac="3-point",
+            bounds=bounds, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14,
+        )  # fmt: skip
+        parameters = solution.x
+        previous, scale = scale, noise_scale(model(parameters), data, floor)
+        if np.max(np.abs(scale / previous - 1.0)) < 1e-9:
+            break
+    jacobian = solution.jac * previous[:, None]
+    constrained = bool(np.any(solution.active_mask != 0))
+    return _finish(jacobian, parameters, model(parameters), data, scale, constrained)
+
+
+def _finish(jacobian, parameters, model, data, scale, constrained) -> Fit:
+    residuals = (data - model) / scale
+    weighted = jacobian / scale[:, None]
+    lengths = np.linalg.norm(weighted, axis=0)
+    lengths = np.where(lengths > 0.0, lengths, 1.0)
+    singular = np.linalg.svd(weighted / lengths, compute_uv=False)
+    condition = float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf
+    inverse = np.linalg.pinv(weighted / lengths)
+    noise = _noise(residuals, len(data) - len(parameters))
+    covariance = noise**2 * (inverse @ inverse.T) / np.outer(lengths, lengths)
+    return Fit(parameters, model, residuals, scale, covariance, condition, constrained)
+
+
+def _noise(residuals, degrees_of_freedom: int) -> float:
+    if degrees_of_freedom < 1:
+        return np.nan
+    return float(np.sqrt(np.sum(residuals**2) / degrees_of_freedom))
+
+
+def _solve(design, data) -> np.ndarray:
+    lengths = np.linalg.norm(design, axis=0)
+    lengths = np.where(lengths > 0.0, lengths, 1.0)
+    return np.linalg.lstsq(design / lengths, data, rcond=None)[0] / lengths
+
+
+def _solve_bounded(design, data, G, h) -> np.ndarray:
+    """Least squares with G @ parameters >= h, exactly (Lawson and Hanson 1974, chapter 23).
+
+    In z = R parameters - Qᵀ data the problem is: shortest z with (G R⁻¹) z >= h - G R⁻¹ Qᵀ data,
+    whose dual is a non-negative least-squares problem.
+    """
+    Q, R = np.linalg.qr(design)
+    target = Q.T @ data
+    G_z = np.linalg.solve(R.T, G.T).T
+    h_z = h - G_z @ target
+    # Rows scaled to unit length: the same half-spaces, better conditioned.
+    lengths = np.linalg.norm(G_z, axis=1)
+    G_z, h_z = G_z / lengths[:, None], h_z / lengths
+    system = np.vstack([G_z.T, h_z])
+    unit = np.zeros(len(system))
+    unit[-1] = 1.0
+    dual, _ = nnls(system, unit, maxiter=20 * system.shape[1])
+    residual = system @ dual - unit
+    return np.linalg.solve(R, target - residual[:-1] / residual[-1])

@@ -1,0 +1,101 @@
+"""Coupon data made from a fabric law: exact curves with seeded multiplicative noise.
+
+For tests of the identification, and for planning: how many points, over which range, determine
+which parameter.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lcmchain.atomic import replacing
+from lcmchain.coupons.analytic import (
+    CANTILEVER_ANGLE,
+    BiasExtension,
+    elastica,
+    overhang_at_angle,
+    power_law_pressure,
+    strip_stiffness,
+)
+from lcmchain.materials.fabric import Fabric
+
+
+def noisy(values: np.ndarray, noise: float, seed: int) -> np.ndarray:
+    """Return values times (1 + noise ε), ε standard normal from the seed."""
+    return values * (1.0 + noise * np.random.default_rng(seed).standard_normal(np.shape(values)))
+
+
+def shear_stress(fabric: Fabric, shear_angle):
+    """Return S12 [Pa] of a fabric law in pure shear by an angle [rad]."""
+    angle = np.asarray(shear_angle)
+    strain = np.zeros((*angle.shape, 6))
+    strain[..., 3] = np.sin(angle)
+    return fabric.stress_and_tangent(strain)[0][..., 3]
+
+
+def bias_extension_curve(
+    fabric: Fabric, specimen: BiasExtension, displacement, *, noise: float = 0.0, seed: int = 0
+) -> np.ndarray:
+    """Return the machine force [N] at displacements [m]."""
+    angle = specimen.shear_angle(displacement)
+    return noisy(specimen.force(angle, lambda g: shear_stress(fabric, g)), noise, seed)
+
+
+def compaction_curve(
+    fabric: Fabric, thickness, *, noise: float = 0.0, seed: int = 0
+) -> np.ndarray:
+    """Return the pressure [Pa] of plate-to-plate compaction at thicknesses [m]."""
+    return noisy(fabric.compaction_pressure(np.asarray(thickness) / fabric.thickness), noise, seed)
+
+
+def power_law_curve(
+    thickness, A: float, B: float, solid_height: float, *, noise: float = 0.0, seed: int = 0
+) -> np.ndarray:
+    """Return the pressure [Pa] of the experimental compaction law, Eq. (24)."""
+    return noisy(power_law_pressure(thickness, A, B, solid_height), noise, seed)
+
+
+def strip_bending_stiffness(fabric: Fabric, orientation, assumption: str):
+    """Return the bending stiffness per width [N m] of a strip cut at an angle [rad]."""
+    law = fabric.law
+    stiffness = strip_stiffness(law.B11, law.B22, law.B12, orientation, assumption)
+    return stiffness * fabric.thickness**3 / 12.0
+
+
+def cantilever_overhangs(
+    fabric: Fabric,
+    orientation,
+    *,
+    areal_weight: float,
+    angle: float = CANTILEVER_ANGLE,
+    assumption: str = "free-strip",
+    noise: float = 0.0,
+    seed: int = 0,
+) -> np.ndarray:
+    """Return the overhang [m] at a chord angle [rad] of strips cut at orientations [rad]."""
+    stiffness = strip_bending_stiffness(fabric, np.asarray(orientation), assumption)
+    return noisy(overhang_at_angle(stiffness, areal_weight, angle), noise, seed)
+
+
+def cantilever_shape(
+    bending_stiffness: float, areal_weight: float, overhang: float, *,
+    point_count: int = 41, noise: float = 0.0, seed: int = 0,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Return points x, drop y [m] of a deflection curve; noise relative to the overhang."""
+    shape = elastica(areal_weight * overhang**3 / bending_stiffness, point_count)
+    points = overhang * np.stack([shape.x, shape.y])
+    errors = np.random.default_rng(seed).standard_normal(points.shape)
+    errors[:, 0] = 0.0  # the clamp is where the axes start
+    x, y = points + noise * overhang * errors
+    return x, y
+
+
+def write_coupon(path: Path | str, columns: dict[str, np.ndarray], comment: str = "") -> None:
+    """Write columns, named with their units and already in them, as a coupon CSV file."""
+    lines = [f"# {line}" for line in comment.splitlines()]
+    lines.append(",".join(columns))
+    lines += [",".join(f"{value:.7g}" for value in row) for row in zip(*columns.values())]
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
