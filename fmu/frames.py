@@ -7,8 +7,7 @@ import tempfile
 from pathlib import Path
 
 from lcmchain.errors import InputError
-from lcmchain.fields import build_datasets, write_forming_netcdf
-from lcmchain.pipeline import frame_series
+from lcmchain.fields import FrameSeries, build_datasets, write_forming_netcdf
 from lcmchain.scene.schema import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
 
@@ -53,7 +52,7 @@ def write_result(
 ) -> Path:
     """Write ``forming.nc`` with the saved frames and return its path."""
     model = simulation.model
-    series = frame_series(list(frames), model.tool_names)
+    series = FrameSeries.from_snapshots(frames, model.tool_names)
     datasets = build_datasets(scene, model.blank, series, material=model.material)
     path = folder / "forming.nc"
     write_forming_netcdf(path, datasets)

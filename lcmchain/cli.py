@@ -16,6 +16,13 @@ from lcmchain.errors import InputError, LcmchainError
 
 # Nothing heavy is imported up here: `lcmchain --help` must answer at once.
 
+# Material of coupons that name no scene; blank and process only make it a whole scene.
+COUPON_SCENE = """
+process = { time = "1 s" }
+blank = { size = ["20 mm", "20 mm"], edge_length = "5 mm" }
+material = { preset = "MD600" }
+"""
+
 app = typer.Typer(
     name="lcmchain",
     help="Forming simulation of engineering textiles, and the chain of stages that follows it.",
@@ -25,6 +32,10 @@ app = typer.Typer(
 )
 fmu_app = typer.Typer(no_args_is_help=True, help="Package a scene as a functional mock-up unit.")
 app.add_typer(fmu_app, name="fmu")
+coupon_app = typer.Typer(
+    no_args_is_help=True, help="Simulate a coupon test beside its analytic solution."
+)
+app.add_typer(coupon_app, name="coupon")
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 OutFolder = Annotated[
@@ -39,6 +50,14 @@ Overrides = Annotated[
         help="Replace a scene entry, as in --set tools.punch.friction=0.2; may be repeated.",
     ),
 ]
+
+MaterialScene = Annotated[
+    Path | None,
+    typer.Option(
+        "--scene", metavar="SCENE", help="Take material and element of this scene; default MD600."
+    ),
+]
+EdgeLength = Annotated[str, typer.Option(metavar="LENGTH", help="Edge length of the elements.")]
 
 
 @app.command()
@@ -175,6 +194,80 @@ def fmu_build(
     _say(f"Wrote {out}")
 
 
+@coupon_app.command("bias-extension")
+def coupon_bias_extension(
+    scene: MaterialScene = None,
+    out: OutFolder = None,
+    length: Annotated[str, typer.Option(help="Free length l0, at least 2 w0.")] = "320 mm",
+    width: Annotated[str, typer.Option(help="Width w0.")] = "160 mm",
+    displacement: Annotated[str, typer.Option(help="Displacement at the end.")] = "60 mm",
+    edge_length: EdgeLength = "5 mm",
+    overrides: Overrides = None,
+) -> None:
+    """Pull a strip with fibres at 45 degrees: force and shear angle over displacement."""
+    sizes = {"--length": length, "--width": width, "--displacement": displacement}
+    _run_coupon("bias_extension", scene, overrides, out, sizes | {"--edge-length": edge_length})
+
+
+@coupon_app.command("picture-frame")
+def coupon_picture_frame(
+    scene: MaterialScene = None,
+    out: OutFolder = None,
+    side: Annotated[str, typer.Option(help="Side length of frame and fabric.")] = "200 mm",
+    shear_angle: Annotated[str, typer.Option(help="Shear angle at the end.")] = "64 deg",
+    edge_length: EdgeLength = "10 mm",
+    overrides: Overrides = None,
+) -> None:
+    """Shear a square in a hinged frame: force along the diagonal and along the sides."""
+    sizes = {"--side": side, "--shear-angle": shear_angle, "--edge-length": edge_length}
+    _run_coupon("picture_frame", scene, overrides, out, sizes)
+
+
+@coupon_app.command("compaction")
+def coupon_compaction(
+    scene: MaterialScene = None,
+    out: OutFolder = None,
+    pressure: Annotated[str, typer.Option(help="Pressure at the end.")] = "1.5 MPa",
+    size: Annotated[str, typer.Option(help="Side length of the specimen.")] = "20 mm",
+    edge_length: EdgeLength = "5 mm",
+    overrides: Overrides = None,
+) -> None:
+    """Press a piece between plates: pressure over thickness."""
+    sizes = {"--pressure": pressure, "--size": size, "--edge-length": edge_length}
+    _run_coupon("compaction", scene, overrides, out, sizes)
+
+
+def _run_coupon(
+    name: str,
+    scene: Path | None,
+    overrides: list[str] | None,
+    out: Path | None,
+    sizes: dict[str, str],
+) -> None:
+    """Simulate a coupon with the options ``sizes``, write its files and print its table."""
+    from importlib import import_module
+
+    from lcmchain.scene import read_scene, scene_from_text
+
+    values = {
+        option[2:].replace("-", "_"): _quantity(option, text) for option, text in sizes.items()
+    }
+    if scene is None:
+        the_scene = scene_from_text(COUPON_SCENE, overrides=overrides or ())
+    else:
+        the_scene = read_scene(scene, overrides or ())
+    title = name.replace("_", "-")
+    with output_folder(out or Path("results") / "coupon" / title) as folder:
+        from lcmchain.coupons.result import write_coupon
+
+        simulate = getattr(import_module(f"lcmchain.coupons.{name}"), name)
+        with progress_bar() as progress:
+            result = simulate(the_scene.material, the_scene.element, progress=progress, **values)
+        write_coupon(folder, result)
+    _console().print(result.table())
+    _say(f"Results in {folder}")
+
+
 @app.command()
 def bench() -> None:
     """Measure the speed of the solver on this machine."""
@@ -274,12 +367,24 @@ def progress_bar() -> Iterator:
 
 
 def _length(option: str, text: str) -> float:
-    from lcmchain.scene.units import LENGTH, QuantityError, parse_quantity
+    from lcmchain.scene.units import LENGTH
 
+    return _quantity(option, text, LENGTH)
+
+
+def _quantity(option: str, text: str, dimension: str | None = None) -> float:
+    """Return a positive quantity in SI; by default a length, pressure or angle as the option."""
+    from lcmchain.scene.units import ANGLE, LENGTH, PRESSURE, QuantityError, parse_quantity
+
+    if dimension is None:
+        dimension = {"--pressure": PRESSURE, "--shear-angle": ANGLE}.get(option, LENGTH)
     try:
-        return parse_quantity(text, LENGTH)
+        value = parse_quantity(text, dimension)
     except QuantityError as error:
         raise InputError(str(error), key=option) from None
+    if not value > 0.0:
+        raise InputError(f"must be positive, is {text}", key=option)
+    return value
 
 
 def _require_choice(option: str, value: str, model) -> None:

@@ -6,7 +6,7 @@ compiling prunes their code (see ``elements/kernel.py``).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -135,8 +135,14 @@ def element_slots(material, element, geometry: ReferenceGeometry) -> ElementSlot
     )
 
 
-def build_model(scene) -> Model:
+def build_model(
+    scene, supports: Callable[[BlankMesh], Sequence[Support]] = lambda blank: ()
+) -> Model:
     """Build the model of a scene.
+
+    Parameters
+    ----------
+    supports : chooses nodes of the blank whose motion is prescribed.
 
     Raises
     ------
@@ -153,6 +159,7 @@ def build_model(scene) -> Model:
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,
+        supports=supports(blank),
     )
 
 

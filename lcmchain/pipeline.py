@@ -198,26 +198,11 @@ def _stop_requests() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
-def frame_series(snapshots: list[Snapshot], tool_names: tuple[str, ...]) -> FrameSeries:
-    """Return the saved frames as arrays over frames."""
-    tool_count = len(tool_names)
-    return FrameSeries(
-        time=np.array([s.time for s in snapshots]),
-        positions=np.array([s.position for s in snapshots]),
-        tool_travel=np.array([s.tool_travel for s in snapshots]).reshape(-1, tool_count),
-        tool_force=np.array([s.tool_force for s in snapshots]).reshape(-1, tool_count, 3),
-        energy={
-            name: np.array([s.energy[name] for s in snapshots]) for name in snapshots[0].energy
-        },
-        tool_names=tool_names,
-    )
-
-
 def _write_fields(
     scene: Scene, simulation: Simulation, snapshots: list[Snapshot], folder: Path
 ) -> dict[str, xr.Dataset]:
     model = simulation.model
-    frames = frame_series(snapshots, model.tool_names)
+    frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
     datasets = build_datasets(scene, model.blank, frames, material=model.material)
     if scene.permeability is not None and model.material.fibre_density is not None:
         datasets = add_face_variables(datasets, _permeabilities(scene, datasets["/"]))

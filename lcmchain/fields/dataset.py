@@ -62,6 +62,21 @@ class FrameSeries:
             if np.shape(values) != (frames,):
                 raise ValueError(f"energy {name} has the shape {np.shape(values)}, not {(frames,)}")
 
+    @classmethod
+    def from_snapshots(cls, snapshots, tool_names: tuple[str, ...]) -> FrameSeries:
+        """Return the snapshots of a simulation as arrays over frames."""
+        shape = len(snapshots), len(tool_names)
+        return cls(
+            time=np.array([s.time for s in snapshots]),
+            positions=np.array([s.position for s in snapshots]),
+            tool_travel=np.array([s.tool_travel for s in snapshots]).reshape(shape),
+            tool_force=np.array([s.tool_force for s in snapshots]).reshape(*shape, 3),
+            energy={
+                name: np.array([s.energy[name] for s in snapshots]) for name in snapshots[0].energy
+            },
+            tool_names=tool_names,
+        )
+
     @property
     def frame_count(self) -> int:
         return len(self.time)

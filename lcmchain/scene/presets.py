@@ -34,3 +34,6 @@ MD600 = {
 }
 
 PRESETS = {"MD600": MD600}
+
+#: A and B of the measured compaction law Φ = A (p / 1 kPa)^B, Eq. (24) and Table B.2.
+MEASURED_COMPACTION = {"MD600": (0.2820, 0.0926)}

@@ -9,7 +9,7 @@ import pytest
 
 from lcmchain.effects.supports import Support, build_supports, translation
 from lcmchain.errors import InputError
-from lcmchain.model import assemble_model, build_model
+from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 
@@ -23,18 +23,7 @@ element = { cross_terms = false }
 
 def supported(text, make_supports, **environment):
     """A simulation of the scene ``text`` with the supports that its node positions give."""
-    scene = scene_from_text(text)
-    bare = build_model(scene)
-    model = assemble_model(
-        bare.blank,
-        bare.material,
-        scene.element,
-        tools=bare.tools,
-        tool_names=(),
-        contact=scene.contact,
-        process=scene.process,
-        supports=make_supports(bare.blank.node_positions),
-    )
+    model = build_model(scene_from_text(text), lambda blank: make_supports(blank.node_positions))
     environment = model.environment._replace(**environment)
     return Simulation(replace(model, environment=environment))
 

@@ -1,0 +1,174 @@
+"""Plate-to-plate compaction: a piece of fabric between two parallel plates.
+
+Source: Schäfer, Mitsch, Kärger, section 3.2.2. The pressure on the plates is p = λ|S33|, nominal
+and Cauchy alike, because the area does not change; the experimental law is Φ = A p_n^B, Eq. (24).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from lcmchain.coupons.analytic import power_law_pressure
+from lcmchain.coupons.plots import finish, two_panels
+from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.specimen import Progress, coupon_scene
+from lcmchain.fields.derived import derive_fields
+from lcmchain.model import build_model
+from lcmchain.report.style import INK, SERIES
+from lcmchain.scene.presets import MEASURED_COMPACTION
+from lcmchain.scene.schema import Element
+from lcmchain.solver.simulation import Simulation
+
+DURATION = 0.04  # [s]
+SAMPLES = 80
+# Plates are this much stiffer than the automatic contact of a forming tool would be: they may
+# sink into the fabric by this part of its thickness under the full pressure.
+PENETRATION = 0.01
+COMPARED_AT = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.4)  # pressures [MPa]
+
+
+def compaction(
+    material,
+    element: Element | None = None,
+    *,
+    pressure: float = 1.5e6,
+    size: float = 20e-3,
+    edge_length: float = 5e-3,
+    progress: Progress | None = None,
+) -> CouponResult:
+    """Simulate a plate-to-plate compaction test.
+
+    Parameters
+    ----------
+    material : material of a scene; element : its element options.
+    pressure : at the end [Pa]; size : of the square specimen [m]; edge_length : of elements [m].
+    """
+    thickness = material.thickness
+    law = _law(material)
+    penalty = pressure / (PENETRATION * thickness)
+    squeezed = thickness - _thickness_at(law, thickness, pressure)
+    plates = [
+        {"name": "lower", "shape": {"type": "plate", "side": "below"}, "friction": 0.0},
+        {
+            "name": "upper",
+            "shape": {"type": "plate", "side": "above"},
+            "position": (0.0, 0.0, thickness),
+            "motion": {
+                "type": "stroke",
+                "direction": (0, 0, -1),
+                "distance": squeezed + 2.0 * PENETRATION * thickness,
+                "profile": "smooth",
+            },
+            "friction": 0.0,
+        },
+    ]
+    scene = coupon_scene(
+        f"Compaction of {material.name} between plates",
+        material,
+        element or Element(),
+        process={"time": DURATION, "frames": SAMPLES + 1},
+        blank={"size": (size, size), "edge_length": edge_length, "height": 0.5 * thickness},
+        contact={"penalty": penalty},
+        tools=plates,
+    )
+    simulation = Simulation(build_model(scene))
+    model, state = simulation.model, simulation.state
+    rows = []
+    for time in np.linspace(0.0, DURATION, SAMPLES + 1)[1:]:
+        simulation.advance_to(float(time))
+        # forces are those of the last step, whose positions were these
+        position = (state.position - state.clock[1] * state.velocity).T
+        measured = derive_fields(model.blank, model.material, position)["thickness"]
+        rows.append((measured.mean(), np.ptp(measured), state.tool_force[1, 2] / size**2))
+        if progress is not None:
+            progress(simulation.time, DURATION, scene.title)
+    t, spread, p = np.array(rows).T
+    expected = law(t / thickness)
+    curves = {
+        "thickness [mm]": 1e3 * t,
+        "pressure [MPa]": 1e-6 * p,
+        "law pressure [MPa]": 1e-6 * expected,
+    }
+    comparisons = [
+        Comparison(
+            f"pressure at {at:g} MPa", "MPa", *(1e-6 * _at(1e6 * at, expected, v)
+            for v in (p, expected)), "λ|S33| at the same thickness",
+        )
+        for at in COMPARED_AT
+        if 1e6 * at <= expected[-1]
+    ]  # fmt: skip
+    measured_law = MEASURED_COMPACTION.get(getattr(material, "preset", None) or material.name)
+    if measured_law is not None:
+        solid_height = material.areal_mass / material.fibre_density
+        experiment = power_law_pressure(t, *measured_law, solid_height)
+        curves["measured pressure, Eq. (24) [MPa]"] = 1e-6 * experiment
+        comparisons += [
+            Comparison(
+                f"pressure at {at:g} MPa", "MPa", *(1e-6 * _at(1e6 * at, experiment, v)
+                for v in (p, experiment)), "experiment, Eq. (24)",
+            )
+            for at in COMPARED_AT
+            if 1e6 * at <= experiment[-1]
+        ]  # fmt: skip
+    energy = simulation.energy()
+    return CouponResult(
+        name="compaction",
+        settings={
+            "specimen": f"{1e3 * size:g} mm x {1e3 * size:g} mm",
+            "elements": f"{model.element_count} elements of {1e3 * edge_length:g} mm",
+            "duration": f"{1e3 * DURATION:g} ms",
+        },
+        curves=curves,
+        comparisons=tuple(comparisons),
+        draw=lambda path: _draw(path, curves, scene.title),
+        figures={
+            "steps": state.step_count,
+            "thickness_spread_max_m": float(spread.max()),
+            "kinetic_to_internal_end": energy["kinetic"] / energy["internal"],
+            "balance_error_to_internal": energy["balance_error"] / energy["internal"],
+        },
+    )
+
+
+def _law(material):
+    """Return the pressure law p(λ) [Pa] of a scene's material."""
+    from lcmchain.model import build_material
+
+    return build_material(material).compaction_pressure
+
+
+def _thickness_at(law, thickness: float, pressure: float) -> float:
+    """Return the thickness [m] under a pressure [Pa]."""
+    from scipy.optimize import brentq
+
+    return thickness * brentq(lambda stretch: float(law(stretch)) - pressure, 0.35, 1.0)
+
+
+def _at(pressure: float, of: np.ndarray, values: np.ndarray) -> float:
+    """Return ``values`` where the rising curve ``of`` reaches ``pressure``, log-interpolated."""
+    used = (of > 0.0) & (values > 0.0)
+    place = np.interp(np.log(pressure), np.log(of[used]), np.log(values[used]))
+    return float(np.exp(place))
+
+
+def _draw(path: Path, curves, title: str) -> None:
+    with two_panels(path, "Plate-to-plate compaction", title) as (left, right):
+        t = curves["thickness [mm]"]
+        for axis in (left, right):
+            for name, style in (
+                ("pressure [MPa]", {"marker": "o", "ms": 3, "ls": "", "color": SERIES[0]}),
+                ("law pressure [MPa]", {"color": INK, "lw": 1.2}),
+                ("measured pressure, Eq. (24) [MPa]", {"color": SERIES[1], "lw": 1.2, "ls": "--"}),
+            ):
+                if name in curves:
+                    label = {"p": "simulated", "l": "λ|S33|", "m": "experiment, Φ = A pₙᴮ"}[name[0]]
+                    axis.plot(t, curves[name], label=label, **style)
+            axis.set_xlabel("thickness [mm]")
+            axis.set_ylabel("pressure [MPa]")
+            finish(axis)
+            axis.set_xlim(t.min() - 0.01, t.max())
+        right.set_yscale("log")
+        right.set_ylim(1e-3, 2.0)
+        left.legend(loc="upper right")

@@ -1,0 +1,140 @@
+"""Picture-frame test: a square of fabric is sheared by a hinged frame along its sides.
+
+The reference is homogeneous pure shear (:class:`lcmchain.coupons.analytic.PictureFrame`); the shear
+force along a side is L t0 S12 exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from lcmchain.coupons.analytic import PictureFrame
+from lcmchain.coupons.plots import finish, two_panels
+from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.specimen import (
+    Progress,
+    SteadyPull,
+    coupon_scene,
+    mean_field,
+    record,
+    shear_stress_of,
+)
+from lcmchain.effects.supports import Support
+from lcmchain.fields import FrameSeries, build_datasets
+from lcmchain.report.style import INK, SERIES
+from lcmchain.scene.schema import Element
+
+# Slow enough that inertia and damping add less than half a percent to the force.
+DURATION = 0.5  # [s]
+MASS_DAMPING = 20.0  # [1/s]
+INTERVALS = 24
+COMPARED_AT = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)  # shear angles [deg]
+
+
+def picture_frame(
+    material,
+    element: Element | None = None,
+    *,
+    side: float = 0.2,
+    shear_angle: float = math.radians(64.0),
+    edge_length: float = 10e-3,
+    progress: Progress | None = None,
+) -> CouponResult:
+    """Simulate a picture-frame test.
+
+    Parameters
+    ----------
+    material : material of a scene; element : its element options.
+    side : of the frame, which the fabric fills [m]; shear_angle : at the end [rad].
+    edge_length : of the elements [m].
+    """
+    analytic = PictureFrame(side, material.thickness)
+    pull = SteadyPull(float(analytic.displacement(shear_angle)), DURATION, 0.2 * DURATION)
+
+    def hinged(time: float) -> np.ndarray:
+        half = 0.5 * float(analytic.shear_angle(pull.travel(time)))
+        c, s = math.cos(half), math.sin(half)
+        return np.array([[c, s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+
+    scene = coupon_scene(
+        f"Picture frame of {material.name}, {math.degrees(shear_angle):.3g}°",
+        material,
+        element or Element(),
+        process={"time": DURATION, "frames": 2 * INTERVALS + 1, "mass_damping": MASS_DAMPING},
+        blank={"size": (side, side), "edge_length": edge_length},
+    )
+
+    def frame(blank):
+        on_side = (np.abs(blank.node_positions[:, :2]) > 0.5 * side - 1e-9).any(axis=1)
+        return [Support("frame", np.flatnonzero(on_side), "xy", motion=hinged)]
+
+    simulation, recording = record(scene, frame, progress=progress)
+    everywhere = np.ones(simulation.model.element_count, dtype=bool)
+    d = np.array([pull.travel(t) for t in recording.time])
+    # the frame has no net force: its force on the machine is work per travel
+    force = np.diff(recording.work[::2]) / np.diff(d[::2])
+    gamma = analytic.shear_angle(d[1::2])
+    edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
+    measured = mean_field(simulation, recording.snapshots[1::2], "shear_angle", everywhere)
+
+    shear_stress = shear_stress_of(simulation.model.material)
+    curves = {
+        "displacement [mm]": 1e3 * d[1::2],
+        "force [N]": force,
+        "shear angle [deg]": np.degrees(measured),
+        "edge shear force [N]": edge_force,
+        "analytic force [N]": analytic.force(gamma, shear_stress),
+        "analytic shear angle [deg]": np.degrees(gamma),
+        "analytic edge shear force [N]": analytic.edge_shear_force(gamma, shear_stress),
+    }
+    angles = curves["analytic shear angle [deg]"]
+    frames = FrameSeries.from_snapshots(recording.snapshots[::4], ())
+    energy = recording.energy
+    return CouponResult(
+        name="picture-frame",
+        settings={
+            "specimen": f"{1e3 * side:g} mm x {1e3 * side:g} mm",
+            "elements": f"{simulation.model.element_count} elements of {1e3 * edge_length:g} mm",
+            "duration": f"{1e3 * DURATION:g} ms",
+        },
+        curves=curves,
+        comparisons=tuple(
+            Comparison(
+                f"edge shear force at {angle:g}°",
+                "N",
+                float(np.interp(angle, angles, edge_force)),
+                float(np.interp(angle, angles, curves["analytic edge shear force [N]"])),
+                "L t0 S12",
+            )
+            for angle in COMPARED_AT
+            if angle <= angles[-1]
+        ),
+        draw=lambda path: _draw(path, curves, scene.title),
+        datasets=build_datasets(
+            scene, simulation.model.blank, frames, material=simulation.model.material
+        ),
+        shown="shear_angle",
+        figures={
+            "steps": simulation.state.step_count,
+            "kinetic_to_internal_end": energy["kinetic"][-1] / energy["internal"][-1],
+            "damping_to_external": energy["damping"][-1] / energy["external"][-1],
+        },
+    )
+
+
+def _draw(path: Path, curves, title: str) -> None:
+    with two_panels(path, "Picture-frame test", title) as (left, right):
+        gamma = curves["analytic shear angle [deg]"]
+        for axis, name, label in (
+            (left, "force [N]", "force along the diagonal [N]"),
+            (right, "edge shear force [N]", "shear force along a side [N]"),
+        ):
+            axis.plot(gamma, curves[name], "o", ms=3.5, color=SERIES[0], label="simulated")
+            axis.plot(gamma, curves[f"analytic {name}"], "-", lw=1.2, color=INK, label="analytic")
+            axis.set_xlabel("shear angle of the frame [deg]")
+            axis.set_ylabel(label)
+            finish(axis)
+        left.legend(loc="upper left")

@@ -1,0 +1,111 @@
+"""Specimens of coupon tests as simulations of the forming solver, and their recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.blank import BlankMesh
+from lcmchain.effects.supports import Support
+from lcmchain.fields.derived import derive_fields
+from lcmchain.model import build_model
+from lcmchain.scene.schema import Element, Process, Scene
+from lcmchain.solver.simulation import Simulation, Snapshot
+
+#: Called with (completed, total, text).
+Progress = Callable[[float, float, str], None]
+
+
+class SteadyPull(NamedTuple):
+    """Travel of a testing machine: a smooth start over ``start`` [s], then a constant speed."""
+
+    distance: float  # [m]
+    duration: float  # [s]
+    start: float  # [s]
+
+    @property
+    def speed(self) -> float:
+        return self.distance / (self.duration - 0.5 * self.start)
+
+    def travel(self, time: float) -> float:
+        """Return the travel [m]; velocity and acceleration vanish at time 0."""
+        if time >= self.start:
+            return self.speed * (time - 0.5 * self.start)
+        s = time / self.start
+        return self.speed * self.start * s**4 * (2.5 + s * (s - 3.0))
+
+
+class Recording(NamedTuple):
+    """Snapshots of a coupon test at equidistant times, and what the supports have done by then.
+
+    impulse : (T, support_count, 3) [N s]; work : (T,) external work [J].
+    """
+
+    snapshots: list[Snapshot]
+    impulse: np.ndarray
+    work: np.ndarray
+
+    @property
+    def time(self) -> np.ndarray:
+        return np.array([snapshot.time for snapshot in self.snapshots])
+
+    @property
+    def energy(self) -> dict[str, np.ndarray]:
+        names = self.snapshots[0].energy
+        return {name: np.array([s.energy[name] for s in self.snapshots]) for name in names}
+
+
+def coupon_scene(title: str, material, element: Element, *, process: dict, **tables) -> Scene:
+    """Return the scene of a coupon; ``process`` and the tables hold SI values or texts."""
+    return Scene(
+        title=title, material=material, element=element, process=Process(**process), **tables
+    )
+
+
+def record(
+    scene: Scene,
+    supports: Callable[[BlankMesh], Sequence[Support]],
+    *,
+    progress: Progress | None = None,
+) -> tuple[Simulation, Recording]:
+    """Simulate a coupon and keep ``process.frames`` snapshots of it."""
+    simulation = Simulation(build_model(scene, supports))
+    snapshots, impulse, work = [simulation.snapshot()], [], [0.0]
+    impulse.append(simulation.state.support_impulse.copy())
+    for time in np.linspace(0.0, scene.process.time, scene.process.frames)[1:]:
+        simulation.advance_to(float(time))
+        snapshots.append(simulation.snapshot())
+        impulse.append(simulation.state.support_impulse.copy())
+        work.append(snapshots[-1].energy["external"])
+        if progress is not None:
+            progress(simulation.time, scene.process.time, scene.title)
+    return simulation, Recording(snapshots, np.array(impulse), np.array(work))
+
+
+def mean_field(simulation: Simulation, snapshots, name: str, mask: np.ndarray) -> np.ndarray:
+    """Return the mean of the size of a face field over the elements in ``mask``, (T,)."""
+    model = simulation.model
+    return np.array(
+        [
+            np.abs(derive_fields(model.blank, model.material, s.position)[name][mask]).mean()
+            for s in snapshots
+        ]
+    )
+
+
+def element_centres(blank: BlankMesh) -> np.ndarray:
+    """Return the centres of the elements in the reference, (element_count, 3) [m]."""
+    return blank.node_positions[blank.elements].mean(axis=1)
+
+
+def shear_stress_of(material) -> Callable[[np.ndarray], np.ndarray]:
+    """Return S12(γ) [Pa] of pure shear for a material law."""
+
+    def shear_stress(shear_angle):
+        strain = np.zeros((*np.shape(shear_angle), 6))
+        strain[..., 3] = np.sin(shear_angle)
+        return material.stress_and_tangent(strain)[0][..., 3]
+
+    return shear_stress
