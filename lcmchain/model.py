@@ -24,6 +24,7 @@ from lcmchain.elements.packing import curved_rows, flat_rows, in_blocks
 from lcmchain.elements.solid_shell import Moments
 from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
+from lcmchain.scene.schema import Contact, Element, Process
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
 
@@ -221,6 +222,22 @@ def assemble_model(
         process_time=float(process.time),
         frame_count=int(process.frames),
         step_safety=float(process.step_safety),
+    )
+
+
+def assemble_sheet(blank: BlankMesh, material, element=None) -> Model:
+    """Build the model of a sheet without tools, for statics and vibrations.
+
+    ``element`` holds the choices of a scene's ``[element]`` table; the defaults are the scene's.
+    """
+    return assemble_model(
+        blank,
+        material,
+        element if element is not None else Element(),
+        tools=build_tool_table((), None, 1.0),
+        tool_names=(),
+        contact=Contact(),
+        process=Process(time="1 s"),
     )
 
 

@@ -203,6 +203,28 @@ class Fabric:
         )  # fmt: skip
         return slope
 
+    def tangent_curvature(self, E):
+        """Return d²C_ii/dE_i² (..., 6) of the diagonal tangent C^M; only 12 and 33 are not zero."""
+        E = np.asarray(E)
+        law = self.law
+        curvature = np.zeros_like(E)
+        tangent = np.array([law.s0, law.s1, law.s2, law.s3, law.s4]) * np.arange(1, 6)
+        second = tangent[2:] * np.array([2.0, 6.0, 12.0])
+        e12 = 0.5 * np.abs(E[..., 3])
+        curvature[..., 3] = 0.25 * np.polynomial.polynomial.polyval(e12, second)
+        compressed = E[..., 2] < 0.0
+        e33 = np.where(compressed, -E[..., 2], 1.0)
+        exponent = law.c1 * e33**law.c2
+        # with x = c1 e^c2 the tangent is c0 exp(x) (1 + c2 x) and e dx/de = c2 x
+        cubic = exponent * (
+            (law.c2 - 1.0) * (1.0 + law.c2)
+            + exponent * law.c2 * (3.0 * law.c2 + exponent * law.c2)
+        )
+        cubic *= law.c0 * law.c2 / e33**2
+        curvature[..., 2] = np.where(compressed, np.exp(np.where(compressed, exponent, 0.0)), 0.0)
+        curvature[..., 2] *= np.where(compressed, cubic, 0.0)
+        return curvature
+
     def bending_matrix(self):
         """Return C^B (6, 6), Eq. (25)."""
         law = self.law

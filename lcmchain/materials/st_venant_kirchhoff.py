@@ -125,6 +125,10 @@ class StVenantKirchhoff:
         """Return dC_ii/dE_i (..., 6): zero."""
         return np.zeros_like(np.asarray(E))
 
+    def tangent_curvature(self, E):
+        """Return d²C_ii/dE_i² (..., 6): zero."""
+        return np.zeros_like(np.asarray(E))
+
     def bending_matrix(self):
         """Return C^B (6, 6)."""
         return self.C_bending

@@ -1,0 +1,271 @@
+"""Consistent tangent of the element's internal forces, for quasi-static and vibration analyses.
+
+In the space of the mode vectors the forces are p = 8 J⁰ Bᵀ R: B the gradients of the material
+strains of the seven Taylor terms of Eq. (10), R the stress resultants of Eqs. (15) and (16). Their
+derivative is
+
+    K = 8 J⁰ (Bᵀ D B + Σ ⊗ 1 + S33 ∇²E33),   D = ∂R/∂E,
+
+with Σ the generalised stresses of the products a_k·a_l, and the last term only where compaction is
+measured by the normal thickness, which is no such product. K is symmetric where the element has a
+potential: not for cross terms with C^M ≠ C^B (Eq. 19), an enhanced strain that couples different
+C^M and C^B, or hourglass forces as published.
+
+Plain NumPy over blocks of elements, written separately from the compiled kernel.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.elements.geometry import MODES
+from lcmchain.elements.packing import COVARIANT_PRODUCTS, TERMS
+from lcmchain.elements.solid_shell import NINTH, THIRD
+
+# bounds the temporary arrays to about 50 MB
+ELEMENTS_PER_BLOCK = 512
+
+CENTRE, ZETA, ZETA2, XI, ETA, ETA_ZETA, XI_ZETA = range(7)
+NORMAL = 2  # Voigt component 33
+
+_PRODUCTS = [
+    (TERMS.index(term), component, factor, k - 1, m - 1)
+    for term, component, products in COVARIANT_PRODUCTS
+    for factor, k, m in products
+]
+# (term, source, direction): the term receives the change of T along ξ (0), η (1) or ζ (2) times
+# the covariant source term, as in ``curved_material_strain``
+_CURVED = (
+    (ZETA, CENTRE, 2),
+    (ZETA2, ZETA, 2),
+    (XI, CENTRE, 0),
+    (ETA, CENTRE, 1),
+    (ETA_ZETA, ZETA, 1),
+    (ETA_ZETA, ETA, 2),
+    (XI_ZETA, ZETA, 0),
+    (XI_ZETA, XI, 2),
+)
+
+# Mode vectors from the corners' means and half differences of top and bottom, (7, 8): the means
+# (first four columns) only enter a1, a2, a4, the half differences only a3, a5, a6, a7.
+PAIR_MODES = MODES @ np.block([[np.eye(4), -np.eye(4)], [np.eye(4), np.eye(4)]])
+
+
+class Linearisation(NamedTuple):
+    """Tangent of E elements and what a mixed iteration keeps of them.
+
+    stiffness : (E, 7, 3, 7, 3), derivative of the forces on the mode vectors [N/m].
+    resultants : (E, 42) stress resultants R per volume [Pa].
+    resultant_gradient : (E, 42, 21), D B: their change with the mode vectors.
+    """
+
+    stiffness: np.ndarray
+    resultants: np.ndarray
+    resultant_gradient: np.ndarray
+
+
+def linearise(model, displacement, resultants=None) -> Linearisation:
+    """Linearise the internal forces of all elements of a model about a displacement.
+
+    Parameters
+    ----------
+    model : :class:`lcmchain.model.Model`.
+    displacement : (3, node_count) [m].
+    resultants : (E, 42) stress resultants [Pa] for the geometric stiffness in place of those of the
+        displacement, see ``solver/static.py``.
+    """
+    count = model.element_count
+    result = Linearisation(
+        np.empty((count, 7, 3, 7, 3)), np.empty((count, 42)), np.empty((count, 42, 21))
+    )
+    for first in range(0, count, ELEMENTS_PER_BLOCK):
+        block = slice(first, min(first + ELEMENTS_PER_BLOCK, count))
+        given = None if resultants is None else resultants[block]
+        part = _linearise_block(model, displacement, block, given)
+        for whole, piece in zip(result, part, strict=True):
+            whole[block] = piece.reshape(whole[block].shape)
+    return result
+
+
+def node_stiffness(mode_stiffness: np.ndarray, basis: np.ndarray = MODES) -> np.ndarray:
+    """Return the tangent (E, 24, 24) [N/m] on eight vectors from that on the mode vectors.
+
+    ``basis`` (7, 8) gives the mode vectors from them: :data:`MODES` from the corner nodes,
+    :data:`PAIR_MODES` from means and half differences over the thickness. In thin elements the
+    latter spare the tangent the cancellation of large thickness stiffnesses.
+    """
+    count = len(mode_stiffness)
+    half = np.tensordot(mode_stiffness, basis, axes=(3, 0))  # (E, 7, 3, 3, 8)
+    full = np.tensordot(half, basis, axes=(1, 0))  # (E, 3, 3, 8, 8)
+    return full.transpose(0, 4, 1, 3, 2).reshape(count, 24, 24)
+
+
+def _linearise_block(model, displacement, block, given):
+    slots = model.elements
+    A = model.geometry.modes[block]
+    corner = displacement.T[model.blank.elements[block]]
+    change = np.einsum("kn,end->ekd", MODES, corner)
+    a = A + change
+    B, E = _strains(model, block, A, change, slots.in_plane_shear)
+    if slots.director is None:
+        height = model.geometry.height[block]
+        E[:, CENTRE, NORMAL], gradient, hessian = normal_compaction(a[:, :3], height)
+        B[:, CENTRE, NORMAL] = 0.0
+        B[:, CENTRE, NORMAL, :9] = gradient
+    R, D = _resultants(model, E)
+    R, D, B = R.reshape(-1, 42), D.reshape(-1, 42, 42), B.reshape(-1, 42, 21)
+
+    DB = D @ B
+    K = B.transpose(0, 2, 1) @ DB
+    geometric = (R if given is None else given).reshape(-1, 7, 6)
+    if slots.director is None:
+        K[:, :9, :9] += geometric[:, CENTRE, NORMAL, None, None] * hessian
+        geometric = geometric.copy()
+        geometric[:, CENTRE, NORMAL] = 0.0
+    sigma = _stress_matrix(model, block, geometric, slots.in_plane_shear)
+    blocks = K.reshape(-1, 7, 3, 7, 3)
+    for d in range(3):
+        blocks[:, :, d, :, d] += sigma
+    blocks *= model.geometry.volume[block, None, None, None, None]
+    return blocks, R, DB
+
+
+def _strains(model, block, A, change, in_plane_shear):
+    """Return gradients (E, 7, 6, 21) and values (E, 7, 6) of the material strains, Eq. (10)."""
+    a = A + change
+    covariant = np.zeros((len(a), 7, 6, 22))  # 21 gradients, then the strain itself
+    for term, component, factor, k, m in _PRODUCTS:
+        f = factor * _shear_weight(term, component, in_plane_shear)
+        row = covariant[:, term, component]
+        row[:, 3 * k : 3 * k + 3] += f * a[:, m]
+        row[:, 3 * m : 3 * m + 3] += f * a[:, k]
+        # a_k·a_m - A_k·A_m without the cancellation of its two parts
+        row[:, 21] += f * np.einsum("ed,ed->e", change[:, k], a[:, m])
+        row[:, 21] += f * np.einsum("ed,ed->e", A[:, k], change[:, m])
+    material = model.transformation[block][:, None] @ covariant
+    if model.elements.curved is not None:
+        T_change = model.transformation_change[block]
+        for term, source, direction in _CURVED:
+            material[:, term] += T_change[:, direction] @ covariant[:, source]
+    return material[..., :21].copy(), material[..., 21].copy()
+
+
+def _stress_matrix(model, block, S, in_plane_shear):
+    """Return Σ (E, 7, 7) of material stress resultants S (E, 7, 6)."""
+    T = model.transformation[block].transpose(0, 2, 1)
+    covariant = (T[:, None] @ S[..., None])[..., 0]
+    if model.elements.curved is not None:
+        T_change = model.transformation_change[block]
+        for term, source, direction in _CURVED:
+            back = T_change[:, direction].transpose(0, 2, 1) @ S[:, term, :, None]
+            covariant[:, source] += back[..., 0]
+    sigma = np.zeros((len(S), 7, 7))
+    for term, component, factor, k, m in _PRODUCTS:
+        value = factor * _shear_weight(term, component, in_plane_shear) * covariant[:, term, component]
+        sigma[:, k, m] += value
+        sigma[:, m, k] += value
+    return sigma
+
+
+def _shear_weight(term, component, in_plane_shear):
+    return in_plane_shear if component == 3 and term in (XI, ETA) else 1.0
+
+
+def _resultants(model, E):
+    """Return R (E, 7, 6) of Eqs. (15) and (16) and D = ∂R/∂E (E, 7, 6, 7, 6)."""
+    slots, material, moments = model.elements, model.material, model.elements.moments
+    S_centre, C_M = material.stress_and_tangent(E[:, CENTRE])
+    C_B = material.bending_matrix()
+    C_zeta = np.broadcast_to(C_B, C_M.shape)
+    if slots.enhanced is not None:
+        # the enhanced strain -S33^ζ / C^M_33 of ``condensed_enhanced_strain`` adds C^M_i3 of it
+        share = C_M[:, :, NORMAL] / C_M[:, NORMAL, NORMAL, None]
+        C_zeta = C_B - share[:, :, None] * C_B[NORMAL]
+    D = np.zeros((len(E), 7, 6, 7, 6))
+    D[:, CENTRE, :, CENTRE] = C_M
+    D[:, CENTRE, :, ZETA2] = moments.cross * C_B
+    D[:, ZETA, :, ZETA] = moments.zeta2 * C_zeta
+    D[:, ZETA2, :, CENTRE] = moments.cross * C_M
+    D[:, ZETA2, :, ZETA2] = moments.zeta4 * C_B
+    for term, weight, C in (
+        (XI, THIRD, C_M),
+        (ETA, THIRD, C_M),
+        (ETA_ZETA, NINTH, C_B),
+        (XI_ZETA, NINTH, C_B),
+    ):
+        D[:, term, :, term] = weight * C
+    # linear in every strain but that of the centre
+    R = np.einsum("etipj,epj->eti", D[:, :, :, 1:], E[:, 1:])
+    R[:, CENTRE] += S_centre
+    R[:, ZETA2] += moments.cross * S_centre
+
+    # the hourglass terms ξ, η follow the tangent at the centre, Eq. (18)
+    slope = material.tangent_slope(E[:, CENTRE])
+    i = np.arange(6)
+    for term in (XI, ETA):
+        coupling = THIRD * slope * E[:, term]
+        D[:, term, i, CENTRE, i] = coupling
+        if slots.conservative is not None:
+            D[:, CENTRE, i, term, i] = coupling
+    if slots.conservative is not None:
+        squares = E[:, XI] ** 2 + E[:, ETA] ** 2
+        R[:, CENTRE] += 0.5 * THIRD * slope * squares
+        curvature = material.tangent_curvature(E[:, CENTRE])
+        D[:, CENTRE, i, CENTRE, i] += 0.5 * THIRD * curvature * squares
+    return R, D
+
+
+def normal_compaction(a, height):
+    """Return E33 = ½(t²/h² - 1) (E,) of the normal thickness, its gradient and its Hessian.
+
+    ``a`` (E, 3, 3) are a1, a2, a3 and t = a3·(a1 x a2)/|a1 x a2|; the gradient is (E, 9), the
+    Hessian (E, 9, 9).
+    """
+    a1, a2, a3 = a[:, 0], a[:, 1], a[:, 2]
+    c = np.cross(a1, a2)
+    J = np.einsum("ed,ed->e", a3, c)
+    q = np.einsum("ed,ed->e", c, c)
+    dJ = np.concatenate([np.cross(a2, a3), np.cross(a3, a1), c], axis=1)
+    a11, a12, a22 = (np.einsum("ed,ed->e", x, y)[:, None] for x, y in ((a1, a1), (a1, a2), (a2, a2)))
+    dq = np.concatenate([2 * (a22 * a1 - a12 * a2), 2 * (a11 * a2 - a12 * a1)], axis=1)
+    dq = np.pad(dq, ((0, 0), (0, 3)))
+
+    ddJ = np.zeros((len(a), 9, 9))
+    ddq = np.zeros((len(a), 9, 9))
+    one, two, three = slice(0, 3), slice(3, 6), slice(6, 9)
+    eye = np.eye(3)
+    for rows, columns, upper in (
+        (one, two, -_skew(a3)),
+        (one, three, _skew(a2)),
+        (two, three, -_skew(a1)),
+    ):
+        ddJ[:, rows, columns] = upper
+        ddJ[:, columns, rows] = upper.transpose(0, 2, 1)
+    upper = 2 * (2 * _outer(a1, a2) - _outer(a2, a1) - a12[..., None] * eye)
+    ddq[:, one, one] = 2 * (a22[..., None] * eye - _outer(a2, a2))
+    ddq[:, two, two] = 2 * (a11[..., None] * eye - _outer(a1, a1))
+    ddq[:, one, two] = upper
+    ddq[:, two, one] = upper.transpose(0, 2, 1)
+
+    # t² = J²/q by the chain rule
+    w = (J / q)[:, None]
+    gradient = 2 * w * dJ - w**2 * dq
+    step = dJ - w * dq
+    w, q = w[..., None], q[:, None, None]
+    hessian = 2 * _outer(step, step) / q + 2 * w * ddJ - w**2 * ddq
+    h2 = height[:, None] ** 2
+    strain = 0.5 * (J**2 / q[:, 0, 0] / height**2 - 1.0)
+    return strain, 0.5 * gradient / h2, 0.5 * hessian / h2[..., None]
+
+
+def _outer(a, b):
+    return a[:, :, None] * b[:, None, :]
+
+
+def _skew(v):
+    """Return the matrices (E, 3, 3) of w -> v x w."""
+    zero = np.zeros(len(v))
+    x, y, z = v.T
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
