@@ -1,0 +1,1 @@
+"""Verification: problems with known solutions that the program solves on request."""

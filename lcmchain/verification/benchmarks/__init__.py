@@ -1,0 +1,1 @@
+"""Benchmarks of shells and solid-shells, linear and with large deformation."""
