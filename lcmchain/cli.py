@@ -237,6 +237,20 @@ def coupon_compaction(
     _run_coupon("compaction", scene, overrides, out, sizes)
 
 
+@coupon_app.command("cantilever")
+def coupon_cantilever(
+    scene: MaterialScene = None,
+    out: OutFolder = None,
+    width: Annotated[str, typer.Option(help="Width of the strips.")] = "25 mm",
+    angle: Annotated[str, typer.Option(help="Fall of the line from clamp to tip.")] = "41.5 deg",
+    edge_length: EdgeLength = "5 mm",
+    overrides: Overrides = None,
+) -> None:
+    """Find the overhang of strips at 0, 45 and 90 degrees that bend under their weight."""
+    sizes = {"--width": width, "--angle": angle, "--edge-length": edge_length}
+    _run_coupon("cantilever", scene, overrides, out, sizes)
+
+
 def _run_coupon(
     name: str,
     scene: Path | None,
@@ -377,7 +391,8 @@ def _quantity(option: str, text: str, dimension: str | None = None) -> float:
     from lcmchain.scene.units import ANGLE, LENGTH, PRESSURE, QuantityError, parse_quantity
 
     if dimension is None:
-        dimension = {"--pressure": PRESSURE, "--shear-angle": ANGLE}.get(option, LENGTH)
+        kinds = {"--pressure": PRESSURE, "--shear-angle": ANGLE, "--angle": ANGLE}
+        dimension = kinds.get(option, LENGTH)
     try:
         value = parse_quantity(text, dimension)
     except QuantityError as error:

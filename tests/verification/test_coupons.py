@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lcmchain.coupons.analytic import elastica
 from lcmchain.coupons.bias_extension import bias_extension
+from lcmchain.coupons.cantilever import bent_strip, cantilever
 from lcmchain.coupons.compaction import compaction
 from lcmchain.coupons.picture_frame import picture_frame
 from lcmchain.coupons.result import write_coupon
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf import read_forming
 from lcmchain.scene import scene_from_text
+from lcmchain.scene.schema import Element
 
 SCENE = """
 process = { time = "1 s" }
@@ -95,6 +98,61 @@ def test_compaction_pressure_is_that_of_the_law(md600):
     pressed = p > 1e-3  # below, the inertia of the sheet shows
     ratio = p[pressed] / result.curves["law pressure [MPa]"][pressed]
     np.testing.assert_allclose(ratio, 1.0, atol=1e-3)
+
+
+def test_cantilever_overhangs_are_those_of_the_elastica(md600):
+    result = cantilever(md600)
+    (along,) = compared(result, "overhang at 0°")
+    (across,) = compared(result, "overhang at 90°")
+    free, held = compared(result, "overhang at 45°")
+    assert (along.reference, across.reference) == pytest.approx((163.4, 170.3), abs=0.1)
+    assert max(abs(along.relative), abs(across.relative)) < 0.02
+    # a strip of finite width is stiffer than a free one and softer than one held across
+    assert (free.reference, held.reference) == pytest.approx((116.9, 141.1), abs=0.1)
+    assert free.reference < free.value < held.reference
+
+
+def overhang_at(load_parameter, material):
+    stiffness = material.bending.C11 * material.thickness**3 / 12.0
+    return np.cbrt(load_parameter * stiffness / (material.areal_mass * 9.81))
+
+
+@pytest.fixture(scope="module")
+def upright(md600):
+    """MD600 with directors that neither tilt nor shorten, as the elastica assumes."""
+    shear = {"C13": 10e6, "C23": 10e6}
+    return md600.model_copy(
+        update={
+            "membrane": md600.membrane.model_copy(update=shear),
+            "bending": md600.bending.model_copy(update=shear),
+            "compaction": md600.compaction.model_copy(update={"c0": 10e6}),
+        }
+    )
+
+
+@pytest.mark.parametrize(
+    ("load_parameter", "x", "y"),
+    [
+        (0.5, 0.99778, 0.06231), (1, 0.99125, 0.12347), (2, 0.96689, 0.23851),
+        (5, 0.84666, 0.49591), (8, 0.72442, 0.64063), (10, 0.65635, 0.70020),
+        (20, 0.44523, 0.82988), (50, 0.24501, 0.90792), (100, 0.15922, 0.93752),
+    ],
+)  # fmt: skip
+def test_bent_strips_have_the_shape_of_the_heavy_elastica(upright, load_parameter, x, y):
+    L = overhang_at(load_parameter, upright)
+    strip = bent_strip(upright, Element(), 0.0, overhang=L, width=10e-3, edge_length=5e-3)
+    np.testing.assert_allclose(strip.line[-1] / L, (x, y), rtol=0.01)
+
+
+def test_bent_strips_converge_with_the_square_of_the_edge_length(upright):
+    L = overhang_at(100.0, upright)
+    exact = elastica(100.0).x[-1]
+    error = [
+        abs(bent_strip(upright, Element(), 0.0, overhang=L, width=2 * h, edge_length=h).line[-1, 0]
+            / L / exact - 1.0)
+        for h in (L / 40, L / 80)
+    ]  # fmt: skip
+    assert error[0] > 3.0 * error[1]
 
 
 @pytest.mark.slow

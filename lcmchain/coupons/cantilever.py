@@ -1,0 +1,215 @@
+"""Cantilever test: a strip bends under its own weight until its tip touches an inclined plane.
+
+Source: Schäfer, Mitsch, Kärger, section 3.3; ISO 9073-7. The strip is solved quasi-statically
+(``solver/static.py``), its overhang is varied until the line from clamp to tip falls by 41.5°. The
+reference is the heavy elastica with D = C^B t³/12 (:func:`lcmchain.coupons.analytic.elastica`). At
+orientations between the fibres a strip is neither free to twist nor held from it: its overhang lies
+between those of the two limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.coupons.analytic import (
+    CANTILEVER_ANGLE,
+    elastica,
+    load_parameter_at_chord_angle,
+    overhang_at_angle,
+    strip_stiffness,
+)
+from lcmchain.coupons.plots import finish, two_panels
+from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.specimen import Progress, coupon_scene
+from lcmchain.errors import SimulationError
+from lcmchain.model import build_model
+from lcmchain.report.style import INK, SERIES
+from lcmchain.scene.schema import Element
+from lcmchain.solver.static import StaticProblem, solve
+from lcmchain.tools.motion import STANDARD_GRAVITY
+
+ORIENTATIONS = (0.0, 0.25 * math.pi, 0.5 * math.pi)  # of fibre 1 to the strip [rad]
+ANGLE_TOLERANCE = math.radians(0.005)
+MOST_STRIPS = 8  # overhangs that are tried until the tip falls by the angle
+LOAD_STEP = 0.1
+CURVE_POINTS = 41
+# Closer than this to a fibre direction a strip bends as along the fibre.
+ALIGNED = math.radians(0.1)
+
+
+class Strip(NamedTuple):
+    """Equilibrium of a strip: centre line (n, 2) reach and drop [m], and the length along it."""
+
+    overhang: float
+    arc: np.ndarray
+    line: np.ndarray
+
+    @property
+    def chord_angle(self) -> float:
+        """Fall of the line from clamp to tip [rad]."""
+        return math.atan2(self.line[-1, 1], self.line[-1, 0])
+
+
+def cantilever(
+    material,
+    element: Element | None = None,
+    *,
+    orientations: Sequence[float] = ORIENTATIONS,
+    width: float = 25e-3,
+    angle: float = CANTILEVER_ANGLE,
+    edge_length: float = 5e-3,
+    progress: Progress | None = None,
+) -> CouponResult:
+    """Find the overhang at which strips of several orientations fall by the angle of the test.
+
+    Parameters
+    ----------
+    material : fabric of a scene; element : its element options.
+    orientations : angles from the strip to fibre 1 [rad].
+    width : of the strips [m]; angle : fall of the line from clamp to tip [rad].
+    edge_length : of the elements [m].
+    """
+    weight = material.areal_mass * STANDARD_GRAVITY
+    curves, comparisons, strips = {}, [], []
+    for number, orientation in enumerate(orientations):
+        if progress is not None:
+            progress(number, len(orientations), "bending under own weight")
+        limits = _stiffness_limits(material, orientation)
+        guess = float(overhang_at_angle(np.mean([D for _, D in limits]), weight, angle))
+        strip = _strip_at_angle(
+            material, element or Element(), orientation, width, edge_length, guess, angle
+        )
+        strips.append(strip)
+        name = f"{math.degrees(orientation):g}°"
+        s = np.linspace(0.0, 1.0, CURVE_POINTS)
+        for column, direction in enumerate(("reach", "drop")):
+            values = np.interp(s, strip.arc / strip.overhang, strip.line[:, column])
+            curves[f"{direction} {name} [mm]"] = 1e3 * values
+        for origin, D in limits:
+            comparisons.append(
+                Comparison(f"overhang at {name}", "mm", 1e3 * strip.overhang,
+                           1e3 * float(overhang_at_angle(D, weight, angle)), origin)
+            )  # fmt: skip
+    title = f"Cantilevers of {material.name} under their own weight"
+    return CouponResult(
+        name="cantilever",
+        settings={
+            "specimen": f"{1e3 * width:g} mm wide",
+            "elements": f"elements of {1e3 * edge_length:g} mm",
+            "angle": f"tip {math.degrees(angle):.3g}° below the clamp",
+        },
+        curves=curves,
+        comparisons=tuple(comparisons),
+        draw=lambda path: _draw(path, title, orientations, strips, comparisons, angle),
+        figures={
+            f"overhang_{math.degrees(orientation):g}_m": strip.overhang
+            for orientation, strip in zip(orientations, strips, strict=True)
+        },
+    )
+
+
+def bent_strip(
+    material, element: Element, orientation: float, *, overhang: float, width: float,
+    edge_length: float, gravity: float = STANDARD_GRAVITY,
+) -> Strip:  # fmt: skip
+    """Return the equilibrium of a strip clamped level at one end.
+
+    Parameters
+    ----------
+    gravity : acceleration along -z [m/s²].
+
+    Raises
+    ------
+    SimulationError : no equilibrium was found.
+    """
+    scene = coupon_scene(
+        "cantilever",
+        material,
+        element,
+        process={"time": 1.0},
+        blank={"size": (overhang, width), "edge_length": edge_length, "fibre_angle": orientation},
+    )
+    model = build_model(scene)
+    X = model.blank.node_positions
+    held = np.tile(X[:, 0] < -0.5 * overhang + 1e-9, (3, 1))
+    problem = StaticProblem(model=model, held=held, gravity=(0.0, 0.0, -gravity))
+    displacement = solve(problem, [1.0], first_step=LOAD_STEP)[-1].displacement
+
+    n = model.blank.pair_count
+    arc = X[:n, 0] + 0.5 * overhang
+    reach = arc + 0.5 * (displacement[0, :n] + displacement[0, n:])
+    drop = -0.5 * (displacement[2, :n] + displacement[2, n:])
+    # nodes of a cross-section: those that share their place along the strip
+    places, section = np.unique(np.round(arc / overhang, 6), return_inverse=True)
+    count = np.bincount(section)
+    line = np.column_stack([np.bincount(section, v) / count for v in (reach, drop)])
+    return Strip(overhang, places * overhang, line)
+
+
+def _strip_at_angle(material, element, orientation, width, edge_length, overhang, angle) -> Strip:
+    """Vary the overhang until the chord falls by ``angle``.
+
+    The next overhang is that of a uniform elastica that fell as far as the strip did.
+    """
+    target = load_parameter_at_chord_angle(angle)
+    for _ in range(MOST_STRIPS):
+        strip = bent_strip(
+            material, element, orientation, overhang=overhang, width=width, edge_length=edge_length
+        )
+        if abs(strip.chord_angle - angle) < ANGLE_TOLERANCE:
+            return strip
+        overhang *= (target / load_parameter_at_chord_angle(strip.chord_angle)) ** (1.0 / 3.0)
+    raise SimulationError(
+        f"no overhang was found at which a strip at {math.degrees(orientation):g}° falls by "
+        f"{math.degrees(angle):.4g}°; the last one, {1e3 * strip.overhang:.4g} mm, fell by "
+        f"{math.degrees(strip.chord_angle):.4g}°. Use a smaller edge length"
+    )
+
+
+def _stiffness_limits(material, orientation: float) -> list[tuple[str, float]]:
+    """Return the bending stiffness per width [N m] with its origin: one, or two limits."""
+    cB, inertia = material.bending, material.thickness**3 / 12.0
+    if abs(math.sin(2.0 * orientation)) < math.sin(2.0 * ALIGNED):
+        along = cB.C11 if abs(math.cos(orientation)) > 0.5 else cB.C22
+        return [("heavy elastica", along * inertia)]
+    return [
+        (origin, float(strip_stiffness(cB.C11, cB.C22, cB.C12, orientation, kind)) * inertia)
+        for origin, kind in (
+            ("elastica, free strip", "free-strip"),
+            ("elastica, held across", "cylindrical"),
+        )
+    ]
+
+
+def _draw(path: Path, title, orientations, strips, comparisons, angle) -> None:
+    with two_panels(path, "Cantilever test", title) as (left, right):
+        for orientation, strip, colour in zip(orientations, strips, SERIES):
+            name = f"{math.degrees(orientation):g}°"
+            line = 1e3 * strip.line
+            left.plot(line[:, 0], -line[:, 1], "o", ms=2.5, color=colour, label=name)
+            shape = elastica(load_parameter_at_chord_angle(angle))
+            L = 1e3 * strip.overhang
+            left.plot(L * shape.x, -L * shape.y, "-", lw=0.9, color=colour)
+            references = [c.reference for c in comparisons if c.quantity == f"overhang at {name}"]
+            place = list(orientations).index(orientation)
+            right.bar(place, L, 0.5, color=colour)
+            right.hlines(references, place - 0.36, place + 0.36, color=INK, lw=1.2)
+        reach = 1.05e3 * max(strip.line[-1, 0] for strip in strips)
+        left.plot([0.0, reach], [0.0, -reach * math.tan(angle)], ":", color="#8a929c", lw=0.9)
+        left.set_xlabel("reach [mm]  (dots: simulated, lines: elastica of the same overhang)")
+        left.set_ylabel("drop [mm]")
+        left.legend(loc="lower left", title="fibre 1 to strip")
+        finish(left)
+        left.set_ylim(-reach * math.tan(angle), 0.05 * reach)
+        left.set_aspect("equal")
+        right.set_xticks(range(len(orientations)),
+                         [f"{math.degrees(o):g}°" for o in orientations])  # fmt: skip
+        right.set_ylabel("overhang [mm]  (lines: elastica)")
+        right.set_xlabel("orientation of fibre 1 to the strip")
+        finish(right)
+        right.set_xlim(-0.5, len(orientations) - 0.5)
