@@ -21,6 +21,7 @@ from lcmchain.coupons.specimen import (
     element_centres,
     mean_field,
     record,
+    require_fabric,
     shear_stress_of,
 )
 from lcmchain.effects.supports import Support, translation
@@ -58,8 +59,9 @@ def bias_extension(
 
     Raises
     ------
-    InputError : l0 < 2 w0, or wrong sizes.
+    InputError : the material is no fabric, l0 < 2 w0, or wrong sizes.
     """
+    require_fabric(material)
     analytic = BiasExtension(length, width, material.thickness)
     duration = DURATION * displacement / 0.06
     pull = SteadyPull(displacement, duration, 0.2 * duration)

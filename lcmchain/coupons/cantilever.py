@@ -25,7 +25,7 @@ from lcmchain.coupons.analytic import (
 )
 from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
-from lcmchain.coupons.specimen import Progress, coupon_scene
+from lcmchain.coupons.specimen import Progress, coupon_scene, require_fabric
 from lcmchain.errors import SimulationError
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
@@ -73,7 +73,12 @@ def cantilever(
     orientations : angles from the strip to fibre 1 [rad].
     width : of the strips [m]; angle : fall of the line from clamp to tip [rad].
     edge_length : of the elements [m].
+
+    Raises
+    ------
+    InputError : the material is no fabric; SimulationError : no equilibrium was found.
     """
+    require_fabric(material)
     weight = material.areal_mass * STANDARD_GRAVITY
     curves, comparisons, strips = {}, [], []
     for number, orientation in enumerate(orientations):

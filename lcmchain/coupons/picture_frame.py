@@ -20,6 +20,7 @@ from lcmchain.coupons.specimen import (
     coupon_scene,
     mean_field,
     record,
+    require_fabric,
     shear_stress_of,
 )
 from lcmchain.effects.supports import Support
@@ -50,7 +51,12 @@ def picture_frame(
     material : material of a scene; element : its element options.
     side : of the frame, which the fabric fills [m]; shear_angle : at the end [rad].
     edge_length : of the elements [m].
+
+    Raises
+    ------
+    InputError : the material is no fabric.
     """
+    require_fabric(material)
     analytic = PictureFrame(side, material.thickness)
     pull = SteadyPull(float(analytic.displacement(shear_angle)), DURATION, 0.2 * DURATION)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcmchain.blank import BlankMesh
 from lcmchain.effects.supports import Support
+from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
 from lcmchain.model import build_model
 from lcmchain.scene.schema import Element, Process, Scene
@@ -55,6 +56,21 @@ class Recording(NamedTuple):
     def energy(self) -> dict[str, np.ndarray]:
         names = self.snapshots[0].energy
         return {name: np.array([s.energy[name] for s in self.snapshots]) for name in names}
+
+
+def require_fabric(material) -> None:
+    """Refuse materials of which the analytic solution of a coupon knows nothing.
+
+    Raises
+    ------
+    InputError : the material is no fabric.
+    """
+    if material.law != "fabric":
+        raise InputError(
+            f'is "{material.law}"; this coupon is compared with the analytic solution of a '
+            'textile and needs law = "fabric" (or a preset)',
+            key="material.law",
+        )
 
 
 def coupon_scene(title: str, material, element: Element, *, process: dict, **tables) -> Scene:

@@ -70,7 +70,7 @@ def test_help_lists_the_commands_without_loading_the_solver():
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
-    for command in ("run", "check", "schema", "map", "fmu", "bench"):
+    for command in ("run", "check", "schema", "map", "fmu", "coupon", "bench"):
         assert f" {command} " in result.stdout
 
 
