@@ -28,8 +28,7 @@ class Fit:
     residuals : (data - model) / noise_scale, shape [point_count]; the estimate of the relative
         noise is their root mean square over the degrees of freedom, ``scale``.
     noise_scale : what a relative error of 1 amounts to, shape [point_count].
-    covariance : of the parameters, shape [parameter_count, parameter_count].
-    condition : condition number of the Jacobian with columns scaled to unit length.
+    jacobian : of model / noise_scale, shape [point_count, parameter_count].
     constrained : True if a constraint holds the parameters.
     """
 
@@ -37,8 +36,7 @@ class Fit:
     model: np.ndarray
     residuals: np.ndarray
     noise_scale: np.ndarray
-    covariance: np.ndarray
-    condition: float
+    jacobian: np.ndarray
     constrained: bool = False
 
     @property
@@ -49,6 +47,19 @@ class Fit:
     def scale(self) -> float:
         """Estimated relative noise; not-a-number without degrees of freedom."""
         return _noise(self.residuals, self.degrees_of_freedom)
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the Jacobian with columns scaled to unit length."""
+        scaled, _ = _unit_columns(self.jacobian)
+        return float(np.linalg.cond(scaled))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the parameters, shape [parameter_count, parameter_count]."""
+        scaled, lengths = _unit_columns(self.jacobian)
+        inverse = np.linalg.pinv(scaled) / lengths[:, None]
+        return self.scale**2 * (inverse @ inverse.T)
 
     @property
     def standard_errors(self) -> np.ndarray:
@@ -155,16 +166,15 @@ def fit_nonlinear(
 
 
 def _finish(jacobian, parameters, model, data, scale, constrained) -> Fit:
-    residuals = (data - model) / scale
-    weighted = jacobian / scale[:, None]
-    lengths = np.linalg.norm(weighted, axis=0)
+    return Fit(
+        parameters, model, (data - model) / scale, scale, jacobian / scale[:, None], constrained
+    )
+
+
+def _unit_columns(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    lengths = np.linalg.norm(matrix, axis=0)
     lengths = np.where(lengths > 0.0, lengths, 1.0)
-    singular = np.linalg.svd(weighted / lengths, compute_uv=False)
-    condition = float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf
-    inverse = np.linalg.pinv(weighted / lengths)
-    noise = _noise(residuals, len(data) - len(parameters))
-    covariance = noise**2 * (inverse @ inverse.T) / np.outer(lengths, lengths)
-    return Fit(parameters, model, residuals, scale, covariance, condition, constrained)
+    return matrix / lengths, lengths
 
 
 def _noise(residuals, degrees_of_freedom: int) -> float:
@@ -174,9 +184,8 @@ def _noise(residuals, degrees_of_freedom: int) -> float:
 
 
 def _solve(design, data) -> np.ndarray:
-    lengths = np.linalg.norm(design, axis=0)
-    lengths = np.where(lengths > 0.0, lengths, 1.0)
-    return np.linalg.lstsq(design / lengths, data, rcond=None)[0] / lengths
+    scaled, lengths = _unit_columns(design)
+    return np.linalg.lstsq(scaled, data, rcond=None)[0] / lengths
 
 
 def _solve_bounded(design, data, G, h) -> np.ndarray:

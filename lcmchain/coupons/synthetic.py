@@ -20,6 +20,13 @@ from lcmchain.coupons.analytic import (
     strip_stiffness,
 )
 from lcmchain.materials.fabric import Fabric
+from lcmchain.scene import FabricMaterial
+from lcmchain.scene.presets import PRESETS
+
+
+def preset_fabric(name: str = "MD600") -> Fabric:
+    """Return a fabric that scenes can name."""
+    return Fabric.from_scene(FabricMaterial.model_validate(PRESETS[name]))
 
 
 def noisy(values: np.ndarray, noise: float, seed: int) -> np.ndarray:

@@ -1,0 +1,143 @@
+"""What an identification hands back: parameters with intervals, and curves of the fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lcmchain.coupons.regression import residual_autocorrelation
+
+#: SI unit -> unit shown to people and written into scene files, and the factor between them.
+SHOWN_UNITS = {
+    "Pa": ("MPa", 1e-6),
+    "N*m": ("N*mm", 1e3),
+    "m": ("mm", 1e3),
+    "1": ("", 1.0),
+}
+# Half an interval this large, relative to the value, leaves a parameter undetermined.
+_UNDETERMINED = 0.5
+# Correlation of neighbouring residuals above which the intervals are too narrow.
+_CORRELATED = 0.4
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An identified parameter in SI units with its 95 % confidence interval."""
+
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+
+    @property
+    def is_determined(self) -> bool:
+        """False if the interval is wider than the value, so that the number says little."""
+        return not (self.high - self.low) > 2.0 * _UNDETERMINED * abs(self.value)
+
+
+@dataclass(frozen=True)
+class Band:
+    """Curve of the fit, with its pointwise 95 % confidence band where one is known."""
+
+    x: np.ndarray
+    y: np.ndarray
+    label: str
+    low: np.ndarray | None = None
+    high: np.ndarray | None = None
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Points:
+    """Measured points and the group (specimen) that each belongs to."""
+
+    x: np.ndarray
+    y: np.ndarray
+    label: str
+    group: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One diagram of the fit, in the units written on its axes."""
+
+    x_label: str
+    y_label: str
+    points: tuple[Points, ...] = ()
+    curves: tuple[Band, ...] = ()
+    log_x: bool = False
+    log_y: bool = False
+    is_residual: bool = False
+    data_end: float | None = None
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Parameters of one part of a fabric law, identified from coupon tests.
+
+    Attributes
+    ----------
+    law : ``"shear"``, ``"compaction"`` or ``"bending"``.
+    method : how, in words.
+    noise_model : what the intervals assume about the errors of the measurement.
+    interval_method : how the intervals were found.
+    inputs : (name, value as text, origin) of every geometry and option used.
+    parameters : of the scene's law.
+    derived : further quantities found on the way, which the scene does not take.
+    scene_table : table of the scene file that takes the parameters, ``"material.membrane"``.
+    scene_entries : key -> text as it stands in the scene file.
+    correlation : of the parameters, shape [parameter_count, parameter_count].
+    condition : condition number of the scaled Jacobian.
+    relative_noise : estimated relative standard deviation of the measurements.
+    r_squared : coefficient of determination.
+    warnings : what the data do not tell.
+    panels : diagrams.
+    """
+
+    law: str
+    method: str
+    noise_model: str
+    interval_method: str
+    inputs: tuple[tuple[str, str, str], ...]
+    parameters: tuple[Parameter, ...]
+    derived: tuple[Parameter, ...]
+    scene_table: str
+    scene_entries: dict[str, str]
+    correlation: np.ndarray
+    condition: float
+    relative_noise: float
+    r_squared: float
+    point_count: int
+    warnings: tuple[str, ...]
+    panels: tuple[Panel, ...] = field(repr=False)
+
+    def __getitem__(self, name: str) -> Parameter:
+        for parameter in (*self.parameters, *self.derived):
+            if parameter.name == name:
+                return parameter
+        raise KeyError(name)
+
+
+def mega_pascal(*values: float) -> str:
+    """Write stiffnesses [Pa] as scene text, ten digits."""
+    return " ".join(f"{value * 1e-6:.10g}" for value in values) + " MPa"
+
+
+def general_warnings(parameters, residuals: np.ndarray, group: np.ndarray) -> list[str]:
+    """Return what any fit can be warned of: loose parameters, residuals that are not noise."""
+    found = []
+    loose = [p.name for p in parameters if not p.is_determined]
+    if loose:
+        found.append(
+            f"the data do not determine {', '.join(loose)} "
+            "(95 % interval wider than the value); test over a wider range or more specimens"
+        )
+    correlation = residual_autocorrelation(residuals, group)
+    if len(residuals) >= 20 and correlation > _CORRELATED:
+        found.append(
+            f"neighbouring residuals are correlated ({correlation:.2f}): the law misses a trend of "
+            "the data, or the errors are not independent; the true intervals are wider"
+        )
+    return found

@@ -1,0 +1,222 @@
+"""Compaction law, Eq. (23), and power law, Eq. (24), from plate-to-plate compaction tests."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from lcmchain.coupons.analytic import (
+    compaction_pressure,
+    compaction_strain,
+    power_law_fibre_volume_fraction,
+    power_law_pressure,
+)
+from lcmchain.coupons.data import Column, CouponData
+from lcmchain.coupons.identification import (
+    Band,
+    Identification,
+    Panel,
+    Parameter,
+    Points,
+    general_warnings,
+    mega_pascal,
+)
+from lcmchain.coupons.regression import Fit, coefficient_of_determination, fit_nonlinear
+from lcmchain.errors import InputError
+from lcmchain.scene.units import LENGTH, PRESSURE
+
+COLUMNS = ((Column("thickness", LENGTH, loading=-1), Column("pressure", PRESSURE)),)
+MINIMUM_ROWS = 6
+# Bounds of the scene for c2, and of c1 0.5^c2, the exponent at full compaction.
+_GROWTH_EXPONENT = (1.0, 10.0)
+_LARGEST_EXPONENT = 200.0
+
+
+def identify_compaction(
+    data: CouponData,
+    *,
+    thickness: float,
+    solid_height: float,
+    noise_floor: float = 0.001,
+    inputs: tuple = (),
+) -> Identification:
+    """Identify c0, c1, c2 of p = λ|S33|, and A, B of Φ = A (p/kPa)^B, from the same data.
+
+    For a given c2 the logarithm of the law is linear in ln c0 and c1: the start comes from a
+    search over c2 alone, and trust-region least squares of the pressure ends it.
+
+    Parameters
+    ----------
+    data : columns thickness [m] and pressure [Pa].
+    thickness : thickness t0 of the unloaded fabric [m].
+    solid_height : areal mass / fibre density [m].
+    noise_floor : smallest noise of the pressure relative to the largest pressure.
+    inputs : rows of the table of inputs.
+
+    Raises
+    ------
+    InputError : no pressure, a thickness that is not positive, or too few rows below t0.
+    """
+    warnings = []
+    wrong = np.flatnonzero(data["thickness"] <= 0.0)
+    if len(wrong):
+        raise data.wrong("thickness", wrong[0], "must be positive")
+    if data["pressure"].max() <= 0.0:
+        raise InputError("the pressure is nowhere positive", file=data.file)
+    loaded = data["thickness"] < thickness
+    if not loaded.all():
+        warnings.append(
+            f"{np.count_nonzero(~loaded)} rows at or above the thickness t0 = "
+            f"{thickness * 1e3:g} mm do not enter the law, which carries no pressure there"
+        )
+    below = data.keep(loaded)
+    if len(below.lines) < MINIMUM_ROWS:
+        raise InputError(
+            f"only {len(below.lines)} rows lie below the initial thickness "
+            f"{thickness * 1e3:g} mm, at least {MINIMUM_ROWS} are needed; check --thickness and "
+            "the unit",
+            file=data.file,
+        )
+    stretch, pressure = below["thickness"] / thickness, below["pressure"]
+
+    def law(theta):
+        c0, c1, c2 = math.exp(theta[0]), math.exp(theta[1]), theta[2]
+        return compaction_pressure(stretch, c0, c1, c2)
+
+    low, high = _GROWTH_EXPONENT
+    fit = fit_nonlinear(
+        law, _start(stretch, pressure, noise_floor), pressure, noise_floor,
+        bounds=([-np.inf, -np.inf, low], [np.inf, np.inf, high]),
+    )  # fmt: skip
+    parameters = (
+        _positive("c0", "Pa", fit, 0),
+        _positive("c1", "1", fit, 1),
+        _plain("c2", "1", fit, 2),
+    )
+    c0, c1, c2 = (p.value for p in parameters)
+    experimental = _fit_power_law(data, solid_height, noise_floor)
+    derived = (_positive("A", "1", experimental, 0), _positive("B", "1", experimental, 1))
+    warnings += general_warnings(parameters, fit.residuals, below.specimen)
+    if fit.constrained:
+        warnings.append(f"c2 stops at a bound of the scene, {low:g} to {high:g}")
+    if c1 * 0.5**c2 > _LARGEST_EXPONENT:
+        warnings.append(
+            f"the stiffness would grow by exp({c1 * 0.5**c2:.0f}) up to full compaction, which a "
+            "scene does not take; test up to higher pressure"
+        )
+    return Identification(
+        law="compaction",
+        method="least squares of the pressure p = t/t0 |S33|, start from a search over c2",
+        noise_model="independent errors of the pressure, relative to it, at least "
+        f"{100 * noise_floor:g} % of the largest pressure; thickness taken as exact",
+        interval_method="Student's t from the Jacobian, in ln c0, ln c1 and c2",
+        inputs=inputs,
+        parameters=parameters,
+        derived=derived,
+        scene_table="material.compaction",
+        scene_entries={
+            "c0": f'"{mega_pascal(c0)}"',
+            "c1": f"{c1:.10g}",
+            "c2": f"{c2:.10g}",
+        },
+        correlation=fit.correlation(),
+        condition=fit.condition,
+        relative_noise=fit.scale,
+        r_squared=coefficient_of_determination(pressure, fit.model),
+        point_count=len(pressure),
+        warnings=tuple(warnings),
+        panels=_panels(data, below, fit, experimental, thickness, solid_height),
+    )
+
+
+def _start(stretch, pressure, floor) -> np.ndarray:
+    strain = -compaction_strain(stretch)
+    usable = pressure > floor * pressure.max()
+    rhs = np.log(pressure[usable] / (stretch * strain)[usable])
+
+    def linear(c2):
+        design = np.stack([np.ones(len(rhs)), strain[usable] ** c2], axis=-1)
+        (ln_c0, c1), *_ = np.linalg.lstsq(design, rhs, rcond=None)
+        return ln_c0, c1, np.sum((rhs - design @ (ln_c0, c1)) ** 2)
+
+    c2 = minimize_scalar(lambda c: linear(c)[2], bounds=_GROWTH_EXPONENT, method="bounded").x
+    ln_c0, c1, _ = linear(c2)
+    # Data that soften would ask for c1 < 0, which the law does not allow.
+    return np.array([ln_c0, math.log(max(c1, 1e-3)), np.clip(c2, 1.01, 9.9)])
+
+
+def _fit_power_law(data: CouponData, solid_height: float, floor: float) -> Fit:
+    thickness, pressure = data["thickness"], data["pressure"]
+    usable = pressure > floor * pressure.max()
+    ln_fraction = np.log(solid_height / thickness[usable])
+    slope, intercept = np.polyfit(np.log(pressure[usable] / 1e3), ln_fraction, 1)
+    return fit_nonlinear(
+        lambda theta: power_law_pressure(thickness, *np.exp(theta), solid_height),
+        np.array([intercept, math.log(max(slope, 1e-3))]), pressure, floor,
+    )  # fmt: skip
+
+
+def _positive(name: str, unit: str, fit: Fit, index: int) -> Parameter:
+    """Parameter that was fitted by its logarithm."""
+    value, half = fit.parameters[index], fit.half_widths()[index]
+    return Parameter(name, math.exp(value), unit, math.exp(value - half), math.exp(value + half))
+
+
+def _plain(name: str, unit: str, fit: Fit, index: int) -> Parameter:
+    value, half = float(fit.parameters[index]), float(fit.half_widths()[index])
+    return Parameter(name, value, unit, value - half, value + half)
+
+
+def _panels(data, below, fit: Fit, experimental: Fit, thickness, solid_height):
+    ln_c0, ln_c1, c2 = fit.parameters
+    law = (math.exp(ln_c0), math.exp(ln_c1), c2)
+    A, B = np.exp(experimental.parameters)
+    t = np.linspace(min(thickness * 0.998, data["thickness"].max()), data["thickness"].min(), 200)
+    curve = compaction_pressure(t / thickness, *law)
+    strain = -compaction_strain(t / thickness)
+    # Relative band of the law from the gradient of ln p in (ln c0, ln c1, c2).
+    exponent = law[1] * strain**c2
+    gradient = np.stack([np.ones_like(strain), exponent, exponent * np.log(strain)], axis=-1)
+    variance = np.einsum("ni,ij,nj->n", gradient, fit.covariance, gradient)
+    ratio = np.exp(fit.half_widths()[0] / fit.standard_errors[0] * np.sqrt(variance))
+    millimetres = 1e3 * t
+    strain_data = -compaction_strain(below["thickness"] / thickness)
+    stiffness_data = below["pressure"] * thickness / below["thickness"] / strain_data
+    stiffness = law[0] * np.exp(exponent)
+    loaded = data["pressure"] > 0.0
+    pressure = np.geomspace(data["pressure"][loaded].min(), data["pressure"].max(), 100)
+    power = 1e-6 * power_law_pressure(t, A, B, solid_height)
+    return (
+        Panel(
+            "thickness [mm]", "pressure [MPa]",
+            (Points(1e3 * data["thickness"][loaded], 1e-6 * data["pressure"][loaded], "measured",
+                    data.specimen[loaded]),),
+            (Band(millimetres, 1e-6 * curve, "fit, Eq. (23)", 1e-6 * curve / ratio,
+                  1e-6 * curve * ratio),
+             Band(millimetres, power, "power law, Eq. (24)", dashed=True)),
+            log_y=True,
+        ),
+        Panel(
+            "compressive strain |E33|", "compaction stiffness C33 [MPa]",
+            (Points(strain_data, 1e-6 * stiffness_data, "measured", below.specimen),),
+            (Band(strain, 1e-6 * stiffness, "law", 1e-6 * stiffness / ratio,
+                  1e-6 * stiffness * ratio),),
+            log_y=True,
+        ),
+        Panel(
+            "thickness [mm]", "residual [%]",
+            (Points(1e3 * below["thickness"], 100.0 * fit.residuals, "measured", below.specimen),),
+            is_residual=True,
+        ),
+        Panel(
+            "pressure [kPa]", "fibre volume fraction",
+            (Points(1e-3 * data["pressure"][loaded], (solid_height / data["thickness"])[loaded],
+                    "measured", data.specimen[loaded]),),
+            (Band(1e-3 * curve, solid_height / t, "fit, Eq. (23)"),
+             Band(1e-3 * pressure, power_law_fibre_volume_fraction(pressure, A, B),
+                  "power law, Eq. (24)", dashed=True)),
+            log_x=True,
+        ),
+    )  # fmt: skip

@@ -1,0 +1,154 @@
+"""From a coupon file and the sizes of the specimen to identified parameters.
+
+Sizes that are not given are those of MD600 and its published tests; the result lists the origin of
+every one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from lcmchain.coupons import identify_bending, identify_compaction, identify_shear
+from lcmchain.coupons.analytic import BiasExtension, load_parameter_at_chord_angle
+from lcmchain.coupons.data import read_coupon
+from lcmchain.coupons.identification import Identification
+from lcmchain.errors import InputError
+from lcmchain.scene.presets import MD600
+from lcmchain.scene.units import (
+    ANGLE,
+    AREAL_MASS,
+    DENSITY,
+    LENGTH,
+    QuantityError,
+    parse_quantity,
+)
+from lcmchain.tools.motion import STANDARD_GRAVITY
+
+#: Size -> dimension, default and where the default comes from.
+SIZES = {
+    "length": (LENGTH, "320 mm", "default, paper section 3.2.1"),
+    "width": (LENGTH, "160 mm", "default, paper section 3.2.1"),
+    "thickness": (LENGTH, MD600["thickness"], "default, MD600"),
+    "areal_mass": (AREAL_MASS, MD600["areal_mass"], "default, MD600"),
+    "fibre_density": (DENSITY, MD600["fibre_density"], "default, MD600"),
+    "angle": (ANGLE, "41.5 deg", "default, ISO 9073-7"),
+}
+
+
+def identify_shear_file(
+    path: Path,
+    sizes: Mapping[str, str | None],
+    *,
+    method: str = "force",
+    convention: str = "engineering",
+    noise_floor: float = 0.01,
+) -> Identification:
+    """Identify the shear polynomial from a file; ``sizes``: length, width, thickness as text.
+
+    Raises
+    ------
+    InputError : a wrong file, size or choice.
+    """
+    _require_choice("--method", method, identify_shear.METHODS)
+    _require_choice("--convention", convention, ("engineering", "tensor"))
+    _require_fraction("--noise-floor", noise_floor)
+    values, inputs = _sizes(sizes, ("length", "width", "thickness"))
+    specimen = BiasExtension(**values)
+    inputs.append(("convention", _CONVENTION[convention], f"--convention {convention}"))
+    data = read_coupon(
+        path, identify_shear.COLUMNS, minimum_rows=identify_shear.MINIMUM_ROWS
+    )
+    return identify_shear.identify_shear(
+        data, specimen, method=method, convention=convention, noise_floor=noise_floor,
+        inputs=_with_file(inputs, data),
+    )  # fmt: skip
+
+
+def identify_compaction_file(
+    path: Path, sizes: Mapping[str, str | None], *, noise_floor: float = 0.001
+) -> Identification:
+    """Identify the compaction law; ``sizes``: thickness, areal_mass, fibre_density as text.
+
+    Raises
+    ------
+    InputError : a wrong file or size.
+    """
+    _require_fraction("--noise-floor", noise_floor)
+    values, inputs = _sizes(sizes, ("thickness", "areal_mass", "fibre_density"))
+    data = read_coupon(
+        path, identify_compaction.COLUMNS, minimum_rows=identify_compaction.MINIMUM_ROWS
+    )
+    return identify_compaction.identify_compaction(
+        data, thickness=values["thickness"],
+        solid_height=values["areal_mass"] / values["fibre_density"], noise_floor=noise_floor,
+        inputs=_with_file(inputs, data),
+    )  # fmt: skip
+
+
+def identify_bending_file(
+    path: Path, sizes: Mapping[str, str | None], *, off_axis: str = "free-strip"
+) -> Identification:
+    """Identify the bending stiffness; ``sizes``: thickness, areal_mass, angle as text.
+
+    Raises
+    ------
+    InputError : a wrong file, size or choice.
+    """
+    _require_choice("--off-axis", off_axis, identify_bending.ASSUMPTIONS)
+    values, inputs = _sizes(sizes, ("thickness", "areal_mass", "angle"))
+    try:
+        load_parameter_at_chord_angle(values["angle"])
+    except ValueError as error:
+        raise InputError(str(error), key="--angle") from None
+    inputs.append(
+        ("off-axis strip", identify_bending.ASSUMPTIONS[off_axis], f"--off-axis {off_axis}")
+    )
+    data = read_coupon(path, identify_bending.COLUMNS)
+    return identify_bending.identify_bending(
+        data, thickness=values["thickness"],
+        areal_weight=STANDARD_GRAVITY * values["areal_mass"], angle=values["angle"],
+        off_axis=off_axis, inputs=_with_file(inputs, data),
+    )  # fmt: skip
+
+
+_CONVENTION = {
+    "engineering": "S12 = C12 * 2 E12",
+    "tensor": "S12 = C12 * E12",
+}
+
+
+def _sizes(texts: Mapping[str, str | None], names):
+    """Return the sizes in SI units and their rows of the table of inputs."""
+    values, rows = {}, []
+    for name in names:
+        dimension, default, origin = SIZES[name]
+        option = "--" + name.replace("_", "-")
+        text = texts.get(name)
+        try:
+            values[name] = parse_quantity(default if text is None else text, dimension)
+        except QuantityError as error:
+            raise InputError(str(error), key=option) from None
+        if values[name] <= 0.0:
+            raise InputError("must be positive", key=option)
+        rows.append(
+            (name.replace("_", " "), default if text is None else text,
+             origin if text is None else f"given, {option}")
+        )  # fmt: skip
+    return values, rows
+
+
+def _with_file(rows, data) -> tuple:
+    file = ("data", data.file, f"{len(data.lines)} rows")
+    unused = [("not used", header, "column of the file") for header in data.unused]
+    return (file, *unused, *rows)
+
+
+def _require_choice(option: str, value: str, choices) -> None:
+    if value not in choices:
+        raise InputError(f'"{value}" must be one of {", ".join(choices)}', key=option)
+
+
+def _require_fraction(option: str, value: float) -> None:
+    if not 0.0 <= value < 1.0:
+        raise InputError("must lie between 0 and 1", key=option)
