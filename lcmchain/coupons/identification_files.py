@@ -50,7 +50,7 @@ def as_json(result: Identification) -> dict:
             "value": _number(p.value),
             "unit": p.unit,
             "interval_95": [_number(p.low), _number(p.high)],
-            "determined": p.is_determined,
+            "determined": p.is_determined if math.isfinite(p.low) else None,
         }
 
     return {
