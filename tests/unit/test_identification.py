@@ -467,6 +467,7 @@ def test_files_hold_no_invalid_numbers(tmp_path):
     snippet, _, numbers = write_identification(result, tmp_path)
     parsed = json.loads(numbers.read_text(), parse_constant=lambda text: pytest.fail(text))
     assert parsed["parameters"]["C11"]["interval_95"] == [None, None]
+    assert parsed["parameters"]["C11"]["determined"] is None
     assert "unknown" in snippet.read_text()
 
 
