@@ -1,0 +1,155 @@
+"""Random distorted elements and materials, for the element tests and the hard cases."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from lcmchain.blank import BlankMesh
+from lcmchain.materials.fabric import Fabric, FabricLaw
+from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
+from lcmchain.model import assemble_model
+from lcmchain.tools import build_tool_table
+
+MPA = 1e6
+THICKNESS = 1.004e-3
+EDGE = 5e-3
+
+# VTK hexahedron, bottom face counter-clockwise seen from above, then the top face
+CUBE = np.array(
+    [
+        [-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1],
+        [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1],
+    ]
+).astype(float)  # fmt: skip
+
+
+def md600(**changes) -> Fabric:
+    """MD600 of the paper's Tables B.1-B.3 (engineering shear); ``changes`` in Pa."""
+    law = FabricLaw(
+        C11=1000 * MPA, C22=1000 * MPA, C23=0.1 * MPA, C13=0.1 * MPA,
+        s0=0.1919 * MPA, s1=-2.3637 * MPA, s2=14.7593 * MPA, s3=-40.7199 * MPA, s4=42.3208 * MPA,
+        c0=0.1563 * MPA, c1=60.4653, c2=2.4528,
+        B11=38.0615 * MPA, B22=43.0668 * MPA, B33=0.1 * MPA, B12=4.2123 * MPA, B23=0.1 * MPA,
+        B13=0.1 * MPA,
+    )._replace(**changes)  # fmt: skip
+    return Fabric(law, thickness=THICKNESS, areal_mass=0.6, fibre_density=1810.0)
+
+
+def isotropic(poisson_ratio=0.3, young_modulus=70e9, thickness=THICKNESS) -> StVenantKirchhoff:
+    C = isotropic_stiffness(young_modulus, poisson_ratio)
+    return StVenantKirchhoff(C, thickness=thickness, density=2700.0)
+
+
+def coupled(rng, *, equal=False) -> StVenantKirchhoff:
+    """A material with full, symmetric positive definite C^M and C^B."""
+    A, B = rng.normal(size=(2, 6, 6))
+    membrane = (A @ A.T + np.eye(6)) * MPA
+    bending = membrane if equal else (B @ B.T + np.eye(6)) * 0.1 * MPA
+    return StVenantKirchhoff(membrane, bending, thickness=THICKNESS, density=600.0)
+
+
+def rotation(rng) -> np.ndarray:
+    """A random rotation matrix, uniform over all of them."""
+    q = rng.normal(size=4)
+    w, x, y, z = q / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def flat_reference(rng, *, aligned=False, edge=EDGE, thickness=THICKNESS):
+    """Nodes (8, 3) of a parallelogram of constant thickness in space, and a fibre direction."""
+    lengths = edge * rng.uniform(0.7, 1.4, 2)
+    skew = 0.0 if aligned else rng.uniform(-0.5, 0.5)
+    shape = np.array([[lengths[0], skew * lengths[1], 0], [0, lengths[1], 0], [0, 0, thickness]])
+    turn = rotation(rng)
+    angle = 0.0 if aligned else rng.uniform(0.0, np.pi)
+    fibre = turn @ [np.cos(angle), np.sin(angle), 0.0]
+    return 0.5 * CUBE @ shape.T @ turn.T + rng.normal(size=3) * 0.1, fibre
+
+
+def curved_reference(rng, *, warp=0.12, edge=EDGE, thickness=THICKNESS):
+    """As :func:`flat_reference`, with every node moved by up to ``warp`` of the sizes."""
+    nodes, fibre = flat_reference(rng, edge=edge, thickness=thickness)
+    size = np.array([edge, edge, thickness]) * warp
+    frame = material_frame(nodes, fibre)
+    return nodes + rng.uniform(-1.0, 1.0, (8, 3)) * size @ frame, fibre
+
+
+def material_frame(nodes, fibre):
+    """Rows: fibre direction, in-plane normal to it, sheet normal (of the mean plane)."""
+    a1, a2 = CUBE[:, 0] @ nodes, CUBE[:, 1] @ nodes
+    e3 = np.cross(a1, a2)
+    e3 /= np.linalg.norm(e3)
+    e1 = fibre - (fibre @ e3) * e3
+    e1 /= np.linalg.norm(e1)
+    return np.array([e1, np.cross(e3, e1), e3])
+
+
+def deformed(rng, nodes, fibre, *, gradient=None, warp=0.1, stretch=0.1, rotated=True):
+    """Nodes after a homogeneous deformation in material axes, warping, rotation, translation.
+
+    ``gradient`` (3, 3) defaults to a random one of size ``stretch``; ``warp`` is relative to the
+    thickness out of plane and to the edge in plane.
+    """
+    if gradient is None:
+        gradient = np.eye(3) + stretch * rng.uniform(-1.0, 1.0, (3, 3))
+    frame = material_frame(nodes, fibre)
+    local = (nodes - nodes.mean(axis=0)) @ frame.T
+    size = np.ptp(local, axis=0)
+    local = local @ np.transpose(gradient) + warp * size * rng.uniform(-0.5, 0.5, (8, 3))
+    turn = rotation(rng) if rotated else frame.T
+    return local @ turn.T + rng.normal(size=3) * 0.1
+
+
+def sheared(angle, compaction=1.0, stretch=1.0):
+    """Gradient that closes the fibres by ``angle``, compacts, and stretches fibre 1."""
+    half = 0.5 * angle
+    a1 = stretch * np.array([np.cos(half), np.sin(half), 0.0])
+    a2 = np.array([np.sin(half), np.cos(half), 0.0])
+    return np.stack([a1, a2, [0.0, 0.0, compaction]], axis=1)
+
+
+def separate_elements(nodes, fibres, material, options):
+    """Model of elements (E, 8, 3) that share no node, and no tools."""
+    nodes = np.asarray(nodes)
+    count = len(nodes)
+    fibres = np.asarray(fibres)
+    blank = BlankMesh(
+        nodes.reshape(-1, 3), np.arange(8 * count).reshape(count, 8), fibres, fibres, THICKNESS
+    )
+    contact = SimpleNamespace(penalty=1e9, tangential_ratio=0.5, damping_ratio=0.0)
+    process = SimpleNamespace(mass_damping=0.0, gravity=False, time=1.0, frames=2, step_safety=0.9)
+    return assemble_model(
+        blank,
+        material,
+        options,
+        tools=build_tool_table([], None, 1.0),
+        tool_names=(),
+        contact=contact,
+        process=process,
+    )
+
+
+def positions_of(nodes):
+    """Node positions (3, 8 E) of separate elements (E, 8, 3)."""
+    return np.ascontiguousarray(np.reshape(nodes, (-1, 3)).T)
+
+
+def difference_tangent(evaluate, nodes, step):
+    """Derivative (24, 24) of an element's forces (8, 3) by central differences of fourth order."""
+    K = np.zeros((24, 24))
+    for i in range(24):
+        dx = np.zeros(24)
+        dx[i] = step
+        dx = dx.reshape(8, 3)
+        near = evaluate(nodes + dx).force - evaluate(nodes - dx).force
+        far = evaluate(nodes + 2 * dx).force - evaluate(nodes - 2 * dx).force
+        K[:, i] = ((8 * near - far) / (12 * step)).ravel()
+    return K
