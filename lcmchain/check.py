@@ -351,12 +351,10 @@ def estimate_run(scene: Scene, blank: BlankMesh) -> Estimate:
 
 
 def _contact_share(scene: Scene) -> float:
-    """Return the part of the time step that automatic contact stiffness and damping leave."""
+    """Return the part of the time step that the automatic contact stiffness leaves."""
     if not scene.tools or scene.contact.penalty is not None:
         return 1.0
-    damping = scene.contact.damping_ratio * math.sqrt(AUTOMATIC_PENALTY)
-    total = 1.0 + AUTOMATIC_PENALTY
-    return (math.sqrt(damping**2 + total) - damping) / total
+    return 1.0 / math.sqrt(1.0 + AUTOMATIC_PENALTY)
 
 
 def _wave_stiffnesses(scene: Scene) -> tuple[float, float]:

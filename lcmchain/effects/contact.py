@@ -2,8 +2,8 @@
 
 Adds: a force on a node that lies inside a tool. Source: penalty method, e.g. Wriggers,
 "Computational Contact Mechanics", sections 5.2 (stick and slip by a return mapping) and 6.3.
-Stability limit: adds k/m to the square of the highest frequency of the nodes in contact, and the
-damping ratio shortens the step further (``Simulation._step_of``).
+Stability limit: adds k/m to the square of the highest frequency of the nodes in contact
+(``Simulation._step_of``).
 Scene: ``[[tools]]`` (none: no contact code runs), ``contact.penalty``, ``contact.damping_ratio``,
 ``contact.tangential_ratio``, ``tools.friction``.
 """
@@ -17,10 +17,40 @@ from lcmchain.jit import equation
 
 
 @equation
-def normal_force(stiffness, damping, gap, normal_velocity):
-    """Return the contact pressure force [N] and its elastic part; adhesion is excluded."""
+def share_inside(depth, way):
+    """Return the part of a way towards or out of the tool that is spent inside."""
+    return depth / way if way > depth else 1.0
+
+
+@equation
+def normal_force(stiffness, damping, gap, velocity, mobility, acceleration, dt_last, dt):
+    """Return the contact pressure force [N] and the energy that its damping takes [J].
+
+    The spring counts only for the parts of the two neighbouring steps that the node spends inside.
+    To the order of the step this closes the energy balance of the steps that cross the surface;
+    with the full force ½ k ab is lost where a node goes from a outside to b inside, and gained on
+    the way out. The damping acts on the mean of the velocities before and after the step, as in
+    :mod:`lcmchain.effects.damping`: it then limits no step, and what it takes is exactly what the
+    motion loses. Adhesion is excluded.
+
+    Parameters
+    ----------
+    stiffness, damping : of the contact [N/m, N s/m]; gap : negative [m].
+    velocity : normal velocity relative to the tool before the step [m/s].
+    mobility : inverse mass along the normal, of the components that are free [1/kg].
+    acceleration : along the normal by all other forces [m/s²].
+    dt_last, dt : the steps before and after [s].
+    """
+    interval = 0.5 * (dt_last + dt)
     elastic = -stiffness * gap
-    return max(elastic - damping * normal_velocity, 0.0), elastic
+    leaving = velocity + interval * (acceleration + mobility * elastic)
+    inside = share_inside(-gap, -velocity * dt_last) + share_inside(-gap, leaving * dt)
+    elastic *= 0.5 * inside
+    mean = velocity + 0.5 * interval * (acceleration + mobility * elastic)
+    mean /= 1.0 + 0.5 * interval * mobility * damping
+    force = max(elastic - damping * mean, 0.0)
+    mean = velocity + 0.5 * interval * (acceleration + mobility * force)
+    return force, (elastic - force) * mean * interval
 
 
 @equation

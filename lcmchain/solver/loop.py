@@ -111,7 +111,7 @@ def move_nodes(arrays, tools, environment, dt_last, dt):
         sums[:] = 0.0
         gather_internal_forces(arrays, first, last)
         for tool in range(tools.kind.size):
-            add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, sums)
+            add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, dt, sums)
         integrate(arrays, environment, first, last, dt_last, dt, sums)
 
 
@@ -134,10 +134,10 @@ def gather_internal_forces(arrays, first, last):
 
 
 @njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, sums):
+def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, dt, sums):
     """Add the contact forces of one tool to the nodes near it."""
     near, stick, mass, force = arrays.near, arrays.stick, arrays.mass, arrays.force
-    position, velocity = arrays.position, arrays.velocity
+    position, velocity, free = arrays.position, arrays.velocity, arrays.free
     column = WORK_COLUMNS + TOOL_COLUMNS * tool
     travel = arrays.tool_travel[tool]
     tool_x = arrays.tool_velocity[tool] * tools.direction[tool, 0]
@@ -169,9 +169,20 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, s
         vz = velocity[2, node] - tool_z
         vn = vx * nx + vy * ny + vz * nz
         damping = 2.0 * environment.contact_damping_ratio * math.sqrt(stiffness * mass[node])
-        normal, elastic = normal_force(stiffness, damping, gap, vn)
+        wx, wy, wz = free[0, node] * nx, free[1, node] * ny, free[2, node] * nz
+        others = wx * force[0, node] + wy * force[1, node] + wz * force[2, node]
+        normal, damped = normal_force(
+            stiffness,
+            damping,
+            gap,
+            vn,
+            (wx * nx + wy * ny + wz * nz) / mass[node],
+            others / mass[node] - wz * environment.gravity,
+            dt_last,
+            dt,
+        )
         sums[CONTACT] += 0.5 * stiffness * gap * gap
-        sums[CONTACT_DAMPING] += (elastic - normal) * vn * dt_last
+        sums[CONTACT_DAMPING] += damped
         fx, fy, fz = normal * nx, normal * ny, normal * nz
         if coefficient > 0.0:
             slip = (

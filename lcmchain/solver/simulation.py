@@ -108,6 +108,19 @@ class Simulation:
         self.state.work[EXTERNAL] += 0.5 * np.sum(mass * (velocity**2 - old**2))
         old[:] = velocity
 
+    def set_position(self, position: np.ndarray) -> None:
+        """Start from positions (3, node_count) [m]; their strain energy counts as put in.
+
+        The simulation must not have made a step yet.
+        """
+        before = self._stored_energy()
+        self.state.position[:] = position
+        self.state.work[EXTERNAL] += self._stored_energy() - before
+
+    def _stored_energy(self) -> float:
+        energy = self.energy()
+        return energy["internal"] + energy["hourglass"]
+
     def compile(self) -> None:
         """Compile (or load from the cache) every kernel that a run needs, without a step."""
         before = self.state.copy()
@@ -290,27 +303,28 @@ class Simulation:
         return max(now, abs(prescribed_travel(tools, tool, self.time + interval)[1]))
 
     def _step_of(self, omega2: float, mode: int) -> tuple[float, str]:
-        """Return 2/ω with the stiffness and the damping of the present contacts, and the cause.
+        """Return 2/ω with the stiffness of the present contacts, and the cause.
 
-        With a damping force lagging half a step, central differences are stable for
-        ω²dt²/4 + ξω_c dt <= 1.
+        The damping of a contact is averaged over the step and limits it no further, but its
+        reaction on a guided tool is not: a damping rate c/M that lags half a step behind is stable
+        for ω²dt²/4 + (c/M) dt/2 <= 1.
         """
         state, model = self.state, self.model
         cause = "in-plane stiffness"
         if mode not in IN_PLANE_MODES:
             cause = "compaction (thickness)"
-        contact2 = damping = 0.0
+        contact2 = rate = 0.0
         if len(model.tool_names) and state.near.any():
+            mass = model.nodes.mass
             stiffness = model.environment.penalty * model.nodes.area
-            contacts = state.near.sum(axis=0)
-            single2 = stiffness / model.nodes.mass
-            contact2 = float(np.max(contacts * single2))
-            damping = float(np.max(contacts * np.sqrt(single2)))
-            damping *= model.environment.contact_damping_ratio
-            for tool, mass in enumerate(model.tools.mass):
-                if mass > 0.0:
-                    contact2 += float(np.sum(stiffness[state.near[tool] != 0])) / mass
+            contact2 = float(np.max(state.near.sum(axis=0) * stiffness / mass))
+            damping = 2.0 * model.environment.contact_damping_ratio * np.sqrt(stiffness * mass)
+            for tool, tool_mass in enumerate(model.tools.mass):
+                if tool_mass > 0.0:
+                    near = state.near[tool] != 0
+                    contact2 += float(np.sum(stiffness[near])) / tool_mass
+                    rate = max(rate, float(np.sum(damping[near])) / tool_mass)
         if contact2 > omega2:
             cause = "contact stiffness"
         total = omega2 + contact2
-        return 2.0 * (math.sqrt(damping**2 + total) - damping) / total, cause
+        return 2.0 * (math.sqrt(0.25 * rate**2 + total) - 0.5 * rate) / total, cause

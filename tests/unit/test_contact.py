@@ -198,7 +198,7 @@ def test_bouncing_sheet_keeps_its_energy(phase):
         now = math.copysign(1.0, mean_velocity(sim)[2])
         turns, direction = turns + (now != direction), now
     assert turns >= 8
-    assert worst < 0.02 * energy
+    assert worst < 2e-3 * energy
 
 
 def test_contact_damping_only_takes_energy():
@@ -212,8 +212,21 @@ def test_contact_damping_only_takes_energy():
         last = balance["damping"]
     assert 0.1 * energy < last < energy
     assert balance["kinetic"] + balance["internal"] < 0.95 * energy
-    # counted with the velocity half a step before the force, on an impact of some ten steps
-    assert abs(balance["balance_error"]) < 0.1 * energy
+    # an impact of some five steps
+    assert abs(balance["balance_error"]) < 0.015 * energy
+
+
+@pytest.mark.parametrize(("penalty", "tolerance"), [("", 3e-3), ("0.5 N/mm^3", 1e-4)])
+def test_an_undamped_impact_keeps_its_energy_at_any_phase(penalty, tolerance):
+    """Where between two steps the surface lies must not matter: with the full spring force from the
+    first step inside, single impacts changed the energy by 3 % (0.2 %), up or down."""
+    for phase in np.linspace(0.0, 1.0, 7):
+        height = 0.502 + 1e-3 * (1.0 + 1.75 * phase)  # one step is 1.7 um
+        sim = simulation(bed(), gravity=False, damping=0.0, height=height, penalty=penalty)
+        energy = launch(sim, [0.0, 0.0, -0.5])
+        sim.advance_to(2e-4)
+        assert mean_velocity(sim)[2] > 0.0
+        assert abs(sim.energy()["balance_error"]) < tolerance * energy
 
 
 def test_contact_holds_a_sheet_without_adhesion():
