@@ -59,10 +59,13 @@ def test_a_strained_start_counts_as_energy_put_in(simulation):
     simulation.set_position(np.array([x + 0.01 * y, y + 0.01 * x, z]))
     stored = simulation.state.work[EXTERNAL]
     assert stored > 0.0
+    simulation.advance_to(0.1e-3)
+    first = simulation.energy()["balance_error"]
     simulation.advance_to(1e-3)
     energy = simulation.energy()
     assert energy["kinetic"] > 0.1 * stored
-    assert abs(energy["balance_error"]) < 1e-3 * stored
+    assert abs(first) < 0.02 * stored  # the fibres' part of it vibrates within a few steps
+    assert abs(energy["balance_error"] - first) < 1e-4 * stored
 
 
 def test_too_large_a_step_is_caught_by_a_guard(simulation):
