@@ -22,7 +22,7 @@ class ElementOptions:
 
     integration_points: int = 3
     compaction_strain: str = "normal"
-    cross_terms: bool = True
+    cross_terms: bool = False
     in_plane_shear_hourglass: bool = True
     hourglass: str = "conservative"
 

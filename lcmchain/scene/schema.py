@@ -364,7 +364,9 @@ class Element(SceneModel):
         "director as published (which collapses on small radii).",
     )
     cross_terms: Switch = Field(
-        default=True, description="Keep the cross terms of Eqs. (15) and (19)."
+        default=False,
+        description="Keep the cross terms of Eqs. (15) and (19), as printed: they have no potential "
+        "where membrane and bending stiffness differ, and feed energy to a limp sheet.",
     )
     hourglass: Literal["conservative", "published"] = Field(
         default="conservative",

@@ -33,6 +33,9 @@ STEPS_PER_CHUNK = 50
 # thickness wave comes near it.
 CHUNKS_PER_FREQUENCY = 8
 THICKNESS_SHARE = 0.3
+# Every change of the step shifts the energy that central differences conserve a little: a step that
+# could be longer by less than this (of ω²) stays as it is.
+STEP_HYSTERESIS = 0.98
 # Nodes are searched for contact within the way that they may go until the next search, taken at
 # this multiple of the present largest speed, and never below this part of the thickness.
 SEARCH_SPEED_FACTOR = 3.0
@@ -255,7 +258,9 @@ class Simulation:
         self._check_elements()
         since = int(state.counters[1])
         if state.clock[2] == 0.0 or since >= CHUNKS_PER_FREQUENCY or self._thickness_is_near():
-            state.clock[2], state.counters[2], state.counters[3] = self._highest_frequency()
+            omega2, element, mode = self._highest_frequency()
+            if not STEP_HYSTERESIS * state.clock[2] < omega2 <= state.clock[2]:
+                state.clock[2], state.counters[2], state.counters[3] = omega2, element, mode
             state.counters[1] = 0
         state.counters[1] += 1
         self._find_contact()

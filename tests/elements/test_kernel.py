@@ -110,8 +110,8 @@ def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
     [
         {"integration_points": 2},
         {"integration_points": 5, "in_plane_shear_hourglass": False},
-        {"cross_terms": False, "integration_points": 2},
-        {"cross_terms": False, "in_plane_shear_hourglass": False},
+        {"cross_terms": True, "integration_points": 2},
+        {"cross_terms": True, "in_plane_shear_hourglass": False},
     ],
     ids=str,
 )

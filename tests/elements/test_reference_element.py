@@ -232,21 +232,23 @@ def independent(X, fibre, material, options):
 
 OPTIONS = [
     ElementOptions(),
-    ElementOptions(compaction_strain="director"),
-    ElementOptions(cross_terms=False),
-    ElementOptions(in_plane_shear_hourglass=False),
-    ElementOptions(compaction_strain="director", cross_terms=False, in_plane_shear_hourglass=False),
-    *(ElementOptions(integration_points=n) for n in (2, 4, 5, 6, 7)),
-    ElementOptions(integration_points=2, cross_terms=False),
-    ElementOptions(hourglass="published"),
-    ElementOptions(hourglass="published", compaction_strain="director", integration_points=2),
+    ElementOptions(cross_terms=True),
+    ElementOptions(cross_terms=True, compaction_strain="director"),
+    ElementOptions(cross_terms=True, in_plane_shear_hourglass=False),
+    ElementOptions(compaction_strain="director", in_plane_shear_hourglass=False),
+    *(ElementOptions(cross_terms=True, integration_points=n) for n in (2, 4, 5, 6, 7)),
+    ElementOptions(integration_points=2),
+    ElementOptions(cross_terms=True, hourglass="published"),
+    ElementOptions(
+        cross_terms=True, hourglass="published", compaction_strain="director", integration_points=2
+    ),
 ]
 
 
 def name_of(options):
     return (
         f"n={options.integration_points} {options.compaction_strain}"
-        f"{'' if options.cross_terms else ' no-cross'}"
+        f"{' cross' if options.cross_terms else ''}"
         f"{'' if options.in_plane_shear_hourglass else ' no-shear-row'} {options.hourglass}"
     )
 

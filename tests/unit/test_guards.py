@@ -65,7 +65,7 @@ def test_a_strained_start_counts_as_energy_put_in(simulation):
     energy = simulation.energy()
     assert energy["kinetic"] > 0.1 * stored
     assert abs(first) < 0.02 * stored  # the fibres' part of it vibrates within a few steps
-    assert abs(energy["balance_error"] - first) < 1e-4 * stored
+    assert abs(energy["balance_error"] - first) < 1e-3 * stored
 
 
 def test_too_large_a_step_is_caught_by_a_guard(simulation):

@@ -1,0 +1,125 @@
+"""Simulations of small sheets for the hard cases: scene text, supports, distorted meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from lcmchain.blank import build_blank
+from lcmchain.effects.supports import Support
+from lcmchain.fields.derived import derive_fields
+from lcmchain.model import assemble_model, build_material
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
+from lcmchain.tools import build_tool_table
+from lcmchain.tools.motion import smooth_step
+
+MD600 = 'preset = "MD600"'
+
+
+def simulation(
+    text: str,
+    *,
+    supports: Callable[[np.ndarray], Sequence[Support]] | None = None,
+    shape: Callable[[np.ndarray], np.ndarray] | None = None,
+    perturbation: float = 0.0,
+    seed: int = 0,
+    step_safety: float | None = None,
+    **environment,
+) -> Simulation:
+    """Return the simulation of a scene with what a scene file cannot say.
+
+    Parameters
+    ----------
+    text : of the scene.
+    supports : gives them for the reference positions (node_count, 3) [m].
+    shape : maps the flat blank's node positions to other reference positions.
+    perturbation, seed : of the nodes inside the blank, see :func:`lcmchain.blank.build_blank`.
+    step_safety : replaces the scene's, which must not exceed 1.
+    environment : entries of :class:`lcmchain.model.Environment` to replace.
+    """
+    scene = scene_from_text(text)
+    material = build_material(scene.material)
+    blank = build_blank(scene.blank, material.thickness, perturbation=perturbation, seed=seed)
+    if shape is not None:
+        blank = replace(blank, node_positions=shape(blank.node_positions))
+    model = assemble_model(
+        blank,
+        material,
+        scene.element,
+        tools=build_tool_table(scene.tools, scene.source.directory, scene.process.time),
+        tool_names=tuple(tool.name for tool in scene.tools),
+        contact=scene.contact,
+        process=scene.process,
+        supports=supports(blank.node_positions) if supports else (),
+    )
+    return Simulation(
+        replace(
+            model,
+            environment=model.environment._replace(**environment),
+            step_safety=model.step_safety if step_safety is None else step_safety,
+        )
+    )
+
+
+def linear_fabric(thickness: float = 1.004, **moduli: float) -> str:
+    """Return the entries of a fabric with constant moduli [MPa]; ``thickness`` in mm.
+
+    Given are those of ``moduli``: C11, C12, C33, C13 of the membrane, B11, B12, B33, B13 of the
+    bending; 22 equals 11 and 23 equals 13, and the bending equals the membrane where not given.
+    """
+    m = {"C11": 1000.0, "C12": 0.1, "C33": 0.1563, "C13": 0.1, **moduli}
+    m = {**{f"B{key[1:]}": m[key] for key in ("C11", "C12", "C33", "C13")}, **m}
+    return f"""
+law = "fabric"
+thickness = "{thickness} mm"
+areal_mass = "{600.0 * thickness / 1.004} g/m^2"
+fibre_density = "1810 kg/m^3"
+membrane = {{ C11 = "{m["C11"]} MPa", C22 = "{m["C11"]} MPa", C23 = "{m["C13"]} MPa", \
+C13 = "{m["C13"]} MPa", shear_polynomial = "{m["C12"]} 0 0 0 0 MPa" }}
+compaction = {{ c0 = "{m["C33"]} MPa", c1 = 0.0, c2 = 2.0 }}
+bending = {{ C11 = "{m["B11"]} MPa", C22 = "{m["B11"]} MPa", C33 = "{m["B33"]} MPa", \
+C12 = "{m["B12"]} MPa", C23 = "{m["B13"]} MPa", C13 = "{m["B13"]} MPa" }}
+"""
+
+
+def smooth(time: float, duration: float) -> float:
+    """Return the part of a smooth stroke that is done at ``time``."""
+    return float(smooth_step(min(max(time / duration, 0.0), 1.0))[0])
+
+
+def nodes_at(X: np.ndarray, axis: int, value: float) -> np.ndarray:
+    """Return the nodes with this reference coordinate."""
+    return np.flatnonzero(np.abs(X[:, axis] - value) < 1e-8)
+
+
+def outline_nodes(X: np.ndarray) -> np.ndarray:
+    """Return the nodes on the outline of a rectangle about the origin, both faces."""
+    return np.flatnonzero((np.abs(X[:, :2]) > np.abs(X[:, :2]).max(axis=0) - 1e-8).any(axis=1))
+
+
+def fields(sim: Simulation) -> dict[str, np.ndarray]:
+    """Return the face fields of the present state, each (element_count,)."""
+    return derive_fields(sim.model.blank, sim.model.material, sim.state.position.T)
+
+
+def stored_energy(sim: Simulation) -> float:
+    """Return the strain energy with its hourglass part [J]."""
+    energy = sim.energy()
+    return energy["internal"] + energy["hourglass"]
+
+
+def largest_balance_error(sim: Simulation, times, scale: str = "external") -> float:
+    """Advance through ``times`` [s] and return the largest balance error over the largest scale.
+
+    ``scale`` names the energy that the error is related to.
+    """
+    errors, scales = [0.0], [0.0]
+    for time in times:
+        sim.advance_to(float(time))
+        energy = sim.energy()
+        errors.append(abs(energy["balance_error"]))
+        scales.append(abs(energy[scale]))
+    return max(errors) / max(scales)
