@@ -1,1 +1,1 @@
-"""Verification: problems with known solutions that the program solves on request."""
+"""Cases by which element and solver are judged: benchmarks with known solutions, hard cases."""
