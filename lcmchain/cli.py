@@ -40,6 +40,10 @@ identify_app = typer.Typer(
     no_args_is_help=True, help="Identify parameters of a fabric law from coupon test data."
 )
 app.add_typer(identify_app, name="identify")
+verify_app = typer.Typer(
+    no_args_is_help=True, help="Solve problems with known solutions and compare."
+)
+app.add_typer(verify_app, name="verify")
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 OutFolder = Annotated[
@@ -379,6 +383,25 @@ def _report_identification(data: Path, out: Path | None, identify) -> None:
     for warning in result.warnings:
         _warn(warning)
     _say(f"For the scene file: {snippet}\nPicture of the fit: {picture}")
+
+
+@verify_app.callback()
+def _verify() -> None:
+    """Solve problems with known solutions and compare."""
+
+
+@verify_app.command("benchmarks")
+def verify_benchmarks(
+    full: Annotated[
+        bool, typer.Option("--full", help="Finer meshes and large deformation of shells too.")
+    ] = False,
+) -> None:
+    """Solve the shell benchmarks and print them beside their references."""
+    from lcmchain.verification.benchmarks.table import benchmark_table, run_benchmarks
+
+    with progress_bar() as progress:
+        results = run_benchmarks(full, progress=progress)
+    _console().print(benchmark_table(results))
 
 
 @app.command()

@@ -163,7 +163,8 @@ def _stress_matrix(model, block, S, in_plane_shear):
             covariant[:, source] += back[..., 0]
     sigma = np.zeros((len(S), 7, 7))
     for term, component, factor, k, m in _PRODUCTS:
-        value = factor * _shear_weight(term, component, in_plane_shear) * covariant[:, term, component]
+        weight = factor * _shear_weight(term, component, in_plane_shear)
+        value = weight * covariant[:, term, component]
         sigma[:, k, m] += value
         sigma[:, m, k] += value
     return sigma
@@ -228,7 +229,9 @@ def normal_compaction(a, height):
     J = np.einsum("ed,ed->e", a3, c)
     q = np.einsum("ed,ed->e", c, c)
     dJ = np.concatenate([np.cross(a2, a3), np.cross(a3, a1), c], axis=1)
-    a11, a12, a22 = (np.einsum("ed,ed->e", x, y)[:, None] for x, y in ((a1, a1), (a1, a2), (a2, a2)))
+    a11 = np.einsum("ed,ed->e", a1, a1)[:, None]
+    a12 = np.einsum("ed,ed->e", a1, a2)[:, None]
+    a22 = np.einsum("ed,ed->e", a2, a2)[:, None]
     dq = np.concatenate([2 * (a22 * a1 - a12 * a2), 2 * (a11 * a2 - a12 * a1)], axis=1)
     dq = np.pad(dq, ((0, 0), (0, 3)))
 

@@ -1,4 +1,4 @@
-"""Quasi-static equilibrium of a sheet: load steps with Newton's method, arc length, linear analyses.
+"""Quasi-static equilibrium of a sheet: Newton's method, arc length, linear analyses.
 
 Forces are those of the compiled element kernel, the tangent is its exact derivative
 (``elements/tangent.py``). Three things make it work for thin and very anisotropic sheets:
@@ -155,7 +155,7 @@ class StaticStep(NamedTuple):
     residual: float
 
 
-# --- the nonlinear solver --------------------------------------------------------------------------
+# --- the nonlinear solver -------------------------------------------------------------------------
 
 
 def solve(
@@ -361,9 +361,7 @@ class _Newton:
             if relative <= self.force_tolerance and energy <= ENERGY_TOLERANCE * first_energy:
                 if previous is not None and change @ previous < 0.0:
                     return self._failed(displacement, factor, iteration, "turned back", length)
-                return _Result(
-                    True, factor, displacement, iteration, relative, "", change, length
-                )
+                return _Result(True, factor, displacement, iteration, relative, "", change, length)
             resultants = self._extrapolated(state, move)
         return self._failed(displacement, start_factor, iteration, "no convergence", length)
 
@@ -377,8 +375,8 @@ class _Newton:
             node = int(np.argmax(size))
             x, y, z = model.blank.node_positions[node]
             where = (
-                f" The largest out-of-balance force is {size[node]:.3g} N at node {node}, initially "
-                f"at ({x:.4g}, {y:.4g}, {z:.4g}) m."
+                f" The largest out-of-balance force is {size[node]:.3g} N at node {node}, "
+                f"initially at ({x:.4g}, {y:.4g}, {z:.4g}) m."
             )
         return SimulationError(
             f"no equilibrium was found beyond the load factor {factor:.6g} ({result.cause} after "
@@ -419,7 +417,7 @@ class _Newton:
         return _Result(False, factor, displacement, iteration, relative, cause, None, length)
 
 
-# --- linear analyses -------------------------------------------------------------------------------
+# --- linear analyses ------------------------------------------------------------------------------
 
 
 def linear_solution(problem: StaticProblem) -> np.ndarray:
@@ -460,14 +458,12 @@ def nodal_forces(model: Model, displacement: np.ndarray) -> np.ndarray:
     """Return the internal forces (3, node_count) [N] of the compiled element kernel."""
     position = np.ascontiguousarray(model.blank.node_positions.T + displacement)
     corner_force = np.zeros(model.corner_force_size)
-    internal_forces(
-        position, model.corner_node, model.element_data, corner_force, *model.elements
-    )
+    internal_forces(position, model.corner_node, model.element_data, corner_force, *model.elements)
     slot = model.nodes.force_slot
     return np.stack([corner_force[slot + d * LANES].sum(axis=0) for d in range(3)])
 
 
-# --- unknowns --------------------------------------------------------------------------------------
+# --- unknowns -------------------------------------------------------------------------------------
 
 
 class PairSystem:
@@ -482,8 +478,8 @@ class PairSystem:
         self.model = model
         n = self.pair_count = model.blank.pair_count
         geometry = model.geometry
-        edge = 2.0 * np.sqrt(np.linalg.norm(np.cross(*geometry.modes[:, :2].swapaxes(0, 1)), axis=1))
-        self.scale = s = float(np.mean(geometry.height) / np.mean(edge))
+        area = geometry.volume / (2.0 * geometry.height)
+        self.scale = s = float(np.mean(geometry.height) / np.mean(np.sqrt(area)))
         basis = PAIR_MODES.copy()
         basis[:, 4:] *= s
         self.basis = basis

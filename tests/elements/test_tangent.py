@@ -60,9 +60,7 @@ def kernel_forces(model, displacement):
     """Corner forces (E, 24) of the compiled kernel."""
     corner_force = np.zeros(model.corner_force_size)
     positions = np.ascontiguousarray(model.blank.node_positions.T + displacement)
-    internal_forces(
-        positions, model.corner_node, model.element_data, corner_force, *model.elements
-    )
+    internal_forces(positions, model.corner_node, model.element_data, corner_force, *model.elements)
     return from_blocks(corner_force[: model.corner_node.size * 3], 24, model.element_count)
 
 

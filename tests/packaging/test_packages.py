@@ -41,6 +41,7 @@ RANK_OF_CORE = {
     "report": 6,
     "study": 6,
     "coupons": 7,
+    "verification": 7,
     "check": 7,
     "bench": 7,
     "pipeline": 7,

@@ -31,12 +31,11 @@ NO_SHEAR_ROW = AS_PUBLISHED.model_copy(update={"in_plane_shear_hourglass": False
 class Sheet:
     """A sheet of N1 x N2 elements.
 
-    blank : the mesh; grid : (N1 + 1, N2 + 1) pair numbers; normal : (pairs, 3) unit vectors.
+    blank : the mesh; grid : (N1 + 1, N2 + 1) pair numbers, None for an unstructured patch.
     """
 
     blank: BlankMesh
-    grid: np.ndarray
-    normal: np.ndarray
+    grid: np.ndarray | None
 
     @property
     def mesh(self) -> str:
@@ -91,18 +90,24 @@ def sheet(middle: np.ndarray, normal: np.ndarray, thickness: float) -> Sheet:
                       thickness, grid)  # fmt: skip
 
 
-def from_quads(middle, normal, quads, thickness, grid) -> Sheet:
-    """Mesh a sheet from quadrilaterals of its mid-surface."""
+def from_quads(middle, normal, quads, thickness, grid, *, fibre=None) -> Sheet:
+    """Mesh a sheet from quadrilaterals of its mid-surface.
+
+    The first material axis is the direction of ``fibre`` (3,), by default that of the elements'
+    first edges.
+    """
     n = len(middle)
     half = 0.5 * thickness * np.broadcast_to(normal, middle.shape)
     corner = middle[quads]
-    e1 = 0.5 * (corner[:, 1] + corner[:, 2] - corner[:, 0] - corner[:, 3])
+    e1 = corner[:, 1] + corner[:, 2] - corner[:, 0] - corner[:, 3]
+    if fibre is not None:
+        e1 = np.broadcast_to(np.asarray(fibre, dtype=float), e1.shape).copy()
     e1 /= np.linalg.norm(e1, axis=1)[:, None]
     e3 = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
     e2 = np.cross(e3 / np.linalg.norm(e3, axis=1)[:, None], e1)
     elements = np.concatenate([quads, quads + n], axis=1)
     positions = np.concatenate([middle - half, middle + half])
-    return Sheet(BlankMesh(positions, elements, e1, e2, thickness), grid, np.asarray(normal))
+    return Sheet(BlankMesh(positions, elements, e1, e2, thickness), grid)
 
 
 def isotropic_model(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
+
+import numpy as np
 
 
 class BenchmarkResult(NamedTuple):
@@ -26,5 +29,43 @@ class BenchmarkResult(NamedTuple):
 
     @property
     def normalised(self) -> float:
-        """Value over reference."""
-        return self.value / self.reference
+        """Value over reference; not a number where the reference is zero."""
+        return self.value / self.reference if self.reference else math.nan
+
+
+class CurveResult(NamedTuple):
+    """Displacements of a benchmark along its load, beside their references.
+
+    Attributes
+    ----------
+    load_factor : (n,) load over its largest value.
+    labels : names of the k displacements; values, references : (n, k).
+    """
+
+    name: str
+    mesh: str
+    load_factor: np.ndarray
+    labels: tuple[str, ...]
+    values: np.ndarray
+    references: np.ndarray
+    origin: str
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """Value less reference over the largest reference of that displacement, (n, k)."""
+        return (self.values - self.references) / abs(self.references).max(axis=0)
+
+    def at_loads(self, factors=(0.25, 0.5, 0.75, 1.0)) -> list[BenchmarkResult]:
+        """Return the displacements at the loads closest to the given ones."""
+        rows = np.unique([int(np.argmin(abs(self.load_factor - factor))) for factor in factors])
+        return [
+            BenchmarkResult(
+                f"{self.name}, {label} at P = {self.load_factor[row]:g}",
+                self.mesh,
+                float(self.values[row, column]),
+                float(self.references[row, column]),
+                self.origin,
+            )
+            for column, label in enumerate(self.labels)
+            for row in rows
+        ]
