@@ -63,14 +63,12 @@ def tangent_derivatives(law, E):
 
 
 @njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def covariant_gradients(a, in_plane_shear, rows):
+def covariant_gradients(a, rows):
     """Fill ``rows`` (7 terms, 6 components, 21) with the gradients of the covariant strains."""
     rows[:] = 0.0
     for n in range(PRODUCT_FACTOR.size):
         t, c, k, m = PRODUCT_INDEX[n]
         f = PRODUCT_FACTOR[n]
-        if c == 3 and (t == 3 or t == 4):
-            f *= in_plane_shear
         for d in range(3):
             rows[t, c, 3 * k + d] += f * a[m, d]
             rows[t, c, 3 * m + d] += f * a[k, d]
@@ -84,6 +82,18 @@ def add_transformed(T, source, target):
             if T[i, j] != 0.0:
                 for k in range(21):
                     target[i, k] += T[i, j] * source[j, k]
+
+
+@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+def scale_in_plane_shear(T, factor, rows):
+    """Weight the in-plane shear of ``rows`` (6, 21) in the covariant axes of T, as the kernel."""
+    read = np.linalg.inv(T)[3]
+    for k in range(21):
+        shear = 0.0
+        for i in range(6):
+            shear += read[i] * rows[i, k]
+        for i in range(6):
+            rows[i, k] += (factor - 1.0) * shear * T[i, 3]
 
 
 @njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
@@ -348,7 +358,7 @@ def frequency_bounds(
                 in_plane_shear,
             )
             element = block * LANES + lane
-            covariant_gradients(a_array, in_plane_shear, covariant)
+            covariant_gradients(a_array, covariant)
             material[:] = 0.0
             for t in range(7):
                 add_transformed(transformation[element], covariant[t], material[t])
@@ -364,6 +374,9 @@ def frequency_bounds(
                 add_transformed(T_zeta, covariant[4], material[5])
                 add_transformed(T_xi, covariant[1], material[6])
                 add_transformed(T_zeta, covariant[3], material[6])
+            if in_plane_shear != 1.0:
+                scale_in_plane_shear(transformation[element], in_plane_shear, material[3])
+                scale_in_plane_shear(transformation[element], in_plane_shear, material[4])
 
             norms[:] = 0.0
             add_stress_stiffness(sigma, norms)

@@ -27,9 +27,12 @@ from lcmchain.elements.solid_shell import (
     node_components,
     normal_compaction,
     scaled6,
+    scaled_in_plane_shear,
+    scaled_in_plane_shear_stress,
     stress_matrix,
     sum6,
     thickness_resultants,
+    unit_in_plane_shear,
 )
 from lcmchain.jit import equation, kernel
 from lcmchain.materials.fabric import (
@@ -53,7 +56,11 @@ def replace33(E, E33):
 
 @equation
 def scaled_shear_rows(E, factor):
-    """Weight the in-plane shear row of the covariant ξ- and η-terms (0 drops it)."""
+    """Weight the in-plane shear row of the covariant ξ- and η-terms (0 drops it), flat reference.
+
+    Where the reference is not flat these rows alone say nothing: in a constant strain they cancel
+    what the change of T makes of E^0 (:func:`scaled_shear`).
+    """
     x, e = E.xi, E.eta
     return Taylor(
         E.centre,
@@ -64,6 +71,22 @@ def scaled_shear_rows(E, factor):
         E.eta_zeta,
         E.xi_zeta,
     )
+
+
+@equation
+def scaled_shear(unit, factor, E):
+    """Weight the in-plane shear of the ξ- and η-terms in the covariant axes of the centre."""
+    xi = scaled_in_plane_shear(unit, factor, E.xi)
+    eta = scaled_in_plane_shear(unit, factor, E.eta)
+    return Taylor(E.centre, E.zeta, E.zeta2, xi, eta, E.eta_zeta, E.xi_zeta)
+
+
+@equation
+def scaled_shear_stress(unit, factor, S):
+    """Return the transpose of :func:`scaled_shear` for stress resultants."""
+    xi = scaled_in_plane_shear_stress(unit, factor, S.xi)
+    eta = scaled_in_plane_shear_stress(unit, factor, S.eta)
+    return Taylor(S.centre, S.zeta, S.zeta2, xi, eta, S.eta_zeta, S.xi_zeta)
 
 
 @equation
@@ -302,8 +325,9 @@ def element_stress(
     products = covariant_products(a)
     if curved is not None:
         curved_axes, inverse_height, volume, reference = curved_frame(data, i)
-        Ebar = scaled_shear_rows(difference(products, reference), in_plane_shear)
-        E = curved_material_strain(curved_axes, Ebar)
+        E = curved_material_strain(curved_axes, difference(products, reference))
+        unit = unit_in_plane_shear(curved_axes.K)
+        E = scaled_shear(unit, in_plane_shear, E)
     if flat is not None:
         flat_axes, volume, flat_reference = flat_frame(data, i)
         inverse_height = flat_axes.inverse_height
@@ -323,10 +347,11 @@ def element_stress(
         S = with_centre33(S, 0.0)
 
     if curved is not None:
+        S = scaled_shear_stress(unit, in_plane_shear, S)
         Sbar = curved_covariant_stress(curved_axes, S)
     if flat is not None:
-        Sbar = flat_covariant_stress(flat_axes, S)
-    sigma = stress_matrix(scaled_shear_rows(Sbar, in_plane_shear))
+        Sbar = scaled_shear_rows(flat_covariant_stress(flat_axes, S), in_plane_shear)
+    sigma = stress_matrix(Sbar)
     return sigma, E, S33, normal, volume, inverse_height
 
 
@@ -404,7 +429,7 @@ def internal_forces(
     flat, curved : ``True`` or ``None``, one of them ``None``: kind of the reference geometry.
     director, conservative, enhanced : ``True`` or ``None``: the effect is on or pruned.
     moments : :class:`Moments`.
-    in_plane_shear : 1, or 0 to drop the in-plane shear row of B^ξ and B^η.
+    in_plane_shear : 1, or 0 to drop the in-plane shear of the ξ- and η-terms in covariant axes.
     """
     block_count = corner_node.size // (8 * LANES)
     rows = element_data.size // (block_count * LANES)

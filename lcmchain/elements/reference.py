@@ -62,12 +62,16 @@ class ReferenceElement:
         products = _covariant_strain(a)
         operators = _covariant_operator(a)
         Ebar = {t: products[t] - self._reference[t] for t in TERMS}
-        if not self.options.in_plane_shear_hourglass:
-            for term in ("xi", "eta"):
-                Ebar[term][3] = 0.0
-                operators[term][3] = 0.0
         E = self._to_material(Ebar)
         B = self._to_material(operators)
+        if not self.options.in_plane_shear_hourglass:
+            # dropped in the covariant axes of the centre, from the sum: its parts from Ē^ξ and from
+            # T^ξ Ē^0 cancel in a constant strain
+            T = _transformation(self.K, self.K)
+            keep = np.eye(6) - np.outer(T[:, 3], np.linalg.inv(T)[3])
+            for term in ("xi", "eta"):
+                E[term] = keep @ E[term]
+                B[term] = keep @ B[term]
         if self.options.compaction_strain == "normal":
             E["centre"][2], B["centre"][2] = self._normal_compaction(a)
         return E, B

@@ -502,6 +502,46 @@ def curved_covariant_stress(frame, S):
     )
 
 
+@equation
+def unit_in_plane_shear(K):
+    """Return the material strain of a covariant 2E12 = 1 at the centre, and the row that reads it.
+
+    The row gives 2E12 of a material strain; a1 and a2 have no part along the normal, so that only
+    the in-plane block of K has to be inverted.
+    """
+    k1, k2, _ = K
+    shear = k1[0] * k2[1] + k1[1] * k2[0]
+    strain = (
+        k1[0] * k2[0],
+        k1[1] * k2[1],
+        k1[2] * k2[2],
+        shear,
+        k1[1] * k2[2] + k1[2] * k2[1],
+        k1[0] * k2[2] + k1[2] * k2[0],
+    )
+    r = 1.0 / (k1[0] * k2[1] - k1[1] * k2[0])
+    r2 = r * r
+    row = (-2.0 * r2 * k1[1] * k2[1], -2.0 * r2 * k1[0] * k2[0], r2 * shear)
+    return strain, row
+
+
+@equation
+def scaled_in_plane_shear(unit, factor, E):
+    """Weight the in-plane shear of a material strain by ``factor`` in the covariant axes."""
+    strain, row = unit
+    s = (factor - 1.0) * (row[0] * E[0] + row[1] * E[1] + row[2] * E[3])
+    return sum6(E, scaled6(s, strain))
+
+
+@equation
+def scaled_in_plane_shear_stress(unit, factor, S):
+    """Return the transpose of :func:`scaled_in_plane_shear` for a stress."""
+    t, row = unit
+    s = t[0] * S[0] + t[1] * S[1] + t[2] * S[2] + t[3] * S[3] + t[4] * S[4] + t[5] * S[5]
+    s = (factor - 1.0) * s
+    return (S[0] + s * row[0], S[1] + s * row[1], S[2], S[3] + s * row[2], S[4], S[5])
+
+
 # --- stress resultants ---------------------------------------------------------------------------
 
 

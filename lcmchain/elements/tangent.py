@@ -28,6 +28,7 @@ from lcmchain.elements.solid_shell import NINTH, THIRD
 ELEMENTS_PER_BLOCK = 512
 
 CENTRE, ZETA, ZETA2, XI, ETA, ETA_ZETA, XI_ZETA = range(7)
+HOURGLASS = [XI, ETA]
 NORMAL = 2  # Voigt component 33
 
 _PRODUCTS = [
@@ -108,7 +109,7 @@ def _linearise_block(model, displacement, block, given):
     corner = displacement.T[model.blank.elements[block]]
     change = np.einsum("kn,end->ekd", MODES, corner)
     a = A + change
-    B, E = _strains(model, block, A, change, slots.in_plane_shear)
+    B, E = _strains(model, block, A, change)
     if slots.director is None:
         height = model.geometry.height[block]
         E[:, CENTRE, NORMAL], gradient, hessian = normal_compaction(a[:, :3], height)
@@ -124,7 +125,7 @@ def _linearise_block(model, displacement, block, given):
         K[:, :9, :9] += geometric[:, CENTRE, NORMAL, None, None] * hessian
         geometric = geometric.copy()
         geometric[:, CENTRE, NORMAL] = 0.0
-    sigma = _stress_matrix(model, block, geometric, slots.in_plane_shear)
+    sigma = _stress_matrix(model, block, geometric)
     blocks = K.reshape(-1, 7, 3, 7, 3)
     for d in range(3):
         blocks[:, :, d, :, d] += sigma
@@ -132,12 +133,11 @@ def _linearise_block(model, displacement, block, given):
     return blocks, R, DB
 
 
-def _strains(model, block, A, change, in_plane_shear):
+def _strains(model, block, A, change):
     """Return gradients (E, 7, 6, 21) and values (E, 7, 6) of the material strains, Eq. (10)."""
     a = A + change
     covariant = np.zeros((len(a), 7, 6, 22))  # 21 gradients, then the strain itself
-    for term, component, factor, k, m in _PRODUCTS:
-        f = factor * _shear_weight(term, component, in_plane_shear)
+    for term, component, f, k, m in _PRODUCTS:
         row = covariant[:, term, component]
         row[:, 3 * k : 3 * k + 3] += f * a[:, m]
         row[:, 3 * m : 3 * m + 3] += f * a[:, k]
@@ -149,11 +149,17 @@ def _strains(model, block, A, change, in_plane_shear):
         T_change = model.transformation_change[block]
         for term, source, direction in _CURVED:
             material[:, term] += T_change[:, direction] @ covariant[:, source]
+    if model.elements.in_plane_shear != 1.0:
+        material[:, HOURGLASS] = _shear_scaling(model, block)[:, None] @ material[:, HOURGLASS]
     return material[..., :21].copy(), material[..., 21].copy()
 
 
-def _stress_matrix(model, block, S, in_plane_shear):
+def _stress_matrix(model, block, S):
     """Return Σ (E, 7, 7) of material stress resultants S (E, 7, 6)."""
+    if model.elements.in_plane_shear != 1.0:
+        S = S.copy()
+        back = _shear_scaling(model, block).transpose(0, 2, 1)
+        S[:, HOURGLASS] = (back[:, None] @ S[:, HOURGLASS, :, None])[..., 0]
     T = model.transformation[block].transpose(0, 2, 1)
     covariant = (T[:, None] @ S[..., None])[..., 0]
     if model.elements.curved is not None:
@@ -163,15 +169,17 @@ def _stress_matrix(model, block, S, in_plane_shear):
             covariant[:, source] += back[..., 0]
     sigma = np.zeros((len(S), 7, 7))
     for term, component, factor, k, m in _PRODUCTS:
-        weight = factor * _shear_weight(term, component, in_plane_shear)
-        value = weight * covariant[:, term, component]
+        value = factor * covariant[:, term, component]
         sigma[:, k, m] += value
         sigma[:, m, k] += value
     return sigma
 
 
-def _shear_weight(term, component, in_plane_shear):
-    return in_plane_shear if component == 3 and term in (XI, ETA) else 1.0
+def _shear_scaling(model, block):
+    """Return the maps (E, 6, 6) that weight the in-plane shear in the covariant axes."""
+    T = model.transformation[block]
+    unit, read = T[:, :, 3], np.linalg.inv(T)[:, 3]
+    return np.eye(6) + (model.elements.in_plane_shear - 1.0) * _outer(unit, read)
 
 
 def _resultants(model, E):

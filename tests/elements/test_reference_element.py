@@ -129,11 +129,13 @@ class IndependentElement:
         """Taylor coefficients (..., 6) of Ê_c by term, Eq. (10), for nodes x (..., 8, 3)."""
         # E^ξη is dropped, and with it all that the expansion does not list
         covariant = coefficients(assumed_strain(x, self.X, SAMPLES))
-        if not self.options.in_plane_shear_hourglass:
-            for term in ("xi", "eta"):
-                covariant[term][..., 3] = 0.0
         change = self.T0 + np.tensordot(SAMPLES, np.stack(self.dT), axes=1)
         E = coefficients(np.einsum("pij,p...j->p...i", change, values(covariant)))
+        if not self.options.in_plane_shear_hourglass:
+            for term in ("xi", "eta"):
+                at_centre = np.linalg.solve(self.T0, E[term][..., None])[..., 0]
+                at_centre[..., 3] = 0.0
+                E[term] = at_centre @ self.T0.T
         if self.options.compaction_strain == "normal":
             a1, a2, a3 = base_vectors(x, (0, 0, 0))
             c = np.cross(a1, a2)
