@@ -8,9 +8,11 @@ from lcmchain.errors import SimulationError
 from lcmchain.model import Model
 from lcmchain.state import EXTERNAL, KINETIC, WORK_COLUMNS, State
 
-# Below this fraction of its initial thickness an element counts as collapsed: the compaction law of
-# a textile ends long before (MD600: solid fibre at 0.33).
+# Below this fraction of its initial thickness an element counts as collapsed; a textile does so where
+# it would hold more fibre than space (MD600: 0.33).
 COLLAPSED_STRETCH = 0.05
+# Deeper in a tool than this part of its thickness, the sheet is not where the tools hold it.
+DEEPEST_PENETRATION = 0.15
 
 # Energy that may appear from nowhere, relative to the external work, before a run is called
 # unstable; the floor is the strain energy of a strain of 1e-4 over the whole sheet.
@@ -36,7 +38,7 @@ def require_finite(model: Model, state: State) -> None:
 def require_upright(model: Model, state: State, stretch: np.ndarray) -> None:
     """Stop where an element is inverted or collapsed through the thickness."""
     worst = int(np.argmin(stretch))
-    if stretch[worst] > COLLAPSED_STRETCH:
+    if stretch[worst] > collapsed_stretch(model.material):
         return
     centre = state.position[:, model.blank.elements[worst]].mean(axis=1)
     what = "inverted" if stretch[worst] <= 0.0 else "collapsed"
@@ -61,6 +63,29 @@ def require_upright(model: Model, state: State, stretch: np.ndarray) -> None:
     raise SimulationError(
         f"element {worst} is {what} (thickness {stretch[worst]:.3f} of the initial one) at "
         f"{_millimetres(centre)} at {_when(state)}. Likely cause: {cause}"
+    )
+
+
+def collapsed_stretch(material) -> float:
+    """Return the thickness over its initial value at which an element counts as collapsed."""
+    if material.fibre_density is None:
+        return COLLAPSED_STRETCH
+    fraction = material.areal_mass / (material.fibre_density * material.thickness)
+    return max(COLLAPSED_STRETCH, fraction)
+
+
+def require_outside(model: Model, state: State) -> None:
+    """Stop where the sheet has sunk into a tool: its pressure exceeds what the contact can carry."""
+    limit = DEEPEST_PENETRATION * model.material.thickness
+    if not (state.penetration_max > limit).any():
+        return
+    tool = int(np.argmax(state.penetration_max))
+    depth = 1e3 * state.penetration_max[tool]
+    raise SimulationError(
+        f"nodes are {depth:.3f} mm inside {model.tool_names[tool]} at {_when(state)}, more than "
+        f"{DEEPEST_PENETRATION:g} of the thickness of the sheet. Likely cause: the pressure is too "
+        f"high for the contact stiffness of {1e-9 * model.environment.penalty:.3g} N/mm^3; check gap "
+        "and stroke of the tools, or raise contact.penalty"
     )
 
 

@@ -274,6 +274,7 @@ class Simulation:
         model = self.model
         thickness_stretches(self.state.position, model.corner_node, self._height, self._stretch)
         guards.require_upright(model, self.state, self._stretch[: model.element_count])
+        guards.require_outside(model, self.state)
         guards.require_passive(model, self.state)
 
     def _thickness_is_near(self) -> bool:

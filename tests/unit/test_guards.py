@@ -31,9 +31,9 @@ def test_a_value_that_is_not_a_number_names_node_element_place_and_time(simulati
         guards.require_finite(simulation.model, simulation.state)
 
 
-@pytest.mark.parametrize(("fraction", "word"), [(0.03, "collapsed"), (-0.2, "inverted")])
+@pytest.mark.parametrize(("fraction", "word"), [(0.32, "collapsed"), (-0.2, "inverted")])
 def test_a_folded_element_is_named(simulation, fraction, word):
-    """Squeeze one element to a few per cent of its thickness, or turn it inside out."""
+    """Squeeze one element until it holds more fibre than space (0.33), or turn it inside out."""
     model, state = simulation.model, simulation.state
     bottom, top = model.blank.elements[5, :4], model.blank.elements[5, 4:]
     middle = 0.5 * (state.position[2, bottom] + state.position[2, top])
@@ -41,6 +41,23 @@ def test_a_folded_element_is_named(simulation, fraction, word):
     state.position[2, bottom], state.position[2, top] = middle - half, middle + half
     with pytest.raises(SimulationError, match=f"element 5 is {word} .*edge_length"):
         simulation.advance_to(1e-4)
+
+
+def test_a_sheet_that_sinks_into_a_tool_stops_the_run():
+    """Plates closed to half the thickness: 7 MPa are beyond the automatic contact stiffness."""
+    plates = """
+        [[tools]]
+        name = "bed"
+        shape = { type = "plate", side = "below" }
+        [[tools]]
+        name = "press"
+        shape = { type = "plate", side = "above" }
+        position = "0 0 1.004 mm"
+        motion = { type = "stroke", direction = [0, 0, -1], distance = "1 mm" }
+        """
+    sim = Simulation.from_scene(scene_from_text(SCENE.replace('"1 ms"', '"10 ms"') + plates))
+    with pytest.raises(SimulationError, match=r"0\.1\d+ mm inside (bed|press) .* contact\.penalty"):
+        sim.advance_to(10e-3)
 
 
 def test_energy_from_nowhere_stops_the_run(simulation):

@@ -229,9 +229,7 @@ def limp_hanging(name: str, full: bool) -> Iterator[CaseResult]:
     X = sim.model.blank.node_positions
     sag = float(np.mean((X.T - sim.state.position)[2, nodes_at(X, 0, 0.0)]))
     expected = catenary(LIMP_LENGTH, LIMP_SPAN)[0]
-    yield CaseResult(
-        name, "sag against the catenary", 100.0 * abs(sag / expected - 1.0), 1.0, "%"
-    )
+    yield CaseResult(name, "sag against the catenary", 100.0 * abs(sag / expected - 1.0), 1.0, "%")
 
 
 @hard_case("limp_pinned", THEME)
@@ -261,7 +259,9 @@ def limp_pinned(name: str, full: bool) -> Iterator[CaseResult]:
         without = f"cross terms as printed: the guard stops the run at {1e3 * printed.time:.0f} ms"
     else:
         drift = printed.energy()
-        without = f"cross terms as printed: {100 * drift['balance_error'] / drift['external']:.1f} %"
+        without = (
+            f"cross terms as printed: {100 * drift['balance_error'] / drift['external']:.1f} %"
+        )
     yield CaseResult(
         name,
         "energy balance error over the work of gravity",

@@ -17,6 +17,8 @@ from lcmchain.tools import build_tool_table
 from lcmchain.tools.motion import smooth_step
 
 MD600 = 'preset = "MD600"'
+# Sheets without supports get one that holds nothing: the same compiled loop serves all cases.
+HOLDS_NOTHING = (Support("nothing", np.array([0]), components=""),)
 
 
 def simulation(
@@ -53,7 +55,7 @@ def simulation(
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,
-        supports=supports(blank.node_positions) if supports else (),
+        supports=supports(blank.node_positions) if supports else HOLDS_NOTHING,
     )
     return Simulation(
         replace(

@@ -109,9 +109,7 @@ def million_steps(name: str, full: bool) -> Iterator[CaseResult]:
     sim.advance_to(steps * sim.model.step_safety * sim.critical_step(), look)
     tenth = len(errors) // 10
     drift = abs(float(np.mean(errors[-tenth:]) - np.mean(errors[:tenth])))
-    yield CaseResult(
-        name, f"energy drift in {steps:,} steps", 100.0 * drift / vibration, 0.1, "%"
-    )
+    yield CaseResult(name, f"energy drift in {steps:,} steps", 100.0 * drift / vibration, 0.1, "%")
 
 
 # --- the stable step ------------------------------------------------------------------------------

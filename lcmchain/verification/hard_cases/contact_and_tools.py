@@ -1,0 +1,259 @@
+"""Hard for contact: small fillets, chatter on an edge, release, coarse meshes, wrinkling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from lcmchain.effects.contact import normal_force
+from lcmchain.effects.supports import Support, translation
+from lcmchain.solver.simulation import Simulation
+from lcmchain.verification.hard_cases.case import CaseResult, hard_case
+from lcmchain.verification.hard_cases.sheets import (
+    MD600,
+    fields,
+    nodes_at,
+    simulation,
+    smooth,
+    stored_energy,
+)
+
+THEME = "Contact and tools"
+
+
+def wiped(
+    radius: float, edge: float, motion: str, time: float, damping: float = 100.0
+) -> Simulation:
+    """Return a strip that a punch wipes down over the edge of a die, under a light holder.
+
+    ``radius`` of the fillets of die and punch, and ``edge`` length of the elements in mm. The
+    clearance between die and punch is 1.3 thicknesses.
+    """
+    clearance = 1.3
+    return simulation(
+        f"""
+        process = {{ time = "{time} s", mass_damping = "{damping} 1/s" }}
+        blank = {{ size = ["100 mm", "20 mm"], edge_length = "{edge} mm", height = "0.502 mm" }}
+        contact = {{ friction = 0.157 }}
+        [material]
+        {MD600}
+        [[tools]]
+        name = "die"
+        shape = {{ type = "extruded_profile", solid = "right", \
+fillet_radii = "0 {radius} 0 mm", \
+points = [["-100 mm", "0 mm"], ["0 mm", "0 mm"], ["0 mm", "-100 mm"]] }}
+        [[tools]]
+        name = "punch"
+        position = ["{clearance} mm", "0 mm", "1.004 mm"]
+        shape = {{ type = "extruded_profile", solid = "left", \
+fillet_radii = "0 {radius} 0 mm", \
+points = [["0 mm", "100 mm"], ["0 mm", "0 mm"], ["100 mm", "0 mm"]] }}
+        motion = {motion}
+        [[tools]]
+        name = "holder"
+        position = ["0 mm", "0 mm", "1.004 mm"]
+        shape = {{ type = "extruded_profile", solid = "left", \
+fillet_radii = "0 {radius} 0 mm", \
+points = [["-100 mm", "0 mm"], ["-2 mm", "0 mm"], ["-2 mm", "100 mm"]] }}
+        motion = {{ type = "guided", direction = [0, 0, -1], mass = "50 g", ramp = "5 ms" }}
+        """
+    )
+
+
+def stroke(distance: float) -> str:
+    """Return the motion entries of a smooth stroke downwards [mm]."""
+    return f'{{ type = "stroke", direction = [0, 0, -1], distance = "{distance} mm" }}'
+
+
+@hard_case("fillets", THEME)
+def fillets(name: str, full: bool) -> Iterator[CaseResult]:
+    """Strips wiped over fillets of 2, 5 and 10 mm with elements of 2.5, 5 and 10 mm.
+
+    Hard because an element spans up to five times the radius: contact is at the nodes only, and the
+    tool pulls the coarse ones off the surface and on again. No mesh may gain energy, fold or lose
+    its thickness.
+    """
+    time = 0.06
+    for edge in (2.5, 5.0, 10.0):
+        balance, thinnest, deepest = 0.0, 1.0, 0.0
+        for radius in (2.0, 5.0, 10.0):
+            sim = wiped(radius, edge, stroke(35.0), time)
+            errors = []
+            sim.advance_to(time, lambda sim, errors=errors: errors.append(sim.energy()))
+            work = max(abs(energy["external"]) for energy in errors)
+            worst = max(abs(energy["balance_error"]) for energy in errors)
+            balance = max(balance, worst / work)
+            thinnest = min(thinnest, float(fields(sim)["thickness"].min()) / 1.004e-3)
+            deepest = max(deepest, float(sim.state.penetration_max.max()))
+        mesh = f"elements of {edge:g} mm, radii 2, 5, 10 mm"
+        yield CaseResult(
+            name, f"{mesh}: energy balance error over the work", 100.0 * balance, 1.0, "%"
+        )
+        yield CaseResult(
+            name,
+            f"{mesh}: least thickness over the initial one",
+            thinnest,
+            0.7,
+            at_least=True,
+        )
+        yield CaseResult(name, f"{mesh}: deepest penetration", 1e3 * deepest, 0.1, "mm")
+
+
+@hard_case("release", THEME)
+def release(name: str, full: bool) -> Iterator[CaseResult]:
+    """The strip is wiped over a fillet of 5 mm, and the punch goes back.
+
+    Hard because the stored energy comes free while contact opens: the sheet must come to rest, with
+    no energy but that which the tools left in it.
+    """
+    down, end = 0.06, 0.2
+    times = np.linspace(0.0, 2.0 * down, 61)
+    way = [35.0 * smooth(min(t, 2.0 * down - t), down) for t in times]
+    motion = (
+        f'{{ type = "table", direction = [0, 0, -1], '
+        f'times = "{" ".join(f"{1e3 * t:.9g}" for t in times)} ms", '
+        f'travel = "{" ".join(f"{w:.9g}" for w in way)} mm" }}'
+    )
+    sim = wiped(5.0, 5.0, motion, end)
+    sim.advance_to(down)
+    formed = stored_energy(sim)
+    sim.advance_to(end)
+    energy = sim.energy()
+    yield CaseResult(
+        name,
+        "kinetic energy at the end over the stored energy of the formed strip",
+        100.0 * energy["kinetic"] / formed,
+        0.1,
+        "%",
+    )
+    yield CaseResult(
+        name,
+        "energy balance error over the stored energy of the formed strip",
+        100.0 * abs(energy["balance_error"]) / formed,
+        1.0,
+        "%",
+    )
+
+
+@hard_case("chatter_on_an_edge", THEME)
+def chatter_on_an_edge(name: str, full: bool) -> Iterator[CaseResult]:
+    """A free sheet is thrown onto the sharp edge of a block, without damping, friction or gravity.
+
+    Hard because its nodes go in and out of the contact again and again, at any phase of the step,
+    while the normal of the edge changes. Not one of these impacts may add energy.
+    """
+    sim = simulation(
+        f"""
+        process = {{ time = "20 ms" }}
+        blank = {{ size = ["60 mm", "20 mm"], edge_length = "5 mm", height = "0.6 mm" }}
+        contact = {{ damping_ratio = 0.0 }}
+        [material]
+        {MD600}
+        [[tools]]
+        name = "block"
+        shape = {{ type = "extruded_profile", solid = "right", \
+points = [["-100 mm", "0 mm"], ["1 mm", "0 mm"], ["1 mm", "-100 mm"]] }}
+        [[tools]]
+        name = "lid"
+        shape = {{ type = "plate", side = "above" }}
+        position = ["0 mm", "0 mm", "1.3 mm"]
+        """
+    )
+    X = sim.model.blank.node_positions
+    sim.set_velocity(np.array([0.0 * X[:, 0], 0.0 * X[:, 0], -0.5 - 20.0 * X[:, 0]]))
+    start = sim.energy()["external"]
+    impacts, gains = np.zeros(1), [0.0]
+    inside = np.zeros(sim.model.node_count, dtype=bool)
+
+    def look(sim):
+        nonlocal inside
+        now = sim.state.position[2] < 0.0
+        impacts[0] += np.count_nonzero(now & ~inside)
+        inside = now
+        gains.append(sim.energy()["balance_error"] / start)
+
+    sim.advance_to(0.02, look)
+    yield CaseResult(
+        name,
+        f"largest gain of energy (at least {impacts[0]:.0f} impacts of nodes)",
+        100.0 * max(gains),
+        0.5,
+        "%",
+        without=(
+            f"full spring force from the first step inside: single impacts change the energy by "
+            f"{bounce_change(shared=False)}, with the force by the share of the step: "
+            f"{bounce_change(shared=True)}"
+        ),
+    )
+
+
+def bounce_change(shared: bool) -> str:
+    """Return the range of the energy change of one undamped impact over all phases of the step.
+
+    A single mass against a penalty spring, at the ratio of step and contact period that the
+    automatic contact stiffness gives (ω dt = 0.57).
+    """
+    stiffness, changes = 0.57**2, []
+    for phase in np.linspace(0.0, 1.0, 101):
+        position, velocity = 1.5 + phase, -1.0  # mass, step and speed are 1
+        for _ in range(40):
+            force = 0.0
+            if position < 0.0:
+                force = -stiffness * position
+                if shared:
+                    force = normal_force(stiffness, 0.0, position, velocity, 1.0, 0.0, 1.0, 1.0)[0]
+            velocity += force
+            position += velocity
+        changes.append(100.0 * (velocity**2 - 1.0))
+    return f"{min(changes):+.1f} to {max(changes):+.1f} %"
+
+
+@hard_case("wrinkling_strip", THEME)
+def wrinkling_strip(name: str, full: bool) -> Iterator[CaseResult]:
+    """A clamped strip of MD600 is shortened by 1 %, flat and with a seeded imperfection.
+
+    Hard because the flat strip is unstable from a strain of 1e-5 on: in the perfect one only
+    round-off starts the wrinkle, late and in a high mode that has to find down to the lowest one.
+    Both must end with the critical force, 4π²D/L² per width with the transverse shear that Engesser
+    adds, 1/σ = t L²/4π²D + 1/C13, times 1 + δ/2L of the elastica.
+    """
+    length, width, thickness, shortening = 0.1, 0.01, 1.004e-3, 1e-3
+    D = 38.0615e6 * thickness**3 / 12.0
+    euler = 4.0 * math.pi**2 * D / (length**2 * thickness)
+    critical = 1.0 / (1.0 / euler + 1.0 / 0.1e6) * (1.0 + 0.5 * shortening / length)
+    for imperfection in (0.0, 0.1):
+        time = 1.5
+        sim = simulation(
+            f"""
+            process = {{ time = "{time} s", mass_damping = "40 1/s" }}
+            blank = {{ size = ["100 mm", "10 mm"], edge_length = "5 mm" }}
+            [material]
+            {MD600}
+            """,
+            supports=lambda X: [
+                Support("left", nodes_at(X, 0, -0.05)),
+                Support(
+                    "right",
+                    nodes_at(X, 0, 0.05),
+                    motion=translation([-1, 0, 0], lambda t: shortening * smooth(t, 0.5 * time)),
+                ),
+            ],
+        )
+        if imperfection:
+            x, y, z = sim.state.position
+            wave = 0.5 * imperfection * thickness * (1.0 + np.cos(2.0 * math.pi * x / length))
+            sim.set_position(np.array([x, y, z + wave]))
+        sim.advance_to(0.9 * time)
+        before = sim.state.support_impulse[1, 0]
+        sim.advance_to(time)
+        stress = -(sim.state.support_impulse[1, 0] - before) / (0.1 * time * width * thickness)
+        start = "flat" if imperfection == 0.0 else f"imperfection of {imperfection:g} t"
+        yield CaseResult(
+            name,
+            f"{start}: stress against the critical one",
+            100.0 * abs(stress / critical - 1.0),
+            5.0,
+            "%",
+        )
