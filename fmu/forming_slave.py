@@ -46,8 +46,14 @@ _MOTION_KINDS = {"fixed": FIXED, "stroke": PRESCRIBED, "table": PRESCRIBED, "gui
 def variables_of(scene: Scene, blank: BlankMesh) -> tuple[Variable, ...]:
     """Return the interface of the unit that forms a scene."""
     tools = [(tool.name, _MOTION_KINDS[tool.motion.type]) for tool in scene.tools]
-    has_fraction = scene.material.fibre_density is not None
-    return forming_variables(tools, len(blank.elements), has_fibre_volume_fraction=has_fraction)
+    has_thickness = scene.element.type != "membrane-shell"
+    has_fraction = has_thickness and scene.material.fibre_density is not None
+    return forming_variables(
+        tools,
+        len(blank.elements),
+        has_thickness=has_thickness,
+        has_fibre_volume_fraction=has_fraction,
+    )
 
 
 def unit_guid(scene: Scene, variables: Sequence[Variable]) -> str:

@@ -175,7 +175,11 @@ FIELD_OUTPUTS = (
 
 
 def forming_variables(
-    tools: Sequence[tuple[str, int]], element_count: int, *, has_fibre_volume_fraction: bool
+    tools: Sequence[tuple[str, int]],
+    element_count: int,
+    *,
+    has_thickness: bool = True,
+    has_fibre_volume_fraction: bool,
 ) -> tuple[Variable, ...]:
     """Return the interface of a unit that forms one scene, in the order of its value references.
 
@@ -183,7 +187,8 @@ def forming_variables(
     ----------
     tools : name and kind of motion (:mod:`lcmchain.tools.motion`) of every tool.
     element_count : elements of the blank.
-    has_fibre_volume_fraction : whether the material states the density of its fibres.
+    has_thickness : whether the elements predict a thickness.
+    has_fibre_volume_fraction : whether they do, and the material states the density of its fibres.
 
     Notes
     -----
@@ -205,9 +210,9 @@ def forming_variables(
         _output(name, unit, Group.FIELDS, text, element_count) for name, unit, text in FIELD_OUTPUTS
     ]
     variables = (*PARAMETERS, *inputs, *outputs, *scalars, STEP_COUNT, *fields)
-    if has_fibre_volume_fraction:
-        return variables
-    return tuple(v for v in variables if not v.name.startswith("fibre_volume_fraction"))
+    left_out = () if has_fibre_volume_fraction else ("fibre_volume_fraction",)
+    left_out += () if has_thickness else ("thickness",)
+    return tuple(v for v in variables if not v.name.startswith(left_out))
 
 
 def quoted(name: str) -> str:

@@ -13,11 +13,13 @@ import numpy as np
 
 from lcmchain.blank import BlankMesh, build_blank
 from lcmchain.errors import InputError
+from lcmchain.fields.dataset import NO_THICKNESS
 from lcmchain.model import AUTOMATIC_PENALTY
 from lcmchain.scene.schema import (
     FabricMaterial,
     GuidedMotion,
     IsotropicMaterial,
+    MembraneShellElement,
     OrthotropicMaterial,
     PlateWithHole,
     Scene,
@@ -29,6 +31,7 @@ from lcmchain.scene.schema import (
 from lcmchain.tools.distance import gaps as node_gaps
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
+from lcmchain.triangulation import TriangleMesh, triangulate
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -36,8 +39,8 @@ if TYPE_CHECKING:
 #: Deepest overlap of a tool with the blank that still counts as touching, in parts of thickness.
 OVERLAP_TOLERANCE = 0.01
 
-#: Time per element and step on one core that the estimate assumes.
-SECONDS_PER_ELEMENT_STEP = 0.12e-6
+#: Time per element and step on one core that the estimate assumes, by the kind of element.
+SECONDS_PER_ELEMENT_STEP = {"solid-shell": 0.12e-6, "membrane-shell": 0.05e-6}
 
 
 @dataclass(frozen=True)
@@ -120,6 +123,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
     InputError : blank or tools cannot be built, or a tool overlaps the blank at the start.
     """
     blank = build_blank(scene.blank, scene.material.thickness)
+    mesh = triangulate(blank) if isinstance(scene.element, MembraneShellElement) else blank
     with warnings.catch_warnings(record=True) as tool_warnings:
         warnings.simplefilter("always")
         table = build_tool_table(scene.tools, scene.source.directory, scene.process.time)
@@ -130,10 +134,10 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
         draw_start(picture, scene, blank)
     return CheckReport(
         scene=scene,
-        element_count=len(blank.elements),
-        node_count=len(blank.node_positions),
+        element_count=mesh.element_count,
+        node_count=mesh.node_count,
         effects=scene_effects(scene),
-        estimate=estimate_run(scene, blank),
+        estimate=estimate_run(scene, mesh),
         gaps=gaps,
         warnings=scene_warnings(scene) + [str(entry.message) for entry in tool_warnings],
         picture=picture,
@@ -222,39 +226,15 @@ def require_no_initial_overlap(
 
 def scene_effects(scene: Scene) -> list[Effect]:
     """List the effects that a scene calls for and those it does without, each with the reason."""
-    material, element, process = scene.material, scene.element, scene.process
-    fabric = isinstance(material, FabricMaterial)
-    effects = []
+    process = scene.process
+    if isinstance(scene.element, MembraneShellElement):
+        effects = _membrane_shell_effects()
+    else:
+        effects = _solid_shell_effects(scene)
 
     def add(name: str, active: bool, reason: str) -> None:
         effects.append(Effect(name, active, reason))
 
-    if fabric:
-        measure = {"normal": "normal thickness", "director": "length of the director"}
-        add(
-            "compaction",
-            True,
-            f"C33 = c0 exp(c1 |E33|^c2), measured by the {measure[element.compaction_strain]}",
-        )
-        add("bending", True, "C^B is independent of the membrane")
-    else:
-        add("compaction", False, f"the {material.law} law has a constant stiffness C33")
-        add("bending", True, _bending_reason(material))
-    add("transverse shear", True, "assumed natural strains, C13 and C23")
-    row = "with" if element.in_plane_shear_hourglass else "without"
-    add(
-        "hourglass control",
-        True,
-        f"one in-plane integration point; {element.hourglass}, {row} the in-plane shear row",
-    )
-    coupled = couples_thickness(scene)
-    add(
-        "enhanced strain",
-        coupled,
-        "normal and in-plane strains couple"
-        if coupled
-        else "normal and in-plane strains do not couple",
-    )
     if not scene.tools:
         add("contact", False, "the scene has no tool")
     for tool in scene.tools:
@@ -283,6 +263,44 @@ def scene_effects(scene: Scene) -> list[Effect]:
     law = scene.permeability.law if scene.permeability else "no [permeability] entry"
     add("permeability", scene.permeability is not None, law)
     return effects
+
+
+def _membrane_shell_effects() -> list[Effect]:
+    return [
+        Effect("thickness", False, NO_THICKNESS),
+        Effect("compaction", False, "the mid-surface has no thickness direction"),
+        Effect("bending", True, "C^B, superimposed on the membrane; rotation-free"),
+        Effect("transverse shear", False, "the normal of a triangle stays normal"),
+        Effect("hourglass control", False, "constant strain triangles have no zero-energy mode"),
+        Effect("enhanced strain", False, "no thickness direction"),
+    ]
+
+
+def _solid_shell_effects(scene: Scene) -> list[Effect]:
+    material, element = scene.material, scene.element
+    if isinstance(material, FabricMaterial):
+        measure = {"normal": "normal thickness", "director": "length of the director"}
+        law = f"C33 = c0 exp(c1 |E33|^c2), measured by the {measure[element.compaction_strain]}"
+        compaction = Effect("compaction", True, law)
+        bending = "C^B is independent of the membrane"
+    else:
+        law = f"the {material.law} law has a constant stiffness C33"
+        compaction = Effect("compaction", False, law)
+        bending = _bending_reason(material)
+    row = "with" if element.in_plane_shear_hourglass else "without"
+    hourglass = f"one in-plane integration point; {element.hourglass}, {row} the in-plane shear row"
+    coupled = couples_thickness(scene)
+    return [
+        compaction,
+        Effect("bending", True, bending),
+        Effect("transverse shear", True, "assumed natural strains, C13 and C23"),
+        Effect("hourglass control", True, hourglass),
+        Effect(
+            "enhanced strain",
+            coupled,
+            f"normal and in-plane strains {'couple' if coupled else 'do not couple'}",
+        ),
+    ]
 
 
 def couples_thickness(scene: Scene) -> bool:
@@ -327,7 +345,7 @@ def _prescribed_reason(motion: StrokeMotion | TableMotion) -> str:
 # --- cost -----------------------------------------------------------------------------------------
 
 
-def estimate_run(scene: Scene, blank: BlankMesh) -> Estimate:
+def estimate_run(scene: Scene, mesh: BlankMesh | TriangleMesh) -> Estimate:
     """Estimate time step, step count and computing time from the undeformed blank.
 
     The step follows from the fastest elastic wave: in-plane over the shortest edge, or over the
@@ -336,17 +354,15 @@ def estimate_run(scene: Scene, blank: BlankMesh) -> Estimate:
     """
     density = scene.material.areal_mass / scene.material.thickness
     in_plane_stiffness, normal_stiffness = _wave_stiffnesses(scene)
-    shortest_edge = _shortest_edge(blank)
-    steps = {
-        "in-plane waves": shortest_edge / math.sqrt(in_plane_stiffness / density),
-        "waves over the thickness": (
-            scene.material.thickness / math.sqrt(normal_stiffness / density)
-        ),
-    }
+    shortest_edge = _shortest_edge(mesh)
+    steps = {"in-plane waves": shortest_edge / math.sqrt(in_plane_stiffness / density)}
+    if not isinstance(scene.element, MembraneShellElement):
+        thickness_wave = math.sqrt(normal_stiffness / density)
+        steps["waves over the thickness"] = scene.material.thickness / thickness_wave
     controlled_by = min(steps, key=steps.get)
     critical_step = steps[controlled_by] * _contact_share(scene)
     step_count = math.ceil(scene.process.time / (critical_step * scene.process.step_safety))
-    seconds = step_count * len(blank.elements) * SECONDS_PER_ELEMENT_STEP
+    seconds = step_count * mesh.element_count * SECONDS_PER_ELEMENT_STEP[scene.element.type]
     return Estimate(critical_step, step_count, seconds, controlled_by)
 
 
@@ -376,8 +392,8 @@ def _wave_stiffnesses(scene: Scene) -> tuple[float, float]:
     return float(max(diagonal[0], diagonal[1])), float(diagonal[2])
 
 
-def _shortest_edge(blank: BlankMesh) -> float:
-    corners = blank.node_positions[blank.elements[:, :4]]
+def _shortest_edge(mesh: BlankMesh | TriangleMesh) -> float:
+    corners = mesh.node_positions[mesh.elements[:, :4]]
     lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     return float(lengths[lengths > 0.0].min())  # a triangle repeats its last node
 
@@ -387,7 +403,7 @@ def _shortest_edge(blank: BlankMesh) -> float:
 
 def scene_warnings(scene: Scene) -> list[str]:
     """Say what is allowed but probably not meant."""
-    found = []
+    found = [NO_THICKNESS] if isinstance(scene.element, MembraneShellElement) else []
     material, process = scene.material, scene.process
     if isinstance(material, FabricMaterial):
         if material.fibre_volume_fraction > 0.9:
@@ -395,7 +411,8 @@ def scene_warnings(scene: Scene) -> list[str]:
                 f"the fibre volume fraction of the unloaded fabric is "
                 f"{material.fibre_volume_fraction:.2f}, more than fibres can be packed to"
             )
-        if scene.element.compaction_strain == "director" and scene.tools:
+        director = getattr(scene.element, "compaction_strain", None) == "director"
+        if director and scene.tools:
             found.append(
                 'element.compaction_strain = "director" (as published) lets elements fold over on '
                 'small radii under pressure; "normal" does not'

@@ -19,14 +19,21 @@ from lcmchain.elements.geometry import (
     reference_geometry,
     strain_transformation,
 )
-from lcmchain.elements.kernel import CORNER_ROWS, LANES
+from lcmchain.elements.kernel import LANES
+from lcmchain.elements.membrane_shell_kernel import (
+    MembraneShellSlots,
+    patch_nodes_in_blocks,
+    patch_rows,
+)
 from lcmchain.elements.packing import curved_rows, flat_rows, in_blocks
+from lcmchain.elements.patch import TriangleGeometry, angle_shares, triangle_geometry
 from lcmchain.elements.solid_shell import Moments
 from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
-from lcmchain.scene.schema import Contact, Element, Process
+from lcmchain.scene.schema import Contact, Element, MembraneShellElement, Process
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
+from lcmchain.triangulation import TriangleMesh, triangulate
 
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
 # start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres (README).
@@ -34,7 +41,7 @@ AUTOMATIC_PENALTY = 0.1
 
 
 class ElementSlots(NamedTuple):
-    """Arguments of the element kernels after the node positions and the connectivity."""
+    """Arguments of the solid-shell's kernels after the node positions and the connectivity."""
 
     fabric: Any
     stiffness: Any
@@ -69,20 +76,26 @@ class Environment(NamedTuple):
     contact_damping_ratio: float
     mass_damping: float  # [1/s]
     gravity: float  # acceleration along -z [m/s²]
+    contact_offset: float  # distance of the sheet's surface from its nodes [m]
 
 
 @dataclass(frozen=True)
 class Model:
-    """Constants of one forming simulation (see the classes above for the arrays)."""
+    """Constants of one forming simulation (see the classes above for the arrays).
 
-    blank: BlankMesh
+    The sheet is made of solid-shells (``elements``, with their transformations) or of triangles
+    with membrane and shell part (``membrane_shell``); what belongs to the other kind is ``None``.
+    """
+
+    blank: BlankMesh | TriangleMesh
     material: Fabric | StVenantKirchhoff
-    geometry: ReferenceGeometry
+    geometry: ReferenceGeometry | TriangleGeometry
     corner_node: np.ndarray
     element_data: np.ndarray
-    elements: ElementSlots
-    transformation: np.ndarray
-    transformation_change: np.ndarray
+    elements: ElementSlots | None
+    membrane_shell: MembraneShellSlots | None
+    transformation: np.ndarray | None
+    transformation_change: np.ndarray | None
     nodes: NodeSlots
     tools: ToolTable
     tool_names: tuple[str, ...]
@@ -100,6 +113,11 @@ class Model:
     @property
     def node_count(self) -> int:
         return len(self.blank.node_positions)
+
+    @property
+    def volume(self) -> float:
+        """Initial volume of the sheet [m³]."""
+        return float(self.nodes.mass.sum()) / self.material.density
 
     @property
     def corner_force_size(self) -> int:
@@ -177,37 +195,26 @@ def assemble_model(
 ) -> Model:
     """Build the model of a given blank mesh, tool table and supports.
 
+    Nodes of ``supports`` are those of the blank, or of its pairs for ``type = "membrane-shell"``.
+
     Raises
     ------
     InputError : see :func:`lcmchain.effects.supports.build_supports`.
     """
-    geometry = reference_geometry(blank.node_positions[blank.elements], blank.fibre_direction_1)
-    slots = element_slots(material, element, geometry)
-    rows = flat_rows(geometry) if slots.flat else curved_rows(geometry)
-    support_table, free = build_supports(supports, blank.node_positions, float(process.time))
-    nodes = _node_slots(blank, geometry, material.density, free)
+    membrane_shell = isinstance(element, MembraneShellElement)
+    mesh = triangulate(blank) if membrane_shell else blank
+    support_table, free = build_supports(supports, mesh.node_positions, float(process.time))
+    if membrane_shell:
+        sheet, shortest_length = _membrane_shell_sheet(mesh, material, free)
+    else:
+        sheet, shortest_length = _solid_shell_sheet(mesh, material, element, free)
     penalty = contact.penalty
     if penalty is None:
-        penalty = _automatic_penalty(material, geometry)
-    block_count = -(-len(blank.elements) // LANES)
-    T = strain_transformation(geometry.K, geometry.K)
-    if slots.flat:
-        change = np.zeros((1, 3, 6, 6))
-    else:
-        change = np.stack(
-            [strain_transformation(geometry.K, 2.0 * geometry.dK[:, d]) for d in range(3)], axis=1
-        )
-        change = _padded(change, block_count * LANES)
+        penalty = _automatic_penalty(material, shortest_length)
     return Model(
-        blank=blank,
+        blank=mesh,
         material=material,
-        geometry=geometry,
-        corner_node=in_blocks(blank.elements).astype(np.int32),
-        element_data=in_blocks(rows),
-        elements=slots,
-        transformation=_padded(T, block_count * LANES),
-        transformation_change=change,
-        nodes=nodes,
+        **sheet,
         tools=tools,
         tool_names=tool_names,
         supports=support_table,
@@ -218,6 +225,7 @@ def assemble_model(
             contact_damping_ratio=float(contact.damping_ratio),
             mass_damping=float(process.mass_damping),
             gravity=STANDARD_GRAVITY if process.gravity else 0.0,
+            contact_offset=0.5 * float(material.thickness) if membrane_shell else 0.0,
         ),
         process_time=float(process.time),
         frame_count=int(process.frames),
@@ -241,40 +249,102 @@ def assemble_sheet(blank: BlankMesh, material, element=None) -> Model:
     )
 
 
+def _solid_shell_sheet(
+    blank: BlankMesh, material, element, free: np.ndarray
+) -> tuple[dict[str, Any], float]:
+    """Return the entries of the model that belong to the sheet, and the shortest element [m]."""
+    geometry = reference_geometry(blank.node_positions[blank.elements], blank.fibre_direction_1)
+    slots = element_slots(material, element, geometry)
+    rows = flat_rows(geometry) if slots.flat else curved_rows(geometry)
+    block_count = -(-len(blank.elements) // LANES)
+    T = strain_transformation(geometry.K, geometry.K)
+    if slots.flat:
+        change = np.zeros((1, 3, 6, 6))
+    else:
+        change = np.stack(
+            [strain_transformation(geometry.K, 2.0 * geometry.dK[:, d]) for d in range(3)], axis=1
+        )
+        change = _padded(change, block_count * LANES)
+    volume_share = np.repeat(geometry.volume / 8.0, 8)
+    area_share = np.repeat(geometry.volume / (2.0 * geometry.height) / 4.0, 8)
+    corners = blank.elements.ravel()
+    entries = {
+        "geometry": geometry,
+        "corner_node": in_blocks(blank.elements).astype(np.int32),
+        "element_data": in_blocks(rows),
+        "elements": slots,
+        "membrane_shell": None,
+        "transformation": _padded(T, block_count * LANES),
+        "transformation_change": change,
+        "nodes": NodeSlots(
+            force_slot=_force_slots(blank.elements, blank.node_count),
+            mass=material.density
+            * np.bincount(corners, weights=volume_share, minlength=blank.node_count),
+            area=np.bincount(corners, weights=area_share, minlength=blank.node_count),
+            free=free,
+        ),
+    }
+    return entries, float(2.0 * np.linalg.norm(geometry.modes[:, :2], axis=2).min())
+
+
+def _membrane_shell_sheet(
+    mesh: TriangleMesh, material: Fabric, free: np.ndarray
+) -> tuple[dict[str, Any], float]:
+    """As :func:`_solid_shell_sheet` for triangles with membrane and shell part."""
+    law = material.law
+    geometry = triangle_geometry(mesh, (law.B11, law.B22, law.B12))
+    shares = angle_shares(mesh.node_positions[mesh.elements]) * geometry.area[:, None]
+    area = np.bincount(mesh.elements.ravel(), weights=shares.ravel(), minlength=mesh.node_count)
+    entries = {
+        "geometry": geometry,
+        "corner_node": patch_nodes_in_blocks(geometry),
+        "element_data": in_blocks(patch_rows(geometry)),
+        "elements": None,
+        "membrane_shell": MembraneShellSlots(law, float(material.thickness)),
+        "transformation": None,
+        "transformation_change": None,
+        "nodes": NodeSlots(
+            force_slot=_force_slots(geometry.nodes, mesh.node_count),
+            mass=material.areal_mass * area,
+            area=area,
+            free=free,
+        ),
+    }
+    return entries, float(2.0 / np.abs(geometry.gradient).sum(axis=1).max())
+
+
 def _padded(array: np.ndarray, count: int) -> np.ndarray:
     return np.concatenate([array, np.repeat(array[-1:], count - len(array), axis=0)])
 
 
-def _node_slots(
-    blank: BlankMesh, geometry: ReferenceGeometry, density: float, free: np.ndarray
-) -> NodeSlots:
-    node_count = len(blank.node_positions)
-    corners = blank.elements.ravel()
-    element, corner = np.divmod(np.arange(corners.size), 8)
+def _force_slots(elements: np.ndarray, node_count: int) -> np.ndarray:
+    """Return where each node finds the forces of its elements, (valence, node_count) int32.
+
+    ``elements`` (E, C) holds node numbers; -1 is a corner that is absent. The corner forces lie in
+    blocks of 16 elements with 3 C rows; slots without an element point to a zero behind them.
+    """
+    element_count, corner_count = elements.shape
+    corners = elements.ravel()
+    element, corner = np.divmod(np.arange(corners.size), corner_count)
     block, lane = np.divmod(element, LANES)
-    slot = (block * CORNER_ROWS + 3 * corner) * LANES + lane
+    slot = (block * 3 * corner_count + 3 * corner) * LANES + lane
 
     # a fixed order of the corners of each node keeps sums bit-identical for any thread count
     order = np.argsort(corners, kind="stable")
+    order = order[corners[order] >= 0]
     node = corners[order]
     rank = np.arange(node.size) - np.searchsorted(node, node)
-    block_count = -(-len(blank.elements) // LANES)
-    zero_slot = block_count * CORNER_ROWS * LANES
+    block_count = -(-element_count // LANES)
+    zero_slot = block_count * 3 * corner_count * LANES
     force_slot = np.full((rank.max() + 1, node_count), zero_slot, dtype=np.int32)
     force_slot[rank, node] = slot[order]
-
-    volume_share = np.repeat(geometry.volume / 8.0, 8)
-    mass = density * np.bincount(corners, weights=volume_share, minlength=node_count)
-    area_share = np.repeat(geometry.volume / (2.0 * geometry.height) / 4.0, 8)
-    area = np.bincount(corners, weights=area_share, minlength=node_count)
-    return NodeSlots(force_slot, mass, area, free)
+    return force_slot
 
 
-def _automatic_penalty(material, geometry: ReferenceGeometry) -> float:
+def _automatic_penalty(material, shortest_length: float) -> float:
     """Return the contact stiffness [Pa/m] that keeps contact from governing the time step."""
     C = material.stress_and_tangent(np.zeros(6))[1]
     stiffness = max(C[0, 0], C[1, 1])
     wave2 = stiffness / material.density
-    length = 2.0 * np.linalg.norm(geometry.modes[:, :2], axis=2).min()
-    omega2 = 4.0 * wave2 / length**2
+    omega2 = 4.0 * wave2 / shortest_length**2
     return AUTOMATIC_PENALTY * omega2 * 0.5 * material.density * material.thickness

@@ -36,7 +36,7 @@ class State:
     work : energies, see the columns above.
     clock : (3,) time [s], size of the last step [s], ω² bound of the elements [1/s²].
     counters : (4,) steps, chunks since the last full frequency evaluation, element that controls
-        the step, and the mode vector in which it does.
+        the step, and a code of what governs it (:mod:`lcmchain.solver.sheet_queries`).
     """
 
     position: np.ndarray

@@ -13,8 +13,15 @@ import xarray as xr
 from lcmchain.blank import BlankMesh
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
+from lcmchain.triangulation import TriangleMesh
 
 SHEET, SOLID, HISTORY = "/", "/solid", "/history"
+
+#: What a result of the 2D approach says about the thickness, in the file and in its summary.
+NO_THICKNESS = (
+    'element = "membrane-shell" predicts no thickness, and therefore no fibre volume fraction, no '
+    "compaction pressure and no permeability"
+)
 
 #: Marks the missing fourth node of a triangle, and the missing last nodes of a wedge.
 NO_NODE = np.int32(-1)
@@ -83,7 +90,7 @@ class FrameSeries:
 
 
 def build_datasets(
-    scene, blank: BlankMesh, frames: FrameSeries, *, material=None
+    scene, blank: BlankMesh | TriangleMesh, frames: FrameSeries, *, material=None
 ) -> dict[str, xr.Dataset]:
     """Turn saved frames into the groups of ``forming.nc``.
 
@@ -93,7 +100,7 @@ def build_datasets(
     formed shape; ``reference_position_*`` and ``displacement_*`` give the shape of every frame
     (:func:`lcmchain.fields.summary.sheet_positions`). ``"/solid"`` holds the solid-shell elements,
     volume i being face i of the sheet, and ``"/history"`` time, energies, and travel and forces
-    of the tools.
+    of the tools. Triangles of the 2D approach are the faces themselves: there is no ``"/solid"``.
 
     Parameters
     ----------
@@ -108,11 +115,11 @@ def build_datasets(
     Datasets by group name. Face variables have the dimensions ``frame`` and ``sheet_face``.
     """
     material = _material(scene) if material is None else material
-    return {
-        SHEET: _sheet(scene, blank, frames, material),
-        SOLID: _solid(blank, frames),
-        HISTORY: _history(frames),
-    }
+    datasets = {SHEET: _sheet(scene, blank, frames, material)}
+    if isinstance(blank, BlankMesh):
+        datasets[SOLID] = _solid(blank, frames)
+    datasets[HISTORY] = _history(frames)
+    return datasets
 
 
 def add_face_variables(
@@ -156,17 +163,21 @@ def add_face_variables(
 # --- root group -----------------------------------------------------------------------------------
 
 
-def _sheet(scene, blank: BlankMesh, frames: FrameSeries, material) -> xr.Dataset:
-    reference = _mid_surface(blank.node_positions)
-    current = _mid_surface(frames.positions)
-    faces = np.where(blank.is_triangle[:, None] & (np.arange(4) == 3), NO_NODE, blank.faces)
+def _sheet(
+    scene, blank: BlankMesh | TriangleMesh, frames: FrameSeries, material
+) -> xr.Dataset:
+    if isinstance(blank, TriangleMesh):
+        reference, current, faces = blank.node_positions, frames.positions, blank.elements
+    else:
+        reference, current = _mid_surface(blank.node_positions), _mid_surface(frames.positions)
+        faces = np.where(blank.is_triangle[:, None] & (np.arange(4) == 3), NO_NODE, blank.faces)
     variables: dict[str, tuple] = {
         "sheet": (
             (),
             np.int32(0),
             {
                 "cf_role": "mesh_topology",
-                "long_name": "mid-surface of the textile, one face per solid-shell element",
+                "long_name": "mid-surface of the textile, one face per element",
                 "topology_dimension": np.int32(2),
                 "node_coordinates": "sheet_node_x sheet_node_y sheet_node_z",
                 "face_node_connectivity": "sheet_face_nodes",
@@ -196,7 +207,10 @@ def _sheet(scene, blank: BlankMesh, frames: FrameSeries, material) -> xr.Dataset
             np.stack([step[name] for step in steps]),
             FIELD_OF_VARIABLE[name].attributes(name) | {"mesh": "sheet", "location": "face"},
         )
-    dataset = xr.Dataset(variables, attrs=_global_attributes(scene, material))
+    attributes = _global_attributes(scene, material)
+    if isinstance(blank, TriangleMesh):
+        attributes["comment"] = NO_THICKNESS
+    dataset = xr.Dataset(variables, attrs=attributes)
     return dataset.set_coords([f"sheet_node_{axis}" for axis in "xyz"] + ["frame_time"])
 
 

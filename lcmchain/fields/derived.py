@@ -6,9 +6,12 @@ import numpy as np
 
 from lcmchain.blank import BlankMesh
 from lcmchain.elements.geometry import MODES
+from lcmchain.triangulation import TriangleMesh
 
 
-def derive_fields(blank: BlankMesh, material, positions: np.ndarray) -> dict[str, np.ndarray]:
+def derive_fields(
+    blank: BlankMesh | TriangleMesh, material, positions: np.ndarray
+) -> dict[str, np.ndarray]:
     """Derive the state of the textile in every element from the positions of the nodes.
 
     With the covariant base vectors a1, a2, a3 of the element centre (modes 1 to 3 of the node
@@ -26,7 +29,8 @@ def derive_fields(blank: BlankMesh, material, positions: np.ndarray) -> dict[str
     Returns
     -------
     The variables of the face fields in :data:`lcmchain.fields.table.FIELDS`, each of shape
-    (..., element_count); without ``fibre_volume_fraction`` where the fibre density is unknown.
+    (..., element_count); without ``fibre_volume_fraction`` where the fibre density is unknown, and
+    without all that needs a thickness for triangles, which have none.
 
     Notes
     -----
@@ -34,6 +38,8 @@ def derive_fields(blank: BlankMesh, material, positions: np.ndarray) -> dict[str
     det F = (t / t0) cos γ, so that shear and compaction both raise it. The compaction pressure is
     that of plate-to-plate compaction, λ |S33| with λ = t / t0.
     """
+    if isinstance(blank, TriangleMesh):
+        return _derive_on_triangles(blank, material, np.asarray(positions, dtype=float))
     reference = _base_vectors(blank, blank.node_positions)
     current = _base_vectors(blank, np.asarray(positions, dtype=float))
     area_0, normal_0 = _length_and_direction(np.cross(reference[..., 0, :], reference[..., 1, :]))
@@ -44,9 +50,6 @@ def derive_fields(blank: BlankMesh, material, positions: np.ndarray) -> dict[str
         _dragged_along(reference, current, direction)
         for direction in (blank.fibre_direction_1, blank.fibre_direction_2)
     )
-    stretch_1, direction_1 = _length_and_direction(fibre_1)
-    stretch_2, direction_2 = _length_and_direction(fibre_2)
-
     fields = {"thickness": 2.0 * height}
     if material.fibre_density is not None:
         initial_fraction = material.areal_mass / (material.fibre_density * 2.0 * height_0)
@@ -54,7 +57,32 @@ def derive_fields(blank: BlankMesh, material, positions: np.ndarray) -> dict[str
             fields["fibre_volume_fraction"] = initial_fraction * (
                 (area_0 * height_0) / (area * height)
             )
-    fields["areal_fibre_mass"] = material.areal_mass * (area_0 / area)
+    fields |= _in_plane_fields(material, area_0 / area, normal, fibre_1, fibre_2)
+    fields["compaction_pressure"] = material.compaction_pressure(height / height_0)
+    return fields
+
+
+def _derive_on_triangles(
+    mesh: TriangleMesh, material, positions: np.ndarray
+) -> dict[str, np.ndarray]:
+    """As :func:`derive_fields`, with the sides of a triangle as base vectors."""
+    sides_0, sides = _sides(mesh, mesh.node_positions), _sides(mesh, positions)
+    area_0, normal_0 = _length_and_direction(np.cross(sides_0[..., 0, :], sides_0[..., 1, :]))
+    area, normal = _length_and_direction(np.cross(sides[..., 0, :], sides[..., 1, :]))
+    reference = np.concatenate([sides_0, normal_0[..., None, :]], axis=-2)
+    current = np.concatenate([sides, normal[..., None, :]], axis=-2)
+    fibre_1, fibre_2 = (
+        _dragged_along(reference, current, direction)
+        for direction in (mesh.fibre_direction_1, mesh.fibre_direction_2)
+    )
+    return _in_plane_fields(material, area_0 / area, normal, fibre_1, fibre_2)
+
+
+def _in_plane_fields(material, area_ratio, normal, fibre_1, fibre_2) -> dict[str, np.ndarray]:
+    """Fields of the fibres: ``area_ratio`` is initial over current area, fibres are F·direction."""
+    stretch_1, direction_1 = _length_and_direction(fibre_1)
+    stretch_2, direction_2 = _length_and_direction(fibre_2)
+    fields = {"areal_fibre_mass": material.areal_mass * area_ratio}
     # arctan of cosine over sine stays exact for small angles, where arccos loses half the digits.
     fields["shear_angle"] = np.arctan2(
         _dot(direction_1, direction_2), _dot(np.cross(direction_1, direction_2), normal)
@@ -64,7 +92,6 @@ def derive_fields(blank: BlankMesh, material, positions: np.ndarray) -> dict[str
             fields[f"fibre_direction_{name}_{axis}"] = np.ascontiguousarray(component)
     fields["fibre_strain_1"] = stretch_1 - 1.0
     fields["fibre_strain_2"] = stretch_2 - 1.0
-    fields["compaction_pressure"] = material.compaction_pressure(height / height_0)
     return fields
 
 
@@ -82,6 +109,12 @@ def face_area_vectors(corners: np.ndarray) -> np.ndarray:
 def _base_vectors(blank: BlankMesh, positions: np.ndarray) -> np.ndarray:
     """Covariant base vectors at the element centres, shape (..., element_count, 3, 3)."""
     return MODES[:3] @ positions[..., blank.elements, :]
+
+
+def _sides(mesh: TriangleMesh, positions: np.ndarray) -> np.ndarray:
+    """Two sides of every triangle, shape (..., element_count, 2, 3)."""
+    corners = positions[..., mesh.elements, :]
+    return corners[..., 1:, :] - corners[..., :1, :]
 
 
 def _dragged_along(reference: np.ndarray, current: np.ndarray, direction) -> np.ndarray:

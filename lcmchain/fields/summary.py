@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
-from lcmchain.fields.dataset import HISTORY, SHEET
+from lcmchain.fields.dataset import HISTORY, NO_THICKNESS, SHEET
 from lcmchain.fields.derived import face_area_vectors
 
 #: Fibre volume fraction above which round fibres can hardly be packed (hexagonal: 0.907).
@@ -28,6 +28,8 @@ def sheet_faces(sheet: xr.Dataset) -> np.ndarray:
     faces = sheet["sheet_face_nodes"].values
     # Read without mask_and_scale=False, xarray gives floating point numbers with nan for -1.
     faces = np.where(np.isfinite(faces), faces, -1).astype(np.int64)
+    if faces.shape[1] == 3:
+        faces = np.pad(faces, ((0, 0), (0, 1)), constant_values=-1)
     return np.where(faces < 0, faces[:, 2:3], faces)
 
 
@@ -69,9 +71,11 @@ def field_summary(
     last = sheet.isel(frame=frame)
     mass = fibre_mass(sheet, frame)
     strains = [np.abs(last[f"fibre_strain_{i}"].values).max() for i in (1, 2)]
-    summary = {
-        "thickness_min_m": float(last["thickness"].min()),
-        "thickness_max_m": float(last["thickness"].max()),
+    summary = {}
+    if "thickness" in last:
+        summary["thickness_min_m"] = float(last["thickness"].min())
+        summary["thickness_max_m"] = float(last["thickness"].max())
+    summary |= {
         "shear_angle_max_rad": float(np.abs(last["shear_angle"]).max()),
         "fibre_strain_max": float(max(strains)),
         "fibre_mass_kg": mass,
@@ -86,8 +90,8 @@ def field_summary(
 
 
 def field_warnings(sheet: xr.Dataset, frame: int = -1) -> list[str]:
-    """Say in words where the fields of a frame leave the range of the model."""
-    found = []
+    """Say in words what the model cannot tell, and where the fields of a frame leave its range."""
+    found = [] if "thickness" in sheet else [NO_THICKNESS]
     if "fibre_volume_fraction" in sheet:
         fraction = sheet["fibre_volume_fraction"].values[frame]
         over = np.flatnonzero(fraction > LARGEST_FIBRE_VOLUME_FRACTION)

@@ -1,4 +1,4 @@
-"""VTU files of the solid-shell elements, and a time series (PVD) that ParaView opens at once."""
+"""VTU files of the elements, and a time series (PVD) that ParaView opens at once."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
 
 
 def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int = -1) -> None:
-    """Write the solid elements in one frame with all face fields as cell data; whole or not at all.
+    """Write the elements in one frame with all face fields as cell data; whole or not at all.
 
     Points are the positions of the frame, with the ``displacement`` that led to them; vectors have
-    three components. Cells are hexahedra, then the wedges of halved cells at a cut edge; the cell
-    data ``element`` holds the element numbers.
+    three components. Cells are hexahedra, then the wedges of halved cells at a cut edge, or the
+    triangles of the 2D approach; the cell data ``element`` holds the element numbers.
 
     Raises
     ------
@@ -58,20 +58,13 @@ def write_pvd(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:
 
 
 def _mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
-    sheet, solid = datasets[SHEET], datasets[SOLID]
-    reference = _vector(solid, "reference_position", None)
-    displacement = _vector(solid, "displacement", frame)
-    volumes = solid["solid_volume_nodes"].values.astype(np.int64)
-    wedge = volumes[:, 6] < 0
-    blocks = [
-        (kind, numbers, volumes[numbers, :corners])
-        for kind, numbers, corners in (
-            ("hexahedron", np.flatnonzero(~wedge), 8),
-            ("wedge", np.flatnonzero(wedge), 6),
-        )
-        if len(numbers)
-    ]
-    fields = _cell_fields(sheet, frame) | {"element": np.arange(len(volumes))}
+    sheet = datasets[SHEET]
+    mesh = datasets.get(SOLID, sheet)  # the triangles of the 2D approach are the sheet itself
+    reference = _vector(mesh, "reference_position", None)
+    displacement = _vector(mesh, "displacement", frame)
+    blocks = _solid_blocks(mesh) if SOLID in datasets else _triangle_blocks(mesh)
+    element_count = sum(len(numbers) for _, numbers, _ in blocks)
+    fields = _cell_fields(sheet, frame) | {"element": np.arange(element_count)}
     return meshio.Mesh(
         reference + displacement,
         [(kind, nodes) for kind, _, nodes in blocks],
@@ -80,6 +73,25 @@ def _mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
             name: [values[numbers] for _, numbers, _ in blocks] for name, values in fields.items()
         },
     )
+
+
+def _solid_blocks(solid: xr.Dataset) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """Kind of cell, element numbers and nodes of the solid-shells, kind by kind."""
+    volumes = solid["solid_volume_nodes"].values.astype(np.int64)
+    wedge = volumes[:, 6] < 0
+    return [
+        (kind, numbers, volumes[numbers, :corners])
+        for kind, numbers, corners in (
+            ("hexahedron", np.flatnonzero(~wedge), 8),
+            ("wedge", np.flatnonzero(wedge), 6),
+        )
+        if len(numbers)
+    ]
+
+
+def _triangle_blocks(sheet: xr.Dataset) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    faces = sheet["sheet_face_nodes"].values.astype(np.int64)
+    return [("triangle", np.arange(len(faces)), faces)]
 
 
 def _cell_fields(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:

@@ -16,11 +16,21 @@ from pydantic.fields import FieldInfo
 from lcmchain.scene.schema import Scene
 
 #: The entry that chooses between the forms of a table.
-DISCRIMINATORS = {"material": "law", "permeability": "law", "shape": "type", "motion": "type"}
+DISCRIMINATORS = {
+    "material": "law",
+    "permeability": "law",
+    "element": "type",
+    "shape": "type",
+    "motion": "type",
+}
+
+#: What a table is without that entry; no other table has a form of this name.
+DEFAULT_FORM = "solid-shell"
 
 #: Examples of tables, for messages about a missing one.
 _TABLE_EXAMPLES = {
     "process": '[process] with time = "100 ms"',
+    "element": 'element = "solid-shell"',
     "blank": '[blank] with size = ["300 mm", "300 mm"] and edge_length = "5 mm"',
     "material": '[material] with preset = "MD600"',
     "shape": 'shape = { type = "plate", side = "below" }',
@@ -157,6 +167,10 @@ def _choice_message(value: Any, choices: Sequence[str]) -> str:
 def _unknown_key(name: str, location: tuple[str | int, ...], data: Any) -> str:
     model = _model_at(location[:-1], data)
     keys = sorted(model.model_fields) if model else []
+    for other in _models_of(_annotation_at(location[:-1], data)):
+        if model is not None and name in other.model_fields:
+            own, tag = _tags_of(model)[0], _tags_of(other)[0]
+            return f'unknown key here; it belongs to "{tag}", but this is "{own}"'
     # A key that is right one table further in or out is the commonest slip after spelling.
     for table, inner in _inner_models(location[:-1], data):
         if name in inner.model_fields:
@@ -218,7 +232,7 @@ def _chosen(models: list[type[BaseModel]], value: Any) -> type[BaseModel] | None
         return models[0]
     if not isinstance(value, dict):
         return None
-    tag = "fabric" if value.get("preset") else value.get("law", value.get("type"))
+    tag = "fabric" if value.get("preset") else value.get("law", value.get("type", DEFAULT_FORM))
     return next((model for model in models if tag in _tags_of(model)), None)
 
 

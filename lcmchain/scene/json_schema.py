@@ -16,11 +16,13 @@ def scene_json_schema() -> dict[str, Any]:
     schema["title"] = "lcmchain scene"
     definitions = schema["$defs"]
     _allow_presets(schema, definitions)
+    _allow_element_name(schema, definitions)
     for title, definition in definitions.items():
-        # The key that chooses the form must be written in a file, unless a preset implies it.
+        # The key that chooses the form must be written in a file, unless a preset or the default
+        # form implies it.
         for key in ("law", "type"):
             chooses = "const" in definition.get("properties", {}).get(key, {})
-            if chooses and title != "PresetMaterial":
+            if chooses and title not in ("PresetMaterial", "SolidShellElement"):
                 definition["properties"][key].pop("default", None)
                 required = definition.setdefault("required", [])
                 if key not in required:
@@ -46,6 +48,18 @@ def _allow_presets(schema: dict[str, Any], definitions: dict[str, Any]) -> None:
     laws = schema["properties"]["material"].pop("oneOf")
     schema["properties"]["material"].pop("discriminator", None)
     schema["properties"]["material"]["anyOf"] = [{"$ref": "#/$defs/PresetMaterial"}, *laws]
+
+
+def _allow_element_name(schema: dict[str, Any], definitions: dict[str, Any]) -> None:
+    """Offer the name of a kind of element in place of its table."""
+    entry = schema["properties"]["element"]
+    tables = entry.pop("oneOf")
+    entry.pop("discriminator", None)
+    names = [
+        definitions[table["$ref"].rsplit("/", 1)[1]]["properties"]["type"]["const"]
+        for table in tables
+    ]
+    entry["anyOf"] = [{"type": "string", "enum": names}, *tables]
 
 
 def _without_null(node: Any) -> Any:

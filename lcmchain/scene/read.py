@@ -156,6 +156,8 @@ def _used_values(
 ) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
     given: list[tuple[str, str]] = []
     defaulted: list[tuple[str, str]] = []
+    if isinstance(data.get("element"), str):
+        data = data | {"element": {"type": data["element"]}}
     preset_name = getattr(scene.material, "preset", None)
     preset = {"material": PRESETS[preset_name]} if preset_name else {}
     for key, raw_path, text in _leaves(scene, (), ()):

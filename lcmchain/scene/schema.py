@@ -61,6 +61,9 @@ from lcmchain.scene.entry_types import (
 from lcmchain.scene.presets import PRESETS
 from lcmchain.scene.units import length_factor
 
+#: Text that takes back an optional table, for overrides: TOML has no null.
+NONE = "none"
+
 
 class SceneModel(BaseModel):
     """Base of all scene tables: frozen, and an unknown key is an error."""
@@ -352,9 +355,10 @@ Material = Annotated[
 ]
 
 
-class Element(SceneModel):
-    """Choices in the solid-shell element (paper section 2)."""
+class SolidShellElement(SceneModel):
+    """The solid-shell of the paper's section 2, and the choices in it."""
 
+    type: Literal["solid-shell"] = "solid-shell"
     integration_points: Annotated[int, Number(3, Range(2, 7), whole=True)] = Field(
         default=3, description="Integration points over the thickness."
     )
@@ -375,6 +379,15 @@ class Element(SceneModel):
     in_plane_shear_hourglass: Switch = Field(
         default=True, description="Keep the in-plane shear row in the hourglass stabilisation."
     )
+
+
+class MembraneShellElement(SceneModel):
+    """Superimposed membrane and shell triangles, the 2D approach; they predict no thickness."""
+
+    type: Literal["membrane-shell"] = "membrane-shell"
+
+
+Element = Annotated[SolidShellElement | MembraneShellElement, Field(discriminator="type")]
 
 
 # --- tools ----------------------------------------------------------------------------------------
@@ -702,7 +715,7 @@ class Scene(SceneModel):
     process: Process
     blank: Blank
     material: Material
-    element: Element = Field(default_factory=Element)
+    element: Element = Field(default_factory=SolidShellElement)
     contact: Contact = Field(default_factory=Contact)
     tools: Annotated[
         tuple[Tool, ...], Row("[[tools]] ... for each tool", entries="tables", units=False)
@@ -712,7 +725,7 @@ class Scene(SceneModel):
         tuple[MappingTarget, ...],
         Row("[[mapping]] ... for each mesh", entries="tables", units=False),
     ] = ()
-    permeability: Annotated[Permeability | None, AbsentMeans("none")] = None
+    permeability: Annotated[Permeability | None, AbsentMeans(NONE)] = None
 
     _source: SceneSource | None = PrivateAttr(default=None)
 
@@ -725,6 +738,21 @@ class Scene(SceneModel):
     @classmethod
     def _fill_preset(cls, value: Any) -> Any:
         return fill_preset(value)
+
+    @field_validator("element", mode="before")
+    @classmethod
+    def _complete_element(cls, value: Any) -> Any:
+        """Take a name alone, and the solid-shell where options are given without a type."""
+        if isinstance(value, str):
+            return {"type": value}
+        if isinstance(value, dict) and "type" not in value:
+            return {"type": SolidShellElement.model_fields["type"].default, **value}
+        return value
+
+    @field_validator("permeability", mode="before")
+    @classmethod
+    def _allow_none(cls, value: Any) -> Any:
+        return None if value == NONE else value
 
     @field_validator("tools", "mapping")
     @classmethod
@@ -758,12 +786,30 @@ class Scene(SceneModel):
                 'fibre_density = "1810 kg/m^3" or leave [permeability] out',
                 field="material.fibre_density",
             )
+        if isinstance(self.element, MembraneShellElement):
+            self._check_membrane_shell()
         if self.material.thickness > min(self.blank.extent):
             raise wrong(
                 f"is {self.material.thickness * 1e3:g} mm, larger than the blank; check its unit",
                 field="material.thickness",
             )
         return self
+
+
+    def _check_membrane_shell(self) -> None:
+        if not isinstance(self.material, FabricMaterial):
+            raise wrong(
+                f'is "{self.material.law}", but element = "membrane-shell" knows the law "fabric" '
+                'only; use element = "solid-shell"',
+                field="material.law",
+            )
+        if self.permeability is not None:
+            raise wrong(
+                'needs the thickness, which element = "membrane-shell" does not predict; use '
+                'element = "solid-shell", or leave the entry out (on the command line: '
+                "--set permeability=none)",
+                field="permeability",
+            )
 
 
 def fill_preset(material: Any) -> Any:

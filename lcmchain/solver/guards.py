@@ -14,6 +14,10 @@ COLLAPSED_STRETCH = 0.05
 # Deeper in a tool than this part of its thickness, the sheet is not where the tools hold it.
 DEEPEST_PENETRATION = 0.15
 
+# Below this fraction of its initial area a triangle counts as collapsed: the fibres are sheared to
+# within 3 degrees of each other.
+COLLAPSED_AREA = 0.05
+
 # Energy that may appear from nowhere, relative to the external work, before a run is called
 # unstable; the floor is the strain energy of a strain of 1e-4 over the whole sheet.
 RUNAWAY_FRACTION = 0.1
@@ -89,6 +93,20 @@ def require_outside(model: Model, state: State) -> None:
     )
 
 
+def require_area(model: Model, state: State, area_ratio: np.ndarray) -> None:
+    """Stop where a triangle has lost its area."""
+    worst = int(np.argmin(area_ratio))
+    if area_ratio[worst] > COLLAPSED_AREA:
+        return
+    centre = state.position[:, model.blank.elements[worst]].mean(axis=1)
+    raise SimulationError(
+        f"triangle {worst} is collapsed (area {area_ratio[worst]:.3f} of the initial one) at "
+        f"{_millimetres(centre)} at {_when(state)}. Likely cause: the sheet is sheared beyond 87 "
+        "degrees, or the mesh cannot resolve the tool; use a smaller blank.edge_length or a larger "
+        "radius"
+    )
+
+
 def require_passive(model: Model, state: State) -> None:
     """Stop where motion and dissipation have taken more energy than was put in."""
     taken = float(np.sum(state.work[:WORK_COLUMNS]) - state.work[EXTERNAL])
@@ -111,7 +129,7 @@ def energy_floor(model: Model) -> float:
     """Return the energy [J] below which a balance says nothing."""
     C = model.material.stress_and_tangent(np.zeros(6))[1]
     stiffness = max(C[0, 0], C[1, 1])
-    return 0.5 * stiffness * FLOOR_STRAIN**2 * float(model.geometry.volume.sum())
+    return 0.5 * stiffness * FLOOR_STRAIN**2 * model.volume
 
 
 def _when(state: State) -> str:

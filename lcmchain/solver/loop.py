@@ -19,6 +19,7 @@ from lcmchain.effects.contact import friction, normal_force
 from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.kernel import LANES, internal_forces
+from lcmchain.elements.membrane_shell_kernel import membrane_shell_forces
 from lcmchain.jit import FLOATING_POINT, kernel
 from lcmchain.state import (
     CONTACT,
@@ -70,26 +71,40 @@ class Arrays(NamedTuple):
 
 
 @njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def advance(arrays, tools, environment, elements, supports, step_count, dt):
-    """Make ``step_count`` steps of size ``dt`` [s]; ``supports`` is a table or None."""
+def advance(arrays, tools, environment, elements, membrane_shell, supports, step_count, dt):
+    """Make ``step_count`` steps of size ``dt`` [s].
+
+    One of ``elements`` (solid-shells) and ``membrane_shell`` is None; ``supports`` is a table or
+    None.
+    """
     clock = arrays.clock
     for _ in range(step_count):
         dt_last = clock[1]
-        internal_forces(
-            arrays.position,
-            arrays.corner_node,
-            arrays.element_data,
-            arrays.corner_force,
-            elements.fabric,
-            elements.stiffness,
-            elements.flat,
-            elements.curved,
-            elements.director,
-            elements.conservative,
-            elements.enhanced,
-            elements.moments,
-            elements.in_plane_shear,
-        )
+        if elements is not None:
+            internal_forces(
+                arrays.position,
+                arrays.corner_node,
+                arrays.element_data,
+                arrays.corner_force,
+                elements.fabric,
+                elements.stiffness,
+                elements.flat,
+                elements.curved,
+                elements.director,
+                elements.conservative,
+                elements.enhanced,
+                elements.moments,
+                elements.in_plane_shear,
+            )
+        if membrane_shell is not None:
+            membrane_shell_forces(
+                arrays.position,
+                arrays.corner_node,
+                arrays.element_data,
+                arrays.corner_force,
+                membrane_shell.fabric,
+                membrane_shell.thickness,
+            )
         move_nodes(arrays, tools, environment, dt_last, dt)
         add_chunk_sums(arrays)
         if supports is not None:
@@ -152,6 +167,7 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, d
         gap, nx, ny, nz = signed_distance(
             tools, tool, position[0, node], position[1, node], position[2, node], travel
         )
+        gap -= environment.contact_offset
         s = (stick[tool, 0, node], stick[tool, 1, node], stick[tool, 2, node])
         stiffness = environment.penalty * arrays.area[node]
         if gap >= 0.0:

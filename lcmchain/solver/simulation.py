@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lcmchain.elements.diagnosis import strain_energies, thickness_stretches
-from lcmchain.elements.frequency import IN_PLANE_MODES, frequency_bounds
 from lcmchain.model import Model, build_model
 from lcmchain.solver import guards
 from lcmchain.solver.contact_search import find_near_nodes
 from lcmchain.solver.loop import NODE_CHUNK, TOOL_COLUMNS, Arrays, advance
+from lcmchain.solver.sheet_queries import sheet_queries
 from lcmchain.state import (
     CONTACT,
     CONTACT_DAMPING,
@@ -29,10 +28,9 @@ from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
 # short enough that a fabric under compaction stiffens by less than step_safety allows for.
 STEPS_PER_CHUNK = 50
-# The in-plane frequency changes slowly: its bound is renewed every so many chunks, unless the
-# thickness wave comes near it.
+# The in-plane frequency changes slowly: its bound is renewed every so many chunks, unless the sheet
+# may stiffen in between.
 CHUNKS_PER_FREQUENCY = 8
-THICKNESS_SHARE = 0.3
 # Every change of the step shifts the energy that central differences conserve a little: a step that
 # could be longer by less than this (of ω²) stays as it is.
 STEP_HYSTERESIS = 0.98
@@ -79,12 +77,7 @@ class Simulation:
         self.model = model
         self.state = state or State.at_rest(model)
         self.control = StepControl()
-        padded = model.corner_node.size // 8
-        self._stretch = np.ones(padded)
-        self._omega2 = np.zeros(padded)
-        self._mode = np.zeros(padded, dtype=np.int64)
-        height = model.geometry.height
-        self._height = np.concatenate([height, np.repeat(height[-1:], padded - len(height))])
+        self._sheet = sheet_queries(model)
         self._bind()
 
     @classmethod
@@ -176,24 +169,12 @@ class Simulation:
         """
         state = self.state
         position = state.position - state.clock[1] * state.velocity
-        count = self.model.corner_node.size // 8
-        strain, bending, hourglass = np.empty((count, 6)), np.empty(count), np.empty(count)
-        strain_energies(
-            position,
-            self.model.corner_node,
-            self.model.element_data,
-            *self.model.elements,
-            strain,
-            bending,
-            hourglass,
-        )
-        real = slice(self.model.element_count)
-        membrane = self.model.material.membrane_energy(strain[real]) * self.model.geometry.volume
+        internal, hourglass = self._sheet.stored_energy(position)
         work = state.work
         energy = {
             "kinetic": work[KINETIC],
-            "internal": membrane.sum() + bending[real].sum(),
-            "hourglass": hourglass[real].sum(),
+            "internal": internal,
+            "hourglass": hourglass,
             "contact": work[CONTACT],
             "friction": work[FRICTION],
             "damping": work[CONTACT_DAMPING] + work[MASS_DAMPING],
@@ -206,25 +187,8 @@ class Simulation:
 
     def critical_step(self) -> float:
         """Return the stable step [s] of the present state, without the safety factor."""
-        omega2, _, mode = self._highest_frequency()
-        return self._step_of(omega2, mode)[0]
-
-    def _highest_frequency(self) -> tuple[float, int, int]:
-        """Return the largest ω² bound [1/s²], its element, and the mode vector of that bound."""
-        state, model = self.state, self.model
-        frequency_bounds(
-            state.position,
-            model.corner_node,
-            model.element_data,
-            model.transformation,
-            model.transformation_change,
-            model.material.density,
-            *model.elements,
-            self._omega2,
-            self._mode,
-        )
-        element = int(np.argmax(self._omega2[: model.element_count]))
-        return float(self._omega2[element]), element, int(self._mode[element])
+        omega2, _, code = self._sheet.highest_frequency(self.state.position)
+        return self._step_of(omega2, code)[0]
 
     def _bind(self) -> None:
         model, state = self.model, self.state
@@ -247,6 +211,7 @@ class Simulation:
             model.tools,
             model.environment,
             model.elements,
+            model.membrane_shell,
             model.supports,
             step_count,
             float(step),
@@ -257,10 +222,11 @@ class Simulation:
         state = self.state
         self._check_elements()
         since = int(state.counters[1])
-        if state.clock[2] == 0.0 or since >= CHUNKS_PER_FREQUENCY or self._thickness_is_near():
-            omega2, element, mode = self._highest_frequency()
-            if not STEP_HYSTERESIS * state.clock[2] < omega2 <= state.clock[2]:
-                state.clock[2], state.counters[2], state.counters[3] = omega2, element, mode
+        present = float(state.clock[2])
+        if present == 0.0 or since >= CHUNKS_PER_FREQUENCY or self._sheet.may_stiffen(present):
+            omega2, element, code = self._sheet.highest_frequency(state.position)
+            if not STEP_HYSTERESIS * present < omega2 <= present:
+                state.clock[2], state.counters[2], state.counters[3] = omega2, element, code
             state.counters[1] = 0
         state.counters[1] += 1
         self._find_contact()
@@ -271,21 +237,9 @@ class Simulation:
         return step
 
     def _check_elements(self) -> None:
-        model = self.model
-        thickness_stretches(self.state.position, model.corner_node, self._height, self._stretch)
-        guards.require_upright(model, self.state, self._stretch[: model.element_count])
-        guards.require_outside(model, self.state)
-        guards.require_passive(model, self.state)
-
-    def _thickness_is_near(self) -> bool:
-        """Tell whether the thickness wave may come to govern the step within a few chunks."""
-        stretch = self._stretch[: self.model.element_count]
-        thinnest = int(np.argmin(stretch))
-        strain = np.zeros(6)
-        strain[2] = 0.5 * (stretch[thinnest] ** 2 - 1.0)
-        tangent = self.model.material.stress_and_tangent(strain)[1][2, 2]
-        omega2 = tangent / (self.model.material.density * self._height[thinnest] ** 2)
-        return bool(omega2 > THICKNESS_SHARE * self.state.clock[2])
+        self._sheet.require_sound(self.state)
+        guards.require_outside(self.model, self.state)
+        guards.require_passive(self.model, self.state)
 
     def _find_contact(self) -> None:
         state, model = self.state, self.model
@@ -297,6 +251,7 @@ class Simulation:
         ahead = np.array([self._coming_tool_speed(k, interval) for k in tools])
         reach = SEARCH_SPEED_FACTOR * (speed + ahead) * interval
         reach += SEARCH_THICKNESS_PART * model.material.thickness
+        reach += model.environment.contact_offset
         find_near_nodes(self._arrays, model.tools, reach)
 
     def _coming_tool_speed(self, tool: int, interval: float) -> float:
@@ -309,7 +264,7 @@ class Simulation:
             return now + abs(load) / float(tools.mass[tool]) * interval
         return max(now, abs(prescribed_travel(tools, tool, self.time + interval)[1]))
 
-    def _step_of(self, omega2: float, mode: int) -> tuple[float, str]:
+    def _step_of(self, omega2: float, code: int) -> tuple[float, str]:
         """Return 2/ω with the stiffness of the present contacts, and the cause.
 
         The damping of a contact is averaged over the step and limits it no further, but its
@@ -317,9 +272,7 @@ class Simulation:
         for ω²dt²/4 + (c/M) dt/2 <= 1.
         """
         state, model = self.state, self.model
-        cause = "in-plane stiffness"
-        if mode not in IN_PLANE_MODES:
-            cause = "compaction (thickness)"
+        cause = self._sheet.cause(code)
         contact2 = rate = 0.0
         if len(model.tool_names) and state.near.any():
             mass = model.nodes.mass

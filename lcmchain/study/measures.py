@@ -21,7 +21,10 @@ def reference_positions(sheet) -> np.ndarray:
 def face_centres(sheet, *, formed: bool) -> np.ndarray:
     """Return the centres of the faces, (face_count, 3) [m], formed or in the reference."""
     positions = sheet_positions(sheet) if formed else reference_positions(sheet)
-    return positions[sheet_faces(sheet)].mean(axis=1)
+    faces = sheet_faces(sheet)
+    triangle = faces[:, 3] == faces[:, 2]  # which repeat their last node
+    corners = positions[faces]
+    return np.where(triangle[:, None], corners[:, :3].mean(axis=1), corners.mean(axis=1))
 
 
 def root_mean_square(values) -> float:

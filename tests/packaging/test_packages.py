@@ -30,6 +30,7 @@ RANK_OF_CORE = {
     "threads": 0,
     "scene": 1,
     "blank": 2,
+    "triangulation": 2,
     "elements": 3,
     "materials": 3,
     "effects": 3,

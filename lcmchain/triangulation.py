@@ -1,0 +1,89 @@
+"""Mid-surface triangles of a blank, with legs along the fibres: the mesh of the 2D approach."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcmchain.blank import BlankMesh
+
+# Cells whose centre is nearer to a middle axis of the blank than this part of their size lie on it.
+ON_AXIS = 1e-6
+
+
+@dataclass(frozen=True)
+class TriangleMesh:
+    """Triangles on the mid-surface of an undeformed, flat blank.
+
+    Attributes
+    ----------
+    node_positions : positions [m], shape (node_count, 3); node ``i`` is the middle of the blank's
+        node pair ``i``.
+    elements : node numbers, anticlockwise seen from above, shape (element_count, 3).
+    fibre_direction_1, fibre_direction_2 : unit vectors, shape (element_count, 3).
+    thickness : initial thickness [m].
+    """
+
+    node_positions: np.ndarray
+    elements: np.ndarray
+    fibre_direction_1: np.ndarray
+    fibre_direction_2: np.ndarray
+    thickness: float
+
+    @property
+    def node_count(self) -> int:
+        return len(self.node_positions)
+
+    @property
+    def element_count(self) -> int:
+        return len(self.elements)
+
+
+def triangulate(blank: BlankMesh) -> TriangleMesh:
+    """Split every quadrilateral of a blank into two triangles with legs along the fibres.
+
+    Edges along the fibres keep the stiff fibres from locking the shear (ten Thije and Akkerman,
+    "A multi-layer triangular membrane finite element for the forming simulation of laminated
+    composites"): each triangle has one edge in either fibre direction. The diagonals run from the
+    middle of the blank outwards, for three reasons. A blank that is symmetric to its middle axes
+    keeps its mirror images. Within a quarter all diagonals are parallel, so that the curvatures of
+    ``elements/membrane_shell.py`` are central differences about every node, with equal weights;
+    diagonals that alternate from cell to cell leave out every other node, and folds through the
+    nodes left out cost too little. And a corner of the blank belongs to two triangles, never to one
+    with two free legs. Halved cells at a cut edge stay as they are.
+    """
+    positions, faces = blank.mid_surface_positions, blank.faces
+    quadrilaterals = np.flatnonzero(~blank.is_triangle)
+    corners = faces[quadrilaterals]
+    first = _runs_outwards(blank, quadrilaterals)[:, None]
+    lower = np.where(first, corners[:, [0, 1, 2]], corners[:, [0, 1, 3]])
+    upper = np.where(first, corners[:, [0, 2, 3]], corners[:, [1, 2, 3]])
+
+    cells = np.concatenate([np.flatnonzero(blank.is_triangle), quadrilaterals, quadrilaterals])
+    triangles = np.concatenate([faces[blank.is_triangle][:, :3], lower, upper])
+    order = np.argsort(cells, kind="stable")  # neighbours stay together in memory
+    return TriangleMesh(
+        node_positions=positions,
+        elements=triangles[order],
+        fibre_direction_1=blank.fibre_direction_1[cells[order]],
+        fibre_direction_2=blank.fibre_direction_2[cells[order]],
+        thickness=blank.thickness,
+    )
+
+
+def _runs_outwards(blank: BlankMesh, cells: np.ndarray) -> np.ndarray:
+    """Whether the diagonal 0-2 of each cell points away from the middle of the blank.
+
+    The middle is that of the blank's box along the fibres. A cell on a middle axis has no diagonal
+    that its mirror image shares; it takes 0-2.
+    """
+    axes = np.stack([blank.fibre_direction_1[0], blank.fibre_direction_2[0]])
+    along_fibres = blank.mid_surface_positions @ axes.T
+    middle = 0.5 * (along_fibres.min(axis=0) + along_fibres.max(axis=0))
+    corners = along_fibres[blank.faces[cells]]
+    centre = corners.mean(axis=1) - middle
+    diagonal = corners[:, 2] - corners[:, 0]
+    size = np.abs(diagonal).sum(axis=1)
+    on_axis = (np.abs(centre) < ON_AXIS * size[:, None]).any(axis=1)
+    return on_axis | (np.prod(centre, axis=1) * np.prod(diagonal, axis=1) > 0.0)
