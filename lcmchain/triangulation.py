@@ -45,18 +45,19 @@ def triangulate(blank: BlankMesh) -> TriangleMesh:
 
     Edges along the fibres keep the stiff fibres from locking the shear (ten Thije and Akkerman,
     "A multi-layer triangular membrane finite element for the forming simulation of laminated
-    composites"): each triangle has one edge in either fibre direction. The diagonals run from the
-    middle of the blank outwards, for three reasons. A blank that is symmetric to its middle axes
-    keeps its mirror images. Within a quarter all diagonals are parallel, so that the curvatures of
+    composites"): each triangle has one edge in either fibre direction. The diagonals run around the
+    middle of the blank, for two reasons. A blank that is symmetric to its middle axes keeps its
+    mirror images. And within a quarter all diagonals are parallel, so that the curvatures of
     ``elements/membrane_shell.py`` are central differences about every node, with equal weights;
     diagonals that alternate from cell to cell leave out every other node, and folds through the
-    nodes left out cost too little. And a corner of the blank belongs to two triangles, never to one
-    with two free legs. Halved cells at a cut edge stay as they are.
+    nodes left out cost too little. The one exception is the node in the middle, where the quarters
+    meet: its curvatures count twice (they would not count at all if the diagonals met there).
+    Halved cells at a cut edge stay as they are.
     """
     positions, faces = blank.mid_surface_positions, blank.faces
     quadrilaterals = np.flatnonzero(~blank.is_triangle)
     corners = faces[quadrilaterals]
-    first = _runs_outwards(blank, quadrilaterals)[:, None]
+    first = _runs_around(blank, quadrilaterals)[:, None]
     lower = np.where(first, corners[:, [0, 1, 2]], corners[:, [0, 1, 3]])
     upper = np.where(first, corners[:, [0, 2, 3]], corners[:, [1, 2, 3]])
 
@@ -72,8 +73,8 @@ def triangulate(blank: BlankMesh) -> TriangleMesh:
     )
 
 
-def _runs_outwards(blank: BlankMesh, cells: np.ndarray) -> np.ndarray:
-    """Whether the diagonal 0-2 of each cell points away from the middle of the blank.
+def _runs_around(blank: BlankMesh, cells: np.ndarray) -> np.ndarray:
+    """Whether the diagonal 0-2 of each cell runs around the middle of the blank, not through it.
 
     The middle is that of the blank's box along the fibres. A cell on a middle axis has no diagonal
     that its mirror image shares; it takes 0-2.
@@ -86,4 +87,4 @@ def _runs_outwards(blank: BlankMesh, cells: np.ndarray) -> np.ndarray:
     diagonal = corners[:, 2] - corners[:, 0]
     size = np.abs(diagonal).sum(axis=1)
     on_axis = (np.abs(centre) < ON_AXIS * size[:, None]).any(axis=1)
-    return on_axis | (np.prod(centre, axis=1) * np.prod(diagonal, axis=1) > 0.0)
+    return on_axis | (np.prod(centre, axis=1) * np.prod(diagonal, axis=1) < 0.0)
