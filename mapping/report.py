@@ -153,6 +153,11 @@ def _second_family_error(mapped: MappedFields) -> tuple[int | None, float | None
 
 def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[str]:
     found = []
+    if "thickness" not in sheet.scalars:
+        found.append(
+            "the forming result holds no thickness (a 2D approach predicts none): mapped are "
+            f"{', '.join([*mapped.scalars, *mapped.directions])}"
+        )
     extrapolated = np.flatnonzero(weights.status == Status.EXTRAPOLATED)
     if len(extrapolated):
         found.append(

@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain import read_scene, run
-from lcmchain.fields import sheet_positions
-from lcmchain.study.measures import area_mean_shear, field_differences, reference_positions
+from lcmchain.study.measures import LOCAL_AREAS, area_mean_shear, draw_in, field_differences
 
 SCENE = Path(__file__).with_name("scene.toml")
 VARIANTS = {
@@ -24,21 +23,6 @@ VARIANTS = {
     "damping / 2": ['process.mass_damping="100 1/s"'],
     "edge length / 2": ['blank.edge_length="2.5 mm"'],
 }
-# Areas of 20 mm as the paper's A, B, C: where the shear is largest (on the rim of the dome), in the
-# sheared flange, and half-way up the dome; column and row of 15 x 15 squares of the blank.
-LOCAL_AREAS = {"A rim, largest shear": (3, 3), "B flange": (1, 4), "C dome": (5, 5)}
-
-
-def draw_in(sheet) -> float:
-    """Return how far the middles of the blank's sides have moved inwards, on average [m]."""
-    reference, formed = reference_positions(sheet), sheet_positions(sheet)
-    half = reference[:, :2].max()
-    depths = []
-    for axis in (0, 1):
-        on_side = np.abs(reference[:, axis]) > half - 1e-9
-        middle = on_side & (np.abs(reference[:, 1 - axis]) < 1e-9)
-        depths.append(half - np.abs(formed[middle, axis]))
-    return float(np.mean(depths))
 
 
 def main() -> None:

@@ -11,6 +11,9 @@ from lcmchain.fields.summary import sheet_faces
 # four elements beyond the end of the die fillet at 87 mm
 FLANGE_RADIUS = 0.105
 AREA = 0.02  # edge of the areas over which shear angles are averaged [m]
+# Areas of a blank of 300 mm as the paper's A, B, C: where the shear is largest (on the rim of the
+# dome), in the sheared flange, and half-way up the dome; column and row of 15 x 15 squares.
+LOCAL_AREAS = {"A rim, largest shear": (3, 3), "B flange": (1, 4), "C dome": (5, 5)}
 
 
 def reference_positions(sheet) -> np.ndarray:
@@ -35,6 +38,40 @@ def outline_nodes(sheet) -> np.ndarray:
     """Return the nodes on the outline of a blank that is a centred rectangle."""
     reference = reference_positions(sheet)[:, :2]
     return np.flatnonzero((np.abs(reference) > np.abs(reference).max(axis=0) - 1e-6).any(axis=1))
+
+
+def draw_in(sheet) -> float:
+    """Return how far the middles of the blank's sides have moved inwards, on average [m]."""
+    reference, formed = reference_positions(sheet), sheet_positions(sheet)
+    half = reference[:, :2].max()
+    depths = []
+    for axis in (0, 1):
+        on_side = np.abs(reference[:, axis]) > half - 1e-9
+        middle = on_side & (np.abs(reference[:, 1 - axis]) < 1e-9)
+        depths.append(half - np.abs(formed[middle, axis]))
+    return float(np.mean(depths))
+
+
+def contour(sheet) -> np.ndarray:
+    """Return the formed outline of a centred rectangle from above, in order, (node_count, 2) [m]."""
+    nodes = outline_nodes(sheet)
+    reference = reference_positions(sheet)[nodes]
+    around = np.argsort(np.arctan2(reference[:, 1], reference[:, 0]))
+    return sheet_positions(sheet)[nodes[around], :2]
+
+
+def contour_distances(sheet, other) -> np.ndarray:
+    """Return the distances [m] of the nodes of either contour from the other contour."""
+    one, two = contour(sheet), contour(other)
+    return np.concatenate([_distances_to_polygon(one, two), _distances_to_polygon(two, one)])
+
+
+def _distances_to_polygon(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    along = np.roll(corners, -1, axis=0) - corners
+    relative = points[:, None] - corners
+    share = np.einsum("psi,si->ps", relative, along) / np.einsum("si,si->s", along, along)
+    nearest = np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.linalg.norm(relative - nearest, axis=2).min(axis=1)
 
 
 def mirror_difference(sheet, axis: int) -> dict[str, float]:
@@ -84,6 +121,15 @@ def area_mean_shear(sheet) -> dict[tuple[int, int], float]:
         tuple(cell): float(shear[(cells == cell).all(axis=1)].mean())
         for cell in np.unique(cells, axis=0)
     }
+
+
+def symmetric_mean(areas: dict[tuple[int, int], float], place: tuple[int, int]) -> float:
+    """Return the mean size of an area's value and of its images in the symmetries of a square."""
+    last = max(max(area) for area in areas)
+    turned = {place, place[::-1]}
+    turned |= {(last - i, j) for i, j in turned}
+    turned |= {(i, last - j) for i, j in turned}
+    return float(np.mean([abs(areas[image]) for image in turned]))
 
 
 def field_differences(sheet, other) -> dict[str, float]:
