@@ -155,35 +155,37 @@ def element_slots(material, element, geometry: ReferenceGeometry) -> ElementSlot
 
 
 def build_model(
-    scene, supports: Callable[[BlankMesh], Sequence[Support]] = lambda blank: ()
+    scene, supports: Callable[[BlankMesh | TriangleMesh], Sequence[Support]] = lambda mesh: ()
 ) -> Model:
     """Build the model of a scene.
 
     Parameters
     ----------
-    supports : chooses nodes of the blank whose motion is prescribed.
+    supports : chooses nodes of the sheet's mesh whose motion is prescribed.
 
     Raises
     ------
     InputError : a blank, tool or material that cannot be used; names the scene key.
     """
     material = build_material(scene.material)
-    blank = build_blank(scene.blank, material.thickness)
+    mesh = build_blank(scene.blank, material.thickness)
+    if isinstance(scene.element, MembraneShellElement):
+        mesh = triangulate(mesh)
     tools = build_tool_table(scene.tools, scene.source.directory, scene.process.time)
     return assemble_model(
-        blank,
+        mesh,
         material,
         scene.element,
         tools=tools,
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,
-        supports=supports(blank),
+        supports=supports(mesh),
     )
 
 
 def assemble_model(
-    blank,
+    mesh: BlankMesh | TriangleMesh,
     material,
     element,
     *,
@@ -193,18 +195,17 @@ def assemble_model(
     process,
     supports: Sequence[Support] = (),
 ) -> Model:
-    """Build the model of a given blank mesh, tool table and supports.
+    """Build the model of a given mesh, tool table and supports.
 
-    Nodes of ``supports`` are those of the blank, or of its pairs for ``type = "membrane-shell"``.
+    A mesh of triangles makes membrane-shells, for which ``element`` holds no choices.
 
     Raises
     ------
     InputError : see :func:`lcmchain.effects.supports.build_supports`.
     """
-    membrane_shell = isinstance(element, MembraneShellElement)
-    mesh = triangulate(blank) if membrane_shell else blank
+    triangles = isinstance(mesh, TriangleMesh)
     support_table, free = build_supports(supports, mesh.node_positions, float(process.time))
-    if membrane_shell:
+    if triangles:
         sheet, shortest_length = _membrane_shell_sheet(mesh, material, free)
     else:
         sheet, shortest_length = _solid_shell_sheet(mesh, material, element, free)
@@ -225,7 +226,7 @@ def assemble_model(
             contact_damping_ratio=float(contact.damping_ratio),
             mass_damping=float(process.mass_damping),
             gravity=STANDARD_GRAVITY if process.gravity else 0.0,
-            contact_offset=0.5 * float(material.thickness) if membrane_shell else 0.0,
+            contact_offset=0.5 * float(material.thickness) if triangles else 0.0,
         ),
         process_time=float(process.time),
         frame_count=int(process.frames),

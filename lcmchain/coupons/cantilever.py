@@ -25,7 +25,12 @@ from lcmchain.coupons.analytic import (
 )
 from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
-from lcmchain.coupons.specimen import Progress, coupon_scene, require_fabric
+from lcmchain.coupons.specimen import (
+    Progress,
+    coupon_scene,
+    require_fabric,
+    require_solid_shell,
+)
 from lcmchain.errors import SimulationError
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
@@ -76,9 +81,11 @@ def cantilever(
 
     Raises
     ------
-    InputError : the material is no fabric; SimulationError : no equilibrium was found.
+    InputError : the material is no fabric, or the element no solid-shell.
+    SimulationError : no equilibrium was found.
     """
     require_fabric(material)
+    require_solid_shell(element)
     weight = material.areal_mass * STANDARD_GRAVITY
     curves, comparisons, strips = {}, [], []
     for number, orientation in enumerate(orientations):

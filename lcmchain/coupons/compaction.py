@@ -13,7 +13,7 @@ import numpy as np
 from lcmchain.coupons.analytic import power_law_pressure
 from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
-from lcmchain.coupons.specimen import Progress, coupon_scene
+from lcmchain.coupons.specimen import Progress, coupon_scene, require_solid_shell
 from lcmchain.fields.derived import derive_fields
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
@@ -44,7 +44,12 @@ def compaction(
     ----------
     material : material of a scene; element : its element options.
     pressure : at the end [Pa]; size : of the square specimen [m]; edge_length : of elements [m].
+
+    Raises
+    ------
+    InputError : the element has no thickness direction.
     """
+    require_solid_shell(element)
     thickness = material.thickness
     law = _law(material)
     penalty = pressure / (PENETRATION * thickness)

@@ -73,6 +73,19 @@ def require_fabric(material) -> None:
         )
 
 
+def require_solid_shell(element) -> None:
+    """Refuse elements without a thickness direction, which only the explicit solver knows.
+
+    Raises
+    ------
+    InputError : the element is no solid-shell.
+    """
+    if element is not None and element.type != "solid-shell":
+        raise InputError(
+            f'is "{element.type}", but this coupon needs element = "solid-shell"', key="element"
+        )
+
+
 def coupon_scene(title: str, material, element: Element, *, process: dict, **tables) -> Scene:
     """Return the scene of a coupon; ``process`` and the tables hold SI values or texts."""
     return Scene(

@@ -17,7 +17,6 @@ from lcmchain.scene.schema import (
     Process,
     Scene,
     SceneSource,
-    SolidShellElement,
     StiffnessMaterial,
     Tool,
 )
@@ -37,7 +36,6 @@ __all__ = [
     "Process",
     "Scene",
     "SceneSource",
-    "SolidShellElement",
     "StiffnessMaterial",
     "Tool",
     "read_scene",

@@ -22,7 +22,7 @@ def scene_json_schema() -> dict[str, Any]:
         # form implies it.
         for key in ("law", "type"):
             chooses = "const" in definition.get("properties", {}).get(key, {})
-            if chooses and title not in ("PresetMaterial", "SolidShellElement"):
+            if chooses and title not in ("PresetMaterial", "Element"):
                 definition["properties"][key].pop("default", None)
                 required = definition.setdefault("required", [])
                 if key not in required:

@@ -355,7 +355,7 @@ Material = Annotated[
 ]
 
 
-class SolidShellElement(SceneModel):
+class Element(SceneModel):
     """The solid-shell of the paper's section 2, and the choices in it."""
 
     type: Literal["solid-shell"] = "solid-shell"
@@ -387,7 +387,7 @@ class MembraneShellElement(SceneModel):
     type: Literal["membrane-shell"] = "membrane-shell"
 
 
-Element = Annotated[SolidShellElement | MembraneShellElement, Field(discriminator="type")]
+SheetElement = Annotated[Element | MembraneShellElement, Field(discriminator="type")]
 
 
 # --- tools ----------------------------------------------------------------------------------------
@@ -715,7 +715,7 @@ class Scene(SceneModel):
     process: Process
     blank: Blank
     material: Material
-    element: Element = Field(default_factory=SolidShellElement)
+    element: SheetElement = Field(default_factory=Element)
     contact: Contact = Field(default_factory=Contact)
     tools: Annotated[
         tuple[Tool, ...], Row("[[tools]] ... for each tool", entries="tables", units=False)
@@ -746,7 +746,7 @@ class Scene(SceneModel):
         if isinstance(value, str):
             return {"type": value}
         if isinstance(value, dict) and "type" not in value:
-            return {"type": SolidShellElement.model_fields["type"].default, **value}
+            return {"type": Element.model_fields["type"].default, **value}
         return value
 
     @field_validator("permeability", mode="before")

@@ -53,7 +53,7 @@ def draw_in(sheet) -> float:
 
 
 def contour(sheet) -> np.ndarray:
-    """Return the formed outline of a centred rectangle from above, in order, (node_count, 2) [m]."""
+    """Return the formed outline of a centred rectangle, in order and from above, (n, 2) [m]."""
     nodes = outline_nodes(sheet)
     reference = reference_positions(sheet)[nodes]
     around = np.argsort(np.arctan2(reference[:, 1], reference[:, 0]))
