@@ -39,6 +39,10 @@ ENERGY_TOLERANCE = 1e-8
 QUICK_ITERATIONS = 6
 GROWTH = 1.5
 SMALLEST_STEP = 1e-4  # relative to the first one
+# Strain whose force over the whole sheet counts as round-off: a sheet that only turns has no force
+# to compare with.
+NEGLIGIBLE_STRAIN = 1e-13
+LARGEST_MOVE = 10.0  # correction of a displacement over the size of the sheet
 
 
 class DirectorCouples(NamedTuple):
@@ -81,6 +85,8 @@ class StaticProblem:
     ----------
     model : with one element over the thickness, node ``i + pair_count`` above node ``i``.
     held : (3, node_count) bool, displacement components that are prescribed.
+    held_middle : (3, pair_count) bool, components in which the mid-surface is held in place while
+        the director is free: a hinge that remains one under large rotations, unlike two held faces.
     forces : (3, node_count) dead loads [N]; none by default.
     gravity : (3,) acceleration [m/s²] that acts on the nodal masses.
     displacements : (3, node_count) [m] prescribed where ``held``; 0 by default.
@@ -88,7 +94,7 @@ class StaticProblem:
 
     Raises
     ------
-    InputError : arrays that do not fit the model.
+    InputError : arrays that do not fit the model, or supports that let the sheet move rigidly.
     """
 
     model: Model
@@ -97,6 +103,7 @@ class StaticProblem:
     gravity: Sequence[float] = (0.0, 0.0, 0.0)
     displacements: np.ndarray | None = None
     couples: tuple[DirectorCouples, ...] = ()
+    held_middle: np.ndarray | None = None
     dead_forces: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self):
@@ -106,12 +113,18 @@ class StaticProblem:
             if value is not None and np.shape(value) != shape:
                 raise InputError(f"must have the shape {shape}, not {np.shape(value)}", key=name)
         elements, pair_count = self.model.blank.elements, self.model.blank.pair_count
+        if self.held_middle is not None and np.shape(self.held_middle) != (3, pair_count):
+            shape = np.shape(self.held_middle)
+            raise InputError(
+                f"must have the shape {(3, pair_count)}, not {shape}", key="held_middle"
+            )
         if not np.array_equal(elements[:, 4:], elements[:, :4] + pair_count):
             raise InputError(
                 "the static solver needs one element over the thickness, with node i + n/2 above "
                 "node i",
                 key="model",
             )
+        _require_supports(self.model, self.held, self.held_middle)
         forces = np.zeros(shape) if self.forces is None else np.array(self.forces, dtype=float)
         forces += np.outer(self.gravity, self.model.nodes.mass)
         object.__setattr__(self, "dead_forces", forces)
@@ -140,6 +153,20 @@ class StaticProblem:
                 np.add.at(forces.T, couple.pairs + n, force)
                 np.add.at(forces.T, couple.pairs, -force)
         return forces
+
+
+def _require_supports(model: Model, held: np.ndarray, held_middle=None) -> None:
+    """Require that no rigid motion leaves all held components in place."""
+    held = np.asarray(held, dtype=bool)
+    if held_middle is not None:
+        held = held | np.tile(held_middle, 2)
+    centred = model.blank.node_positions - model.blank.node_positions.mean(axis=0)
+    centred = centred / abs(centred).max()
+    motions = [np.tile(axis, (len(centred), 1)) for axis in np.eye(3)]
+    motions += [np.cross(axis, centred) for axis in np.eye(3)]
+    at_supports = np.array([motion.T[held] for motion in motions])
+    if np.linalg.matrix_rank(at_supports) < 6:
+        raise InputError("lets the sheet move rigidly; hold more components", key="held")
 
 
 class StaticStep(NamedTuple):
@@ -282,7 +309,12 @@ class _Newton:
     def __init__(self, problem: StaticProblem, force_tolerance: float):
         self.problem = problem
         self.force_tolerance = force_tolerance
-        self.system = PairSystem(problem.model, problem.held)
+        self.size = float(np.ptp(problem.model.blank.node_positions, axis=0).max())
+        material = problem.model.material
+        stiffness = material.stress_and_tangent(np.zeros(6))[1].max()
+        section = self.size * material.thickness
+        self.negligible_force = NEGLIGIBLE_STRAIN * stiffness * section
+        self.system = PairSystem(problem.model, problem.held, problem.held_middle)
 
     def correct(self, displacement, factor, next_factor) -> _Result:
         """Find equilibrium at ``next_factor`` from the equilibrium ``displacement``."""
@@ -303,13 +335,13 @@ class _Newton:
             except RuntimeError:
                 return self._failed(displacement, next_factor, iteration, "singular tangent")
             move = system.expand(correction) + support_motion
-            displacement = displacement + move
-            if not np.all(np.isfinite(displacement)):
+            if not self._plausible(move):
                 return self._failed(displacement, next_factor, iteration, "divergence")
+            displacement = displacement + move
             energy = abs(correction @ right)
             first_energy = energy if first_energy is None else first_energy
             residual, relative = self._out_of_balance(displacement, next_factor)
-            if relative <= self.force_tolerance and energy <= ENERGY_TOLERANCE * first_energy:
+            if self._converged(relative, energy, first_energy):
                 return _Result(True, next_factor, displacement, iteration, relative)
             resultants = self._extrapolated(state, move)
         return self._failed(displacement, next_factor, iteration, "no convergence")
@@ -353,12 +385,12 @@ class _Newton:
                 change = change + correction
             factor += step
             move = system.expand(correction) + step * problem.prescribed
-            displacement = displacement + move
-            if not np.all(np.isfinite(displacement)):
+            if not self._plausible(move):
                 return self._failed(displacement, factor, iteration, "divergence", length)
+            displacement = displacement + move
             first_energy = energy if first_energy is None else first_energy
             residual, relative = self._out_of_balance(displacement, factor)
-            if relative <= self.force_tolerance and energy <= ENERGY_TOLERANCE * first_energy:
+            if self._converged(relative, energy, first_energy):
                 if previous is not None and change @ previous < 0.0:
                     return self._failed(displacement, factor, iteration, "turned back", length)
                 return _Result(True, factor, displacement, iteration, relative, "", change, length)
@@ -368,22 +400,30 @@ class _Newton:
     def failure(self, result: _Result, factor: float) -> SimulationError:
         """Return the error of a step that could not be made to converge."""
         model = self.problem.model
-        where = ""
-        if np.all(np.isfinite(result.displacement)):
-            residual, _ = self._out_of_balance(result.displacement, result.load_factor)
-            size = np.linalg.norm(np.where(self.problem.held, 0.0, residual), axis=0)
-            node = int(np.argmax(size))
-            x, y, z = model.blank.node_positions[node]
-            where = (
-                f" The largest out-of-balance force is {size[node]:.3g} N at node {node}, "
-                f"initially at ({x:.4g}, {y:.4g}, {z:.4g}) m."
-            )
+        residual, _ = self._out_of_balance(result.displacement, result.load_factor)
+        supported = self.problem.held
+        if self.problem.held_middle is not None:
+            supported = supported | np.tile(self.problem.held_middle, 2)
+        size = np.linalg.norm(np.where(supported, 0.0, residual), axis=0)
+        node = int(np.argmax(size))
+        x, y, z = model.blank.node_positions[node]
         return SimulationError(
             f"no equilibrium was found beyond the load factor {factor:.6g} ({result.cause} after "
-            f"{result.iterations} iterations, relative residual {result.residual:.3g}).{where} "
-            "Likely cause: a limit or bifurcation point; follow the path by its arc length, "
-            "prescribe displacements instead of forces, or support the sheet"
+            f"{result.iterations} iterations, relative residual {result.residual:.3g}). "
+            f"The largest out-of-balance force is {size[node]:.3g} N at node {node}, initially at "
+            f"({x:.4g}, {y:.4g}, {z:.4g}) m. Likely cause: a limit or bifurcation point; follow "
+            "the path by its arc length, prescribe displacements instead of forces, or support the "
+            "sheet"
         )
+
+    def _converged(self, relative, energy, first_energy):
+        if relative == 0.0:
+            return True
+        return relative <= self.force_tolerance and energy <= ENERGY_TOLERANCE * first_energy
+
+    def _plausible(self, move):
+        """Whether a correction is finite and no larger than a few times the sheet."""
+        return bool(np.all(abs(move) < LARGEST_MOVE * self.size))  # false for not-a-numbers
 
     def _extrapolated(self, state, move):
         """Return the resultants (E, 42) predicted linearly over the displacement ``move``."""
@@ -394,9 +434,11 @@ class _Newton:
         """Return the nodal out-of-balance forces, and their norm over loads and reactions."""
         external = factor * self.problem.external_forces(displacement)
         residual = external - nodal_forces(self.problem.model, displacement)
-        free = np.linalg.norm(residual[~self.problem.held])
-        scale = np.linalg.norm(external) + np.linalg.norm(residual[self.problem.held])
-        return residual, free / scale if scale > 0.0 else free
+        free = np.linalg.norm(self.system.reduce(residual))
+        if free < self.negligible_force:
+            return residual, 0.0
+        # the residual at supports is their reaction
+        return residual, free / (np.linalg.norm(external) + np.linalg.norm(residual))
 
     def _load_stiffness(self, displacement, factor):
         """Return blocks (pairs, (n, 3, 3)) of -∂f/∂d of the couples on the director unknowns."""
@@ -411,9 +453,7 @@ class _Newton:
         return pairs, np.concatenate(blocks)
 
     def _failed(self, displacement, factor, iteration, cause, length=0.0):
-        relative = np.nan
-        if np.all(np.isfinite(displacement)):
-            _, relative = self._out_of_balance(displacement, factor)
+        _, relative = self._out_of_balance(displacement, factor)
         return _Result(False, factor, displacement, iteration, relative, cause, None, length)
 
 
@@ -422,25 +462,24 @@ class _Newton:
 
 def linear_solution(problem: StaticProblem) -> np.ndarray:
     """Return the displacement (3, node_count) [m] of the linear theory at load factor 1."""
-    system = PairSystem(problem.model, problem.held)
+    system = PairSystem(problem.model, problem.held, problem.held_middle)
     start = np.zeros((3, problem.model.node_count))
     K = system.assemble(linearise(problem.model, start).stiffness)
     right = system.reduce(problem.external_forces(start))
     right = right - system.reduced_product(K, problem.prescribed)
-    try:
-        factors = system.factorise(K)
-    except RuntimeError:
-        raise SimulationError(
-            "the stiffness matrix is singular: the supports let the sheet move rigidly"
-        ) from None
-    return system.expand(factors.solve(right)) + problem.prescribed
+    return system.expand(system.factorise(K).solve(right)) + problem.prescribed
 
 
 def linear_frequencies(model: Model, held: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest natural frequencies (count,) [Hz] and modes (count, 3, node_count).
 
-    Masses are lumped at the nodes. ``held`` (3, node_count) must exclude rigid motion.
+    Masses are lumped at the nodes; ``held`` (3, node_count) are the supports.
+
+    Raises
+    ------
+    InputError : supports that let the sheet move rigidly.
     """
+    _require_supports(model, held)
     system = PairSystem(model, held)
     K = system.assemble(linearise(model, np.zeros((3, model.node_count))).stiffness)
     factors = system.factorise(K)
@@ -471,10 +510,11 @@ class PairSystem:
 
     Bottom and top node are displaced by m ∓ s q with one s = thickness / edge length, so that q,
     edge length times a rotation, is as large as m. Components that are held on both faces are no
-    unknowns; where one face is held, the other moves with m = ± s q.
+    unknowns; where one face is held, the other moves with m = ± s q; where the middle is held, q
+    remains.
     """
 
-    def __init__(self, model: Model, held: np.ndarray):
+    def __init__(self, model: Model, held: np.ndarray, held_middle: np.ndarray | None = None):
         self.model = model
         n = self.pair_count = model.blank.pair_count
         geometry = model.geometry
@@ -496,13 +536,17 @@ class PairSystem:
 
         # columns of the unknowns in (m, q); components run fastest
         held = np.asarray(held, dtype=bool).T.reshape(2, 3 * n)
-        both = np.flatnonzero(~held[0] & ~held[1])
-        single = np.flatnonzero(held[0] ^ held[1])
+        middle = np.zeros(3 * n, dtype=bool)
+        if held_middle is not None:
+            middle = np.asarray(held_middle, dtype=bool).T.ravel()
+        mean = np.flatnonzero(~held[0] & ~held[1] & ~middle)
+        difference = np.flatnonzero(~held[0] & ~held[1])
+        single = np.flatnonzero((held[0] ^ held[1]) & ~middle)
         sign = np.where(held[0, single], 1.0, -1.0)
-        unknowns = 2 * len(both) + len(single)
+        unknowns = len(mean) + len(difference) + len(single)
         index = np.arange(unknowns)
-        rows = np.concatenate([both, both + 3 * n, single + 3 * n, single])
-        columns = np.concatenate([index, index[2 * len(both) :]])
+        rows = np.concatenate([mean, difference + 3 * n, single + 3 * n, single])
+        columns = np.concatenate([index, index[unknowns - len(single) :]])
         values = np.concatenate([np.ones(unknowns), s * sign])
         self.Z = csc_matrix((values, (rows, columns)), shape=(size, unknowns))
 

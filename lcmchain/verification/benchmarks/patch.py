@@ -13,6 +13,7 @@ from lcmchain.verification.benchmarks.meshes import (
     Z,
     from_quads,
     isotropic_model,
+    variant,
 )
 from lcmchain.verification.benchmarks.result import BenchmarkResult
 
@@ -58,7 +59,7 @@ def patch_test(kind: str, element=AS_PUBLISHED) -> BenchmarkResult:
     worst = error.flat[abs(error).argmax()]
     reference = abs(exact[0])
     return BenchmarkResult(
-        f"patch test, {kind}",
+        f"patch test, {kind}{variant(element)}",
         "5 quads",
         reference * (1.0 + worst),
         reference,

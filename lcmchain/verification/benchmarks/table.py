@@ -8,6 +8,7 @@ from functools import partial
 
 from rich.table import Table
 
+from lcmchain.scene.schema import Element
 from lcmchain.verification.benchmarks import (
     beams,
     large_cantilever,
@@ -44,6 +45,7 @@ def linear_benchmarks(finest: int = 32) -> list[Benchmark]:
         cases += [partial(beams.twisted_beam, thickness, load, n1) for n1 in (12, 24, 48)]
     for problem in (shells.scordelis_lo, shells.pinched_cylinder, shells.hemisphere):
         cases += [partial(problem, count) for count in counts]
+        cases += [partial(problem, count, Element()) for count in (8, 32)]
     for load in plates.COEFFICIENTS:
         for slenderness in (100, 1000, 10_000):
             cases += [partial(plates.clamped_plate, load, slenderness, count) for count in counts]

@@ -1,0 +1,81 @@
+"""Shell benchmarks with large rotations against published curves and the exact circle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lcmchain.scene.schema import Element
+from lcmchain.verification.benchmarks.large_cantilever import END_SHEAR, end_shear, roll_up
+from lcmchain.verification.benchmarks.large_shells import (
+    HEMISPHERE,
+    PINCHED_CYLINDER,
+    PINCHED_CYLINDER_MBDYN,
+    hemisphere,
+    pinched_cylinder,
+)
+
+
+def largest(curve):
+    return abs(curve.deviation).max()
+
+
+def test_cantilever_under_end_shear_follows_the_published_curve():
+    curve = end_shear(16)
+    assert len(curve.load_factor) == len(END_SHEAR)
+    assert largest(curve) < 0.005
+
+
+def test_roll_up_is_a_circle():
+    """Within 1 % up to the full circle; the polygon of the elements converges to it."""
+    deviations = [largest(roll_up(count, np.linspace(0.1, 1.0, 10))) for count in (12, 24, 48)]
+    assert deviations[-1] < 0.01
+    assert deviations[0] > deviations[1] > deviations[2]
+    # what is left is the strain of 2.6 % in the faces, which a circular arc neglects
+    assert np.log2((deviations[0] - deviations[1]) / (deviations[1] - deviations[2])) > 1.7
+
+
+def test_roll_up_takes_few_steps():
+    """Half a circle in one step: the tangent follows finite rotations."""
+    steps = []
+    roll_up(48, [0.5, 1.0], on_step=steps.append)
+    assert sum(step.iterations for step in steps) < 60
+
+
+def test_hemisphere_on_a_coarse_mesh():
+    curve = hemisphere(16, table=HEMISPHERE[[3, 11, 19]])
+    np.testing.assert_allclose(curve.values[-1] / curve.references[-1], 1.0, atol=0.035)
+
+
+@pytest.mark.slow
+def test_hemisphere_follows_the_published_curve():
+    curve = hemisphere(32)
+    assert len(curve.load_factor) == len(HEMISPHERE)
+    assert largest(curve) < 0.02
+    np.testing.assert_allclose(curve.values[-1] / curve.references[-1], 1.0, atol=0.02)
+
+
+def test_normal_thickness_stiffens_coarse_curved_meshes_of_a_stiff_material():
+    """It takes the chord of bent elements for a loss of thickness; it converges with the mesh."""
+    table = HEMISPHERE[[3]]
+    published = [hemisphere(count, table=table).values[0, 1] for count in (8, 16)]
+    normal = [hemisphere(count, Element(), table=table).values[0, 1] for count in (8, 16)]
+    short = np.subtract(published, normal)
+    assert short[0] > 2.0 * short[1] > 0.0
+
+
+@pytest.mark.slow
+def test_pinched_cylinder_follows_the_published_curve():
+    """The deflection within 2 % of Sze, Liu, Lo, both displacements within 2 % of MBDyn.
+
+    The side comes out 3 % farther than Sze, Liu, Lo have it; MBDyn finds the same. Where the side
+    snaps out, between 0.15 and 0.2 of the load, the curve is too steep for such a comparison.
+    """
+    curve = pinched_cylinder(48)
+    assert len(curve.load_factor) == len(PINCHED_CYLINDER)
+    away = abs(curve.load_factor - 0.175) > 0.03
+    assert abs(curve.deviation[away, 0]).max() < 0.02
+    assert abs(curve.deviation[away, 1]).max() < 0.04
+    rows = np.searchsorted(curve.load_factor, PINCHED_CYLINDER_MBDYN[:, 0])
+    deviation = curve.values[rows] - PINCHED_CYLINDER_MBDYN[:, 1:]
+    assert abs(deviation / PINCHED_CYLINDER_MBDYN[-1, 1:]).max() < 0.02
