@@ -78,6 +78,10 @@ def _size(option: str, default: str):
 FabricThickness = _size("--thickness", "1.004 mm (MD600)")
 ArealMass = _size("--areal-mass", "600 g/m^2 (MD600)")
 
+MarkdownFile = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FILE.md", help="Write the table as Markdown too."),
+]
 MaterialScene = Annotated[
     Path | None,
     typer.Option(
@@ -395,13 +399,26 @@ def verify_benchmarks(
     full: Annotated[
         bool, typer.Option("--full", help="Finer meshes and large deformation of shells too.")
     ] = False,
+    out: MarkdownFile = None,
 ) -> None:
     """Solve the shell benchmarks and print them beside their references."""
-    from lcmchain.verification.benchmarks.table import benchmark_table, run_benchmarks
+    from lcmchain.verification.benchmarks.table import run_benchmarks
 
     with progress_bar() as progress:
-        results = run_benchmarks(full, progress=progress)
-    _console().print(benchmark_table(results))
+        report = run_benchmarks(full, progress=progress)
+    for table in report.tables():
+        _console().print(table)
+    _write_markdown(out, report.markdown())
+
+
+def _write_markdown(out: Path | None, text: str) -> None:
+    if out is None:
+        return
+    from lcmchain.atomic import replacing
+
+    with replacing(out) as path:
+        path.write_text(text, encoding="utf-8")
+    _say(f"Table in {out}")
 
 
 @app.command()

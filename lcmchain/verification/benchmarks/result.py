@@ -54,18 +54,3 @@ class CurveResult(NamedTuple):
     def deviation(self) -> np.ndarray:
         """Value less reference over the largest reference of that displacement, (n, k)."""
         return (self.values - self.references) / abs(self.references).max(axis=0)
-
-    def at_loads(self, factors=(0.25, 0.5, 0.75, 1.0)) -> list[BenchmarkResult]:
-        """Return the displacements at the loads closest to the given ones."""
-        rows = np.unique([int(np.argmin(abs(self.load_factor - factor))) for factor in factors])
-        return [
-            BenchmarkResult(
-                f"{self.name}, {label} at P = {self.load_factor[row]:g}",
-                self.mesh,
-                float(self.values[row, column]),
-                float(self.references[row, column]),
-                self.origin,
-            )
-            for column, label in enumerate(self.labels)
-            for row in rows
-        ]

@@ -1,9 +1,10 @@
-"""All benchmarks as one table."""
+"""All benchmarks, and the tables of their results."""
 
 from __future__ import annotations
 
-import math
+import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
 
 from rich.table import Table
@@ -63,35 +64,97 @@ def large_deformation_benchmarks(full: bool) -> list[Benchmark]:
     return cases
 
 
+@dataclass
+class Report:
+    """Results of the benchmarks in the order of the list."""
+
+    full: bool
+    results: list[BenchmarkResult] = field(default_factory=list)
+    curves: list[CurveResult] = field(default_factory=list)
+    wall_s: float = 0.0
+
+    def linear_rows(self) -> list[tuple[str, str, str]]:
+        """Return problem, reference with its origin, and value over reference by mesh."""
+        problems: dict[tuple, list[BenchmarkResult]] = {}
+        for result in self.results:
+            problems.setdefault((result.name, result.reference, result.origin), []).append(result)
+        return [
+            (name, f"{reference:.5g} ({origin})", ", ".join(map(_by_mesh, results)))
+            for (name, reference, origin), results in problems.items()
+        ]
+
+    def large_rows(self) -> list[tuple[str, str, str, str, str]]:
+        """Return problem, mesh, origin of the reference, and deviations at the end and at most."""
+        return [
+            (
+                curve.name,
+                curve.mesh,
+                curve.origin,
+                ", ".join(
+                    f"{label} {deviation:+.2%}"
+                    for label, deviation in zip(curve.labels, curve.deviation[-1])
+                ),
+                f"{abs(curve.deviation).max():.2%}",
+            )
+            for curve in self.curves
+        ]
+
+    def tables(self) -> list[Table]:
+        """Return the tables for the terminal."""
+        tables = []
+        for title, heading, rows in self._sections():
+            table = Table(*heading, title=title, title_justify="left")
+            for row in rows:
+                table.add_row(*row)
+            tables.append(table)
+        return tables
+
+    def markdown(self) -> str:
+        """Return the tables as Markdown."""
+        lines = []
+        for title, heading, rows in self._sections():
+            lines += [title, "", f"| {' | '.join(heading)} |", "|---" * len(heading) + "|"]
+            lines += [f"| {' | '.join(row)} |" for row in rows] + [""]
+        return "\n".join(lines)
+
+    def _sections(self):
+        kind = "full" if self.full else "fast"
+        yield (
+            f"Linear benchmarks, {kind} version ({self.wall_s:.0f} s in all). Value over reference "
+            "by mesh; in brackets that of an independent implementation",
+            ("problem", "reference", "value / reference"),
+            self.linear_rows(),
+        )
+        yield (
+            "Large deformation. Deviation at the last load, and the largest on the way, over the "
+            "largest reference",
+            ("problem", "mesh", "reference", "at the last load", "largest"),
+            self.large_rows(),
+        )
+
+
+def _by_mesh(result: BenchmarkResult) -> str:
+    expected = "" if result.expected is None else f" ({result.expected:.3f})"
+    return f"{result.mesh}: {result.normalised:.3f}{expected}"
+
+
 def run_benchmarks(
     full: bool = False, *, progress: Callable[[float, float, str], None] | None = None
-) -> list[BenchmarkResult]:
+) -> Report:
     """Run all benchmarks; ``full`` adds finer meshes and the large deformation of shells.
 
     ``progress`` is called with completed, total, and the name of what is running.
     """
     cases = linear_benchmarks(64 if full else 32) + large_deformation_benchmarks(full)
-    results: list[BenchmarkResult] = []
+    report, start = Report(full), time.perf_counter()
     for done, case in enumerate(cases):
         if progress is not None:
             function = case.func if isinstance(case, partial) else case
             progress(done, len(cases), function.__name__.replace("_", " "))
         result = case()
-        results += result.at_loads() if isinstance(result, CurveResult) else [result]
-    return results
-
-
-def benchmark_table(results: list[BenchmarkResult]) -> Table:
-    """Return the table that ``lcmchain verify benchmarks`` prints."""
-    table = Table(title="Benchmarks of the solid-shell element", title_justify="left")
-    table.add_column("problem")
-    table.add_column("mesh")
-    for column in ("value", "reference", "value / reference", "expected per mesh"):
-        table.add_column(column, justify="right")
-    table.add_column("reference from")
-    for r in results:
-        normalised = f"{r.normalised:.4f}" if math.isfinite(r.normalised) else "-"
-        expected = "-" if r.expected is None else f"{r.expected:.3f}"
-        value, reference = f"{r.value:.5g}", f"{r.reference:.5g}"
-        table.add_row(r.name, r.mesh, value, reference, normalised, expected, r.origin)
-    return table
+        if isinstance(result, CurveResult):
+            report.curves.append(result)
+        else:
+            report.results.append(result)
+    report.wall_s = time.perf_counter() - start
+    return report
