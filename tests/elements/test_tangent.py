@@ -50,7 +50,8 @@ def batch(make):
         reference = make.flat_reference if shape == "flat" else make.curved_reference
         X, fibres = map(np.array, zip(*(reference(rng) for _ in range(COUNT))))
         x = np.array([make.deformed(rng, *element) for element in zip(X, fibres)])
-        model = make.separate_elements(X, fibres, material, ElementOptions(**options))
+        options = ElementOptions(**{"cross_terms": True} | options)
+        model = make.separate_elements(X, fibres, material, options)
         return model, (x - X).reshape(-1, 3).T
 
     return build
