@@ -47,6 +47,7 @@ RANK_OF_CORE = {
     "bench": 7,
     "pipeline": 7,
     "__main__": 8,
+    "commands": 8,
     "cli": 8,
 }
 # Each may import the core and what stands before it, but not what stands after it.

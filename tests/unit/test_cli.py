@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from lcmchain import cli
+from lcmchain.commands.folders import default_out
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.scene import read_scene
 
@@ -143,10 +144,10 @@ def test_a_failed_run_keeps_what_it_left(monkeypatch, scene_file, tmp_path):
 
 
 def test_default_folder_is_named_after_the_scene():
-    assert cli.default_out(Path("examples/hemisphere_free/scene.toml")) == Path(
+    assert default_out(Path("examples/hemisphere_free/scene.toml")) == Path(
         "results/hemisphere_free"
     )
-    assert cli.default_out(Path("dome.toml")) == Path("results/dome")
+    assert default_out(Path("dome.toml")) == Path("results/dome")
 
 
 def test_existing_results_are_not_touched_by_wrong_input(scene_file, tmp_path, capsys):

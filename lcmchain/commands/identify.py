@@ -1,0 +1,111 @@
+"""``lcmchain identify LAW DATA.csv``: parameters of a fabric law from coupon test data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lcmchain.commands.folders import output_folder
+from lcmchain.commands.terminal import console, say, warn
+
+identify_app = typer.Typer(
+    no_args_is_help=True, help="Identify parameters of a fabric law from coupon test data."
+)
+
+CouponFile = Annotated[
+    Path, typer.Argument(metavar="DATA.csv", help="Test data, units in the header.")
+]
+CouponFolder = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder of the results; default results/<data>."),
+]
+NoiseFloor = Annotated[
+    float, typer.Option(help="Smallest noise, relative to the largest measured value.")
+]
+
+
+def _size(option: str, default: str):
+    help_text = f"With unit; default {default}."
+    return Annotated[str | None, typer.Option(option, metavar="SIZE", help=help_text)]
+
+
+FabricThickness = _size("--thickness", "1.004 mm (MD600)")
+ArealMass = _size("--areal-mass", "600 g/m^2 (MD600)")
+
+
+@identify_app.command("shear")
+def identify_shear(
+    data: CouponFile,
+    out: CouponFolder = None,
+    length: _size("--length", "320 mm") = None,
+    width: _size("--width", "160 mm") = None,
+    thickness: FabricThickness = None,
+    method: Annotated[
+        str, typer.Option(help="force: fit the force; recursion: Eq. (22); printed: as printed.")
+    ] = "force",
+    convention: Annotated[
+        str, typer.Option(help="Shear strain of the law: engineering or tensor.")
+    ] = "engineering",
+    noise_floor: NoiseFloor = 0.01,
+) -> None:
+    """Shear polynomial from bias-extension tests: displacement, force."""
+    from lcmchain.coupons.identify_file import identify_shear_file
+
+    sizes = {"length": length, "width": width, "thickness": thickness}
+    _report_identification(
+        data, out, lambda: identify_shear_file(
+            data, sizes, method=method, convention=convention, noise_floor=noise_floor
+        ),
+    )  # fmt: skip
+
+
+@identify_app.command("compaction")
+def identify_compaction(
+    data: CouponFile,
+    out: CouponFolder = None,
+    thickness: FabricThickness = None,
+    areal_mass: ArealMass = None,
+    fibre_density: _size("--fibre-density", "1810 kg/m^3 (MD600)") = None,
+    noise_floor: NoiseFloor = 0.001,
+) -> None:
+    """Compaction law from plate-to-plate tests: thickness, pressure."""
+    from lcmchain.coupons.identify_file import identify_compaction_file
+
+    sizes = {"thickness": thickness, "areal_mass": areal_mass, "fibre_density": fibre_density}
+    _report_identification(
+        data, out, lambda: identify_compaction_file(data, sizes, noise_floor=noise_floor)
+    )
+
+
+@identify_app.command("bending")
+def identify_bending(
+    data: CouponFile,
+    out: CouponFolder = None,
+    thickness: FabricThickness = None,
+    areal_mass: ArealMass = None,
+    angle: _size("--angle", "41.5 deg") = None,
+    off_axis: Annotated[
+        str, typer.Option(help="Strips off the fibres: free-strip (narrow) or cylindrical (wide).")
+    ] = "free-strip",
+) -> None:
+    """Bending stiffness from cantilever tests: orientation, overhang (or length, angle; x, y)."""
+    from lcmchain.coupons.identify_file import identify_bending_file
+
+    sizes = {"thickness": thickness, "areal_mass": areal_mass, "angle": angle}
+    _report_identification(data, out, lambda: identify_bending_file(data, sizes, off_axis=off_axis))
+
+
+def _report_identification(data: Path, out: Path | None, identify) -> None:
+    with output_folder(out or Path("results") / data.stem) as folder:
+        from lcmchain.coupons.identification_files import tables, write_identification
+
+        result = identify()
+        snippet, picture, _ = write_identification(result, folder)
+    terminal = console()
+    for table in tables(result):
+        terminal.print(table)
+    for warning in result.warnings:
+        warn(warning)
+    say(f"For the scene file: {snippet}\nPicture of the fit: {picture}")
