@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
@@ -14,6 +13,17 @@ from lcmchain.blank import BlankMesh
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.summary import sheet_faces, sheet_positions
 from lcmchain.report.plots import draw_energy, draw_force
+from lcmchain.report.shape import (
+    MOST_FACES_WITH_EDGES,
+    Shown,
+    colour_scale,
+    draw_shape,
+    draw_triad,
+    fit_axis,
+    hangs_down,
+    joined_outline,
+    label_axes,
+)
 from lcmchain.report.style import (
     FAINT,
     FIBRE_COLOURS,
@@ -26,9 +36,7 @@ from lcmchain.report.style import (
 )
 from lcmchain.report.view import (
     FROM_ABOVE,
-    View,
     boundary_edges,
-    brightness,
     contour_edges,
     fronts_and_backs,
     oblique,
@@ -36,30 +44,11 @@ from lcmchain.report.view import (
     section,
 )
 
-
-@dataclass(frozen=True)
-class Shown:
-    """How a face field is shown: file, title, unit, colours."""
-
-    name: str
-    title: str
-    unit: str
-    factor: float  # from SI to the unit shown
-    colour_map: str
-    signed: bool  # zero in the middle of the colours
-    decimals: int
-
-
 SHOWN = (
     Shown("shear_angle", "Shear angle", "°", 180.0 / np.pi, "RdBu_r", True, 1),
     Shown("thickness", "Thickness", "mm", 1e3, "viridis", False, 3),
     Shown("fibre_volume_fraction", "Fibre volume fraction", "", 1.0, "YlGnBu", False, 3),
 )
-
-# Values beyond these percentiles do not stretch the colours when they lie far out.
-PERCENTILES = (0.2, 99.8)
-# Above this number of faces their edges would cover the colours.
-MOST_FACES_WITH_EDGES = 30_000
 
 
 def draw_result(
@@ -108,7 +97,7 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
     time = float(sheet["frame_time"].values[frame])
 
     rim = boundary_edges(faces)
-    view = oblique(from_below=_hangs_down(points, rim))
+    view = oblique(from_below=hangs_down(points, rim))
     aspects = [
         span[1] / max(span[0], 1e-12)
         for span in (
@@ -130,9 +119,9 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
         left = add_axes(0.2, 0.35, widths[0], panel + 0.2)
         right = add_axes(6.2, 0.5, widths[1], panel)
         bar = add_axes(10.4, 0.5 + 0.12 * panel, 0.16, 0.76 * panel)
-        colours = _colour_scale(values, shown)
-        _draw_shape(left, points, faces, rim, view, colours.to_rgba(values))
-        _draw_triad(left, view)
+        colours = colour_scale(values, shown)
+        draw_shape(left, points, faces, rim, view, colours.to_rgba(values))
+        draw_triad(left, view)
         side = "below" if view.up[2] < 0.0 else "above"
         figure.text(
             0.3 / width, (0.5 + panel) / height, f"formed shape, from {side}", color=FAINT,
@@ -206,81 +195,6 @@ def draw_initial(
 # --- formed shape ---------------------------------------------------------------------------------
 
 
-def _hangs_down(points: np.ndarray, rim: np.ndarray) -> bool:
-    """Tell whether the sheet is drawn further below its rim than above it."""
-    level = np.median(points[rim.ravel(), 2])
-    return level - points[:, 2].min() > points[:, 2].max() - level
-
-
-def _colour_scale(values: np.ndarray, shown: Shown):
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    values = values[np.isfinite(values)]
-    if len(values) == 0:
-        return ScalarMappable(Normalize(0.0, 1.0), shown.colour_map)
-    low, high = values.min(), values.max()
-    inner_low, inner_high = np.percentile(values, PERCENTILES)
-    # A few outliers only: the colours stay with the rest, and the bar gets arrows.
-    slack = 0.25 * (inner_high - inner_low)
-    low, high = max(low, inner_low - slack), min(high, inner_high + slack)
-    if shown.signed:
-        limit = max(abs(low), abs(high))
-        step = 5.0 if limit > 10.0 else 1.0
-        limit = max(step * np.ceil(limit / step - 1e-9), 1.0)
-        low, high = -limit, limit
-    if high - low < 1e-3 * max(abs(high), 1e-12):  # constant but for round-off
-        middle = 0.5 * (low + high)
-        low, high = middle - 0.005 * abs(middle), middle + 0.005 * abs(middle)
-    return ScalarMappable(Normalize(low, high), shown.colour_map)
-
-
-def _draw_shape(axis, points, faces, rim, view: View, colours) -> None:
-    """Paint the shaded faces from back to front, with the rim of the sheet among them."""
-    from matplotlib.collections import PolyCollection
-
-    corners = points[faces]
-    shaded = colours.copy()
-    shaded[:, :3] = np.clip(shaded[:, :3] * brightness(corners, view)[:, None], 0.0, 1.0)
-    lines = 0.62 * shaded[:, :3] if len(faces) <= MOST_FACES_WITH_EDGES else shaded[:, :3]
-    # The rim takes part as faces without area, a little in front of its neighbours.
-    ends = points[rim] + 1e-3 * np.ptp(points, axis=0).max() * view.towards
-    everything = np.concatenate([corners, ends[:, [0, 1, 1, 0]]])
-    count = len(rim)
-    order = painting_order(everything, view)
-    axis.add_collection(
-        PolyCollection(
-            view.on_screen(everything)[order],
-            facecolors=np.concatenate([shaded[:, :3], np.zeros((count, 3))])[order],
-            edgecolors=np.concatenate([lines, np.full((count, 3), 0.13)])[order],
-            linewidths=np.concatenate([np.full(len(faces), 0.22), np.full(count, 0.8)])[order],
-            capstyle="round",
-        )
-    )
-    _fit(axis, view.on_screen(points), 0.03)
-    axis.set_axis_off()
-
-
-def _draw_triad(axis, view: View) -> None:
-    """Draw the directions of the axes in the lower left corner."""
-    origin, length = np.array([0.075, 0.1]), 0.055
-    box = axis.get_window_extent()
-    for direction, label in zip(np.eye(3), "xyz", strict=True):
-        tip = view.on_screen(direction) * length * np.array([1.0, box.width / box.height])
-        axis.annotate(
-            "",
-            xy=origin + tip,
-            xytext=origin,
-            xycoords="axes fraction",
-            arrowprops={"arrowstyle": "-|>", "lw": 0.9, "color": INK, "mutation_scale": 7,
-                        "shrinkA": 0, "shrinkB": 0},
-        )  # fmt: skip
-        axis.text(
-            *(origin + 1.38 * tip), label, transform=axis.transAxes, ha="center", va="center",
-            fontsize=8, style="italic",
-        )  # fmt: skip
-
-
 def _draw_map(axis, points, initial, faces, rim, colours) -> None:
     from matplotlib.collections import LineCollection, PolyCollection
 
@@ -296,12 +210,14 @@ def _draw_map(axis, points, initial, faces, rim, colours) -> None:
     )
     axis.add_collection(LineCollection(points[rim][:, :, :2], colors=INK, linewidths=0.9))
     axis.add_collection(
-        LineCollection(_joined(initial, rim), colors=FAINT, linewidths=0.8, linestyles=(0, (5, 4)))
+        LineCollection(
+            joined_outline(initial, rim), colors=FAINT, linewidths=0.8, linestyles=(0, (5, 4))
+        )
     )
     axis.plot([], [], color=FAINT, lw=0.8, ls=(0, (5, 4)), label="initial outline")
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.15)
-    _fit(axis, np.concatenate([points[:, :2], initial[:, :2]]), 0.04)
-    _label_axes(axis, "x [mm]", "y [mm]")
+    fit_axis(axis, np.concatenate([points[:, :2], initial[:, :2]]), 0.04)
+    label_axes(axis, "x [mm]", "y [mm]")
 
 
 def _mark_extremes(axis, points, faces, values, shown: Shown) -> None:
@@ -385,9 +301,9 @@ def _draw_start(axis, points, faces, rim, shapes) -> None:
         LineCollection(view.on_screen(points[rim]), colors=INK, linewidths=1.0, zorder=2.5)
     )
     seen = [view.on_screen(points), *(view.on_screen(s[1]) for s in shapes if len(s[1]))]
-    _fit(axis, np.concatenate(seen), 0.03)
+    fit_axis(axis, np.concatenate(seen), 0.03)
     axis.set_axis_off()
-    _draw_triad(axis, view)
+    draw_triad(axis, view)
     if shapes:
         axis.legend(loc="upper right", title="tools", title_fontsize=8, alignment="left")
 
@@ -418,9 +334,9 @@ def _draw_fibres(axis, blank: BlankMesh, points, faces, rim, shapes) -> None:
         )  # fmt: skip
         axis.plot([], [], color=colour, lw=1.8, label=f"fibre {number}")
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.15)
-    _fit(axis, points[:, :2], 0.12)
+    fit_axis(axis, points[:, :2], 0.12)
     axis.set_title("from above, tools dashed", color=FAINT, loc="left")
-    _label_axes(axis, "x [mm]", "y [mm]")
+    label_axes(axis, "x [mm]", "y [mm]")
 
 
 def _draw_cut(axis, points, rim, thickness, shapes, y, box) -> None:
@@ -429,7 +345,7 @@ def _draw_cut(axis, points, rim, thickness, shapes, y, box) -> None:
     axis.set_xlim(box[0][0], box[1][0])
     axis.set_ylim(box[0][2], box[1][2])
     axis.set_title(f"cut at y = {y:.3g} mm", color=FAINT, loc="left")
-    _label_axes(axis, "x [mm]", "z [mm]")
+    label_axes(axis, "x [mm]", "z [mm]")
 
 
 def _draw_gaps(axis, points, rim, thickness, shapes, y, box) -> None:
@@ -441,7 +357,7 @@ def _draw_gaps(axis, points, rim, thickness, shapes, y, box) -> None:
     extent = axis.get_window_extent()
     stretch = (extent.height / (7.0 * thickness)) / (extent.width / (box[1][0] - box[0][0]))
     axis.set_title(f"gaps: z stretched {stretch:.2g} times", color=FAINT, loc="left")
-    _label_axes(axis, "x [mm]", "z [mm]")
+    label_axes(axis, "x [mm]", "z [mm]")
 
 
 def _draw_section(axis, points, rim, thickness, shapes, y) -> None:
@@ -467,20 +383,6 @@ def _draw_section(axis, points, rim, thickness, shapes, y) -> None:
 
 
 # --- shared ---------------------------------------------------------------------------------------
-
-
-def _joined(points: np.ndarray, edges: np.ndarray) -> list[np.ndarray]:
-    """Join edges to closed polylines in the plane: dashes run on over the nodes."""
-    following = dict(edges.tolist())
-    lines = []
-    while following:
-        start, node = following.popitem()
-        loop = [start, node]
-        while node in following:
-            node = following.pop(node)
-            loop.append(node)
-        lines.append(points[loop, :2])
-    return lines
 
 
 def _even_places(centres: np.ndarray, across: int = 11) -> tuple[np.ndarray, np.ndarray, float]:
@@ -511,17 +413,3 @@ def _compound_path(corners: np.ndarray):
     vertices = np.concatenate([corners, corners[:, :1]], axis=1).reshape(-1, 2)
     codes = [DrawnPath.MOVETO] + [DrawnPath.LINETO] * (sides - 1) + [DrawnPath.CLOSEPOLY]
     return DrawnPath(vertices, np.tile(np.array(codes, dtype=np.uint8), count))
-
-
-def _fit(axis, shown: np.ndarray, margin: float) -> None:
-    low, high = shown.min(axis=0), shown.max(axis=0)
-    pad = margin * (high - low).max()
-    axis.set_aspect("equal")
-    axis.set_xlim(low[0] - pad, high[0] + pad)
-    axis.set_ylim(low[1] - pad, high[1] + pad)
-
-
-def _label_axes(axis, x: str, y: str) -> None:
-    axis.set_xlabel(x, labelpad=2)
-    axis.set_ylabel(y, labelpad=2)
-    axis.tick_params(length=2.5, pad=2)

@@ -77,23 +77,25 @@ def _distances_to_polygon(points: np.ndarray, corners: np.ndarray) -> np.ndarray
 def mirror_difference(sheet, axis: int) -> dict[str, float]:
     """Return how far a result is from its mirror image along ``axis`` (0: x, 1: y).
 
-    ``contour`` [m] largest in-plane distance of outline nodes; ``thickness`` [m] and
-    ``shear_angle`` [rad] root mean square over the sheet.
+    ``contour`` [m] largest in-plane distance of outline nodes; ``thickness`` [m], where the result
+    has one, and ``shear_angle`` [rad] root mean square over the sheet.
     """
     sign = np.ones(3)
     sign[axis] = -1.0
     reference, formed = reference_positions(sheet), sheet_positions(sheet)
     twin = cKDTree(reference).query(reference * sign)[1]
-    contour = (formed - formed[twin] * sign)[outline_nodes(sheet), :2]
+    outline = (formed - formed[twin] * sign)[outline_nodes(sheet), :2]
     centres = face_centres(sheet, formed=False)
     face_twin = cKDTree(centres).query(centres * sign)[1]
-    thickness = sheet["thickness"].values[-1]
     shear = sheet["shear_angle"].values[-1]
-    return {
-        "contour": float(np.linalg.norm(contour, axis=1).max()),
-        "thickness": root_mean_square(thickness - thickness[face_twin]),
+    difference = {
+        "contour": float(np.linalg.norm(outline, axis=1).max()),
         "shear_angle": root_mean_square(shear + shear[face_twin]),
     }
+    if "thickness" in sheet:
+        thickness = sheet["thickness"].values[-1]
+        difference["thickness"] = root_mean_square(thickness - thickness[face_twin])
+    return difference
 
 
 def flange_and_pole(sheet) -> tuple[np.ndarray, np.ndarray]:
@@ -112,10 +114,10 @@ def flange_and_pole(sheet) -> tuple[np.ndarray, np.ndarray]:
     return level & (radius > FLANGE_RADIUS) & ~outline, radius < 0.01
 
 
-def area_mean_shear(sheet) -> dict[tuple[int, int], float]:
-    """Return shear angles [rad] averaged over squares of 20 mm of the reference."""
+def area_mean_shear(sheet, size: float = AREA) -> dict[tuple[int, int], float]:
+    """Return shear angles [rad] averaged over squares of ``size`` [m] of the reference."""
     centres = face_centres(sheet, formed=False)[:, :2]
-    cells = np.floor((centres - centres.min()) / AREA + 1e-9).astype(int)
+    cells = np.floor((centres - centres.min()) / size + 1e-9).astype(int)
     shear = sheet["shear_angle"].values[-1]
     return {
         tuple(cell): float(shear[(cells == cell).all(axis=1)].mean())

@@ -9,7 +9,8 @@ from matplotlib.image import imread
 from lcmchain.blank import build_blank
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
-from lcmchain.report.pictures import SHOWN, _colour_scale, draw_initial, draw_result
+from lcmchain.report.pictures import SHOWN, draw_initial, draw_result
+from lcmchain.report.shape import colour_scale
 from lcmchain.report.view import (
     FROM_ABOVE,
     View,
@@ -125,20 +126,20 @@ def test_unwritable_picture_is_an_input_error(scene, blank, tmp_path):
 
 
 def test_shear_colours_are_symmetric():
-    scale = _colour_scale(np.array([-3.0, 1.0, 41.3]), SHEAR)
+    scale = colour_scale(np.array([-3.0, 1.0, 41.3]), SHEAR)
     assert (scale.norm.vmin, scale.norm.vmax) == (-45.0, 45.0)
 
 
 def test_a_few_outliers_do_not_flatten_the_colours():
     values = np.full(5000, 1.0) + np.linspace(-0.1, 0.1, 5000)
     values[0] = -40.0
-    assert _colour_scale(values, THICKNESS).norm.vmin > 0.8
+    assert colour_scale(values, THICKNESS).norm.vmin > 0.8
 
 
 @pytest.mark.parametrize("values", [np.full(9, 1.004), np.zeros(9), np.full(9, np.nan)])
 def test_constant_and_missing_values_have_a_scale(values):
     for shown in SHOWN:
-        norm = _colour_scale(values, shown).norm
+        norm = colour_scale(values, shown).norm
         assert norm.vmin <= norm.vmax
         assert math.isfinite(norm.vmin)
 
