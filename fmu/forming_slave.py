@@ -46,7 +46,7 @@ _MOTION_KINDS = {"fixed": FIXED, "stroke": PRESCRIBED, "table": PRESCRIBED, "gui
 def variables_of(scene: Scene, blank: BlankMesh) -> tuple[Variable, ...]:
     """Return the interface of the unit that forms a scene."""
     tools = [(tool.name, _MOTION_KINDS[tool.motion.type]) for tool in scene.tools]
-    has_thickness = scene.element.type != "membrane-shell"
+    has_thickness = scene.element.type == "solid-shell"
     has_fraction = has_thickness and scene.material.fibre_density is not None
     return forming_variables(
         tools,

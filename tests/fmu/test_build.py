@@ -7,7 +7,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from fmpy import read_model_description
+from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 
 from lcmchain.errors import InputError
@@ -197,3 +197,19 @@ def test_unit_without_lcmchain_says_what_to_install():
     )
     assert done.returncode != 0
     assert "ImportError: this unit needs lcmchain" in done.stderr
+
+
+def test_unit_of_the_2d_approach_forms_without_thickness(scene_file, tmp_path):
+    """No variable promises what `element = "membrane-shell"` does not predict."""
+    text = scene_file.read_text(encoding="utf-8")
+    (tmp_path / "flat.toml").write_text('element = "membrane-shell"\n' + text, encoding="utf-8")
+    unit = build_fmu(tmp_path / "flat.toml", tmp_path / "flat.fmu")
+    names = {v.name for v in read_model_description(str(unit)).modelVariables}
+    assert not [name for name in names if name.startswith(("thickness", "fibre_volume_fraction"))]
+    outputs = ["punch.force", "shear_angle_max", "internal_energy", "hourglass_energy"]
+    result = simulate_fmu(
+        str(unit), stop_time=1e-3, output_interval=5e-4, output=outputs, validate=False
+    )
+    assert result["hourglass_energy"][-1] == 0.0
+    assert result["shear_angle_max"][-1] > 0.0 and result["internal_energy"][-1] > 0.0
+    assert result["punch.force"][-1] < 0.0
