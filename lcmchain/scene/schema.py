@@ -369,8 +369,8 @@ class Element(SceneModel):
     )
     cross_terms: Switch = Field(
         default=False,
-        description="Keep the cross terms of Eqs. (15) and (19), as printed: they have no potential "
-        "where membrane and bending stiffness differ, and feed energy to a limp sheet.",
+        description="Keep the cross terms of Eqs. (15) and (19) as printed: where membrane and "
+        "bending stiffness differ they have no potential and feed energy to a limp sheet.",
     )
     hourglass: Literal["conservative", "published"] = Field(
         default="conservative",

@@ -8,8 +8,8 @@ from lcmchain.errors import SimulationError
 from lcmchain.model import Model
 from lcmchain.state import EXTERNAL, KINETIC, WORK_COLUMNS, State
 
-# Below this fraction of its initial thickness an element counts as collapsed; a textile does so where
-# it would hold more fibre than space (MD600: 0.33).
+# Below this fraction of its initial thickness an element counts as collapsed; a textile does so
+# where it would hold more fibre than space (MD600: 0.33).
 COLLAPSED_STRETCH = 0.05
 # Deeper in a tool than this part of its thickness, the sheet is not where the tools hold it.
 DEEPEST_PENETRATION = 0.15
@@ -79,7 +79,7 @@ def collapsed_stretch(material) -> float:
 
 
 def require_outside(model: Model, state: State) -> None:
-    """Stop where the sheet has sunk into a tool: its pressure exceeds what the contact can carry."""
+    """Stop where the sheet has sunk into a tool: more pressure than the contact can carry."""
     limit = DEEPEST_PENETRATION * model.material.thickness
     if not (state.penetration_max > limit).any():
         return
@@ -87,9 +87,9 @@ def require_outside(model: Model, state: State) -> None:
     depth = 1e3 * state.penetration_max[tool]
     raise SimulationError(
         f"nodes are {depth:.3f} mm inside {model.tool_names[tool]} at {_when(state)}, more than "
-        f"{DEEPEST_PENETRATION:g} of the thickness of the sheet. Likely cause: the pressure is too "
-        f"high for the contact stiffness of {1e-9 * model.environment.penalty:.3g} N/mm^3; check gap "
-        "and stroke of the tools, or raise contact.penalty"
+        f"{DEEPEST_PENETRATION:g} of the thickness of the sheet. Likely cause: too much pressure "
+        f"for a contact stiffness of {1e-9 * model.environment.penalty:.3g} N/mm^3; check gap and "
+        "stroke of the tools, or raise contact.penalty"
     )
 
 

@@ -49,11 +49,21 @@ class CaseResult:
         return better / worse if worse > 0.0 else math.inf
 
 
+THEMES = (
+    "Elements",
+    "Time integration",
+    "Coupons",
+    "Compaction",
+    "Contact and tools",
+    "Forming",
+)
+
+
 @dataclass(frozen=True)
 class HardCase:
     """A case of the list: ``run(full)`` returns its results; ``reduced`` says what fast leaves out.
 
-    ``theme`` is the heading under which the case stands in the table.
+    ``theme`` is one of :data:`THEMES`, in whose order the table stands.
     """
 
     name: str

@@ -78,7 +78,7 @@ def director_tilt(sim: Simulation) -> float:
 def squeeze(sim: Simulation, time: float) -> tuple[float, float, float]:
     """Run, and return deviation from the law, largest director tilt [rad], least thickness [m].
 
-    The deviation is that of the pressure from p = λ|S33|, relative to it, where it exceeds 0.02 MPa.
+    The deviation is that of the pressure from p = λ|S33|, relative to it, above 0.02 MPa.
     """
     material = sim.model.material
     deviation = tilt = 0.0

@@ -1,0 +1,79 @@
+"""Every hard case on the list meets its criteria; see their docstrings for why they are hard."""
+
+from __future__ import annotations
+
+import pytest
+
+from lcmchain.verification.hard_cases import CASES, CaseResult, Report, run_cases
+from lcmchain.verification.hard_cases.case import HardCase
+
+# what the user asked for, by the names of the cases
+DEMANDED = {
+    "slenderness", "skew", "taper", "limp_hanging", "limp_pinned", "simple_shear_and_turn",
+    "sudden_load", "million_steps", "close_to_critical", "beyond_critical", "estimated_step",
+    "bias_extension", "fibre_to_shear_stiffness", "compaction_between_plates",
+    "step_follows_compaction", "pinched", "pinched_shut", "fillets", "release",
+    "chatter_on_an_edge", "wrinkling_strip", "fast_punch", "perturbed_mesh", "coarse_mesh",
+    "published_compaction", "fine_mesh",
+}  # fmt: skip
+
+
+def require_criteria(results: list[CaseResult]) -> None:
+    assert results
+    missed = [
+        f"{r.criterion}: {r.value:.4g} {r.unit}, limit {r.limit:g} {r.text}"
+        for r in results
+        if not r.holds
+    ]
+    assert not missed, "; ".join(missed)
+
+
+def test_the_list_is_complete():
+    assert set(CASES) == DEMANDED
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_hard_case(name):
+    require_criteria(CASES[name].run(full=False))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_hard_case_in_full(name):
+    require_criteria(CASES[name].run(full=True))
+
+
+# --- the list and its table -----------------------------------------------------------------------
+
+
+def test_a_criterion_holds_on_its_side_of_the_limit_only():
+    assert CaseResult("a", "", 1.0, 2.0).holds
+    assert CaseResult("a", "", 1.0, 2.0).margin == 2.0
+    assert not CaseResult("a", "", 2.1, 2.0).holds
+    assert CaseResult("a", "", 3.0, 2.0, at_least=True).margin == 1.5
+    assert not CaseResult("a", "", 1.9, 2.0, at_least=True).holds
+    not_a_number = CaseResult("a", "", float("nan"), 2.0)
+    assert not not_a_number.holds and not_a_number.margin == 0.0
+
+
+def test_the_table_says_what_fails_and_what_was_reduced():
+    results = [
+        CaseResult("some_case", "error", 1.0, 2.0, "%", without="a|b"),
+        CaseResult("some_case", "other", 3.0, 2.0, "%"),
+    ]
+    case = HardCase("some_case", "Elements", lambda name, full: results, "a part")
+    report = Report(full=False, results=[(case, case.run())])
+    first, second = report.rows()
+    assert first == ("some case (reduced: a part)", "error ≤ 2 %", "1 %", "2 x", "a|b")
+    assert second[0] == "" and "FAILS" in second[2]
+    assert [result.criterion for result in report.failed] == ["other"]
+    text = report.markdown()
+    assert "1 of 2 criteria hold" in text and "a\\|b" in text
+    assert len(report.table().rows) == 2
+
+
+def test_an_unknown_case_is_an_error():
+    from lcmchain.errors import InputError
+
+    with pytest.raises(InputError, match="no hard case .*slenderness"):
+        run_cases(["nonsense"])
