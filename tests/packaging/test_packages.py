@@ -44,7 +44,6 @@ RANK_OF_CORE = {
     "coupons": 7,
     "verification": 7,
     "check": 7,
-    "verification": 7,
     "bench": 7,
     "pipeline": 7,
     "__main__": 8,

@@ -7,7 +7,7 @@ import pytest
 from lcmchain.verification.hard_cases import CASES, CaseResult, Report, run_cases
 from lcmchain.verification.hard_cases.case import HardCase
 
-# what the user asked for, by the names of the cases
+# a case that loses its decorator, or its import, would otherwise go unnoticed
 DEMANDED = {
     "slenderness", "skew", "taper", "limp_hanging", "limp_pinned", "simple_shear_and_turn",
     "sudden_load", "million_steps", "close_to_critical", "beyond_critical", "estimated_step",

@@ -48,9 +48,9 @@ motion = { type = "guided", direction = [0, 0, -1], mass = "0.4 kg", ramp = "10 
 """
 
 
-# A sheet of MD600 shears over its thickness within sqrt(D / (C13 t)) = 5.7 mm, half the radius of the
-# die. Triangles whose normals stay normal know no such shear: to be the same model, the solid-shell
-# must be stiff against it.
+# A sheet of MD600 shears over its thickness within sqrt(D / (C13 t)) = 5.7 mm, half the radius of
+# the die. Triangles whose normals stay normal know no such shear: to be the same model, the
+# solid-shell must be stiff against it.
 STIFF_IN_TRANSVERSE_SHEAR = [
     f'material.{part}.{name}="5 MPa"' for part in ("membrane", "bending") for name in ("C13", "C23")
 ]
