@@ -3,7 +3,7 @@
 The strain E11^ζ = κ h λ of a strip bent to the curvature κ (h half the thickness, λ its stretch)
 has the energy ½ C11^B (κ h λ)²/3 per volume. It is balanced by the compaction stress:
 S33 = -C11^B (κ h)²/3. On the die fillet of the hemisphere (10 mm) this alone takes off 13 % of
-MD600. Freely bent to radii below about 12 mm, such a strip localises its bending in kinks (README,
+MD600. Freely bent to radii below about 14 mm, such a strip localises its bending in kinks (README,
 Limits).
 """
 
@@ -39,7 +39,7 @@ def expected_stretch(material, curvature):
     return brentq(out_of_balance, 0.5, 1.0)
 
 
-@pytest.mark.parametrize("radius", [50e-3, 20e-3, 13e-3])
+@pytest.mark.parametrize("radius", [50e-3, 20e-3, 16e-3])
 def test_thickness_of_a_strip_bent_to_a_circle(radius):
     model = build_model(scene_from_text(SCENE))
     X, pairs = model.blank.node_positions, model.blank.pair_count
