@@ -7,7 +7,6 @@ and compaction are at work.
 
 from __future__ import annotations
 
-import math
 import platform
 import statistics
 import time
@@ -19,6 +18,7 @@ from rich.table import Table
 
 from lcmchain.elements.geometry import reference_geometry
 from lcmchain.elements.kernel import internal_forces
+from lcmchain.elements.membrane_shell_kernel import membrane_shell_forces
 from lcmchain.elements.packing import curved_rows, in_blocks
 from lcmchain.materials.st_venant_kirchhoff import isotropic_stiffness
 from lcmchain.scene import scene_from_text
@@ -29,6 +29,7 @@ REPETITIONS = 11
 KERNEL_CALLS = 200
 # Where whole steps are timed: the sheet lies on punch, die fillet and under the holder.
 MID_STROKE = 0.06
+WHOLE_CHUNKS = 8
 
 SCENE = """
 title = "bench"
@@ -90,11 +91,49 @@ def kernel_work(simulation: Simulation, element_data, slots) -> Callable[[], Non
     return work
 
 
-def measurements() -> list[Measurement]:
-    """Run all measurements: element kernels on one core, whole steps on one and on all cores."""
-    simulation = Simulation.from_scene(scene_from_text(SCENE))
+def triangle_work(simulation: Simulation) -> Callable[[], None]:
+    """As :func:`kernel_work` for the triangles of the 2D approach."""
+    model, position = simulation.model, simulation.state.position
+    node_force = np.zeros(model.corner_force_size)
+
+    def work() -> None:
+        for _ in range(KERNEL_CALLS):
+            membrane_shell_forces(
+                position, model.corner_node, model.element_data, node_force, *model.membrane_shell
+            )
+
+    return work
+
+
+def whole_steps(name: str, simulation: Simulation) -> list[Measurement]:
+    """Measure steps from the present state on, on one core and on all.
+
+    The same steps every time, with the contact search, guards and step size between chunks.
+    """
+    start, begin = simulation.state.copy(), simulation.time
+    span = _chunk_span(simulation, WHOLE_CHUNKS)
+    simulation.advance_to(begin + span)
+    element_steps = simulation.model.element_count
+    element_steps *= simulation.state.step_count - start.step_count
+
+    def work() -> None:
+        simulation.restore(start)
+        simulation.advance_to(begin + span)
+
+    return [measure(name, threads, element_steps, work) for threads in (1, None)]
+
+
+def at_mid_stroke(*overrides: str) -> Simulation:
+    """Return the scene formed to where it is measured."""
+    simulation = Simulation.from_scene(scene_from_text(SCENE, overrides=overrides))
     use_threads(None)
     simulation.advance_to(MID_STROKE)
+    return simulation
+
+
+def measurements() -> list[Measurement]:
+    """Run all measurements: element kernels on one core, whole steps on one and on all cores."""
+    simulation, triangles = at_mid_stroke(), at_mid_stroke("element=membrane-shell")
     model, count = simulation.model, simulation.model.element_count
     slots, flat_data = model.elements, model.element_data
     blank = model.blank
@@ -115,28 +154,16 @@ def measurements() -> list[Measurement]:
                 kernel_work(simulation, curved_data, curved)),
         measure("element kernel, full 6x6 law, curved reference", 1, calls,
                 kernel_work(simulation, curved_data, full)),
+        measure("triangle kernel, membrane-shell", 1, KERNEL_CALLS * triangles.model.element_count,
+                triangle_work(triangles)),
     ]  # fmt: skip
-    start = simulation.state.copy()
-    chunks = 8
-    for threads in (1, None):
-        # the same steps every time, with the contact search, guards and step size between chunks
-        span = _chunk_span(simulation, chunks)
-        before = start.step_count
-        simulation.restore(start)
-        simulation.advance_to(MID_STROKE + span)
-        steps = simulation.state.step_count - before
-
-        def work(span=span) -> None:
-            simulation.restore(start)
-            simulation.advance_to(MID_STROKE + span)
-
-        found.append(measure("whole step, hemisphere_holder", threads, steps * count, work))
+    found += whole_steps("whole step, hemisphere_holder", simulation)
+    found += whole_steps("whole step, the same with membrane-shell", triangles)
     return found
 
 
 def _chunk_span(simulation: Simulation, chunks: int) -> float:
-    step = simulation.model.step_safety * simulation.critical_step()
-    return math.ceil(chunks) * STEPS_PER_CHUNK * step
+    return chunks * STEPS_PER_CHUNK * simulation.model.step_safety * simulation.critical_step()
 
 
 def run_bench() -> Table:
