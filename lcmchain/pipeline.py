@@ -306,7 +306,7 @@ def _run_warnings(summary: dict) -> list[str]:
     if summary["balance_error_max"] > LARGEST_BALANCE_ERROR:
         found.append(
             f"the energy balance is off by {summary['balance_error_max']:.1%} of the largest "
-            "internal energy; lower process.step_safety, or drop element.cross_terms"
+            "internal energy; lower process.step_safety, and leave element.cross_terms off"
         )
     if energy["hourglass"] > LARGEST_HOURGLASS_PART * energy["internal"]:
         found.append(

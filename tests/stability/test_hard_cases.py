@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from lcmchain.cli import main
+from lcmchain.errors import InputError
 from lcmchain.verification.hard_cases import CASES, CaseResult, Report, run_cases
 from lcmchain.verification.hard_cases.case import HardCase
 
@@ -72,8 +74,17 @@ def test_the_table_says_what_fails_and_what_was_reduced():
     assert len(report.table().rows) == 2
 
 
-def test_an_unknown_case_is_an_error():
-    from lcmchain.errors import InputError
+def test_the_command_prints_and_writes_the_table(tmp_path, capsys):
+    file = tmp_path / "table.md"
+    with pytest.raises(SystemExit) as stop:
+        main(["verify", "hard-cases", "--only", "skew", "--out", str(file)])
+    assert stop.value.code == 0
+    assert "1 of 1 criteria hold" in capsys.readouterr().out
+    text = file.read_text(encoding="utf-8")
+    assert "1 of 1 criteria hold" in text
+    assert "| skew | bending energy of a constant curvature, exact ≤ 0.1 % |" in text
 
+
+def test_an_unknown_case_is_an_error():
     with pytest.raises(InputError, match="no hard case .*slenderness"):
         run_cases(["nonsense"])

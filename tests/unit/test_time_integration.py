@@ -135,6 +135,19 @@ def test_vibration_explodes_beyond_the_true_critical_step():
         sim.advance_to(1000 * true)
 
 
+def test_the_step_stays_while_it_could_grow_but_little():
+    """A step that changes with every look wanders in energy: it only ever falls here."""
+    sim = simulation(SHEET)
+    rng = np.random.default_rng(0)
+    sim.set_velocity(rng.normal(scale=1.0, size=sim.state.velocity.shape))
+    steps = []
+    sim.advance_to(8000 * sim.critical_step(), lambda sim: steps.append(sim.control.step))
+    assert len(steps) > 100
+    assert (np.diff(steps) <= 0.0).all()
+    assert len(set(steps)) < len(steps) / 16  # one look in eight asks for the bound
+    assert steps[-1] > 0.98 * steps[0]
+
+
 # --- conservation ---------------------------------------------------------------------------------
 
 

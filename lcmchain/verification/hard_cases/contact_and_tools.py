@@ -23,9 +23,7 @@ from lcmchain.verification.hard_cases.sheets import (
 THEME = "Contact and tools"
 
 
-def wiped(
-    radius: float, edge: float, motion: str, time: float, damping: float = 100.0
-) -> Simulation:
+def wiped(radius: float, edge: float, motion: str, time: float) -> Simulation:
     """Return a strip that a punch wipes down over the edge of a die, under a light holder.
 
     ``radius`` of the fillets of die and punch, and ``edge`` length of the elements in mm. The

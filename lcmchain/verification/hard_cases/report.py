@@ -62,8 +62,8 @@ class Report:
         held = count - len(self.failed)
         kind = "full" if self.full else "fast"
         return (
-            f"Hard cases, {kind} version: {held} of {count} criteria hold in "
-            f"{len(self.results)} cases ({self.wall_s:.0f} s)"
+            f"Hard cases ({kind} version, {self.wall_s:.0f} s): {held} of {count} criteria hold "
+            f"(number of cases: {len(self.results)})"
         )
 
 

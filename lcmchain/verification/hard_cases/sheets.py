@@ -111,17 +111,3 @@ def stored_energy(sim: Simulation) -> float:
     """Return the strain energy with its hourglass part [J]."""
     energy = sim.energy()
     return energy["internal"] + energy["hourglass"]
-
-
-def largest_balance_error(sim: Simulation, times, scale: str = "external") -> float:
-    """Advance through ``times`` [s] and return the largest balance error over the largest scale.
-
-    ``scale`` names the energy that the error is related to.
-    """
-    errors, scales = [0.0], [0.0]
-    for time in times:
-        sim.advance_to(float(time))
-        energy = sim.energy()
-        errors.append(abs(energy["balance_error"]))
-        scales.append(abs(energy[scale]))
-    return max(errors) / max(scales)

@@ -13,6 +13,7 @@ from lcmchain.elements.kernel import internal_forces
 from lcmchain.elements.packing import from_blocks
 from lcmchain.elements.reference import ElementOptions
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, orthotropic_stiffness
+from lcmchain.state import EXTERNAL
 from lcmchain.verification import random_elements as make
 from lcmchain.verification.hard_cases.case import CaseResult, guarded, hard_case
 from lcmchain.verification.hard_cases.elements import cantilever_mode, skewed, trapezoids
@@ -130,7 +131,7 @@ def kicked_drift(shape, safety: float, steps: int, **mesh) -> float:
     )
     noise = np.random.default_rng(0).normal(scale=0.05, size=sim.state.velocity.shape)
     sim.set_velocity(noise)
-    total = float(sim.state.work[5])
+    total = float(sim.state.work[EXTERNAL])
     duration, errors = steps * safety * sim.critical_step(), []
     for part in np.linspace(0.0, 1.0, 21)[1:]:
         sim.advance_to(float(part * duration))
