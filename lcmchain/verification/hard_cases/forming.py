@@ -116,20 +116,27 @@ def fast_punch(name: str, full: bool) -> Iterator[CaseResult]:
     )
 
 
-@hard_case("perturbed_mesh", THEME, reduced="in 50 ms; --full: in 100 ms, three seeds")
+@hard_case(
+    "perturbed_mesh",
+    THEME,
+    reduced="5 mm, 50 ms, one seed; --full: 2.5 mm, 100 ms, three seeds, and the work",
+)
 def perturbed_mesh(name: str, full: bool) -> Iterator[CaseResult]:
     """The hemisphere on a mesh whose inner nodes are shifted at random by up to 10 % of the edge.
 
     Hard because fibres then cross the elements' edges at any angle, and any parasitic stiffness of
-    distorted elements would show in the result. It must stay within 5 %.
+    distorted elements shows in the result: it must stay within 5 %. The full version looks at the
+    work of the tools as well, which does not: a bilinear element whose edges cross stiff fibres
+    cannot change its shear angle without stretching them (tension locking), and its stabilisation,
+    Eq. (16), has the full fibre stiffness.
     """
-    time = 0.1 if full else 0.05
-    regular = Formed(hemisphere(time=time), time)
+    edge, time = (2.5, 0.1) if full else (5.0, 0.05)
+    regular = Formed(hemisphere(time=time, edge=edge), time)
     for seed in (1, 2, 3) if full else (1,):
-        other = Formed(hemisphere(time=time, perturbation=0.1, seed=seed), time)
-        for what in ("draw_in", "work", "mean_shear", "least_thickness"):
+        other = Formed(hemisphere(time=time, edge=edge, perturbation=0.1, seed=seed), time)
+        for what in ("draw_in", "mean_shear", "least_thickness") + (("work",) if full else ()):
             change = abs(getattr(other, what) / getattr(regular, what) - 1.0)
-            words = what.replace("_", "-" if what == "draw_in" else " ")
+            words = "draw-in" if what == "draw_in" else what.replace("_", " ")
             yield CaseResult(name, f"seed {seed}: change of {words}", 100.0 * change, 5.0, "%")
         yield other.balance_result(name, f"seed {seed}: ")
 
