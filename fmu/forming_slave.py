@@ -197,6 +197,7 @@ class FormingSlave(Fmi2Slave):
             self._apply_inputs()
             use_threads(self._threads)
             simulation.advance_to(current_time + step_size - self._start_time)
+            simulation.require_resolved()
         except SimulationError as error:
             self._set_fmu_state(before)
             self._failure = (

@@ -159,6 +159,15 @@ class Simulation:
             energy=self.energy(),
         )
 
+    def require_resolved(self) -> None:
+        """Check that the mesh follows the deformation.
+
+        Raises
+        ------
+        SimulationError : the hourglass terms carry a large part of the load.
+        """
+        guards.require_resolved(self.model, self.state, self.energy())
+
     def energy(self) -> dict[str, float]:
         """Return the energy balance [J].
 

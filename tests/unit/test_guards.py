@@ -96,3 +96,14 @@ def test_too_large_a_step_is_caught_by_a_guard(simulation):
             simulation._advance(10, step)
             guards.require_finite(simulation.model, state)
             simulation._check_elements()
+
+
+def test_a_mesh_that_the_hourglass_terms_carry_is_named(simulation):
+    model, state = simulation.model, simulation.state
+    floor = guards.energy_floor(model)
+    sound = {"internal": 100.0 * floor, "hourglass": 14.0 * floor}
+    guards.require_resolved(model, state, sound)
+    # before the sheet is loaded a ratio says nothing
+    guards.require_resolved(model, state, {"internal": 0.01 * floor, "hourglass": 0.1 * floor})
+    with pytest.raises(SimulationError, match="16% of the strain energy at .*10 mm .*edge_length"):
+        guards.require_resolved(model, state, sound | {"hourglass": 16.0 * floor})

@@ -15,11 +15,23 @@ THEME = "Forming"
 
 
 def hemisphere(
-    *, time: float = 0.1, edge: float = 5.0, holder: bool = True, element: str = "", **mesh
+    *,
+    time: float = 0.1,
+    edge: float = 5.0,
+    fillet: float | None = None,
+    holder: bool = True,
+    element: str = "",
+    **mesh,
 ) -> Simulation:
-    """Return the main job at half its size: blank 150 mm, punch of 37.5 mm, fillets of 5 mm."""
+    """Return the main job at half its size: blank 150 mm, punch of 37.5 mm.
+
+    The fillets of die and holder have twice the edge length of the elements where none is given, as
+    in the main job: elements resolve them.
+    """
+    radius = 2.0 * edge if fillet is None else fillet
     plate = (
-        '{ type = "plate_with_hole", hole_radius = "38.5 mm", fillet_radius = "5 mm", side = "%s" }'
+        f'{{ type = "plate_with_hole", hole_radius = "38.5 mm", fillet_radius = "{radius} mm", '
+        'side = "%s" }'
     )
     held = f"""
         [[tools]]
@@ -143,22 +155,38 @@ def perturbed_mesh(name: str, full: bool) -> Iterator[CaseResult]:
 
 @hard_case("coarse_mesh", THEME)
 def coarse_mesh(name: str, full: bool) -> Iterator[CaseResult]:
-    """The hemisphere with elements of 10, 15 and 25 mm: down to three over the punch's diameter.
+    """The hemisphere with elements up to five times the radius of the fillets (5 mm).
 
-    Hard because the mesh cannot resolve punch or fillet (5 mm): nodes slip off edges one by one,
-    and elements bridge the tools. The result is coarse, but must not gain energy or fold.
+    Hard because such a mesh cannot resolve the fillet: elements bridge it, jam between punch and
+    die, lift the holder, and the force comes out several times too high. The elements bear it by
+    their hourglass terms, by which the guard knows it.
     """
     time = 0.1
-    for edge in (10.0, 15.0, 25.0):
-        formed = Formed(hemisphere(time=time, edge=edge), time)
-        yield formed.balance_result(name, f"{edge:g} mm: ")
-        yield CaseResult(
+    for edge in (5.0, 10.0, 25.0):
+        yield guarded(
             name,
-            f"{edge:g} mm: least thickness over the initial one",
-            formed.least_thickness / 1.004e-3,
-            0.7,
-            at_least=True,
+            f"{edge:g} mm elements on 5 mm fillets: ends in the guard's words",
+            lambda edge=edge: _form_in_frames(hemisphere(time=time, edge=edge, fillet=5.0), time),
+            "hourglass",
+            "blank.edge_length",
         )
+    sim = hemisphere(time=time)
+    parts = []
+    for part in np.linspace(0.5, 1.0, 6):
+        sim.advance_to(float(part * time))
+        energy = sim.energy()
+        parts.append(energy["hourglass"] / energy["internal"])
+    yield CaseResult(
+        name, "5 mm elements on 10 mm fillets: hourglass over strain energy", 100.0 * max(parts),
+        15.0, "%",
+    )  # fmt: skip
+
+
+def _form_in_frames(sim: Simulation, time: float) -> None:
+    """Advance as a run of a scene does: from frame to frame, with the guard of each."""
+    for part in np.linspace(0.0, 1.0, 21)[1:]:
+        sim.advance_to(float(part * time))
+        sim.require_resolved()
 
 
 @hard_case("published_compaction", THEME)
@@ -171,7 +199,9 @@ def published_compaction(name: str, full: bool) -> Iterator[CaseResult]:
     yield guarded(
         name,
         "director strain: ends in the guard's words",
-        lambda: hemisphere(time=0.05, element='compaction_strain = "director"').advance_to(0.05),
+        lambda: hemisphere(
+            time=0.05, fillet=5.0, element='compaction_strain = "director"'
+        ).advance_to(0.05),
         "collapsed",
         'compaction_strain = "normal"',
     )
