@@ -139,8 +139,11 @@ def element_slots(material, element, geometry: ReferenceGeometry) -> ElementSlot
         zeta4=1.0 / 9.0 if two_points else 1.0 / 5.0,
         cross=1.0 / 3.0 if element.cross_terms else 0.0,
     )
+    fabric = None
+    if material.is_diagonal:
+        fabric = material.law._replace(fibre_hourglass=float(element.fibre_hourglass))
     return ElementSlots(
-        fabric=material.law if material.is_diagonal else None,
+        fabric=fabric,
         stiffness=None if material.is_diagonal else material.law,
         flat=True if flat else None,
         curved=None if flat else True,

@@ -22,7 +22,11 @@ from lcmchain.elements.solid_shell import (
 )
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel
-from lcmchain.materials.fabric import bending_stiffness, membrane_stress_and_tangent
+from lcmchain.materials.fabric import (
+    bending_stiffness,
+    hourglass_stiffness,
+    membrane_stress_and_tangent,
+)
 from lcmchain.materials.st_venant_kirchhoff import bending_rows, membrane_rows, stress
 
 
@@ -121,13 +125,14 @@ def strain_energies(
             if fabric is not None:
                 S, C_M = membrane_stress_and_tangent(fabric, E.centre)
                 C_B = bending_stiffness(fabric)
+                C_hg = hourglass_stiffness(fabric, C_M)
                 S_zeta = diagonal_product(C_B, E.zeta)
                 if enhanced is not None:
                     S_zeta = replace33(S_zeta, 0.0)
                 S_zeta2 = diagonal_product(C_B, E.zeta2)
                 S_cross = diagonal_product(C_B, E.centre)
-                xi = product6(E.xi, diagonal_product(C_M, E.xi))
-                eta = product6(E.eta, diagonal_product(C_M, E.eta))
+                xi = product6(E.xi, diagonal_product(C_hg, E.xi))
+                eta = product6(E.eta, diagonal_product(C_hg, E.eta))
                 eta_zeta = product6(E.eta_zeta, diagonal_product(C_B, E.eta_zeta))
                 xi_zeta = product6(E.xi_zeta, diagonal_product(C_B, E.xi_zeta))
             if stiffness is not None:

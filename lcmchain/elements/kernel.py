@@ -38,6 +38,7 @@ from lcmchain.jit import equation, kernel
 from lcmchain.materials.fabric import (
     bending_stiffness,
     compaction_tangent_slope,
+    hourglass_stiffness,
     membrane_stress_and_tangent,
     shear_tangent_slope,
 )
@@ -140,6 +141,7 @@ def fabric_resultants(law, conservative, enhanced, moments, E):
     """Return stress resultants of Eqs. (15) and (16) per unit volume 8 J⁰ for a fabric."""
     S_centre, C_M = membrane_stress_and_tangent(law, E.centre)
     C_B = bending_stiffness(law)
+    C_hg = hourglass_stiffness(law, C_M)
     S_zeta = diagonal_product(C_B, E.zeta)
     if enhanced is not None:
         # with diagonal stiffnesses the enhanced strain carries no other component than 33
@@ -152,8 +154,8 @@ def fabric_resultants(law, conservative, enhanced, moments, E):
         c,
         z,
         q,
-        scaled6(THIRD, diagonal_product(C_M, E.xi)),
-        scaled6(THIRD, diagonal_product(C_M, E.eta)),
+        scaled6(THIRD, diagonal_product(C_hg, E.xi)),
+        scaled6(THIRD, diagonal_product(C_hg, E.eta)),
         scaled6(NINTH, diagonal_product(C_B, E.eta_zeta)),
         scaled6(NINTH, diagonal_product(C_B, E.xi_zeta)),
     )

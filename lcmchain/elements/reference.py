@@ -25,6 +25,7 @@ class ElementOptions:
     cross_terms: bool = False
     in_plane_shear_hourglass: bool = True
     hourglass: str = "conservative"
+    fibre_hourglass: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -116,10 +117,12 @@ class ReferenceElement:
         energy += four_J0 * bending_energy
 
         hourglass = np.zeros(24)  # Eq. (16): C^M in the ξ, η terms, C^B in the ηζ, ξζ terms
+        f = self.options.fibre_hourglass if self.material.is_diagonal else 1.0
+        C_hg = C_M * np.array([f, f, 1.0, 1.0, 1.0, 1.0])[:, None]
         hourglass_energy = 0.0
         for term, weight, C in (
-            ("xi", 1.0 / 3.0, C_M),
-            ("eta", 1.0 / 3.0, C_M),
+            ("xi", 1.0 / 3.0, C_hg),
+            ("eta", 1.0 / 3.0, C_hg),
             ("eta_zeta", 1.0 / 9.0, C_B),
             ("xi_zeta", 1.0 / 9.0, C_B),
         ):

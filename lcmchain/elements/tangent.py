@@ -192,6 +192,10 @@ def _resultants(model, E):
         # the enhanced strain -S33^ζ / C^M_33 of ``condensed_enhanced_strain`` adds C^M_i3 of it
         share = C_M[:, :, NORMAL] / C_M[:, NORMAL, NORMAL, None]
         C_zeta = C_B - share[:, :, None] * C_B[NORMAL]
+    C_hg = C_M
+    if slots.fabric is not None:
+        f = slots.fabric.fibre_hourglass
+        C_hg = C_M * np.array([f, f, 1.0, 1.0, 1.0, 1.0])[:, None]
     D = np.zeros((len(E), 7, 6, 7, 6))
     D[:, CENTRE, :, CENTRE] = C_M
     D[:, CENTRE, :, ZETA2] = moments.cross * C_B
@@ -199,8 +203,8 @@ def _resultants(model, E):
     D[:, ZETA2, :, CENTRE] = moments.cross * C_M
     D[:, ZETA2, :, ZETA2] = moments.zeta4 * C_B
     for term, weight, C in (
-        (XI, THIRD, C_M),
-        (ETA, THIRD, C_M),
+        (XI, THIRD, C_hg),
+        (ETA, THIRD, C_hg),
         (ETA_ZETA, NINTH, C_B),
         (XI_ZETA, NINTH, C_B),
     ):

@@ -23,7 +23,8 @@ class FabricLaw(NamedTuple):
 
     ``s0 ... s4`` are the coefficients of the shear polynomial, Eq. (21), in powers of the tensor
     strain |E12|; ``c0, c1, c2`` those of the compaction law, Eq. (23); ``B..`` the bending
-    stiffness, Eq. (25).
+    stiffness, Eq. (25). ``fibre_hourglass`` scales C11 and C22 in the in-plane hourglass terms (an
+    option of the element, 1 as in Eq. 18).
     """
 
     C11: float
@@ -44,6 +45,7 @@ class FabricLaw(NamedTuple):
     B12: float
     B23: float
     B13: float
+    fibre_hourglass: float = 1.0
 
 
 @equation
@@ -114,6 +116,16 @@ def membrane_stress_and_tangent(law, E):
     S33, C33 = compaction_stress_and_tangent(law, E[2])
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
+
+
+@equation
+def hourglass_stiffness(law, C_M):
+    """Return the diagonal of C^hg of the ξ- and η-terms, Eq. (18), from that of the tangent C^M.
+
+    With ``fibre_hourglass`` < 1 elements whose edges cross the fibres lock less in tension.
+    """
+    f = law.fibre_hourglass
+    return (f * C_M[0], f * C_M[1], C_M[2], C_M[3], C_M[4], C_M[5])
 
 
 @equation

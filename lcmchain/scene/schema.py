@@ -376,6 +376,11 @@ class Element(SceneModel):
         default="conservative",
         description="Derive the hourglass forces from an energy, or take Eq. (16) as printed.",
     )
+    fibre_hourglass: Annotated[float, Number(1.0, Range(0.0, 1.0, (0.0,)))] = Field(
+        default=1.0,
+        description="Share of the fibre stiffness in the in-plane hourglass terms; 0.03 unlocks a "
+        "mesh whose edges cross the fibres.",
+    )
     in_plane_shear_hourglass: Switch = Field(
         default=True, description="Keep the in-plane shear row in the hourglass stabilisation."
     )
@@ -788,13 +793,18 @@ class Scene(SceneModel):
             )
         if isinstance(self.element, MembraneShellElement):
             self._check_membrane_shell()
+        elif self.element.fibre_hourglass < 1.0 and self.material.law != "fabric":
+            raise wrong(
+                f'is {self.element.fibre_hourglass:g}, but only law = "fabric" has fibres; '
+                "leave it out",
+                field="element.fibre_hourglass",
+            )
         if self.material.thickness > min(self.blank.extent):
             raise wrong(
                 f"is {self.material.thickness * 1e3:g} mm, larger than the blank; check its unit",
                 field="material.thickness",
             )
         return self
-
 
     def _check_membrane_shell(self) -> None:
         if not isinstance(self.material, FabricMaterial):

@@ -111,6 +111,7 @@ def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
         {"integration_points": 2},
         {"integration_points": 5, "in_plane_shear_hourglass": False},
         {"cross_terms": True, "integration_points": 2},
+        {"fibre_hourglass": 0.1},
         {"cross_terms": True, "in_plane_shear_hourglass": False},
     ],
     ids=str,

@@ -39,20 +39,8 @@ def test_hard_case(name):
     require_criteria(CASES[name].run(full=False))
 
 
-TENSION_LOCKING = pytest.mark.xfail(
-    strict=True,
-    reason="elements whose edges cross the fibres lock in tension: 10 % more work of the tools",
-)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=TENSION_LOCKING if name == "perturbed_mesh" else ())
-        for name in CASES
-    ],
-)
+@pytest.mark.parametrize("name", CASES)
 def test_hard_case_in_full(name):
     require_criteria(CASES[name].run(full=True))
 
