@@ -153,8 +153,9 @@ class FormingRun:
         with _stop_requests() as self._stop:
             for frame_time in times[len(self.snapshots) :]:
                 self.simulation.advance_to(float(frame_time), self._after_chunk)
-                self.simulation.require_resolved()
-                self.snapshots.append(self.simulation.snapshot())
+                snapshot = self.simulation.snapshot()
+                self.simulation.require_resolved(snapshot.energy)
+                self.snapshots.append(snapshot)
                 self._save()
         return self.snapshots
 

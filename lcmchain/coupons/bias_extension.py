@@ -17,7 +17,6 @@ from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import (
     Progress,
     SteadyPull,
-    coupon_scene,
     element_centres,
     mean_field,
     record,
@@ -27,7 +26,7 @@ from lcmchain.coupons.specimen import (
 from lcmchain.effects.supports import Support, translation
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.report.style import INK, SERIES
-from lcmchain.scene.schema import Element
+from lcmchain.scene.schema import Element, Scene
 
 # The specimen is pulled at both ends, so that mass and damping load both clamps alike. Inertia and
 # damping then add 0.1 N to 6.5 N at 30 mm (measured against the rate of the stored energy).
@@ -65,10 +64,10 @@ def bias_extension(
     analytic = BiasExtension(length, width, material.thickness)
     duration = DURATION * displacement / 0.06
     pull = SteadyPull(displacement, duration, 0.2 * duration)
-    scene = coupon_scene(
-        f"Bias extension of {material.name}, {1e3 * displacement:g} mm",
-        material,
-        element or Element(),
+    scene = Scene(
+        title=f"Bias extension of {material.name}, {1e3 * displacement:g} mm",
+        material=material,
+        element=element or Element(),
         process={"time": duration, "frames": 2 * INTERVALS + 1, "mass_damping": MASS_DAMPING},
         blank={
             "size": (length, width),

@@ -27,14 +27,13 @@ from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import (
     Progress,
-    coupon_scene,
     require_fabric,
     require_solid_shell,
 )
 from lcmchain.errors import SimulationError
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
-from lcmchain.scene.schema import Element
+from lcmchain.scene.schema import Element, Scene
 from lcmchain.solver.static import StaticProblem, solve
 from lcmchain.tools.motion import STANDARD_GRAVITY
 
@@ -139,10 +138,10 @@ def bent_strip(
     ------
     SimulationError : no equilibrium was found.
     """
-    scene = coupon_scene(
-        "cantilever",
-        material,
-        element,
+    scene = Scene(
+        title="cantilever",
+        material=material,
+        element=element,
         process={"time": 1.0},
         blank={"size": (overhang, width), "edge_length": edge_length, "fibre_angle": orientation},
     )

@@ -9,16 +9,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
 
 from lcmchain.coupons.analytic import power_law_pressure
 from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
-from lcmchain.coupons.specimen import Progress, coupon_scene, require_solid_shell
+from lcmchain.coupons.specimen import Progress, require_solid_shell
 from lcmchain.fields.derived import derive_fields
-from lcmchain.model import build_model
+from lcmchain.model import build_material, build_model
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene.presets import MEASURED_COMPACTION
-from lcmchain.scene.schema import Element
+from lcmchain.scene.schema import Element, Scene
 from lcmchain.solver.simulation import Simulation
 
 DURATION = 0.04  # [s]
@@ -51,7 +52,7 @@ def compaction(
     """
     require_solid_shell(element)
     thickness = material.thickness
-    law = _law(material)
+    law = build_material(material).compaction_pressure
     penalty = pressure / (PENETRATION * thickness)
     squeezed = thickness - _thickness_at(law, thickness, pressure)
     plates = [
@@ -69,10 +70,10 @@ def compaction(
             "friction": 0.0,
         },
     ]
-    scene = coupon_scene(
-        f"Compaction of {material.name} between plates",
-        material,
-        element or Element(),
+    scene = Scene(
+        title=f"Compaction of {material.name} between plates",
+        material=material,
+        element=element or Element(),
         process={"time": DURATION, "frames": SAMPLES + 1},
         blank={"size": (size, size), "edge_length": edge_length, "height": 0.5 * thickness},
         contact={"penalty": penalty},
@@ -137,17 +138,8 @@ def compaction(
     )
 
 
-def _law(material):
-    """Return the pressure law p(λ) [Pa] of a scene's material."""
-    from lcmchain.model import build_material
-
-    return build_material(material).compaction_pressure
-
-
 def _thickness_at(law, thickness: float, pressure: float) -> float:
     """Return the thickness [m] under a pressure [Pa]."""
-    from scipy.optimize import brentq
-
     return thickness * brentq(lambda stretch: float(law(stretch)) - pressure, 0.35, 1.0)
 
 

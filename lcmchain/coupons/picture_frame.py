@@ -17,7 +17,6 @@ from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import (
     Progress,
     SteadyPull,
-    coupon_scene,
     mean_field,
     record,
     require_fabric,
@@ -26,7 +25,7 @@ from lcmchain.coupons.specimen import (
 from lcmchain.effects.supports import Support
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.report.style import INK, SERIES
-from lcmchain.scene.schema import Element
+from lcmchain.scene.schema import Element, Scene
 
 # Slow enough that inertia and damping add less than half a percent to the force.
 DURATION = 0.5  # [s]
@@ -65,10 +64,10 @@ def picture_frame(
         c, s = math.cos(half), math.sin(half)
         return np.array([[c, s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
-    scene = coupon_scene(
-        f"Picture frame of {material.name}, {math.degrees(shear_angle):.3g}°",
-        material,
-        element or Element(),
+    scene = Scene(
+        title=f"Picture frame of {material.name}, {math.degrees(shear_angle):.3g}°",
+        material=material,
+        element=element or Element(),
         process={"time": DURATION, "frames": 2 * INTERVALS + 1, "mass_damping": MASS_DAMPING},
         blank={"size": (side, side), "edge_length": edge_length},
     )

@@ -12,7 +12,7 @@ from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
 from lcmchain.model import build_model
-from lcmchain.scene.schema import Element, Process, Scene
+from lcmchain.scene.schema import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 #: Called with (completed, total, text).
@@ -84,13 +84,6 @@ def require_solid_shell(element) -> None:
         raise InputError(
             f'is "{element.type}", but this coupon needs element = "solid-shell"', key="element"
         )
-
-
-def coupon_scene(title: str, material, element: Element, *, process: dict, **tables) -> Scene:
-    """Return the scene of a coupon; ``process`` and the tables hold SI values or texts."""
-    return Scene(
-        title=title, material=material, element=element, process=Process(**process), **tables
-    )
 
 
 def record(

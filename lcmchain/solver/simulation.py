@@ -110,11 +110,12 @@ class Simulation:
         The simulation must not have made a step yet. What vibrates at ω starts with the energy that
         central differences conserve, 1 - ω²dt²/4 of the strain energy.
         """
-        before = self._stored_energy()
+        before = self.stored_energy()
         self.state.position[:] = position
-        self.state.work[EXTERNAL] += self._stored_energy() - before
+        self.state.work[EXTERNAL] += self.stored_energy() - before
 
-    def _stored_energy(self) -> float:
+    def stored_energy(self) -> float:
+        """Return the strain energy with its hourglass part [J]."""
         energy = self.energy()
         return energy["internal"] + energy["hourglass"]
 
@@ -159,14 +160,14 @@ class Simulation:
             energy=self.energy(),
         )
 
-    def require_resolved(self) -> None:
-        """Check that the mesh follows the deformation.
+    def require_resolved(self, energy: dict[str, float] | None = None) -> None:
+        """Check that the mesh follows the deformation; ``energy`` where it is already known.
 
         Raises
         ------
         SimulationError : the hourglass terms carry a large part of the load.
         """
-        guards.require_resolved(self.model, self.state, self.energy())
+        guards.require_resolved(self.model, self.state, energy or self.energy())
 
     def energy(self) -> dict[str, float]:
         """Return the energy balance [J].

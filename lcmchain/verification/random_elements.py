@@ -7,6 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from lcmchain.blank import BlankMesh
+from lcmchain.elements.frequency import frequency_bounds
+from lcmchain.elements.kernel import internal_forces
+from lcmchain.elements.packing import from_blocks
+from lcmchain.elements.reference import ElementOptions
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.model import assemble_model
@@ -153,3 +157,45 @@ def difference_tangent(evaluate, nodes, step):
         far = evaluate(nodes + 2 * dx).force - evaluate(nodes - 2 * dx).force
         K[:, i] = ((8 * near - far) / (12 * step)).ravel()
     return K
+
+
+def bounds_and_frequencies(references, x, material, options=None):
+    """Return bound and true highest frequency [1/s] of elements (E, 8, 3) deformed to ``x``."""
+    X, fibres = map(np.array, zip(*references, strict=True))
+    x = np.array(x)
+    model = separate_elements(X, fibres, material, options or ElementOptions())
+    padded = model.corner_node.size // 8
+    omega2, mode = np.zeros(padded), np.zeros(padded, dtype=np.int64)
+    frequency_bounds(
+        positions_of(x),
+        model.corner_node,
+        model.element_data,
+        model.transformation,
+        model.transformation_change,
+        material.density,
+        *model.elements,
+        omega2,
+        mode,
+    )
+
+    def forces(x):
+        corner_force = np.zeros(model.corner_force_size)
+        internal_forces(
+            positions_of(x),
+            model.corner_node,
+            model.element_data,
+            corner_force,
+            *model.elements,
+        )
+        return from_blocks(corner_force[: model.corner_node.size * 3], 24, len(x))
+
+    step = 1e-5 * model.geometry.height.min()
+    K = np.zeros((len(x), 24, 24))
+    for i, dx in enumerate(step * np.eye(24).reshape(24, 8, 3)):
+        near = forces(x + dx) - forces(x - dx)
+        far = forces(x + 2 * dx) - forces(x - 2 * dx)
+        K[:, :, i] = (8 * near - far) / (12 * step)
+    nodal_mass = material.density * model.geometry.volume / 8
+    eigenvalues = np.linalg.eigvals(K / nodal_mass[:, None, None]).astype(complex)
+    # a tangent that is not symmetric: the imaginary part of a frequency is growth, not period
+    return np.sqrt(omega2[: len(x)]), np.sqrt(eigenvalues).real.max(axis=1)

@@ -5,60 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.elements.frequency import frequency_bounds
-from lcmchain.elements.kernel import internal_forces
-from lcmchain.elements.packing import from_blocks
 from lcmchain.elements.reference import ElementOptions
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, orthotropic_stiffness
+from lcmchain.verification.random_elements import bounds_and_frequencies
 
 COUNT = 48
-
-
-@pytest.fixture(scope="session")
-def frequencies(make):
-    """Bounds and true highest frequencies [1/s] of elements (E, 8, 3) deformed to ``x``."""
-
-    def forces(model, x):
-        corner_force = np.zeros(model.corner_force_size)
-        internal_forces(
-            make.positions_of(x),
-            model.corner_node,
-            model.element_data,
-            corner_force,
-            *model.elements,
-        )
-        return from_blocks(corner_force[: model.corner_node.size * 3], 24, len(x))
-
-    def compute(references, x, material, options=None):
-        X, fibres = map(np.array, zip(*references, strict=True))
-        x = np.array(x)
-        model = make.separate_elements(X, fibres, material, options or ElementOptions())
-        padded = model.corner_node.size // 8
-        omega2, mode = np.zeros(padded), np.zeros(padded, dtype=np.int64)
-        frequency_bounds(
-            make.positions_of(x),
-            model.corner_node,
-            model.element_data,
-            model.transformation,
-            model.transformation_change,
-            material.density,
-            *model.elements,
-            omega2,
-            mode,
-        )
-        step = 1e-5 * model.geometry.height.min()
-        K = np.zeros((len(x), 24, 24))
-        for i, dx in enumerate(step * np.eye(24).reshape(24, 8, 3)):
-            near = forces(model, x + dx) - forces(model, x - dx)
-            far = forces(model, x + 2 * dx) - forces(model, x - 2 * dx)
-            K[:, :, i] = (8 * near - far) / (12 * step)
-        nodal_mass = material.density * model.geometry.volume / 8
-        eigenvalues = np.linalg.eigvals(K / nodal_mass[:, None, None]).astype(complex)
-        # the tangent is not symmetric: the imaginary part of a frequency is growth, not period
-        true = np.sqrt(eigenvalues).real.max(axis=1)
-        return np.sqrt(omega2[: len(x)]), true
-
-    return compute
 
 
 def assert_close_from_above(bound, true):
@@ -70,7 +21,7 @@ def assert_close_from_above(bound, true):
 @pytest.mark.parametrize("shear", [0.0, 30.0, -60.0])
 @pytest.mark.parametrize("compaction", [1.15, 0.8, 0.6])
 @pytest.mark.parametrize("shape", ["flat", "curved"])
-def test_fabric_sheared_compacted_and_stretched(make, frequencies, shape, compaction, shear):
+def test_fabric_sheared_compacted_and_stretched(make, shape, compaction, shear):
     rng = np.random.default_rng(21)
     reference = make.flat_reference if shape == "flat" else make.curved_reference
     references = [reference(rng) for _ in range(COUNT)]
@@ -78,10 +29,10 @@ def test_fabric_sheared_compacted_and_stretched(make, frequencies, shape, compac
     for element in references:
         gradient = make.sheared(np.radians(shear), compaction, rng.uniform(0.997, 1.01))
         x.append(make.deformed(rng, *element, gradient=gradient, warp=rng.uniform(0.0, 0.1)))
-    assert_close_from_above(*frequencies(references, x, make.md600()))
+    assert_close_from_above(*bounds_and_frequencies(references, x, make.md600()))
 
 
-def test_fabric_as_published(make, frequencies):
+def test_fabric_as_published(make):
     rng = np.random.default_rng(22)
     references = [make.flat_reference(rng) for _ in range(COUNT)]
     x = [
@@ -89,48 +40,50 @@ def test_fabric_as_published(make, frequencies):
         for element in references
     ]
     options = ElementOptions(compaction_strain="director", hourglass="published")
-    assert_close_from_above(*frequencies(references, x, make.md600(), options))
+    assert_close_from_above(*bounds_and_frequencies(references, x, make.md600(), options))
 
 
 @pytest.mark.parametrize("shape", ["flat", "curved"])
 @pytest.mark.parametrize("poisson_ratio", [0.0, 0.3])
 @pytest.mark.parametrize("thickness", [10e-3, 1e-3, 0.1e-3])
-def test_isotropic_thick_and_thin(make, frequencies, thickness, poisson_ratio, shape):
+def test_isotropic_thick_and_thin(make, thickness, poisson_ratio, shape):
     rng = np.random.default_rng(23)
     reference = make.flat_reference if shape == "flat" else make.curved_reference
     references = [reference(rng, thickness=thickness) for _ in range(COUNT)]
     x = [make.deformed(rng, *element, stretch=0.03) for element in references]
-    assert_close_from_above(*frequencies(references, x, make.isotropic(poisson_ratio)))
+    assert_close_from_above(*bounds_and_frequencies(references, x, make.isotropic(poisson_ratio)))
 
 
 @pytest.mark.parametrize("cross_terms", [True, False])
-def test_orthotropic_with_soft_bending(make, frequencies, cross_terms):
+def test_orthotropic_with_soft_bending(make, cross_terms):
     rng = np.random.default_rng(24)
     C = orthotropic_stiffness(60e9, 20e9, 10e9, 0.25, 0.3, 0.35, 5e9, 4e9, 3e9)
     material = StVenantKirchhoff(C, 0.04 * C, thickness=1e-3, density=1500.0)
     references = [make.curved_reference(rng) for _ in range(COUNT)]
     x = [make.deformed(rng, *element, stretch=0.03) for element in references]
     options = ElementOptions(cross_terms=cross_terms, integration_points=2)
-    assert_close_from_above(*frequencies(references, x, material, options))
+    assert_close_from_above(*bounds_and_frequencies(references, x, material, options))
 
 
 @pytest.mark.parametrize("shape", ["flat", "curved"])
-def test_full_stiffness_matrices(make, frequencies, shape):
+def test_full_stiffness_matrices(make, shape):
     rng = np.random.default_rng(26)
     reference = make.flat_reference if shape == "flat" else make.curved_reference
     references = [reference(rng) for _ in range(COUNT)]
     x = [make.deformed(rng, *element) for element in references]
     for equal in (True, False):
-        assert_close_from_above(*frequencies(references, x, make.coupled(rng, equal=equal)))
+        assert_close_from_above(
+            *bounds_and_frequencies(references, x, make.coupled(rng, equal=equal))
+        )
 
 
-def test_fibre_aligned_rectangle_is_bounded_by_its_fibre_wave(make, frequencies):
+def test_fibre_aligned_rectangle_is_bounded_by_its_fibre_wave(make):
     """2 c / l of the shorter side, exactly, where fibres are much stiffer than all else."""
     rng = np.random.default_rng(25)
     fabric = make.md600()
     references = [make.flat_reference(rng, aligned=True) for _ in range(COUNT)]
     x = [nodes for nodes, _ in references]
-    bound, true = frequencies(references, x, fabric)
+    bound, true = bounds_and_frequencies(references, x, fabric)
     sides = [
         min(np.linalg.norm(nodes[1] - nodes[0]), np.linalg.norm(nodes[3] - nodes[0])) for nodes in x
     ]
@@ -140,17 +93,17 @@ def test_fibre_aligned_rectangle_is_bounded_by_its_fibre_wave(make, frequencies)
     np.testing.assert_allclose(bound, exact, rtol=1e-3)
 
     stiff = make.md600(C11=1e12, C22=1e12)
-    bound, _ = frequencies(references, x, stiff)
+    bound, _ = bounds_and_frequencies(references, x, stiff)
     exact = 2.0 * np.sqrt(stiff.law.C11 / stiff.density) / np.array(sides)
     np.testing.assert_allclose(bound, exact, rtol=1e-6)
 
 
-def test_compaction_comes_to_govern(make, frequencies):
+def test_compaction_comes_to_govern(make):
     """At 0.50 mm the thickness wave limits the step to 2.2 µs, at 0.70 mm to 12.6 µs."""
     fabric = make.md600(C11=1.0, C22=1.0)  # nothing but compaction can govern
     X = make.cube * np.array([2.5e-3, 2.5e-3, 0.502e-3])
     for thickness, critical in ((0.70e-3, 12.6e-6), (0.60e-3, 5.3e-6), (0.50e-3, 2.2e-6)):
         x = X * [1.0, 1.0, thickness / 1.004e-3]
-        (bound,), (true,) = frequencies([(X, [1.0, 0.0, 0.0])], [x], fabric)
+        (bound,), (true,) = bounds_and_frequencies([(X, [1.0, 0.0, 0.0])], [x], fabric)
         np.testing.assert_allclose(2.0 / true, critical, rtol=0.02)
         np.testing.assert_allclose(bound, true, rtol=0.1)

@@ -15,7 +15,6 @@ from lcmchain.verification.hard_cases.sheets import (
     fields,
     simulation,
     smooth,
-    stored_energy,
 )
 
 THEME = "Compaction"
@@ -160,7 +159,7 @@ def step_follows_compaction(name: str, full: bool) -> Iterator[CaseResult]:
     sim = between_plates(motion, time, penalty="200 N/mm^3")
     steps = []
     sim.advance_to(0.5 * time, lambda sim: steps.append(sim.control.step))
-    least, stored = float(fields(sim)["thickness"].min()), stored_energy(sim)
+    least, stored = float(fields(sim)["thickness"].min()), sim.stored_energy()
     sim.advance_to(time)
     fixed = between_plates(motion, time, penalty="200 N/mm^3")
     message = stopped(lambda: advance_at_constant_step(fixed, time))

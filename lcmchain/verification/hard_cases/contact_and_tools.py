@@ -17,7 +17,6 @@ from lcmchain.verification.hard_cases.sheets import (
     nodes_at,
     simulation,
     smooth,
-    stored_energy,
 )
 
 THEME = "Contact and tools"
@@ -116,7 +115,7 @@ def release(name: str, full: bool) -> Iterator[CaseResult]:
     )
     sim = wiped(5.0, 5.0, motion, end)
     sim.advance_to(down)
-    formed = stored_energy(sim)
+    formed = sim.stored_energy()
     sim.advance_to(end)
     energy = sim.energy()
     yield CaseResult(

@@ -17,7 +17,6 @@ from lcmchain.verification.hard_cases.sheets import (
     outline_nodes,
     simulation,
     smooth,
-    stored_energy,
 )
 
 THEME = "Elements"
@@ -163,7 +162,7 @@ def bent_energy_ratio(shape, thickness3=None) -> float:
     centre, half = corner.mean(axis=1), 0.005
     scale = thickness3 or (lambda x: np.ones_like(x))
     mean = 0.5 * (scale(centre[:, None] + half * points) @ weights)
-    return stored_energy(sim) / (0.5 * D * curvature**2 * float(np.sum(area * mean)))
+    return sim.stored_energy() / (0.5 * D * curvature**2 * float(np.sum(area * mean)))
 
 
 def catenary(length: float, span: float) -> tuple[float, float]:
@@ -302,7 +301,11 @@ def simple_shear_and_turn(name: str, full: bool) -> Iterator[CaseResult]:
     E = np.array([0.0, 0.5 * slope**2, 0.0, slope, 0.0, 0.0])
     law = float(sim.model.material.membrane_energy(E)) * float(sim.model.geometry.volume.sum())
     yield CaseResult(
-        name, "strain energy against the law", 100.0 * abs(stored_energy(sim) / law - 1.0), 0.1, "%"
+        name,
+        "strain energy against the law",
+        100.0 * abs(sim.stored_energy() / law - 1.0),
+        0.1,
+        "%",
     )
     energy = sim.energy()
     yield CaseResult(

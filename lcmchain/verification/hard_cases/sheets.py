@@ -105,9 +105,3 @@ def outline_nodes(X: np.ndarray) -> np.ndarray:
 def fields(sim: Simulation) -> dict[str, np.ndarray]:
     """Return the face fields of the present state, each (element_count,)."""
     return derive_fields(sim.model.blank, sim.model.material, sim.state.position.T)
-
-
-def stored_energy(sim: Simulation) -> float:
-    """Return the strain energy with its hourglass part [J]."""
-    energy = sim.energy()
-    return energy["internal"] + energy["hourglass"]

@@ -8,10 +8,6 @@ from itertools import product
 import numpy as np
 
 from lcmchain.effects.supports import Support
-from lcmchain.elements.frequency import frequency_bounds
-from lcmchain.elements.kernel import internal_forces
-from lcmchain.elements.packing import from_blocks
-from lcmchain.elements.reference import ElementOptions
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, orthotropic_stiffness
 from lcmchain.state import EXTERNAL
 from lcmchain.verification import random_elements as make
@@ -174,48 +170,6 @@ def beyond_critical(name: str, full: bool) -> Iterator[CaseResult]:
     )
 
 
-def bounds_and_frequencies(references, x, material, options=None):
-    """Return bound and true highest frequency [1/s] of elements (E, 8, 3) deformed to ``x``."""
-    X, fibres = map(np.array, zip(*references, strict=True))
-    x = np.array(x)
-    model = make.separate_elements(X, fibres, material, options or ElementOptions())
-    padded = model.corner_node.size // 8
-    omega2, mode = np.zeros(padded), np.zeros(padded, dtype=np.int64)
-    frequency_bounds(
-        make.positions_of(x),
-        model.corner_node,
-        model.element_data,
-        model.transformation,
-        model.transformation_change,
-        material.density,
-        *model.elements,
-        omega2,
-        mode,
-    )
-
-    def forces(x):
-        corner_force = np.zeros(model.corner_force_size)
-        internal_forces(
-            make.positions_of(x),
-            model.corner_node,
-            model.element_data,
-            corner_force,
-            *model.elements,
-        )
-        return from_blocks(corner_force[: model.corner_node.size * 3], 24, len(x))
-
-    step = 1e-5 * model.geometry.height.min()
-    K = np.zeros((len(x), 24, 24))
-    for i, dx in enumerate(step * np.eye(24).reshape(24, 8, 3)):
-        near = forces(x + dx) - forces(x - dx)
-        far = forces(x + 2 * dx) - forces(x - 2 * dx)
-        K[:, :, i] = (8 * near - far) / (12 * step)
-    nodal_mass = material.density * model.geometry.volume / 8
-    eigenvalues = np.linalg.eigvals(K / nodal_mass[:, None, None]).astype(complex)
-    # a tangent that is not symmetric: the imaginary part of a frequency is growth, not period
-    return np.sqrt(omega2[: len(x)]), np.sqrt(eigenvalues).real.max(axis=1)
-
-
 def random_families(rng, count: int):
     """Yield (name, references, deformed nodes, material): ``count`` elements of each family."""
 
@@ -265,7 +219,7 @@ def estimated_step(name: str, full: bool) -> Iterator[CaseResult]:
     ratios = {}
     rng = np.random.default_rng(0)
     for family, references, x, material in random_families(rng, 500 if full else 100):
-        bound, true = bounds_and_frequencies(references, x, material)
+        bound, true = make.bounds_and_frequencies(references, x, material)
         ratios.setdefault(family, []).append(true / bound)
     every = np.concatenate([np.concatenate(parts) for parts in ratios.values()])
     means = {family: float(np.mean(np.concatenate(parts))) for family, parts in ratios.items()}
