@@ -38,6 +38,7 @@ RANK_OF_CORE = {
     "model": 3,
     "state": 3,
     "solver": 4,
+    "statics": 4,
     "fields": 5,
     "report": 6,
     "study": 6,

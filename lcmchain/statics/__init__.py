@@ -1,0 +1,1 @@
+"""Quasi-static equilibrium of a sheet: Newton's method, arc length, linear analyses."""
