@@ -34,7 +34,7 @@ from lcmchain.errors import SimulationError
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene.schema import Element, Scene
-from lcmchain.statics.newton import StaticProblem, solve
+from lcmchain.statics import StaticProblem, solve
 from lcmchain.tools.motion import STANDARD_GRAVITY
 
 ORIENTATIONS = (0.0, 0.25 * math.pi, 0.5 * math.pi)  # of fibre 1 to the strip [rad]

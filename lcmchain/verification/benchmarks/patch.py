@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.elements.tangent import linearise
-from lcmchain.statics.newton import PairSystem, StaticProblem, linear_solution
+from lcmchain.statics import PairSystem, StaticProblem, linear_solution
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,
