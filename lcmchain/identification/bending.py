@@ -15,8 +15,15 @@ from lcmchain.coupons.analytic import (
     overhang_at_angle,
     strip_stiffness,
 )
-from lcmchain.coupons.data import Column, CouponData
-from lcmchain.coupons.identification import (
+from lcmchain.errors import InputError
+from lcmchain.identification.data import Column, CouponData
+from lcmchain.identification.regression import (
+    Fit,
+    coefficient_of_determination,
+    fit_nonlinear,
+    student_factor,
+)
+from lcmchain.identification.result import (
     Band,
     Identification,
     Panel,
@@ -25,13 +32,6 @@ from lcmchain.coupons.identification import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.coupons.regression import (
-    Fit,
-    coefficient_of_determination,
-    fit_nonlinear,
-    student_factor,
-)
-from lcmchain.errors import InputError
 from lcmchain.scene.units import ANGLE, LENGTH
 
 _ORIENTATION = Column("orientation", ANGLE)
@@ -201,9 +201,7 @@ def cantilever_tests(data: CouponData, areal_weight: float, angle: float) -> Can
     if "overhang" in data:
         _require_positive(data, "overhang")
         unknown = np.full(len(orientation), np.nan)
-        return Cantilever(
-            orientation, data["overhang"], np.full(len(orientation), angle), unknown
-        )
+        return Cantilever(orientation, data["overhang"], np.full(len(orientation), angle), unknown)
     if "length" in data:
         _require_positive(data, "length")
         low, high = math.radians(1.0), math.radians(85.0)
@@ -346,10 +344,7 @@ def _strip_curves(fit: Fit, per_stiffness: float, off_axis: str) -> list[Band]:
         if assumption == off_axis and fit.degrees_of_freedom > 0:
             step = 1e-5 * np.eye(len(fit.parameters))
             gradient = np.stack(
-                [
-                    np.log(stiffness(fit.parameters + h, assumption) / centre) / 1e-5
-                    for h in step
-                ]
+                [np.log(stiffness(fit.parameters + h, assumption) / centre) / 1e-5 for h in step]
             )
             variance = np.einsum("in,ij,jn->n", gradient, fit.covariance, gradient)
             ratio = np.exp(student_factor(fit.degrees_of_freedom) * np.sqrt(variance))

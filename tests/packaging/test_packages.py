@@ -43,6 +43,7 @@ RANK_OF_CORE = {
     "report": 6,
     "study": 6,
     "coupons": 7,
+    "identification": 7,
     "verification": 7,
     "check": 7,
     "bench": 7,

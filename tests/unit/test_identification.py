@@ -12,15 +12,16 @@ import pytest
 
 from lcmchain import cli
 from lcmchain.coupons.analytic import BiasExtension
-from lcmchain.coupons.data import CouponData, read_coupon
-from lcmchain.coupons.identification_files import scene_snippet, write_identification
-from lcmchain.coupons.identify_bending import COLUMNS as BENDING_COLUMNS
-from lcmchain.coupons.identify_bending import fit_deflection_curve, identify_bending
-from lcmchain.coupons.identify_compaction import identify_compaction
-from lcmchain.coupons.identify_shear import COLUMNS as SHEAR_COLUMNS
-from lcmchain.coupons.identify_shear import identify_shear
-from lcmchain.coupons.regression import fit_linear
-from lcmchain.coupons.synthetic import (
+from lcmchain.errors import InputError
+from lcmchain.identification.bending import COLUMNS as BENDING_COLUMNS
+from lcmchain.identification.bending import fit_deflection_curve, identify_bending
+from lcmchain.identification.compaction import identify_compaction
+from lcmchain.identification.data import CouponData, read_coupon
+from lcmchain.identification.files import scene_snippet, write_identification
+from lcmchain.identification.regression import fit_linear
+from lcmchain.identification.shear import COLUMNS as SHEAR_COLUMNS
+from lcmchain.identification.shear import identify_shear
+from lcmchain.identification.synthetic import (
     bias_extension_curve,
     cantilever_overhangs,
     cantilever_shape,
@@ -29,7 +30,6 @@ from lcmchain.coupons.synthetic import (
     preset_fabric,
     strip_bending_stiffness,
 )
-from lcmchain.errors import InputError
 from lcmchain.scene import scene_from_text
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "identification"
