@@ -14,9 +14,10 @@ from lcmchain import cli
 from lcmchain.coupons.analytic import BiasExtension
 from lcmchain.errors import InputError
 from lcmchain.identification.bending import COLUMNS as BENDING_COLUMNS
-from lcmchain.identification.bending import fit_deflection_curve, identify_bending
+from lcmchain.identification.bending import identify_bending
 from lcmchain.identification.compaction import identify_compaction
 from lcmchain.identification.data import CouponData, read_coupon
+from lcmchain.identification.deflection_curve import fit_deflection_curve
 from lcmchain.identification.files import scene_snippet, write_identification
 from lcmchain.identification.regression import fit_linear
 from lcmchain.identification.shear import COLUMNS as SHEAR_COLUMNS
