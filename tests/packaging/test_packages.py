@@ -41,7 +41,6 @@ RANK_OF_CORE = {
     "statics": 4,
     "fields": 5,
     "report": 6,
-    "study": 6,
     "coupons": 7,
     "identification": 7,
     "verification": 7,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lcmchain.fields import sheet_positions
-from lcmchain.fields.summary import sheet_faces
+from lcmchain.fields.summary import sheet_faces, sheet_positions
 
 # four elements beyond the end of the die fillet at 87 mm
 FLANGE_RADIUS = 0.105
