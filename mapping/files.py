@@ -8,9 +8,8 @@ import meshio
 import numpy as np
 import xarray as xr
 
-from lcmchain.atomic import replacing
-from lcmchain.errors import InputError
 from lcmchain.fields.ugrid import CONVENTIONS, UgridMesh, Variable
+from lcmchain.fields.vtu import write_mesh
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.target import TargetMesh
@@ -68,11 +67,7 @@ def write_vtu(
         [(name, cells) for name, cells in target.blocks],
         cell_data={name: np.split(values, ends) for name, values in data.items()},
     )
-    with replacing(path) as temporary:
-        try:
-            meshio.write(temporary, mesh, file_format="vtu")
-        except (meshio.WriteError, KeyError) as error:
-            raise InputError(f"meshio cannot write this mesh as VTU ({error})", file=path) from None
+    write_mesh(path, mesh)
 
 
 def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:

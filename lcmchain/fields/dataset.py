@@ -49,7 +49,7 @@ def build_datasets(
     the fields of :data:`lcmchain.fields.table.FIELDS`, and nothing that readers of such meshes
     do not know. Its node coordinates are those of the **last frame**, so that viewers show the
     formed shape; ``reference_position_*`` and ``displacement_*`` give the shape of every frame
-    (:func:`lcmchain.fields.summary.sheet_positions`). ``"/solid"`` holds the solid-shell elements,
+    (:func:`lcmchain.fields.sheet.sheet_positions`). ``"/solid"`` holds the solid-shell elements,
     volume i being face i of the sheet, and ``"/history"`` time, energies, and travel and forces
     of the tools. Triangles of the 2D approach are the faces themselves: there is no ``"/solid"``.
 

@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 import xarray as xr
 
-from lcmchain.fields.summary import sheet_faces, sheet_positions
+from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.report.shape import (
     Shown,
     colour_scale,
@@ -96,8 +96,7 @@ def _draw_contours(axis, sheets, points, rims) -> None:
     from matplotlib.collections import LineCollection
 
     first = next(iter(sheets))
-    reference = [sheets[first][f"reference_position_{axis}"].values for axis in "xy"]
-    initial = 1e3 * np.stack(reference, axis=-1)
+    initial = 1e3 * reference_positions(sheets[first])[:, :2]
     axis.add_collection(
         LineCollection(
             joined_outline(initial, rims[first]), colors=FAINT, linewidths=0.8,

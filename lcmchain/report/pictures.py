@@ -11,7 +11,7 @@ import xarray as xr
 
 from lcmchain.blank import BlankMesh
 from lcmchain.fields.dataset import HISTORY, SHEET
-from lcmchain.fields.summary import sheet_faces, sheet_positions
+from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.report.plots import draw_energy, draw_force
 from lcmchain.report.shape import (
     MOST_FACES_WITH_EDGES,
@@ -91,7 +91,7 @@ def draw_result(
 def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -1) -> None:
     """Draw a face field on the formed shape: oblique view and view from above."""
     points = 1e3 * sheet_positions(sheet, frame)
-    initial = 1e3 * np.stack([sheet[f"reference_position_{a}"].values for a in "xyz"], axis=-1)
+    initial = 1e3 * reference_positions(sheet)
     faces = sheet_faces(sheet)
     values = shown.factor * sheet[shown.name].values[frame]
     time = float(sheet["frame_time"].values[frame])
