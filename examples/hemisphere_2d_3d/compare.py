@@ -27,7 +27,7 @@ from lcmchain.fields.measures import (
     symmetric_mean,
 )
 from lcmchain.report.comparison import draw_comparison
-from lcmchain.report.pictures import SHOWN
+from lcmchain.report.shown import SHOWN
 
 EXAMPLES = Path(__file__).parents[1]
 SCENES = {"with blank holder": "hemisphere_holder", "without blank holder": "hemisphere_free"}

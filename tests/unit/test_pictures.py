@@ -9,8 +9,8 @@ from matplotlib.image import imread
 from lcmchain.blank import build_blank
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
-from lcmchain.report.pictures import SHOWN, draw_initial, draw_result
-from lcmchain.report.shape import colour_scale
+from lcmchain.report import draw_initial, draw_result
+from lcmchain.report.shown import SHOWN, colour_scale
 from lcmchain.report.view import (
     FROM_ABOVE,
     View,
