@@ -161,7 +161,7 @@ def draw_fibres(
     flat = length * direction[:, :2]
     head = {"headwidth": 4.2, "headlength": 5.0, "headaxislength": 4.4} if arrows else {
         "headwidth": 0.0, "headlength": 0.0, "headaxislength": 0.0,
-        "path_effects": [withStroke(linewidth=1.6, foreground="white")],  # upon any colour
+        "path_effects": [withStroke(linewidth=1.2, foreground="white")],  # upon any colour
     }  # fmt: skip
     axis.quiver(
         *(places - 0.5 * flat).T, *flat.T, angles="xy", scale_units="xy", scale=1.0, color=colour,
@@ -177,14 +177,15 @@ def even_places(centres: np.ndarray, across: int = 11) -> tuple[np.ndarray, np.n
     from scipy.spatial import cKDTree
 
     low, high = centres.min(axis=0), centres.max(axis=0)
-    spacing = float((high - low).max()) / across
+    spacing = float((high - low).max()) / across or 1.0  # one element has no extent
     counts = np.maximum(np.floor((high - low) / spacing + 1e-9).astype(int), 1)
     first = 0.5 * (low + high) - 0.5 * (counts - 1) * spacing
     grid = np.stack(np.meshgrid(*(np.arange(c) for c in counts), indexing="ij"), axis=-1)
     places = first + spacing * grid.reshape(-1, 2)
     tree = cKDTree(centres)
     distance, nearest = tree.query(places)
-    reach = np.median(tree.query(centres, k=2)[0][:, 1]) if len(centres) > 1 else np.inf
+    # The fourth neighbour is one edge length away, in a mesh of quadrilaterals or of triangles.
+    reach = np.median(tree.query(centres, k=5)[0][:, 4])  # infinite in a mesh of fewer
     inside = distance < 0.8 * reach
     return places[inside], nearest[inside], spacing
 
