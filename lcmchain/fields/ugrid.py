@@ -190,17 +190,16 @@ def write_netcdf(path: Path | str, groups: Mapping[str, xr.Dataset]) -> None:
     ------
     InputError : the place cannot be written.
     """
-    names = sorted(groups, key=lambda group: group != ROOT)  # the root first, the rest as given
     try:
         with replacing(path) as temporary:
-            for number, name in enumerate(names):
-                groups[name].to_netcdf(
+            for number, (name, dataset) in enumerate(groups.items()):
+                dataset.to_netcdf(
                     temporary,
                     mode="a" if number else "w",
                     group=None if name == ROOT else name,
                     format="NETCDF4",
                     engine="netcdf4",
-                    encoding=_encoding(groups[name]),
+                    encoding=_encoding(dataset),
                 )
     except OSError as error:
         reason = error.strerror or str(error)

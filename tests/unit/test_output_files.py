@@ -125,6 +125,14 @@ def test_the_agreed_names_of_the_mesh(file):
     assert faces.dtype == np.int32
     assert faces.attrs["start_index"] == 0
     assert faces.attrs["_FillValue"] == -1
+    axes = [sheet[f"sheet_node_{axis}"].attrs for axis in "xyz"]
+    assert [axis["standard_name"] for axis in axes] == [
+        "projection_x_coordinate",
+        "projection_y_coordinate",
+        "height",
+    ]
+    assert axes[2]["positive"] == "up"
+    assert [axis["units"] for axis in axes] == ["m", "m", "m"]
 
 
 def test_global_attributes_identify_the_run(file, scene):
