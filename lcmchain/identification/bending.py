@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from lcmchain.coupons.analytic import (
     strip_stiffness,
 )
 from lcmchain.errors import InputError
-from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.deflection_curve import fit_deflection_curve
+from lcmchain.identification.cantilever_tests import Cantilever, cantilever_tests
+from lcmchain.identification.data import CouponData
 from lcmchain.identification.regression import (
     Fit,
     coefficient_of_determination,
@@ -31,43 +32,15 @@ from lcmchain.identification.result import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.scene.units import ANGLE, LENGTH
 
-_ORIENTATION = Column("orientation", ANGLE)
-COLUMNS = (
-    (_ORIENTATION, Column("overhang", LENGTH)),
-    (_ORIENTATION, Column("length", LENGTH), Column("angle", ANGLE)),
-    (_ORIENTATION, Column("x", LENGTH, loading=1), Column("y", LENGTH)),
-)
 ASSUMPTIONS = {
     "free-strip": "a narrow strip, free to twist and to curve across",
     "cylindrical": "a wide strip that curves along only",
 }
 # Strips within this angle of a fibre direction are taken as cut along it.
 _ALONG_FIBRE = math.radians(2.0)
-_FEWEST_CURVE_POINTS = 5
 # Degrees of freedom from which Student's t is normal.
 _MANY = 10**6
-
-
-@dataclass(frozen=True)
-class Cantilever:
-    """Cantilever tests brought to one form: overhang and the chord angle reached.
-
-    Attributes
-    ----------
-    orientation : from fibre 1 to the strip, folded to 0 ... 90° [rad], shape [test_count].
-    overhang : [m], shape [test_count].
-    angle : chord angle at that overhang [rad], shape [test_count].
-    error : relative standard error of the overhang where a deflection curve tells it, else nan.
-    curves : (x, y, fitted x, fitted y, orientation) of each deflection curve [m].
-    """
-
-    orientation: np.ndarray
-    overhang: np.ndarray
-    angle: np.ndarray
-    error: np.ndarray
-    curves: tuple = ()
 
 
 def identify_bending(
@@ -103,64 +76,24 @@ def identify_bending(
         soft for any positive C12.
     """
     tests = cantilever_tests(data, areal_weight, angle)
-    along_1 = tests.orientation <= _ALONG_FIBRE
-    along_2 = tests.orientation >= 0.5 * np.pi - _ALONG_FIBRE
-    for found, degrees in ((along_1, 0), (along_2, 90)):
-        if not found.any():
-            raise InputError(
-                f"has no strip with an orientation of {degrees} deg; both fibre directions are "
-                "needed",
-                file=data.file,
-            )
-    between = ~(along_1 | along_2)
+    strips = _strips(tests, data.file)
     per_stiffness = thickness**3 / 12.0
     stiffness = (
         bending_stiffness_from_overhang(tests.overhang, areal_weight, tests.angle) / per_stiffness
     )
-    C11, C22 = stiffness[along_1].mean(), stiffness[along_2].mean()
-    names = ["C11", "C22"]
-    start = [C11, C22]
-    warnings = []
-    if between.any():
-        estimates = {
-            assumption: _torsional_stiffness(
-                stiffness[between].mean(), C11, C22, tests.orientation[between].mean(), assumption
-            )
-            for assumption in ASSUMPTIONS
-        }
-        if estimates[off_axis] <= 0.0:
-            raise InputError(
-                "the strips cut off the fibres are softer than any C12 allows under the "
-                f'assumption "{off_axis}"; use the other one, or check orientation and overhang',
-                file=data.file,
-            )
-        names.append("C12")
-        start.append(estimates[off_axis])
-        other = next(name for name in ASSUMPTIONS if name != off_axis)
-        beside = (
-            f"be {estimates[other] * 1e-6:.4g} MPa"
-            if estimates[other] > 0.0
-            else "have to be negative, which excludes it"
-        )
-        warnings.append(
-            f"C12 rests on the assumption of {ASSUMPTIONS[off_axis]}; with {ASSUMPTIONS[other]} "
-            f"it would {beside} (a real strip lies between the two)"
-        )
-    else:
-        warnings.append("no strip is cut off the fibres: C12 stays open; test one at 45 deg")
+    start, warnings = _first_estimate(stiffness, tests, strips, off_axis, data.file)
 
     def model(theta):
         values = np.exp(theta)
         twist = values[2] if len(values) > 2 else 1.0  # without off-axis strips it has no effect
-        orientation = np.where(along_1, 0.0, np.where(along_2, 0.5 * np.pi, tests.orientation))
-        strip = strip_stiffness(values[0], values[1], twist, orientation, off_axis)
+        strip = strip_stiffness(values[0], values[1], twist, strips.orientation, off_axis)
         return overhang_at_angle(strip * per_stiffness, areal_weight, tests.angle)
 
-    fit = fit_nonlinear(model, np.log(start), tests.overhang, 0.0)
+    fit = fit_nonlinear(model, np.log(list(start.values())), tests.overhang, 0.0)
     half, interval_method = _half_widths(fit, tests)
     parameters = tuple(
         Parameter(name, math.exp(value), "Pa", math.exp(value - h), math.exp(value + h))
-        for name, value, h in zip(names, fit.parameters, half)
+        for name, value, h in zip(start, fit.parameters, half)
     )
     derived = tuple(
         Parameter(f"D({degrees} deg)", per_stiffness * p.value, "N*m",
@@ -193,47 +126,65 @@ def identify_bending(
     )
 
 
-def cantilever_tests(data: CouponData, areal_weight: float, angle: float) -> Cantilever:
-    """Bring overhangs, length-angle pairs or deflection curves to one form."""
-    orientation = np.abs(data["orientation"]) % np.pi
-    orientation = np.minimum(orientation, np.pi - orientation)
-    if "overhang" in data:
-        _require_positive(data, "overhang")
-        unknown = np.full(len(orientation), np.nan)
-        return Cantilever(orientation, data["overhang"], np.full(len(orientation), angle), unknown)
-    if "length" in data:
-        _require_positive(data, "length")
-        low, high = math.radians(1.0), math.radians(85.0)
-        outside = np.flatnonzero((data["angle"] < low) | (data["angle"] > high))
-        if len(outside):
-            raise data.wrong("angle", outside[0], "must lie between 1 deg and 85 deg")
-        unknown = np.full(len(orientation), np.nan)
-        return Cantilever(orientation, data["length"], data["angle"], unknown)
-    return _tests_from_curves(data, orientation, areal_weight, angle)
+class _Strips(NamedTuple):
+    """Which tests are of strips along a fibre; masks (test_count,)."""
+
+    along_1: np.ndarray
+    along_2: np.ndarray
+    orientation: np.ndarray  # (test_count,) [rad], those along a fibre exactly
+
+    @property
+    def between(self) -> np.ndarray:
+        return ~(self.along_1 | self.along_2)
 
 
-def _tests_from_curves(data, orientation, areal_weight, angle) -> Cantilever:
-    keys = np.round(np.degrees(orientation), 3) * 1e6 + data.specimen
-    kept, overhang, error, curves = [], [], [], []
-    for key in np.unique(keys):
-        rows = np.flatnonzero(keys == key)
-        if len(rows) < _FEWEST_CURVE_POINTS:
-            raise data.wrong(
-                "x", rows[0], f"a deflection curve needs at least {_FEWEST_CURVE_POINTS} points"
+def _strips(tests: Cantilever, file) -> _Strips:
+    """Sort the tests by their strips; InputError without a strip along either fibre."""
+    along_1 = tests.orientation <= _ALONG_FIBRE
+    along_2 = tests.orientation >= 0.5 * np.pi - _ALONG_FIBRE
+    for found, degrees in ((along_1, 0), (along_2, 90)):
+        if not found.any():
+            raise InputError(
+                f"has no strip with an orientation of {degrees} deg; both fibre directions are "
+                "needed",
+                file=file,
             )
-        x, y = data["x"][rows], data["y"][rows]
-        drop = y if y[-1] > 0.0 else -y  # heights may be counted upwards
-        if drop[-1] <= 0.0 or x[-1] <= 0.0:
-            raise data.wrong("y", rows[-1], "the tip must lie below and in front of the clamp")
-        stiffness, relative_error, fitted = fit_deflection_curve(x, drop, areal_weight)
-        kept.append(orientation[rows[0]])
-        overhang.append(float(overhang_at_angle(stiffness, areal_weight, angle)))
-        error.append(relative_error / 3.0)  # the overhang goes with the cube root
-        curves.append((x, drop, *fitted, orientation[rows[0]]))
-    return Cantilever(
-        np.array(kept), np.array(overhang), np.full(len(kept), angle), np.array(error),
-        tuple(curves),
-    )  # fmt: skip
+    orientation = np.where(along_1, 0.0, np.where(along_2, 0.5 * np.pi, tests.orientation))
+    return _Strips(along_1, along_2, orientation)
+
+
+def _first_estimate(
+    stiffness: np.ndarray, tests: Cantilever, strips: _Strips, off_axis: str, file
+) -> tuple[dict[str, float], list[str]]:
+    """Return the entries of C^B [Pa] from mean stiffnesses, and what they rest on in words."""
+    C11, C22 = stiffness[strips.along_1].mean(), stiffness[strips.along_2].mean()
+    estimate = {"C11": C11, "C22": C22}
+    between = strips.between
+    if not between.any():
+        return estimate, ["no strip is cut off the fibres: C12 stays open; test one at 45 deg"]
+    torsional = {
+        assumption: _torsional_stiffness(
+            stiffness[between].mean(), C11, C22, tests.orientation[between].mean(), assumption
+        )
+        for assumption in ASSUMPTIONS
+    }
+    if torsional[off_axis] <= 0.0:
+        raise InputError(
+            "the strips cut off the fibres are softer than any C12 allows under the "
+            f'assumption "{off_axis}"; use the other one, or check orientation and overhang',
+            file=file,
+        )
+    estimate["C12"] = torsional[off_axis]
+    other = next(name for name in ASSUMPTIONS if name != off_axis)
+    beside = (
+        f"be {torsional[other] * 1e-6:.4g} MPa"
+        if torsional[other] > 0.0
+        else "have to be negative, which excludes it"
+    )
+    return estimate, [
+        f"C12 rests on the assumption of {ASSUMPTIONS[off_axis]}; with {ASSUMPTIONS[other]} "
+        f"it would {beside} (a real strip lies between the two)"
+    ]
 
 
 def _torsional_stiffness(strip, C11, C22, orientation, assumption) -> float:
@@ -257,12 +208,6 @@ def _half_widths(fit: Fit, tests: Cantilever) -> tuple[np.ndarray, str]:
             "error of each deflection curve's fit; the scatter between specimens is not in it"
         )
     return np.full(len(fit.parameters), np.nan), "none, as many parameters as tests"
-
-
-def _require_positive(data: CouponData, column: str) -> None:
-    wrong = np.flatnonzero(data[column] <= 0.0)
-    if len(wrong):
-        raise data.wrong(column, wrong[0], "must be positive")
 
 
 def _strip_curves(fit: Fit, per_stiffness: float, off_axis: str) -> list[Band]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lcmchain.coupons.analytic import BiasExtension, load_parameter_at_chord_angle
 from lcmchain.errors import InputError
-from lcmchain.identification import bending, compaction, shear
+from lcmchain.identification import bending, cantilever_tests, compaction, shear
 from lcmchain.identification.data import read_coupon
 from lcmchain.identification.result import Identification
 from lcmchain.scene.presets import MD600
@@ -98,7 +98,7 @@ def identify_bending_file(
     except ValueError as error:
         raise InputError(str(error), key="--angle") from None
     inputs.append(("off-axis strip", bending.ASSUMPTIONS[off_axis], f"--off-axis {off_axis}"))
-    data = read_coupon(path, bending.COLUMNS)
+    data = read_coupon(path, cantilever_tests.COLUMNS)
     return bending.identify_bending(
         data, thickness=values["thickness"],
         areal_weight=STANDARD_GRAVITY * values["areal_mass"], angle=values["angle"],

@@ -13,8 +13,8 @@ import pytest
 from lcmchain import cli
 from lcmchain.coupons.analytic import BiasExtension
 from lcmchain.errors import InputError
-from lcmchain.identification.bending import COLUMNS as BENDING_COLUMNS
 from lcmchain.identification.bending import identify_bending
+from lcmchain.identification.cantilever_tests import COLUMNS as BENDING_COLUMNS
 from lcmchain.identification.compaction import identify_compaction
 from lcmchain.identification.data import CouponData, read_coupon
 from lcmchain.identification.deflection_curve import fit_deflection_curve
