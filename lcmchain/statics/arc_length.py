@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lcmchain.elements.tangent import linearise
+from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import SimulationError
 from lcmchain.statics.newton import FORCE_TOLERANCE, MAXIMUM_ITERATIONS, Newton, StepResult
 from lcmchain.statics.problem import StaticProblem

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from lcmchain.elements.tangent import linearise
+from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.model import Model
 from lcmchain.statics.pair_system import PairSystem
 from lcmchain.statics.problem import StaticProblem, require_supports

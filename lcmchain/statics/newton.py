@@ -1,11 +1,12 @@
 """Newton's method for the equilibrium of a sheet at a given load factor.
 
 Forces are those of the compiled element kernel, the tangent is its exact derivative
-(``elements/tangent.py``). The geometric stiffness takes the stress resultants extrapolated linearly
-over the last correction instead of those of the corrected displacement ("mixed integration
-points": Magisano, Leonetti, Garcea, Int. J. Numer. Meth. Engng 109 (2017) 1237). Newton's method of
-the displacements takes rotations of a stiff sheet for huge membrane stresses; this one does not,
-and converges over load steps that are many times larger. The equilibrium found is the same.
+(``elements/solid_shell/tangent.py``). The geometric stiffness takes the stress resultants
+extrapolated linearly over the last correction instead of those of the corrected displacement
+("mixed integration points": Magisano, Leonetti, Garcea, Int. J. Numer. Meth. Engng 109 (2017)
+1237). Newton's method of the displacements takes rotations of a stiff sheet for huge membrane
+stresses; this one does not, and converges over load steps that are many times larger. The
+equilibrium found is the same.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.elements.tangent import linearise
+from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import SimulationError
 from lcmchain.statics.forces import nodal_forces
 from lcmchain.statics.pair_system import PairSystem

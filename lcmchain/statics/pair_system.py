@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags_array
 from scipy.sparse.linalg import splu
 
-from lcmchain.elements.tangent import PAIR_MODES, node_stiffness
+from lcmchain.elements.solid_shell.tangent import PAIR_MODES, node_stiffness
 from lcmchain.model import Model
 
 
