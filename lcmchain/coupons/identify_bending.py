@@ -32,7 +32,7 @@ from lcmchain.coupons.regression import (
     student_factor,
 )
 from lcmchain.errors import InputError
-from lcmchain.scene.units import ANGLE, LENGTH
+from lcmchain.quantities.units import ANGLE, LENGTH
 
 _ORIENTATION = Column("orientation", ANGLE)
 COLUMNS = (

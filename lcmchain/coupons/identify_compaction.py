@@ -25,7 +25,7 @@ from lcmchain.coupons.identification import (
 )
 from lcmchain.coupons.regression import Fit, coefficient_of_determination, fit_nonlinear
 from lcmchain.errors import InputError
-from lcmchain.scene.units import LENGTH, PRESSURE
+from lcmchain.quantities.units import LENGTH, PRESSURE
 
 COLUMNS = ((Column("thickness", LENGTH, loading=-1), Column("pressure", PRESSURE)),)
 MINIMUM_ROWS = 6

@@ -14,8 +14,7 @@ from lcmchain.coupons.analytic import BiasExtension, load_parameter_at_chord_ang
 from lcmchain.coupons.data import read_coupon
 from lcmchain.coupons.identification import Identification
 from lcmchain.errors import InputError
-from lcmchain.scene.presets import MD600
-from lcmchain.scene.units import (
+from lcmchain.quantities.units import (
     ANGLE,
     AREAL_MASS,
     DENSITY,
@@ -23,6 +22,7 @@ from lcmchain.scene.units import (
     QuantityError,
     parse_quantity,
 )
+from lcmchain.scene.presets import MD600
 from lcmchain.tools.motion import STANDARD_GRAVITY
 
 #: Size -> dimension, default and where the default comes from.

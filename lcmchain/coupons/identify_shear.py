@@ -24,7 +24,7 @@ from lcmchain.coupons.regression import (
     student_factor,
 )
 from lcmchain.errors import InputError
-from lcmchain.scene.units import FORCE, LENGTH
+from lcmchain.quantities.units import FORCE, LENGTH
 
 COLUMNS = ((Column("displacement", LENGTH, loading=1), Column("force", FORCE)),)
 MINIMUM_ROWS = 8

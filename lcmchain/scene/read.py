@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from lcmchain.errors import InputError
-from lcmchain.scene.entry_types import FROM_FILE, AbsentMeans
+from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans
 from lcmchain.scene.explain import Problem, key_text, problems_of
 from lcmchain.scene.overrides import apply_overrides
 from lcmchain.scene.presets import PRESETS

@@ -14,8 +14,6 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     PrivateAttr,
     ValidationInfo,
@@ -23,7 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from lcmchain.scene.entry_types import (
+from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
     POSITIVE,
     AbsentMeans,
@@ -58,17 +56,12 @@ from lcmchain.scene.entry_types import (
     ViscousDamping,
     wrong,
 )
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.units import length_factor
 from lcmchain.scene.presets import PRESETS
-from lcmchain.scene.units import length_factor
 
 #: Text that takes back an optional table, for overrides: TOML has no null.
 NONE = "none"
-
-
-class SceneModel(BaseModel):
-    """Base of all scene tables: frozen, and an unknown key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
 
 # --- blank ----------------------------------------------------------------------------------------

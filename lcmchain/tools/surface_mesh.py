@@ -19,7 +19,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.jit import strict_equation
-from lcmchain.scene.units import QuantityError, length_factor
+from lcmchain.quantities.units import QuantityError, length_factor
 
 #: Half-width of the band with exact distances, in grid spacings. The interpolated part is what is
 #: left after the stencil's reach (one node in each direction): penetrations up to 3 spacings.
