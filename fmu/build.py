@@ -17,10 +17,10 @@ from pythonfmu import FmuBuilder
 
 from lcmchain import __version__
 from lcmchain.atomic import replacing
-from lcmchain.blank import build_blank
 from lcmchain.check import require_no_initial_overlap
 from lcmchain.errors import InputError
 from lcmchain.fmu.forming_slave import UNIT_FILE, unit_guid, variables_of
+from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import read_scene
 from lcmchain.scene.schema import Scene
 from lcmchain.tools.table import build_tool_table

@@ -18,13 +18,13 @@ from pythonfmu import DefaultExperiment, Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from lcmchain import __version__
-from lcmchain.blank import BlankMesh, build_blank
 from lcmchain.errors import InputError, LcmchainError, SimulationError
 from lcmchain.fields import derive_fields
 from lcmchain.fmu.frames import require_writable, with_present, write_result
 from lcmchain.fmu.model_description import complete, scalar_variables
 from lcmchain.fmu.saved_state import SavedState
 from lcmchain.fmu.variables import Group, Kind, Variable, forming_variables, quoted
+from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.scene import read_scene
 from lcmchain.scene.schema import Scene
 from lcmchain.solver.simulation import Simulation

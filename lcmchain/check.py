@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.blank import BlankMesh, build_blank
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import NO_THICKNESS
+from lcmchain.mesh.blank import BlankMesh, build_blank
+from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 from lcmchain.model import AUTOMATIC_PENALTY
 from lcmchain.scene.schema import (
     FabricMaterial,
@@ -31,7 +32,6 @@ from lcmchain.scene.schema import (
 from lcmchain.tools.distance import gaps as node_gaps
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
-from lcmchain.triangulation import TriangleMesh, triangulate
 
 if TYPE_CHECKING:
     from rich.table import Table

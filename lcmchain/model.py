@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.blank import BlankMesh, build_blank
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.geometry import (
     ReferenceGeometry,
@@ -30,10 +29,11 @@ from lcmchain.elements.patch import TriangleGeometry, angle_shares, triangle_geo
 from lcmchain.elements.solid_shell import Moments
 from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
+from lcmchain.mesh.blank import BlankMesh, build_blank
+from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 from lcmchain.scene.schema import Contact, Element, MembraneShellElement, Process
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
-from lcmchain.triangulation import TriangleMesh, triangulate
 
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
 # start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres (README).

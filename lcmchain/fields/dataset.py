@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lcmchain.blank import BlankMesh
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
-from lcmchain.triangulation import TriangleMesh
+from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.triangulation import TriangleMesh
 
 SHEET, SOLID, HISTORY = "/", "/solid", "/history"
 

@@ -9,9 +9,9 @@ import matplotlib
 import numpy as np
 import xarray as xr
 
-from lcmchain.blank import BlankMesh
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.summary import sheet_faces, sheet_positions
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.report.plots import draw_energy, draw_force
 from lcmchain.report.shape import (
     MOST_FACES_WITH_EDGES,

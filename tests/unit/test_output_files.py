@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from lcmchain.blank import build_blank
 from lcmchain.errors import InputError
 from lcmchain.fields import (
     FIELDS,
@@ -26,6 +25,7 @@ from lcmchain.fields import (
     write_vtu,
 )
 from lcmchain.fields.summary import field_warnings
+from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import scene_from_text
 
 # An outline with a slanted side, which leaves halved cells (triangles), and a title beyond ASCII.

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from lcmchain.blank import build_blank
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
+from lcmchain.mesh.blank import build_blank
 from lcmchain.report.pictures import SHOWN, draw_initial, draw_result
 from lcmchain.report.shape import colour_scale
 from lcmchain.report.view import (
