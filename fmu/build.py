@@ -21,8 +21,7 @@ from lcmchain.check import require_no_initial_overlap
 from lcmchain.errors import InputError
 from lcmchain.fmu.forming_slave import UNIT_FILE, unit_guid, variables_of
 from lcmchain.mesh.blank import build_blank
-from lcmchain.scene import read_scene
-from lcmchain.scene.schema import Scene
+from lcmchain.scene import Scene, read_scene
 from lcmchain.tools.table import build_tool_table
 
 # The file that pythonfmu loads, and its name in the unit, which must not be that of a real module.

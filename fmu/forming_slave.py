@@ -25,8 +25,7 @@ from lcmchain.fmu.model_description import complete, scalar_variables
 from lcmchain.fmu.saved_state import SavedState
 from lcmchain.fmu.variables import Group, Kind, Variable, forming_variables, quoted
 from lcmchain.mesh.blank import BlankMesh, build_blank
-from lcmchain.scene import read_scene
-from lcmchain.scene.schema import Scene
+from lcmchain.scene import Scene, read_scene
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State
 from lcmchain.threads import use_threads

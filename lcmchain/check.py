@@ -16,7 +16,7 @@ from lcmchain.fields.dataset import NO_THICKNESS
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 from lcmchain.model import AUTOMATIC_PENALTY
-from lcmchain.scene.schema import (
+from lcmchain.scene.scene import (
     FabricMaterial,
     GuidedMotion,
     IsotropicMaterial,

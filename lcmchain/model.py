@@ -31,7 +31,7 @@ from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
-from lcmchain.scene.schema import Contact, Element, MembraneShellElement, Process
+from lcmchain.scene import Contact, Element, MembraneShellElement, Process
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
 

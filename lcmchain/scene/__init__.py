@@ -2,7 +2,7 @@
 
 from lcmchain.scene.json_schema import scene_json_schema
 from lcmchain.scene.read import read_scene, scene_from_text
-from lcmchain.scene.schema import (
+from lcmchain.scene.scene import (
     Blank,
     Contact,
     Element,

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Union
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from lcmchain.scene.schema import Scene
+from lcmchain.scene.scene import Scene
 
 #: The entry that chooses between the forms of a table.
 DISCRIMINATORS = {

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.tools.profiles import Profile
-from lcmchain.tools.surface_mesh import read_surface
+from lcmchain.tools.surfaces.distance_field import read_surface
 from lcmchain.tools.table import tool_profile, tool_rotation
 
 #: Triangles around the axis of a revolved tool.

@@ -13,7 +13,7 @@ from lcmchain.errors import InputError
 from lcmchain.tools.distance import EXTRUDED, FIELD, PLANE, REVOLVED
 from lcmchain.tools.motion import motion_entries
 from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS, Profile, build_profile
-from lcmchain.tools.surface_mesh import DistanceField, build_distance_field, read_surface
+from lcmchain.tools.surfaces.distance_field import DistanceField, build_distance_field, read_surface
 
 
 class ToolTable(NamedTuple):

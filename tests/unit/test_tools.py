@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from shapely import Point, Polygon
 
 from lcmchain.errors import InputError
-from lcmchain.scene.schema import Tool
+from lcmchain.scene import Tool
 from lcmchain.tools import (
     FIXED,
     GUIDED,
@@ -26,7 +26,7 @@ from lcmchain.tools import (
     signed_distance,
     tool_surface,
 )
-from lcmchain.tools.surface_mesh import BAND, build_distance_field, read_surface
+from lcmchain.tools.surfaces.distance_field import BAND, build_distance_field, read_surface
 
 HERE = Path(".")
 AT_REST = SimpleNamespace(type="fixed")

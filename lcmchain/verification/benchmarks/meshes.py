@@ -14,7 +14,7 @@ import numpy as np
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, assemble_sheet
-from lcmchain.scene.schema import Element
+from lcmchain.scene import Element
 
 X, Y, Z = range(3)
 
