@@ -116,8 +116,8 @@ def _stage_scene(scene: Scene, folder: Path) -> list[str]:
 def _named_files(scene: Scene) -> Iterator[tuple[str, str]]:
     """Yield key and value of every entry of a scene that names a file."""
     for index, tool in enumerate(scene.tools):
-        if tool.shape.type == "surface_mesh":
-            yield f"tools[{index}].shape.file", tool.shape.file
+        for entry in tool.shape.file_entries:
+            yield f"tools[{index}].shape.{entry}", getattr(tool.shape, entry)
     for index, target in enumerate(scene.mapping):
         yield f"mapping[{index}].mesh", target.mesh
 

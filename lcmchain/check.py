@@ -16,21 +16,17 @@ from lcmchain.fields.dataset import NO_THICKNESS
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 from lcmchain.model import AUTOMATIC_PENALTY
-from lcmchain.scene.scene import (
+from lcmchain.scene import (
     FabricMaterial,
-    GuidedMotion,
     IsotropicMaterial,
     MembraneShellElement,
     OrthotropicMaterial,
-    PlateWithHole,
     Scene,
     StiffnessMaterial,
-    StrokeMotion,
-    TableMotion,
     Tool,
 )
 from lcmchain.tools.distance import gaps as node_gaps
-from lcmchain.tools.motion import STANDARD_GRAVITY
+from lcmchain.tools.motion import STANDARD_GRAVITY, GuidedMotion, StrokeMotion, TableMotion
 from lcmchain.tools.table import ToolTable, build_tool_table
 
 if TYPE_CHECKING:
@@ -417,31 +413,11 @@ def scene_warnings(scene: Scene) -> list[str]:
                 'element.compaction_strain = "director" (as published) lets elements fold over on '
                 'small radii under pressure; "normal" does not'
             )
-    moved = [tool for tool in scene.tools if isinstance(tool.motion, (StrokeMotion, TableMotion))]
-    loaded = [
-        tool
-        for tool in scene.tools
-        if isinstance(tool.motion, GuidedMotion) and guided_load(tool.motion) != 0.0
-    ]
-    if not moved and not loaded and not process.gravity:
+    if not any(tool.motion.moves for tool in scene.tools) and not process.gravity:
         found.append("nothing moves: no tool is driven and process.gravity is false")
     for tool in scene.tools:
-        motion = tool.motion
-        if isinstance(motion, GuidedMotion) and guided_load(motion) < 0.0:
-            found.append(
-                f'the load on "{tool.name}" ({guided_load(motion):.3g} N) points against its '
-                "direction of travel"
-            )
-        if isinstance(motion, TableMotion) and motion.times[-1] > process.time * (1 + 1e-12):
-            found.append(f'the motion table of "{tool.name}" goes on after process.time')
-        if isinstance(tool.shape, PlateWithHole):
-            if 0.0 < tool.shape.fillet_radius < scene.blank.edge_length:
-                found.append(
-                    f'the fillet of "{tool.name}" ({1e3 * tool.shape.fillet_radius:g} mm) is '
-                    f"smaller than the elements ({1e3 * scene.blank.edge_length:g} mm)"
-                )
-            if tool.shape.fillet_radius == 0.0:
-                found.append(f'the hole of "{tool.name}" has a sharp edge (fillet_radius = 0)')
+        found += tool.motion.remarks(tool.name, process.time)
+        found += tool.shape.remarks(tool.name, scene.blank.edge_length)
     return found
 
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from lcmchain.errors import InputError
 from lcmchain.mesh.cells import cell_heights
@@ -18,11 +20,71 @@ from lcmchain.mesh.cut import Cells
 from lcmchain.mesh.lattice import best_lattice
 from lcmchain.mesh.numbering import number_in_patches
 from lcmchain.mesh.outline import check_element_count, cross, outline_of, place, polygon_area
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    Angle,
+    Length,
+    PointInPlane,
+    PositiveLength,
+    Row,
+    wrong,
+)
+from lcmchain.quantities.scene_model import SceneModel
 
 MAXIMUM_PERTURBATION = 0.25
 
 # Largest relative difference of the meshed area from the outline's that is accepted.
 AREA_TOLERANCE = 0.02
+
+
+class Blank(SceneModel):
+    """The flat textile layer before forming, centred on the origin when given by its size."""
+
+    size: Annotated[
+        tuple[PositiveLength, PositiveLength] | None,
+        Row('["300 mm", "300 mm"]', count=2, entries="lengths"),
+        AbsentMeans(""),
+    ] = Field(default=None, description="Width along x and height along y of a rectangular blank.")
+    outline: Annotated[
+        tuple[PointInPlane, ...] | None,
+        Row(
+            '[["0 mm", "0 mm"], ["300 mm", "0 mm"], ["0 mm", "200 mm"]]',
+            minimum_count=3,
+            entries="corner points",
+            units=False,
+        ),
+        AbsentMeans(""),
+    ] = Field(default=None, description="Corner points [x, y] of a polygonal blank, in order.")
+    edge_length: PositiveLength = Field(description="Edge length of the elements.")
+    fibre_angle: Angle = Field(
+        default="0 deg",
+        description="Angle from x to fibre direction 1; fibre direction 2 lies 90 deg further.",
+    )
+    height: Length = Field(default="0 mm", description="z coordinate of the mid-surface.")
+
+    @model_validator(mode="after")
+    def _check_shape(self) -> Self:
+        if (self.size is None) == (self.outline is None):
+            raise wrong(
+                'needs either size, for example size = ["300 mm", "300 mm"], or outline'
+                + (", not both" if self.size is not None else "")
+            )
+        width, height = self.extent
+        if self.edge_length > min(width, height) * (1 + 1e-12):
+            raise wrong(
+                f"is {self.edge_length * 1e3:g} mm, larger than the blank "
+                f"({width * 1e3:g} mm x {height * 1e3:g} mm); give a smaller edge length",
+                field="edge_length",
+            )
+        return self
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Width along x and height along y of the bounding box [m]."""
+        if self.size is not None:
+            return self.size
+        x, y = zip(*self.outline)
+        return max(x) - min(x), max(y) - min(y)
 
 
 @dataclass(frozen=True)
