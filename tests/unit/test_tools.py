@@ -28,7 +28,8 @@ from lcmchain.tools import (
 )
 from lcmchain.tools.motion import Motion
 from lcmchain.tools.shapes import Shape
-from lcmchain.tools.surfaces.distance_field import BAND, build_distance_field, read_surface
+from lcmchain.tools.surfaces.distance_field import BAND, build_distance_field
+from lcmchain.tools.surfaces.reading import read_surface
 
 HERE = Path(".")
 

@@ -12,7 +12,8 @@ from lcmchain.quantities.entry_types import AbsentMeans, LengthUnit, PositiveLen
 from lcmchain.quantities.units import length_factor
 from lcmchain.tools.distance import FIELD
 from lcmchain.tools.shapes.base import ToolShape, shape_entries
-from lcmchain.tools.surfaces.distance_field import build_distance_field, read_surface
+from lcmchain.tools.surfaces.distance_field import build_distance_field
+from lcmchain.tools.surfaces.reading import read_surface
 
 
 class SurfaceMesh(ToolShape):
