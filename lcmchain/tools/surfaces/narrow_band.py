@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from lcmchain.jit import strict_equation
+from lcmchain.mesh.closest_point import closest_point_of_triangle
 from lcmchain.tools.surfaces.surface import Surface
 
 #: Largest difference of distances, in spacings, at which two open edges count as equally close.
@@ -20,7 +21,7 @@ CRACK = 0.05
 
 
 def feature_normals(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """Pseudonormals of the face, edges (0-1, 1-2, 2-0) and vertices of each triangle.
+    """Pseudonormals of the face, vertices and edges (0-1, 1-2, 2-0) of each triangle.
 
     Returns unit vectors, shape [triangle_count, 7, 3], and whether the feature lies on an open
     edge, shape [triangle_count, 7].
@@ -38,7 +39,7 @@ def feature_normals(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     for i in range(3):
         np.add.at(edge_sum, edges[:, i], face)
         np.add.at(vertex_sum, triangles[:, i], angle[:, i, None] * face)
-    normals = np.concatenate((face[:, None], edge_sum[edges], vertex_sum[triangles]), axis=1)
+    normals = np.concatenate((face[:, None], vertex_sum[triangles], edge_sum[edges]), axis=1)
     length = np.linalg.norm(normals, axis=2, keepdims=True)
     normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
 
@@ -47,49 +48,9 @@ def feature_normals(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     open_vertex[triangles[open_edge]] = True
     open_vertex[np.roll(triangles, -1, axis=1)[open_edge]] = True
     is_open = np.concatenate(
-        (np.zeros((len(triangles), 1), bool), open_edge, open_vertex[triangles]), axis=1
+        (np.zeros((len(triangles), 1), bool), open_vertex[triangles], open_edge), axis=1
     )
     return normals, is_open
-
-
-@strict_equation
-def _closest_on_triangle(p, a, b, c):
-    """Closest point of a triangle and its feature: 0 face, 1-3 edges ab, bc, ca, 4-6 vertices.
-
-    Ericson, Real-Time Collision Detection (2005), section 5.1.5.
-    """
-    abx, aby, abz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    acx, acy, acz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    apx, apy, apz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
-    d1 = abx * apx + aby * apy + abz * apz
-    d2 = acx * apx + acy * apy + acz * apz
-    if d1 <= 0.0 and d2 <= 0.0:
-        return a[0], a[1], a[2], 4
-    bpx, bpy, bpz = p[0] - b[0], p[1] - b[1], p[2] - b[2]
-    d3 = abx * bpx + aby * bpy + abz * bpz
-    d4 = acx * bpx + acy * bpy + acz * bpz
-    if d3 >= 0.0 and d4 <= d3:
-        return b[0], b[1], b[2], 5
-    vc = d1 * d4 - d3 * d2
-    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        s = d1 / (d1 - d3)
-        return a[0] + s * abx, a[1] + s * aby, a[2] + s * abz, 1
-    cpx, cpy, cpz = p[0] - c[0], p[1] - c[1], p[2] - c[2]
-    d5 = abx * cpx + aby * cpy + abz * cpz
-    d6 = acx * cpx + acy * cpy + acz * cpz
-    if d6 >= 0.0 and d5 <= d6:
-        return c[0], c[1], c[2], 6
-    vb = d5 * d2 - d1 * d6
-    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        s = d2 / (d2 - d6)
-        return a[0] + s * acx, a[1] + s * acy, a[2] + s * acz, 3
-    va = d3 * d6 - d5 * d4
-    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        s = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        return b[0] + s * (c[0] - b[0]), b[1] + s * (c[1] - b[1]), b[2] + s * (c[2] - b[2]), 2
-    s = vb / (va + vb + vc)
-    t = vc / (va + vb + vc)
-    return a[0] + s * abx + t * acx, a[1] + s * aby + t * acy, a[2] + s * abz + t * acz, 0
 
 
 @strict_equation
@@ -126,7 +87,7 @@ def narrow_band(corners, normals, is_open, origin, h, band, overhang, distance, 
                     closest = distance[i, j, k]
                     if abs(height) > min(closest + tie, band):
                         continue
-                    qx, qy, qz, feature = _closest_on_triangle((x, y, z), a, b, c)
+                    qx, qy, qz, feature = closest_point_of_triangle(corners[t], x, y, z)
                     dx, dy, dz = x - qx, y - qy, z - qz
                     d = math.sqrt(dx * dx + dy * dy + dz * dz)
                     if d > min(closest + tie, band):
