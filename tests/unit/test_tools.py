@@ -280,6 +280,15 @@ def test_no_point_falls_between_a_line_and_its_fillet():
             np.testing.assert_allclose(gaps(table, 0, where, 0.0), height, atol=1e-15)
 
 
+def test_every_registered_shape_is_tested_here():
+    registered = {
+        choice
+        for shape in get_args(get_args(Shape)[0])
+        for choice in get_args(shape.model_fields["type"].annotation)
+    }
+    assert registered == {shape["type"] for shape in ANALYTIC.values()} | {"surface_mesh"}
+
+
 # --- properties of every signed distance ----------------------------------------------------------
 
 
@@ -537,6 +546,7 @@ def test_tools_of_a_scene_file():
         np.testing.assert_array_equal(gaps(table, i, points, 0.0), expected)
     assert [prescribed_travel(table, i, 0.1)[0] for i in range(4)] == [0.0, 0.075, 0.05, 0.0]
     assert table.gravity_along[3] == 9.81
+    assert table.motion_kind[:4].tolist() == [FIXED, PRESCRIBED, PRESCRIBED, GUIDED]
 
 
 def test_friction_of_a_tool_or_of_the_scene():

@@ -23,26 +23,6 @@ TABULATED = 2
 STANDARD_GRAVITY = 9.81  # [m/s2], along -z
 
 
-def motion_entries(kind: int, direction: np.ndarray, **given: Any) -> dict[str, Any]:
-    """Entries of one tool in the motion columns of the tool table; what is not given is zero."""
-    return {
-        "motion_kind": kind,
-        "direction": direction,
-        "mass": 0.0,
-        "force": 0.0,
-        "damping": 0.0,
-        "ramp": 0.0,
-        "gravity_along": 0.0,
-        "stroke_profile": SMOOTH,
-        "stroke_distance": 0.0,
-        "stroke_start": 0.0,
-        "stroke_end": 1.0,
-        "table_times": np.zeros(0),
-        "table_travels": np.zeros(0),
-        **given,
-    }
-
-
 class ToolMotion(SceneModel):
     """Motion of a rigid tool along a fixed direction; sub-classes are tables of a scene."""
 
@@ -50,7 +30,7 @@ class ToolMotion(SceneModel):
     kind: ClassVar[int]
 
     def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
-        """Entries of the motion in the tool table, see :func:`motion_entries`.
+        """Entries of the motion in the tool table, see :meth:`columns`.
 
         Parameters
         ----------
@@ -63,6 +43,25 @@ class ToolMotion(SceneModel):
         InputError : a motion that is not one; names the entry.
         """
         raise NotImplementedError
+
+    def columns(self, direction: np.ndarray, **given: Any) -> dict[str, Any]:
+        """Entries of one tool in the motion columns of the tool table, zero where not given."""
+        return {
+            "motion_kind": self.kind,
+            "direction": direction,
+            "mass": 0.0,
+            "force": 0.0,
+            "damping": 0.0,
+            "ramp": 0.0,
+            "gravity_along": 0.0,
+            "stroke_profile": SMOOTH,
+            "stroke_distance": 0.0,
+            "stroke_start": 0.0,
+            "stroke_end": 1.0,
+            "table_times": np.zeros(0),
+            "table_travels": np.zeros(0),
+            **given,
+        }
 
     def completed(self, process_time: float, *, key: str) -> Self:
         """Fill the entries whose default is another entry of the scene; an error names the key."""

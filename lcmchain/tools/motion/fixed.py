@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from lcmchain.tools.motion.base import FIXED, ToolMotion, motion_entries
+from lcmchain.tools.motion.base import FIXED, ToolMotion
 
 
 class FixedMotion(ToolMotion):
@@ -17,4 +17,4 @@ class FixedMotion(ToolMotion):
     type: Literal["fixed"] = "fixed"
 
     def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
-        return motion_entries(FIXED, np.asarray(axis, dtype=float))
+        return self.columns(np.asarray(axis, dtype=float))

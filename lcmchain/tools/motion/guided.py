@@ -24,7 +24,6 @@ from lcmchain.tools.motion.base import (
     GUIDED,
     STANDARD_GRAVITY,
     ToolMotion,
-    motion_entries,
     unit_direction,
 )
 from lcmchain.tools.motion.smooth_step import smooth_step
@@ -68,8 +67,7 @@ class GuidedMotion(ToolMotion):
         direction = unit_direction(self.direction, key)
         if not self.mass > 0.0:
             raise InputError(f"must be positive, is {self.mass:g} kg", key=f"{key}.mass")
-        return motion_entries(
-            GUIDED,
+        return self.columns(
             direction,
             mass=self.mass,
             force=self.force,

@@ -22,7 +22,6 @@ from lcmchain.tools.motion.base import (
     PRESCRIBED,
     SMOOTH,
     ToolMotion,
-    motion_entries,
     unit_direction,
 )
 from lcmchain.tools.motion.smooth_step import smooth_step
@@ -92,8 +91,7 @@ class StrokeMotion(ToolMotion):
             )
         if self.profile not in ("smooth", "linear"):
             raise InputError(f'"{self.profile}" is not "smooth" or "linear"', key=f"{key}.profile")
-        return motion_entries(
-            PRESCRIBED,
+        return self.columns(
             direction,
             stroke_profile=LINEAR if self.profile == "linear" else SMOOTH,
             stroke_distance=self.distance,

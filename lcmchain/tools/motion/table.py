@@ -14,7 +14,6 @@ from lcmchain.tools.motion.base import (
     PRESCRIBED,
     TABULATED,
     ToolMotion,
-    motion_entries,
     unit_direction,
 )
 
@@ -82,8 +81,7 @@ class TableMotion(ToolMotion):
                 f"times must rise, but time {i} ({times[i]:g} s) follows {times[i - 1]:g} s",
                 key=f"{key}.times[{i}]",
             )
-        return motion_entries(
-            PRESCRIBED,
+        return self.columns(
             direction,
             stroke_profile=TABULATED,
             table_times=times,

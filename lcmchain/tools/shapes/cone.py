@@ -6,7 +6,8 @@ import math
 from typing import Literal
 
 from lcmchain.quantities.entry_types import AcuteAngle, LengthOrZero
-from lcmchain.tools.profiles import Profile, build_profile
+from lcmchain.tools.profile_corners import build_profile
+from lcmchain.tools.profiles import Profile
 from lcmchain.tools.shapes.base import ProfileShape
 
 

@@ -7,7 +7,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from lcmchain.quantities.entry_types import AbsentMeans, LengthOrZero, PositiveLength, wrong
-from lcmchain.tools.profiles import Profile, build_profile
+from lcmchain.tools.profile_corners import build_profile
+from lcmchain.tools.profiles import Profile
 from lcmchain.tools.shapes.base import ProfileShape
 
 

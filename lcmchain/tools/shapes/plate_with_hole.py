@@ -7,7 +7,8 @@ from typing import Literal
 from pydantic import Field
 
 from lcmchain.quantities.entry_types import LengthOrZero, PositiveLength
-from lcmchain.tools.profiles import Profile, build_profile
+from lcmchain.tools.profile_corners import build_profile
+from lcmchain.tools.profiles import Profile
 from lcmchain.tools.shapes.base import ProfileShape
 from lcmchain.tools.shapes.plate import Side
 

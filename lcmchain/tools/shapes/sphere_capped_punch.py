@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Literal
 
 from lcmchain.quantities.entry_types import PositiveLength
-from lcmchain.tools.profiles import Profile, build_profile
+from lcmchain.tools.profile_corners import build_profile
+from lcmchain.tools.profiles import Profile
 from lcmchain.tools.shapes.base import ProfileShape
 
 
