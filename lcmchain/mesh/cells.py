@@ -17,6 +17,7 @@ def _corner_products(corner: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def corner_sines(corner: np.ndarray) -> np.ndarray:
+    """Sine of the turn at every corner, shape (cells, 4); one where an edge has no length."""
     products, before, after = _corner_products(corner)
     lengths = before * after
     return np.divide(products, lengths, out=np.ones_like(lengths), where=lengths > 0.0)

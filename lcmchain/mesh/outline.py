@@ -63,14 +63,15 @@ def _check_simple(outline: np.ndarray, key: str) -> None:
     ahead = np.roll(along, -1, axis=0)
     straight = np.abs(cross(along, ahead)) <= 1e-12 * lengths * np.roll(lengths, -1)
     folded = straight & ((along * ahead).sum(axis=1) < 0.0)
-    if folded.any():
-        raise InputError(f"folds back onto itself at {place(end[np.argmax(folded)])}", key=key)
+    fold = int(np.argmax(folded)) if folded.any() else vertex_count
     edges = shapely.linestrings(np.stack([start, end], axis=1))
     touching = shapely.STRtree(edges).query(edges, predicate="dwithin", distance=1e-12 * size).T
     apart = np.diff(touching)[:, 0]
     meeting = touching[(apart > 1) & (apart < vertex_count - 1)]
-    if len(meeting):
-        first, other = min(meeting.tolist())
+    first, other = min(meeting.tolist(), default=(vertex_count, vertex_count))
+    if fold < vertex_count and fold <= first:
+        raise InputError(f"folds back onto itself at {place(end[fold])}", key=key)
+    if first < vertex_count:
         raise InputError(
             f"intersects itself: the edge from point {first + 1} {place(start[first])} meets "
             f"the edge from point {other + 1} {place(start[other])}; give the points in the "
@@ -80,6 +81,7 @@ def _check_simple(outline: np.ndarray, key: str) -> None:
 
 
 def check_element_count(outline: np.ndarray, area: float, edge_length: float) -> None:
+    """Raise InputError where elements of an edge length [m] are too large or too many."""
     key = "blank.edge_length"
     along = np.roll(outline, -1, axis=0) - outline
     normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, np.newaxis]
@@ -107,12 +109,15 @@ def check_element_count(outline: np.ndarray, area: float, edge_length: float) ->
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross product of vectors in the plane, shape (..., 2)."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def whole_number(value: float) -> int:
+    """Nearest whole number, the upper one of two."""
     return math.floor(value + 0.5)
 
 
 def place(point: np.ndarray) -> str:
+    """Point of the plane [m] as text in mm, for messages."""
     return f"({1e3 * point[0]:.4g}, {1e3 * point[1]:.4g}) mm"
