@@ -18,19 +18,18 @@ from pythonfmu import DefaultExperiment, Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from lcmchain import __version__
-from lcmchain.blank import BlankMesh, build_blank
 from lcmchain.errors import InputError, LcmchainError, SimulationError
 from lcmchain.fields import derive_fields
 from lcmchain.fmu.frames import require_writable, with_present, write_result
 from lcmchain.fmu.model_description import complete, scalar_variables
 from lcmchain.fmu.saved_state import SavedState
 from lcmchain.fmu.variables import Group, Kind, Variable, forming_variables, quoted
-from lcmchain.scene import read_scene
-from lcmchain.scene.schema import Scene
+from lcmchain.mesh.blank import BlankMesh, build_blank
+from lcmchain.scene import Scene, read_scene
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State
 from lcmchain.threads import use_threads
-from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED, prescribed_travel
+from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 
 #: File in the resources of a unit that says what it holds; written by ``fmu/build.py``.
 UNIT_FILE = "unit.json"
@@ -40,12 +39,10 @@ CLOCK_TOLERANCE = 1e-9
 # A tool may go back to the motion of the scene where its travel is that of the scene [m].
 TRAVEL_TOLERANCE = 1e-6
 
-_MOTION_KINDS = {"fixed": FIXED, "stroke": PRESCRIBED, "table": PRESCRIBED, "guided": GUIDED}
-
 
 def variables_of(scene: Scene, blank: BlankMesh) -> tuple[Variable, ...]:
     """Return the interface of the unit that forms a scene."""
-    tools = [(tool.name, _MOTION_KINDS[tool.motion.type]) for tool in scene.tools]
+    tools = [(tool.name, tool.motion.kind) for tool in scene.tools]
     has_thickness = scene.element.type == "solid-shell"
     has_fraction = has_thickness and scene.material.fibre_density is not None
     return forming_variables(

@@ -125,7 +125,7 @@ def map_fields(
     ] = False,
 ) -> None:
     """Map the formed blank's fields onto another mesh."""
-    from lcmchain.scene.schema import MappingTarget
+    from lcmchain.scene import MappingTarget
 
     require_choice("--kind", kind, MappingTarget)
     require_choice("--method", method, MappingTarget)

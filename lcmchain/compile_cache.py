@@ -20,6 +20,8 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
 # Packages that live outside the folder of lcmchain in a checkout.
 OUTER_PACKAGES = ("lcmchain.mapping", "lcmchain.coupling", "lcmchain.fmu")
 
@@ -125,18 +127,10 @@ def _processor() -> str:
     return " ".join([platform.machine(), *(described.get(name, "") for name in wanted)])
 
 
-def _user_cache_folder() -> Path:
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-
-
 def _writable_folder(key: str) -> Path:
     """Folder of this key below the user's cache, else below the temporary folder."""
     try:
-        folder = _user_cache_folder() / "lcmchain" / key
+        folder = user_cache_path("lcmchain", appauthor=False, opinion=False) / key
         if _make_private_folder(folder):
             return folder
     except (OSError, RuntimeError):  # RuntimeError: no home folder

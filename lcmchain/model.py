@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.blank import build_blank
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
@@ -16,7 +15,8 @@ from lcmchain.elements.family import Body
 from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.law import Material, history_count
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
-from lcmchain.scene.schema import Contact, Element, Process
+from lcmchain.mesh.blank import build_blank
+from lcmchain.scene import Contact, Element, Process
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
 

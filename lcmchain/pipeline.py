@@ -28,7 +28,7 @@ from lcmchain.fields import (
     write_vtu,
 )
 from lcmchain.fields.summary import field_warnings
-from lcmchain.scene.schema import Scene
+from lcmchain.scene import Scene
 from lcmchain.solver.checkpoint import (
     Checkpoint,
     read_checkpoint,

@@ -18,8 +18,8 @@ from lcmchain.coupons.specimen import Progress, require_solid_shell
 from lcmchain.fields.derived import derive_fields
 from lcmchain.model import build_material, build_model
 from lcmchain.report.style import INK, SERIES
+from lcmchain.scene import Element, Scene
 from lcmchain.scene.presets import MEASURED_COMPACTION
-from lcmchain.scene.schema import Element, Scene
 from lcmchain.solver.simulation import Simulation
 
 DURATION = 0.04  # [s]

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lcmchain.blank import BlankMesh
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
@@ -23,7 +22,8 @@ from lcmchain.fields.ugrid import (
     Variable,
     frame_time,
 )
-from lcmchain.triangulation import TriangleMesh
+from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.triangulation import TriangleMesh
 
 SHEET, SOLID, HISTORY = ROOT, "/solid", "/history"
 SHEET_MESH = UgridMesh("sheet")

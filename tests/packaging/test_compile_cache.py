@@ -92,6 +92,17 @@ def test_falls_back_to_the_temporary_folder(tmp_path):
     assert os.access(folder, os.W_OK)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="cache folder of Linux")
+def test_user_without_a_home_gets_the_temporary_folder(tmp_path, monkeypatch):
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)  # as where there is no home
+    monkeypatch.setattr(compile_cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    folder = compile_cache._writable_folder("key")
+    assert folder == tmp_path / f"lcmchain-{os.getuid()}" / "key"
+    assert not (tmp_path / "~").exists()
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="permissions of POSIX")
 def test_folder_that_others_may_write_is_not_used(tmp_path):
     shared = tmp_path / "shared"

@@ -258,8 +258,8 @@ def test_effects_follow_from_the_scene(scene_file):
 
 
 def test_estimated_step_is_the_time_of_a_wave_across_an_element(scene_file):
-    from lcmchain.blank import build_blank
     from lcmchain.check import estimate_run
+    from lcmchain.mesh.blank import build_blank
 
     scene = read_scene(scene_file, ["blank.edge_length=5 mm"])
     estimate = estimate_run(scene, build_blank(scene.blank, scene.material.thickness))

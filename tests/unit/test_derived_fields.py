@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lcmchain.blank import BlankMesh
 from lcmchain.fields.derived import derive_fields, face_area_vectors
 from lcmchain.fields.table import FIELD_OF_VARIABLE
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.scene import scene_from_text
 
 THICKNESS = 1.004e-3

@@ -11,6 +11,15 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from lcmchain.errors import InputError
+from lcmchain.quantities.units import (
+    ANGLE,
+    AREAL_MASS,
+    LENGTH,
+    STIFFNESS,
+    QuantityError,
+    parse_quantity,
+    split_row,
+)
 from lcmchain.scene import (
     Blank,
     FabricMaterial,
@@ -22,15 +31,6 @@ from lcmchain.scene import (
     scene_json_schema,
 )
 from lcmchain.scene.presets import MD600
-from lcmchain.scene.units import (
-    ANGLE,
-    AREAL_MASS,
-    LENGTH,
-    STIFFNESS,
-    QuantityError,
-    parse_quantity,
-    split_row,
-)
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

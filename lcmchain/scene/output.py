@@ -1,0 +1,13 @@
+"""Scene table of the files that a run writes."""
+
+from __future__ import annotations
+
+from lcmchain.quantities.entry_types import Switch
+from lcmchain.quantities.scene_model import SceneModel
+
+
+class Output(SceneModel):
+    """Which files a run writes beside its netCDF file and summary."""
+
+    pictures: Switch = True
+    vtu: Switch = True

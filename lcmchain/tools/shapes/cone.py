@@ -1,0 +1,26 @@
+"""Cone with a rounded tip."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from lcmchain.quantities.entry_types import AcuteAngle, LengthOrZero
+from lcmchain.tools.profile_corners import build_profile
+from lcmchain.tools.profiles import Profile
+from lcmchain.tools.shapes.base import ProfileShape
+
+
+class Cone(ProfileShape):
+    """Cone with a spherical tip; the tip's pole is at the origin and points to local -z."""
+
+    type: Literal["cone"]
+    half_angle: AcuteAngle
+    tip_radius: LengthOrZero
+
+    def profile(self, *, key: str) -> Profile:
+        radius, angle = self.tip_radius, self.half_angle
+        height = radius if radius else 1.0
+        apex = radius - radius / math.sin(angle)
+        points = [(0.0, apex), (height * math.tan(angle), apex + height)]
+        return build_profile(points, [radius, 0.0], solid="left", revolved=True, key=key)
