@@ -14,12 +14,13 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from lcmchain.effects.contact import Contact
+from lcmchain.elements.families import SheetElement
+from lcmchain.elements.solid_shell.table import Element
+from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
 from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.element_tables import Element, MembraneShellElement, SheetElement
 from lcmchain.scene.mapping_target import MappingTarget
-from lcmchain.scene.material_tables import FabricMaterial, Material
 from lcmchain.scene.output import Output
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.presets import fill_preset
@@ -57,7 +58,7 @@ class Scene(SceneModel):
     title: Annotated[str, Text("Hemisphere with blank holder")] = "untitled"
     process: Process
     blank: Blank
-    material: Material
+    material: AnyMaterial
     element: SheetElement = Field(default_factory=Element)
     contact: Contact = Field(default_factory=Contact)
     tools: Annotated[
@@ -129,12 +130,19 @@ class Scene(SceneModel):
                 'fibre_density = "1810 kg/m^3" or leave [permeability] out',
                 field="material.fibre_density",
             )
-        if isinstance(self.element, MembraneShellElement):
-            self._check_membrane_shell()
-        elif self.element.fibre_hourglass < 1.0 and self.material.law != "fabric":
+        if self.element.type not in self.material.families:
+            raise wrong(self._law_of_no_use(), field="material.law")
+        if not self.element.has_thickness and self.permeability is not None:
             raise wrong(
-                f'is {self.element.fibre_hourglass:g}, but only law = "fabric" has fibres; '
-                "leave it out",
+                f'needs the thickness, which element = "{self.element.type}" does not predict; use '
+                'element = "solid-shell", or leave the entry out (on the command line: '
+                "--set permeability=none)",
+                field="permeability",
+            )
+        share = getattr(self.element, "fibre_hourglass", 1.0)
+        if share < 1.0 and not self.material.has_fibres:
+            raise wrong(
+                f'is {share:g}, but only law = "fabric" has fibres; leave it out',
                 field="element.fibre_hourglass",
             )
         if self.material.thickness > min(self.blank.extent):
@@ -144,17 +152,11 @@ class Scene(SceneModel):
             )
         return self
 
-    def _check_membrane_shell(self) -> None:
-        if not isinstance(self.material, FabricMaterial):
-            raise wrong(
-                f'is "{self.material.law}", but element = "membrane-shell" knows the law "fabric" '
-                'only; use element = "solid-shell"',
-                field="material.law",
-            )
-        if self.permeability is not None:
-            raise wrong(
-                'needs the thickness, which element = "membrane-shell" does not predict; use '
-                'element = "solid-shell", or leave the entry out (on the command line: '
-                "--set permeability=none)",
-                field="permeability",
-            )
+    def _law_of_no_use(self) -> str:
+        """Say that the elements do not know the law, and what does."""
+        element, law = self.element.type, self.material.law
+        known = [f'"{table.law_name()}"' for table in TABLES if element in table.families]
+        return (
+            f'is "{law}", but element = "{element}" knows the law {" and ".join(known)} only; use '
+            f'element = "{self.material.families[0]}"'
+        )

@@ -10,7 +10,7 @@ import numpy as np
 from lcmchain.effects.supports import Support
 from lcmchain.fields.derived import derive_fields
 from lcmchain.mesh.blank import build_blank
-from lcmchain.model import assemble_model, build_material
+from lcmchain.model import assemble_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools import build_tool_table
@@ -43,7 +43,7 @@ def simulation(
     environment : entries of :class:`lcmchain.model.Environment` to replace.
     """
     scene = scene_from_text(text)
-    material = build_material(scene.material)
+    material = scene.material.build()
     blank = build_blank(scene.blank, material.thickness, perturbation=perturbation, seed=seed)
     if shape is not None:
         blank = replace(blank, node_positions=shape(blank.node_positions))

@@ -1,8 +1,8 @@
-"""Scene tables of the element families."""
+"""Scene table of the solid-shell."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -12,6 +12,8 @@ from lcmchain.quantities.scene_model import SceneModel
 
 class Element(SceneModel):
     """The solid-shell of the paper's section 2, and the choices in it."""
+
+    has_thickness: ClassVar[bool] = True
 
     type: Literal["solid-shell"] = "solid-shell"
     integration_points: Annotated[int, Number(3, Range(2, 7), whole=True)] = Field(
@@ -39,12 +41,3 @@ class Element(SceneModel):
     in_plane_shear_hourglass: Switch = Field(
         default=True, description="Keep the in-plane shear row in the hourglass stabilisation."
     )
-
-
-class MembraneShellElement(SceneModel):
-    """Superimposed membrane and shell triangles, the 2D approach; they predict no thickness."""
-
-    type: Literal["membrane-shell"] = "membrane-shell"
-
-
-SheetElement = Annotated[Element | MembraneShellElement, Field(discriminator="type")]
