@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
             )
             snapshots = [Snapshot(*frame) for frame in frames]
             found = Fingerprint(**header["fingerprint"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, EOFError, BadZipFile, ValueError, KeyError, TypeError) as error:
         raise InputError(f"this is no readable checkpoint ({error})", file=path) from None
     if found != fingerprint:
         raise InputError(

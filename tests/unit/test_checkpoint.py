@@ -71,7 +71,7 @@ def test_what_is_applied_after_forming_is_not(scene_file):
     """So that a finished run serves a mended mapping."""
     (scene_file.parent / "part.vtu").write_text("mesh", encoding="utf-8")
     more = '[[mapping]]\nname = "part"\nmesh = "part.vtu"\nkind = "structure"\n'
-    changed = f'# a comment\n{TEXT}\n{more}[output]\npictures = false\n'.replace("on a", "upon a")
+    changed = f"# a comment\n{TEXT}\n{more}[output]\npictures = false\n".replace("on a", "upon a")
     assert fingerprint_of(changed, scene_file) == fingerprint_of(TEXT, scene_file)
 
 
@@ -172,14 +172,16 @@ def test_a_run_refuses_a_foreign_checkpoint_before_any_work(state, tmp_path, mon
         pipeline.run(other, tmp_path, resume=True)
 
 
-@pytest.mark.parametrize("damage", ["text", "format", "entry"])
+@pytest.mark.parametrize("damage", ["text", "empty", "cut", "format", "entry"])
 def test_a_broken_checkpoint_is_refused(state, tmp_path, damage):
     path = write_checkpoint(tmp_path, checkpoint(state))
     with np.load(path) as data:
         content = dict(data)
     header = json.loads(str(content["header"]))
-    if damage == "text":
-        path.write_bytes(b"no archive")
+    if damage in ("text", "empty", "cut"):
+        path.write_bytes(
+            {"text": b"no archive", "empty": b"", "cut": path.read_bytes()[:-30]}[damage]
+        )
     else:
         if damage == "format":
             header["format"] = 2
