@@ -158,7 +158,12 @@ class Fabric:
 
     @classmethod
     def from_scene(cls, spec) -> Fabric:
-        """Build from the scene's material; see design note on the reading of Voigt shear."""
+        """Build from the scene's material, in the reading of Voigt shear that it names.
+
+        ``shear_convention``: S12 = C12 (2 E12) or, read as a tensor component, C12 E12. The paper
+        does not say which; the bias-extension force at 30 mm is 6.8 N with the first reading and
+        3.4 N with the second.
+        """
         m, c, b = spec.membrane, spec.compaction, spec.bending
         # S12 = C12 (2 E12) in the engineering reading, C12 E12 in the tensor reading.
         f = 1.0 if m.shear_convention == "engineering" else 0.5
