@@ -1,6 +1,7 @@
 """A forming unit goes on only from a state of its own: same unit, same files, same sources."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,3 +96,21 @@ def test_a_unit_counts_the_elements_of_the_model(scene_file, element, monkeypatc
     variables_of(scene, sheet_mesh(scene))
     model = build_model(scene)
     assert counts == [model.element_count] == [400 if element == "solid-shell" else 800]
+
+
+@pytest.mark.parametrize("shear", [0.3, -0.3])
+def test_outputs_are_those_of_the_fields(slave, scene_file, shear):
+    """Extrema over all elements, of shear angles their size."""
+    model = build_model(read_scene(scene_file))
+    state = State.at_rest(model)
+    x, y, z = state.position
+    x += shear * y
+    z *= np.where(x > 0.0, 0.9, 1.1)
+    slave._simulation = SimpleNamespace(model=model, state=state)
+    outputs = slave._field_outputs()
+    angle = np.arctan(abs(shear))
+    assert outputs["shear_angle_max"] == pytest.approx(angle, rel=1e-2)
+    for name in ("thickness", "fibre_volume_fraction"):
+        assert outputs[f"{name}_min"] == outputs[name].min() < outputs[name].max()
+        assert outputs[f"{name}_max"] == outputs[name].max()
+    assert outputs["thickness_min"] == pytest.approx(0.9 * model.material.thickness, rel=1e-9)

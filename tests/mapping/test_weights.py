@@ -491,3 +491,38 @@ def test_the_default_distance_is_an_edge_of_the_sheet_or_the_radius_of_a_cell(
         weights = compute_weights(sheet, moved)
         assert weights.maximum_distance == pytest.approx(distance, rel=1e-12)
         assert set(weights.status) == {status}
+
+
+def test_the_conservation_error_is_positive_where_the_target_has_more(make):
+    """One cell over faces of 1 and 3 kg/m²: closest weights take the value of one of them."""
+    points, quads = make.grid(2, 1, (0.0, 0.0), (2.0, 1.0))
+    sheet = read_sheet(
+        make.forming_result(make.lifted(points), quads, areal_fibre_mass=np.array([1.0, 3.0]))
+    )
+    for left, right, value in ((0.0, 1.9, 1.0), (0.1, 2.0, 3.0)):
+        corners = np.array([[left, 0], [right, 0], [right, 1], [left, 1.0]])
+        cell = shell(make.lifted(corners), np.array([[0, 1, 2, 3]]))
+        weights = compute_weights(sheet, cell, method="closest", maximum_distance=1.0)
+        mapped = transfer(sheet, cell, weights)
+        report = mapping_report(sheet, cell, weights, mapped, name="part", kind="structure")
+        # of the face that reaches beyond the cell, two of four corners lie over it
+        source = 1.0 + 0.5 * 3.0 if value == 1.0 else 0.5 * 1.0 + 3.0
+        assert report.fibre_mass_of_covered_sheet == pytest.approx(source, rel=1e-12)
+        assert report.fibre_mass_on_target == pytest.approx(1.9 * value, rel=1e-12)
+        assert report.conservation_error == pytest.approx(1.9 * value / source - 1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0])
+def test_an_inclined_face_gives_the_share_that_lies_over_the_cell(make, degrees):
+    """The share of the face itself, not of its projection."""
+    points, quads = make.grid(1, 1)
+    slope = np.tan(np.radians(degrees))
+    inclined = make.lifted(points) + [0.0, 0.0, 1.0] * (slope * points[:, :1])
+    sheet = read_sheet(make.forming_result(inclined, quads, areal_fibre_mass=0.6))
+    corners = np.array([[-0.1, -0.1], [0.4, -0.1], [0.4, 1.1], [-0.1, 1.1]])
+    cell = shell(make.lifted(corners), np.array([[0, 1, 2, 3]]))
+    weights = compute_weights(sheet, cell, maximum_distance=2.0)
+    np.testing.assert_allclose(weights.face_coverage, 0.4, rtol=1e-12)
+    np.testing.assert_allclose(weights.content, 0.4, rtol=1e-12)
+    content = content_of_sheet(sheet, weights, sheet.scalars["areal_fibre_mass"])
+    assert content == pytest.approx(0.4 * 0.6 / np.cos(np.radians(degrees)), rel=1e-12)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from lcmchain.effects.contact import friction
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State
@@ -239,6 +240,33 @@ def test_mass_damping_is_exact_step_by_step():
         assert course.energies[n]["damping"] == pytest.approx(lost, rel=1e-9)
 
 
+def test_strain_energy_is_that_of_the_last_step_too():
+    """Of the positions before they moved on, to which forces and kinetic energy belong."""
+    sim = simulation()
+    sim.set_velocity(np.random.default_rng(0).normal(scale=0.1, size=(3, sim.model.node_count)))
+    other = simulation()
+    dt = 0.5 * sim.critical_step()
+    for n in range(1, 6):
+        other.state.position[:] = sim.state.position
+        sim.advance_to(n * dt)
+        assert sim.energy()["internal"] == pytest.approx(other.energy()["internal"], rel=1e-9)
+    other.state.position[:] = sim.state.position
+    assert sim.energy()["internal"] != pytest.approx(other.energy()["internal"], rel=0.01)
+
+
+def test_sign_of_the_balance_error():
+    """Positive where energy appears that nothing has put in, and nothing else is in it."""
+    sim = simulation()
+    sim.state.velocity[:] = 0.05
+    sim.advance_to(1e-7)
+    surplus = 0.5 * MASS * 3 * 0.05**2
+    assert sim.energy()["balance_error"] == pytest.approx(surplus, rel=1e-6)
+    sim = simulation()
+    sim.set_velocity(np.full((3, sim.model.node_count), 0.05))
+    sim.advance_to(1e-7)
+    assert abs(sim.energy()["balance_error"]) < 1e-6 * surplus
+
+
 # --- work of tools --------------------------------------------------------------------------------
 
 
@@ -384,6 +412,44 @@ def test_a_node_that_lifts_off_loses_the_energy_of_its_friction_spring():
     assert friction[off] - friction[off - 1] == pytest.approx(stored, rel=1e-9)
     assert course.energies[off]["contact"] == 0.0
     assert friction[-1] == friction[off]
+
+
+def test_friction_springs_turn_with_the_tool():
+    """What leaves the tangent plane is lost; the rest pulls back."""
+    stick, normal = (3e-6, 4e-6, 7e-6), (0.0, 0.0, 1.0)
+    elastic, force, dissipated = friction(stick, (1e-6, -2e-6, 0.0), normal, 2e3, 1.0)
+    np.testing.assert_allclose(elastic, [4e-6, 2e-6, 0.0], atol=1e-18)
+    np.testing.assert_allclose(force, [-8e-3, -4e-3, 0.0], atol=1e-15)
+    assert dissipated == 0.0
+
+
+def test_friction_beyond_the_limit_slides():
+    """The spring keeps what the limit holds, and sliding takes limit times way."""
+    elastic, force, dissipated = friction((0.0,) * 3, (3e-6, 4e-6, 0.0), (0.0, 0.0, 1.0), 2e3, 6e-3)
+    np.testing.assert_allclose(elastic, [1.8e-6, 2.4e-6, 0.0], atol=1e-18)
+    np.testing.assert_allclose(force, [-3.6e-3, -4.8e-3, 0.0], atol=1e-15)
+    assert dissipated == pytest.approx(6e-3 * 2e-6, rel=1e-12)
+
+
+# --- stable step ----------------------------------------------------------------------------------
+
+
+def test_contact_springs_and_the_damper_of_a_guided_tool_limit_the_step():
+    """2/ω of all springs on a node and on the tool, and (c/M) dt/2 + ω²dt²/4 <= 1."""
+    damping, mass = 0.3, 2e-4
+    weight = WEIGHT.format(height=1.004, mass=mass, options='force = "0 N"')
+    for penalty in (PENALTY, 1e4 * PENALTY):
+        free = simulation(bed(), weight, damping=damping, penalty=penalty)
+        own = (2.0 / free.critical_step()) ** 2  # no node is known to be near yet
+        sim = simulation(bed(), weight, damping=damping, penalty=penalty)
+        sim.advance_to(1e-9)
+        on_nodes, on_tool = 2.0 * penalty / AREAL_MASS, penalty * AREA / mass
+        total = own + on_nodes + on_tool
+        rate = 2.0 * damping * math.sqrt(penalty * AREAL_MASS) * AREA / mass
+        step = sim.critical_step()
+        assert 0.25 * total * step**2 + 0.5 * rate * step == pytest.approx(1.0, rel=1e-9)
+        named = "in-plane stiffness" if penalty == PENALTY else "contact stiffness"
+        assert sim.control.cause == named
 
 
 # --- impact ---------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lcmchain.coupons.identification import general_warnings
-from lcmchain.coupons.regression import residual_autocorrelation
+from lcmchain.coupons.regression import coefficient_of_determination, residual_autocorrelation
 
 
 def test_autocorrelation_is_that_within_the_specimens():
@@ -23,3 +23,11 @@ def test_correlated_residuals_are_told():
     for residuals, said in ((smooth, True), (rough, False), (smooth[1:], False)):
         found = general_warnings((), residuals, np.zeros(len(residuals)))
         assert any("neighbouring residuals are correlated" in text for text in found) == said
+
+
+def test_coefficient_of_determination_compares_with_the_mean():
+    data = np.array([10.0, 12.0, 14.0])
+    assert coefficient_of_determination(data, data) == 1.0
+    assert coefficient_of_determination(data, np.full(3, 12.0)) == 0.0
+    assert coefficient_of_determination(data, data + [1.0, 0.0, -1.0]) == pytest.approx(0.75)
+    assert np.isnan(coefficient_of_determination(np.ones(3), data))
