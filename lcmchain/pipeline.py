@@ -25,7 +25,7 @@ from lcmchain.fields import (
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
 from lcmchain.scene.schema import Scene
-from lcmchain.solver.checkpoint import read_checkpoint, remove_checkpoint
+from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_summary
 from lcmchain.threads import use_threads
@@ -87,15 +87,7 @@ def run(
     compile_s = time.perf_counter() - start
 
     forming = FormingRun(scene, fingerprint, simulation, folder, report)
-    try:
-        snapshots = forming.complete(checkpoint)
-    except SimulationError as error:
-        _write_fields(scene, simulation, forming.snapshots, folder)
-        (folder / SUMMARY_FILE).unlink(missing_ok=True)  # of an earlier run
-        last = 1e3 * forming.snapshots[-1].time
-        raise SimulationError(
-            f"{error}. The frames up to {last:.4g} ms are in {folder / 'forming.nc'}"
-        ) from None
+    snapshots = _form(forming, checkpoint)
 
     report(scene.process.time, scene.process.time, "writing fields")
     datasets = _write_fields(scene, simulation, snapshots, folder)
@@ -121,6 +113,20 @@ def run(
     _map_fields(scene, result)
     remove_checkpoint(folder)
     return result
+
+
+def _form(forming: FormingRun, checkpoint: Checkpoint | None) -> list[Snapshot]:
+    """Complete the forming run; where a guard stops it, write the frames up to then."""
+    try:
+        return forming.complete(checkpoint)
+    except SimulationError as error:
+        folder = forming.folder
+        _write_fields(forming.scene, forming.simulation, forming.snapshots, folder)
+        (folder / SUMMARY_FILE).unlink(missing_ok=True)  # of an earlier run
+        last = 1e3 * forming.snapshots[-1].time
+        raise SimulationError(
+            f"{error}. The frames up to {last:.4g} ms are in {folder / 'forming.nc'}"
+        ) from None
 
 
 def _write_fields(

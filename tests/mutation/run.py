@@ -7,13 +7,15 @@ its place, what that breaks, and the tests that should notice. The package is co
 folder, so that the checkout is never changed; every mutant is applied to the copy, its tests run
 there, and the file is put back. Ends with 1 if a mutant survives or a test fails without any.
 
-A mutant of a compiled file starts with an empty cache of kernels, since a kernel does not notice a
-change in a file that it inlines; all others share the kernels of the unchanged package.
+A kernel on disk does not notice a change in another file that it inlines: a mutant of a file with
+compiled functions gets a cache without the kernels of that file and of all files that import it,
+directly or not. All other kernels are those of the unchanged package.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
 import os
 import queue
 import re
@@ -24,6 +26,7 @@ import tempfile
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -75,6 +78,37 @@ class Copy:
         inside = file.split("/")[0] in OUTER
         return self.folder / "lcmchain" / file if inside else self.folder / file
 
+    def importers_of(self, path: Path) -> set[Path]:
+        """Return a file of the package and all files that import it, directly or not."""
+        found, size = {path}, 0
+        while len(found) > size:
+            size = len(found)
+            found |= {file for file, imported in self.imports.items() if imported & found}
+        return found
+
+    @cached_property
+    def imports(self) -> dict[Path, set[Path]]:
+        """Files of the package that each of its files imports."""
+        files = {file: set() for file in (self.folder / "lcmchain").rglob("*.py")}
+        for file, imported in files.items():
+            for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+                names = [node.module or ""] if isinstance(node, ast.ImportFrom) else ()
+                names = [a.name for a in node.names] if isinstance(node, ast.Import) else names
+                for name in names:
+                    place = self.folder.joinpath(*name.split("."))
+                    imported |= {place.with_suffix(".py"), place / "__init__.py"} & set(files)
+        return files
+
+    def kernels_without(self, path: Path) -> Path:
+        """Return a copy of the cache without what is made of a file."""
+        cache = Path(tempfile.mkdtemp(dir=self.folder))
+        shutil.copytree(self.cache, cache, dirs_exist_ok=True)
+        for file in self.importers_of(path):
+            # numba keeps the kernels of folder/file.py in folder_HASH/file.NAME...
+            for kernel in cache.glob(f"{file.parent.name}_*/{file.stem}.*"):
+                kernel.unlink()
+        return cache
+
     def run_tests(self, tests: tuple[str, ...], cache: Path) -> tuple[int | None, str]:
         """Return the exit code of pytest, None if it took too long, and what it printed."""
         environment = {
@@ -99,7 +133,7 @@ class Copy:
         text, status = path.read_text(encoding="utf-8"), path.stat()
         if text.count(mutant.old) != 1:
             return "TEXT NOT FOUND ONCE"
-        cache = Path(tempfile.mkdtemp(dir=self.folder)) if mutant.is_compiled else self.cache
+        cache = self.kernels_without(path) if mutant.is_compiled else self.cache
         path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
         try:
             code, printed = self.run_tests(mutant.tests, cache)
