@@ -19,7 +19,7 @@ from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.check import require_no_initial_overlap
 from lcmchain.errors import InputError
-from lcmchain.fmu.forming_slave import UNIT_FILE, unit_guid, variables_of
+from lcmchain.fmu.forming_slave import UNIT_FILE, sheet_mesh, unit_guid, variables_of
 from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import Scene, read_scene
 from lcmchain.tools.table import build_tool_table
@@ -64,7 +64,7 @@ def build_fmu(scene_path: Path | str, out_path: Path | str) -> Path:
             "scene": "scene/scene.toml",
             "overrides": overrides,
             "lcmchain_version": __version__,
-            "guid": unit_guid(staged, variables_of(staged, blank)),
+            "guid": unit_guid(staged, variables_of(staged, sheet_mesh(staged))),
         }
         (folder / UNIT_FILE).write_text(json.dumps(unit, indent=2) + "\n", encoding="utf-8")
         script = folder / "script" / f"{ENTRY_MODULE}.py"

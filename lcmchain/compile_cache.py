@@ -69,12 +69,19 @@ def key_cache_by_file(file: str | Path, module: str) -> None:
 def source_key() -> str:
     """Hash of every source file of lcmchain, the numba version and the kind of processor."""
     digest = hashlib.blake2b(digest_size=HASH_LENGTH // 2)
+    digest.update(source_hash().encode())
+    digest.update(_numba_version())
+    digest.update(_processor().encode())
+    return digest.hexdigest()
+
+
+def source_hash() -> str:
+    """Hash of every source file of lcmchain: which code this is, whatever its version says."""
+    digest = hashlib.blake2b(digest_size=32)
     for folder in _package_folders():
         for file in _python_files(folder):
             digest.update(f"{folder.name}{file[len(str(folder)) :]}\0".encode())
             digest.update(hashlib.blake2b(Path(file).read_bytes()).digest())
-    digest.update(_numba_version())
-    digest.update(_processor().encode())
     return digest.hexdigest()
 
 
