@@ -365,8 +365,10 @@ class FormingSlave(Fmi2Slave):
 
     def _field_outputs(self) -> dict[str, float | np.ndarray]:
         model = self._simulation.model
-        position = np.ascontiguousarray(self._simulation.state.position.T)
-        fields = derive_fields(model.blank, model.material, position)
+        state = self._simulation.state
+        history = model.body.element_history(state.history)
+        position = np.ascontiguousarray(state.position.T)
+        fields = derive_fields(model.blank, model.material, position, history)
         values = {"shear_angle_max": np.abs(fields["shear_angle"]).max()}
         for name in ("thickness", "fibre_volume_fraction"):
             if name in fields:

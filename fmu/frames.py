@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from lcmchain.errors import InputError
-from lcmchain.fields import FrameSeries, build_datasets, write_forming_netcdf
+from lcmchain.fields import FrameSeries, model_datasets, write_forming_netcdf
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
 
@@ -53,7 +53,7 @@ def write_result(
     """Write ``forming.nc`` with the saved frames and return its path."""
     model = simulation.model
     series = FrameSeries.from_snapshots(frames, model.tool_names)
-    datasets = build_datasets(scene, model.blank, series, material=model.material)
+    datasets = model_datasets(scene, model, series)
     path = folder / "forming.nc"
     write_forming_netcdf(path, datasets)
     return path

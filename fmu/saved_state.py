@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,19 +48,14 @@ class SavedState:
             "values": self.values,
             "start_time": self.start_time,
             "failure": self.failure,
-            "frames": len(self.frames),
+            "frame_time": [frame.time for frame in self.frames],
             "frame_energy": [frame.energy for frame in self.frames],
         }
         arrays = {"header": np.array(json.dumps(header))}
         if self.state is not None:
             arrays |= {f"state_{name}": array for name, array in self.state.as_dict().items()}
         for number, frame in enumerate(self.frames):
-            entries = asdict(frame) | {"energy": None}
-            arrays |= {
-                f"frame_{number}_{name}": np.asarray(value)
-                for name, value in entries.items()
-                if value is not None
-            }
+            arrays |= {f"frame_{number}_{name}": array for name, array in frame.arrays.items()}
         buffer = io.BytesIO()
         np.savez(buffer, **arrays)
         return buffer.getvalue()
@@ -70,28 +65,24 @@ class SavedState:
         """Read what :meth:`to_bytes` wrote."""
         with np.load(io.BytesIO(content), allow_pickle=False) as data:
             header = json.loads(str(data["header"]))
-            arrays = {
-                name.removeprefix("state_"): data[name]
-                for name in data.files
-                if name.startswith("state_")
-            }
+            arrays = _named(data, "state_")
             frames = tuple(
-                Snapshot(
-                    time=float(data[f"frame_{number}_time"]),
-                    position=data[f"frame_{number}_position"],
-                    tool_travel=data[f"frame_{number}_tool_travel"],
-                    tool_force=data[f"frame_{number}_tool_force"],
-                    energy=header["frame_energy"][number],
+                Snapshot(time, energy, _named(data, f"frame_{number}_"))
+                for number, (time, energy) in enumerate(
+                    zip(header["frame_time"], header["frame_energy"], strict=True)
                 )
-                for number in range(header["frames"])
             )
         return cls(
             guid=header["guid"],
             fingerprint=Fingerprint(**header["fingerprint"]),
-            state=State(**arrays) if arrays else None,
+            state=State.from_arrays(arrays) if arrays else None,
             critical_step=header["critical_step"],
             values=header["values"],
             start_time=header["start_time"],
             frames=frames,
             failure=header["failure"],
         )
+
+
+def _named(data, prefix: str) -> dict[str, np.ndarray]:
+    return {name[len(prefix) :]: data[name] for name in data.files if name.startswith(prefix)}

@@ -73,6 +73,7 @@ class Model:
     """Constants of one forming simulation (see the classes above for the arrays).
 
     bodies : the sheets; ``placed`` the same for the loop.
+    automatic_penalty : whether the contact stiffness was chosen by the program.
     corner_force_size : corner forces of all bodies, then zeros for nodes with fewer elements.
     """
 
@@ -85,6 +86,7 @@ class Model:
     supports: SupportTable | None
     support_names: tuple[str, ...]
     environment: Environment
+    automatic_penalty: bool
     process_time: float
     frame_count: int
     step_safety: float
@@ -241,6 +243,7 @@ def assemble_bodies(
             mass_damping=float(process.mass_damping),
             gravity=STANDARD_GRAVITY if process.gravity else 0.0,
         ),
+        automatic_penalty=contact.penalty is None,
         process_time=float(process.time),
         frame_count=int(process.frames),
         step_safety=float(process.step_safety),

@@ -17,7 +17,7 @@ from lcmchain.errors import LcmchainError, MappingError, SimulationError
 from lcmchain.fields import (
     FrameSeries,
     add_face_variables,
-    build_datasets,
+    model_datasets,
     write_forming_netcdf,
     write_pvd,
     write_vtu,
@@ -134,7 +134,7 @@ def _write_fields(
 ) -> dict[str, xr.Dataset]:
     model = simulation.model
     frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
-    datasets = build_datasets(scene, model.blank, frames, material=model.material)
+    datasets = model_datasets(scene, model, frames)
     if scene.permeability is not None and model.material.fibre_density is not None:
         datasets = add_face_variables(datasets, _permeabilities(scene, datasets["/"]))
     write_forming_netcdf(folder / "forming.nc", datasets)

@@ -45,9 +45,19 @@ NODE_CHUNK = 128
 TOOL_COLUMNS = 4
 
 
-def entry(*shape: str, unit: str, meaning: str, dtype: type = float) -> Any:
-    """Declare an array; the sizes in ``shape`` are those of :func:`sizes`."""
-    return field(metadata={"shape": shape, "unit": unit, "meaning": meaning, "dtype": dtype})
+def entry(
+    *shape: str, unit: str, meaning: str, dtype: type = float, in_frames: bool = False
+) -> Any:
+    """Declare an array; the sizes in ``shape`` are those of :func:`sizes`.
+
+    in_frames : whether saved frames hold it, for the fields.
+    """
+    return field(
+        metadata={
+            "shape": shape, "unit": unit, "meaning": meaning, "dtype": dtype,
+            "in_frames": in_frames,
+        }
+    )  # fmt: skip
 
 
 def sizes(model: Model) -> dict[str, int]:
@@ -101,10 +111,13 @@ class State(_Arrays):
     Units and meanings stand in the declarations.
     """
 
-    position: np.ndarray = entry("xyz", "node", unit="m", meaning="at time n")
+    position: np.ndarray = entry("xyz", "node", unit="m", meaning="at time n", in_frames=True)
     velocity: np.ndarray = entry("xyz", "node", unit="m/s", meaning="at time n - 1/2")
     history: np.ndarray = entry(
-        "history", unit="1", meaning="what laws with memory remember, in blocks of elements"
+        "history",
+        unit="1",
+        meaning="what laws with memory remember, in blocks of elements",
+        in_frames=True,
     )
     stick: np.ndarray = entry(
         "tool", "xyz", "node", unit="m", meaning="elastic slip of the friction springs"
@@ -116,7 +129,7 @@ class State(_Arrays):
         meaning="whether contact of the node with the tool is evaluated",
         dtype=np.uint8,
     )
-    tool_travel: np.ndarray = entry("tool", unit="m", meaning="at time n")
+    tool_travel: np.ndarray = entry("tool", unit="m", meaning="at time n", in_frames=True)
     tool_velocity: np.ndarray = entry("tool", unit="m/s", meaning="at time n - 1/2")
     tool_input: np.ndarray = entry(
         "tool",
@@ -131,7 +144,11 @@ class State(_Arrays):
         dtype=np.int64,
     )
     tool_force: np.ndarray = entry(
-        "tool", "xyz", unit="N", meaning="of the sheets on the tool at the last step"
+        "tool",
+        "xyz",
+        unit="N",
+        meaning="of the sheets on the tool at the last step",
+        in_frames=True,
     )
     penetration_max: np.ndarray = entry("tool", unit="m", meaning="deepest so far")
     support_force: np.ndarray = entry(
@@ -165,6 +182,11 @@ class State(_Arrays):
         if differing:
             raise ValueError(f"missing or unknown arrays: {', '.join(differing)}")
         return cls(**arrays)
+
+    def frame(self) -> dict[str, np.ndarray]:
+        """Return copies of the arrays that saved frames hold."""
+        framed = [f.name for f in fields(self) if f.metadata["in_frames"]]
+        return {name: getattr(self, name).copy() for name in framed}
 
     def copy(self) -> State:
         """Return an independent copy, for checkpoints and rollback."""

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain import __version__
-from lcmchain.check import scene_effects
+from lcmchain.check import run_effects
 from lcmchain.fields import field_summary
 from lcmchain.fields.summary import field_warnings
 
@@ -65,7 +65,7 @@ def run_summary(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
         ),
         "step_control": dict(simulation.control.history),
-        "effects": [effect.name for effect in scene_effects(scene) if effect.active],
+        "effects": [effect.name for effect in run_effects(scene, model) if effect.active],
     }
     found = [*warnings, *field_warnings(datasets["/"]), *run_warnings(summary)]
     return summary | {"warnings": found, "mapping": {}}

@@ -7,16 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcmchain.mesh.blank import BlankMesh
-from lcmchain.mesh.triangulation import TriangleMesh
-from lcmchain.model import AUTOMATIC_PENALTY
-from lcmchain.scene import (
-    FabricMaterial,
-    IsotropicMaterial,
-    MembraneShellElement,
-    OrthotropicMaterial,
-    Scene,
-)
+from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.model import AUTOMATIC_PENALTY, Model
 
 #: Time per element and step on one core that the estimate assumes, by the kind of element.
 SECONDS_PER_ELEMENT_STEP = {"solid-shell": 0.12e-6, "membrane-shell": 0.05e-6}
@@ -40,54 +32,42 @@ class Estimate:
     controlled_by: str
 
 
-def estimate_run(scene: Scene, mesh: BlankMesh | TriangleMesh) -> Estimate:
-    """Estimate time step, step count and computing time from the undeformed blank.
+def estimate_run(model: Model) -> Estimate:
+    """Estimate time step, step count and computing time from the undeformed sheets.
 
     The step follows from the fastest elastic wave: in-plane over the shortest edge, or over the
     thickness, and from the automatic contact stiffness. Compaction and a given
     ``contact.penalty`` may shorten it during a run.
     """
-    density = scene.material.areal_mass / scene.material.thickness
-    in_plane_stiffness, normal_stiffness = _wave_stiffnesses(scene)
-    shortest_edge = _shortest_edge(mesh)
-    steps = {"in-plane waves": shortest_edge / math.sqrt(in_plane_stiffness / density)}
-    if not isinstance(scene.element, MembraneShellElement):
-        thickness_wave = math.sqrt(normal_stiffness / density)
-        steps["waves over the thickness"] = scene.material.thickness / thickness_wave
+    steps = {}
+    for body in model.bodies:
+        in_plane, normal = body.material.wave_stiffness()
+        speed = math.sqrt(in_plane / body.material.density)
+        _keep_least(steps, "in-plane waves", _shortest_edge(body.mesh) / speed)
+        if body.mesh.has_thickness:
+            speed = math.sqrt(normal / body.material.density)
+            _keep_least(steps, "waves over the thickness", body.material.thickness / speed)
     controlled_by = min(steps, key=steps.get)
-    critical_step = steps[controlled_by] * _contact_share(scene)
-    step_count = math.ceil(scene.process.time / (critical_step * scene.process.step_safety))
-    seconds = step_count * mesh.element_count * SECONDS_PER_ELEMENT_STEP[scene.element.type]
-    return Estimate(critical_step, step_count, seconds, controlled_by)
+    critical_step = steps[controlled_by] * _contact_share(model)
+    step_count = math.ceil(model.process_time / (critical_step * model.step_safety))
+    per_step = sum(
+        body.mesh.element_count * SECONDS_PER_ELEMENT_STEP[body.type] for body in model.bodies
+    )
+    return Estimate(critical_step, step_count, step_count * per_step, controlled_by)
 
 
-def _contact_share(scene: Scene) -> float:
+def _keep_least(steps: dict[str, float], name: str, step: float) -> None:
+    steps[name] = min(step, steps.get(name, math.inf))
+
+
+def _contact_share(model: Model) -> float:
     """Return the part of the time step that the automatic contact stiffness leaves."""
-    if not scene.tools or scene.contact.penalty is not None:
+    if not model.tool_names or not model.automatic_penalty:
         return 1.0
     return 1.0 / math.sqrt(1.0 + AUTOMATIC_PENALTY)
 
 
-def _wave_stiffnesses(scene: Scene) -> tuple[float, float]:
-    """Largest in-plane and largest normal stiffness of the undeformed material [Pa]."""
-    material = scene.material
-    if isinstance(material, FabricMaterial):
-        membrane, bending = material.membrane, material.bending
-        in_plane = max(membrane.C11, membrane.C22, bending.C11, bending.C22)
-        return in_plane, max(material.compaction.c0, bending.C33)
-    if isinstance(material, IsotropicMaterial):
-        nu = material.poisson_ratio
-        stiffness = material.young_modulus * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
-        return stiffness, stiffness
-    if isinstance(material, OrthotropicMaterial):
-        matrix = np.linalg.inv(material.normal_compliance) * material.E1
-        matrix *= max(1.0, material.bending_factor)
-        return float(max(matrix[0, 0], matrix[1, 1])), float(matrix[2, 2])
-    diagonal = np.maximum(np.diag(material.membrane), np.diag(material.bending))
-    return float(max(diagonal[0], diagonal[1])), float(diagonal[2])
-
-
-def _shortest_edge(mesh: BlankMesh | TriangleMesh) -> float:
+def _shortest_edge(mesh: SheetMesh) -> float:
     corners = mesh.node_positions[mesh.elements[:, :4]]
     lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     return float(lengths[lengths > 0.0].min())  # a triangle repeats its last node

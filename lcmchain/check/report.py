@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.check.effects_of_scene import Effect, scene_effects
+from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.tables import cost_table, effect_table, entry_table, gap_table
 from lcmchain.check.tools_at_start import InitialGap, require_no_initial_overlap
+from lcmchain.effects.effect import Effect
 from lcmchain.mesh.blank import BlankMesh, build_blank
-from lcmchain.mesh.triangulation import triangulate
-from lcmchain.scene import MembraneShellElement, Scene
-from lcmchain.tools.table import build_tool_table
+from lcmchain.model import build_model
+from lcmchain.scene import Scene
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -64,22 +64,22 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
     ------
     InputError : blank or tools cannot be built, or a tool overlaps the blank at the start.
     """
-    blank = build_blank(scene.blank, scene.material.thickness)
-    mesh = triangulate(blank) if isinstance(scene.element, MembraneShellElement) else blank
     with warnings.catch_warnings(record=True) as tool_warnings:
         warnings.simplefilter("always")
-        table = build_tool_table(scene.tools, scene.source.directory, scene.process.time)
-    gaps = require_no_initial_overlap(scene, blank, table)
+        model = build_model(scene)
+    # the tools meet the faces of the sheet, whatever its elements
+    blank = build_blank(scene.blank, scene.material.thickness)
+    gaps = require_no_initial_overlap(scene, blank, model.tools)
     picture = None
     if out is not None:
         picture = Path(out) / "initial.png"
         draw_start(picture, scene, blank)
     return CheckReport(
         scene=scene,
-        element_count=mesh.element_count,
-        node_count=mesh.node_count,
-        effects=scene_effects(scene),
-        estimate=estimate_run(scene, mesh),
+        element_count=model.element_count,
+        node_count=model.node_count,
+        effects=run_effects(scene, model),
+        estimate=estimate_run(model),
         gaps=gaps,
         warnings=scene_warnings(scene) + [str(entry.message) for entry in tool_warnings],
         picture=picture,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lcmchain.check.effects_of_scene import Effect
+from lcmchain.check.effects_of_run import Effect
 from lcmchain.check.expected_cost import Estimate
 from lcmchain.check.tools_at_start import OVERLAP_TOLERANCE, InitialGap
 from lcmchain.scene import Process

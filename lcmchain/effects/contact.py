@@ -1,24 +1,32 @@
-"""Contact of a node with a rigid tool: penalty pressure, damping, and Coulomb friction.
+"""Contact of a node with a rigid tool: penalty pressure and damping.
 
-Adds: a force on a node that lies inside a tool. Source: penalty method, e.g. Wriggers,
-"Computational Contact Mechanics", sections 5.2 (stick and slip by a return mapping) and 6.3.
+Adds: a force on a node that lies inside a tool.
+Source: penalty method, e.g. Wriggers, "Computational Contact Mechanics", section 6.3.
 Stability limit: adds k/m to the square of the highest frequency of the nodes in contact
-(``Simulation._step_of``).
-Scene: ``[[tools]]`` (none: no contact code runs), ``contact.penalty``, ``contact.damping_ratio``,
-``contact.tangential_ratio``, ``tools.friction``.
+(``Simulation._step_of``); the damping acts on the mean velocity and adds none.
+Scene: ``[[tools]]`` (none: no contact code runs), ``contact.penalty``, ``contact.damping_ratio``.
+Fields: ``tool_force``, ``energy_contact``, ``energy_damping`` (history).
 """
 
 from __future__ import annotations
 
-import math
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from lcmchain.elements.vectors import dot, plus
+from lcmchain.effects.effect import Effect
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import AbsentMeans, FrictionCoefficient, Number, Penalty, Range
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.tools.distance import EXTRUDED, FIELD, PLANE, REVOLVED
+
+# How the distance to a tool is computed, in words.
+SHAPES = {
+    PLANE: "plane",
+    REVOLVED: "revolved profile",
+    EXTRUDED: "extruded profile",
+    FIELD: "distance field of a surface mesh",
+}
 
 
 @equation
@@ -58,28 +66,6 @@ def normal_force(stiffness, damping, gap, velocity, mobility, acceleration, dt_l
     return force, (elastic - force) * mean * interval
 
 
-@equation
-def friction(stick, slip_increment, normal, stiffness, limit):
-    """Return the new elastic slip, the friction force, and the energy dissipated by sliding.
-
-    ``stick`` (elastic slip of the tangential spring, [m]) is carried to the present tangent plane,
-    grows by the relative displacement since the last step, and returns to the cone |F| <= limit.
-    The slip is measured relative to the tool, so that a common motion produces none.
-    """
-    out_of_plane = dot(stick, normal)
-    trial = plus(-out_of_plane, normal, stick)
-    trial = plus(1.0, trial, slip_increment)
-    squared = dot(trial, trial)
-    length = math.sqrt(squared)
-    dissipated = 0.0
-    if stiffness * length > limit:
-        scale = limit / (stiffness * length)
-        dissipated = limit * (1.0 - scale) * length
-        trial = (scale * trial[0], scale * trial[1], scale * trial[2])
-    force = (-stiffness * trial[0], -stiffness * trial[1], -stiffness * trial[2])
-    return trial, force, dissipated
-
-
 class Contact(SceneModel):
     """Penalty contact and Coulomb friction between blank and tools."""
 
@@ -93,3 +79,15 @@ class Contact(SceneModel):
     tangential_ratio: Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0,)))] = Field(
         default=0.5, description="Tangential over normal contact stiffness."
     )
+
+
+def active(model: Any) -> list[Effect]:
+    """Return one effect per tool, and the damping."""
+    found = [
+        Effect(f"contact with {name}", True, SHAPES[kind])
+        for name, kind in zip(model.tool_names, model.tools.kind.tolist(), strict=True)
+    ]
+    if not found:
+        return [Effect("contact", False, "the scene has no tool")]
+    ratio = model.environment.contact_damping_ratio
+    return [*found, Effect("contact damping", ratio > 0.0, f"{ratio:g} of critical")]

@@ -1,19 +1,22 @@
 """Nodes whose motion is prescribed: clamps, grips, frames, planes of symmetry.
 
 Adds: groups of nodes that move affinely, x = A(t) X + b(t), in the components that they hold, and
-the force that this takes. Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1.
+the force that this takes.
+Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1.
 Stability limit: none, holding a node only raises the stable step.
 Scene: none yet; coupon tests and verification cases use it (:func:`lcmchain.model.assemble_model`).
+Fields: none; ``State.support_force`` and ``support_impulse`` hold the forces.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
 
@@ -132,3 +135,14 @@ def prescribed_position(supports, k, d, piece, s):
         )
         x += coefficient * (supports.anchor[column, k] if column < 3 else 1.0)
     return x
+
+
+def active(model: Any) -> list[Effect]:
+    """Return one effect per group of held nodes."""
+    if model.supports is None:
+        return []
+    counts = np.bincount(model.supports.group, minlength=len(model.support_names))
+    return [
+        Effect(f"support {name}", True, f"{count} nodes")
+        for name, count in zip(model.support_names, counts.tolist(), strict=True)
+    ]

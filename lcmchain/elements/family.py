@@ -83,6 +83,15 @@ class Body(Protocol):
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
         """Return strain energy and hourglass energy [J] at positions (3, node_count)."""
 
+    def dissipated_energy(self, history: np.ndarray) -> float:
+        """Return what the law has dissipated so far [J]; 0 without memory."""
+
+    def element_history(self, history: np.ndarray) -> np.ndarray:
+        """Return the body's history values by element (history_count, element_count)."""
+
+    def effects(self) -> dict[str, tuple[bool, str]]:
+        """Return whether each effect of the elements is compiled in, and why, by its name."""
+
     def highest_frequency(
         self, positions: np.ndarray, history: np.ndarray, mass: np.ndarray
     ) -> tuple[float, int, int]:

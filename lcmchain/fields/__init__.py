@@ -1,6 +1,6 @@
 """Fields of a forming result: what they are, how they follow from positions, and their files."""
 
-from lcmchain.fields.dataset import add_face_variables, build_datasets
+from lcmchain.fields.dataset import add_face_variables, build_datasets, model_datasets
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.netcdf import read_forming, read_group, write_forming_netcdf
@@ -15,6 +15,7 @@ __all__ = [
     "FrameSeries",
     "add_face_variables",
     "build_datasets",
+    "model_datasets",
     "derive_fields",
     "fibre_mass",
     "field_summary",

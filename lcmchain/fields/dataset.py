@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -22,8 +23,8 @@ from lcmchain.fields.ugrid import (
     Variable,
     frame_time,
 )
-from lcmchain.mesh.blank import BlankMesh
-from lcmchain.mesh.triangulation import TriangleMesh
+from lcmchain.materials.law import Material, Remembered, remembered
+from lcmchain.mesh.sheet_mesh import SheetMesh
 
 SHEET, SOLID, HISTORY = ROOT, "/solid", "/history"
 SHEET_MESH = UgridMesh("sheet")
@@ -35,15 +36,56 @@ NO_THICKNESS = (
     "compaction pressure and no permeability"
 )
 
-# Nodes of a degenerate hexahedron (n0 n1 n2 n2) in VTK's order of a wedge, whose first face is
-# seen clockwise from the second: bottom n0 n2 n1, then top.
-WEDGE_NODES = [0, 2, 1, 4, 6, 5]
+@dataclass(frozen=True)
+class SheetFrames:
+    """One sheet with its part of the saved frames.
+
+    positions : (F, node_count, 3) [m]; history : (F, history_count, element_count), what the law
+    remembers, by the names in ``remembered``.
+    """
+
+    mesh: SheetMesh
+    material: Material
+    positions: np.ndarray
+    history: np.ndarray
+    remembered: tuple[Remembered, ...] = ()
+
+    @classmethod
+    def of_body(cls, model, body, frames: FrameSeries) -> SheetFrames:
+        """Return the part of a body of the model."""
+        nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
+        past = [body.element_history(model.history_of(body, values)) for values in frames.history]
+        return cls(
+            body.mesh,
+            body.material,
+            frames.positions[:, nodes],
+            np.array(past),
+            remembered(body.material.law),
+        )
+
+    def fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+        """Return values (F, element_count) and attributes of every face field."""
+        steps = [
+            derive_fields(self.mesh, self.material, *frame)
+            for frame in zip(self.positions, self.history, strict=True)
+        ]
+        found = {
+            name: (
+                np.stack([step[name] for step in steps]),
+                FIELD_OF_VARIABLE[name].attributes(name),
+            )
+            for name in steps[0]
+        }
+        for row, entry in enumerate(self.remembered):
+            attributes = {"units": entry.unit, "long_name": entry.meaning}
+            found[entry.name] = (np.ascontiguousarray(self.history[:, row]), attributes)
+        return found
 
 
 def build_datasets(
-    scene, blank: BlankMesh | TriangleMesh, frames: FrameSeries, *, material=None
+    scene, blank: SheetMesh, frames: FrameSeries, *, material=None
 ) -> dict[str, xr.Dataset]:
-    """Turn saved frames into the groups of ``forming.nc``.
+    """Turn the saved frames of one sheet into the groups of ``forming.nc``.
 
     The root group ``"/"`` holds the mid-surface as the two-dimensional UGRID mesh ``sheet`` with
     the fields of :data:`lcmchain.fields.table.FIELDS`, and nothing that readers of such meshes
@@ -66,11 +108,29 @@ def build_datasets(
     Datasets by group name. Face variables have the dimensions ``frame`` and ``sheet_face``.
     """
     material = scene.material.build() if material is None else material
-    datasets = {SHEET: _sheet(scene, blank, frames, material)}
-    if isinstance(blank, BlankMesh):
-        datasets[SOLID] = _solid(blank, frames)
-    datasets[HISTORY] = _history(frames)
-    return datasets
+    empty = np.empty((frames.frame_count, 0, blank.element_count))
+    sheet = SheetFrames(blank, material, frames.positions, empty)
+    return _one_sheet(scene, sheet, frames) | {HISTORY: _history(frames)}
+
+
+def model_datasets(scene, model, frames: FrameSeries) -> dict[str, xr.Dataset]:
+    """Turn the saved frames of a model into the groups of ``forming.nc``.
+
+    One body: as :func:`build_datasets`. Several: body ``b`` has the group ``"/b"`` with its
+    mid-surface as the mesh ``b`` and, if it has a thickness, ``"/b/solid"``. The root group holds
+    all mid-surfaces together as the mesh ``sheet``, in the order of the bodies, with the face
+    variable ``body`` (flags) that tells them apart; a field that a body does not have is nan there.
+    """
+    if len(model.bodies) == 1:
+        sheet = SheetFrames.of_body(model, model.body, frames)
+        return _one_sheet(scene, sheet, frames) | {HISTORY: _history(frames)}
+    sheets = {body.name: SheetFrames.of_body(model, body, frames) for body in model.bodies}
+    groups = {SHEET: _all_sheets(scene, sheets, frames)}
+    for name, sheet in sheets.items():
+        groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
+        if sheet.mesh.volumes is not None:
+            groups[f"/{name}/solid"] = _solid(sheet, frames)
+    return groups | {HISTORY: _history(frames)}
 
 
 def add_face_variables(
@@ -107,36 +167,86 @@ def add_face_variables(
     return {**datasets, SHEET: sheet}
 
 
-# --- root group -----------------------------------------------------------------------------------
+# --- sheets ---------------------------------------------------------------------------------------
 
 
-def _sheet(scene, blank: BlankMesh | TriangleMesh, frames: FrameSeries, material) -> xr.Dataset:
-    if isinstance(blank, TriangleMesh):
-        reference, current, faces = blank.node_positions, frames.positions, blank.elements
-    else:
-        reference, current = _mid_surface(blank.node_positions), _mid_surface(frames.positions)
-        faces = np.where(blank.is_triangle[:, None] & (np.arange(4) == 3), NO_NODE, blank.faces)
-    mesh = SHEET_MESH
+def _one_sheet(scene, sheet: SheetFrames, frames: FrameSeries) -> dict[str, xr.Dataset]:
+    groups = {SHEET: _sheet(scene, SHEET_MESH, sheet, frames)}
+    if sheet.mesh.volumes is not None:
+        groups[SOLID] = _solid(sheet, frames)
+    return groups
+
+
+def _sheet(scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
+    reference = sheet.mesh.mid_surface(sheet.mesh.node_positions)
+    current = sheet.mesh.mid_surface(sheet.positions)
     variables: dict[str, Variable] = {
-        **mesh.topology(faces, long_name="mid-surface of the textile, one face per element"),
+        **mesh.topology(
+            sheet.mesh.sheet_faces, long_name="mid-surface of the textile, one face per element"
+        ),
+        **_moving_nodes(mesh, reference, current, frames),
+    }
+    for name, (values, attributes) in sheet.fields().items():
+        variables[name] = mesh.on_cells(values, attributes)
+    attributes = _global_attributes(scene, sheet.material)
+    if not sheet.mesh.has_thickness:
+        attributes["comment"] = NO_THICKNESS
+    return mesh.dataset(variables, attributes)
+
+
+def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -> xr.Dataset:
+    """The mid-surfaces of all bodies as one mesh."""
+    mesh = SHEET_MESH
+    references = [s.mesh.mid_surface(s.mesh.node_positions) for s in sheets.values()]
+    current = [s.mesh.mid_surface(s.positions) for s in sheets.values()]
+    faces, first = [], 0
+    for sheet, reference in zip(sheets.values(), references, strict=True):
+        own = sheet.mesh.sheet_faces
+        own = np.pad(own, ((0, 0), (0, 4 - own.shape[1])), constant_values=NO_NODE)
+        faces.append(np.where(own == NO_NODE, NO_NODE, own + first))
+        first += len(reference)
+    variables: dict[str, Variable] = {
+        **mesh.topology(
+            np.concatenate(faces), long_name="mid-surfaces of all sheets, one face per element"
+        ),
+        **_moving_nodes(mesh, np.concatenate(references), np.concatenate(current, axis=1), frames),
+    }
+    counts = [s.mesh.element_count for s in sheets.values()]
+    fields = [s.fields() for s in sheets.values()]
+    for name in dict.fromkeys(name for own in fields for name in own):
+        attributes = next(own[name][1] for own in fields if name in own)
+        missing = [np.full((frames.frame_count, count), np.nan) for count in counts]
+        parts = [own[name][0] if name in own else gap for own, gap in zip(fields, missing)]
+        variables[name] = mesh.on_cells(np.concatenate(parts, axis=1), attributes)
+    flags = np.arange(len(sheets), dtype=np.int32)
+    variables["body"] = mesh.on_cells(
+        np.repeat(flags, counts),
+        {
+            "long_name": "sheet that the face belongs to",
+            "units": "1",
+            "flag_values": flags,
+            "flag_meanings": " ".join(sheets),
+        },
+    )
+    attributes = _global_attributes(scene, None)
+    attributes["comment"] = "sheets that do not touch; each has a group of its own"
+    return mesh.dataset(variables, attributes)
+
+
+def _moving_nodes(
+    mesh: UgridMesh, reference: np.ndarray, current: np.ndarray, frames: FrameSeries
+) -> dict[str, Variable]:
+    return {
         **_coordinates(mesh, current[-1]),
         FRAME_TIME: frame_time(frames.time),
         # VTK's reader finds time steps only under this name, and shows the first frame without it.
         "time": frame_time(frames.time, dimension="time"),
         **_node_fields(mesh, reference, current),
     }
-    steps = [derive_fields(blank, material, positions) for positions in frames.positions]
-    for name in steps[0]:
-        variables[name] = mesh.on_cells(
-            np.stack([step[name] for step in steps]), FIELD_OF_VARIABLE[name].attributes(name)
-        )
-    attributes = _global_attributes(scene, material)
-    if isinstance(blank, TriangleMesh):
-        attributes["comment"] = NO_THICKNESS
-    return mesh.dataset(variables, attributes)
 
 
-def _global_attributes(scene, material) -> dict[str, Any]:
+def _global_attributes(scene, material: Material | None) -> dict[str, Any]:
+    """Return what the file says of its origin, and of the one material of a group."""
     from lcmchain import __version__
 
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
@@ -147,6 +257,10 @@ def _global_attributes(scene, material) -> dict[str, Any]:
         "source": f"lcmchain {__version__}",
         "scene": scene.source.text,
         "scene_sha256": scene.source.sha256,
+    }
+    if material is None:
+        return attributes
+    attributes |= {
         "material": str(material.name),
         "areal_mass_kg_m2": float(material.areal_mass),
     }
@@ -155,19 +269,11 @@ def _global_attributes(scene, material) -> dict[str, Any]:
     return attributes
 
 
-def _mid_surface(positions: np.ndarray) -> np.ndarray:
-    pairs = positions.shape[-2] // 2
-    return 0.5 * (positions[..., :pairs, :] + positions[..., pairs:, :])
-
-
 # --- solid ----------------------------------------------------------------------------------------
 
 
-def _solid(blank: BlankMesh, frames: FrameSeries) -> xr.Dataset:
-    volumes = blank.elements.astype(np.int32)
-    wedges = blank.is_triangle
-    volumes[wedges, :6] = blank.elements[wedges][:, WEDGE_NODES]
-    volumes[wedges, 6:] = NO_NODE
+def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
+    volumes = sheet.mesh.volumes.astype(np.int32)
     mesh = SOLID_MESH
     variables = {
         **mesh.topology(
@@ -176,9 +282,9 @@ def _solid(blank: BlankMesh, frames: FrameSeries) -> xr.Dataset:
             cell_nodes_long_name="nodes of each volume in the order of VTK, bottom face first",
         ),
         **mesh.volume_shapes(volumes, long_name="shape of each volume", node_counts=(6, 8)),
-        **_coordinates(mesh, frames.positions[-1]),
+        **_coordinates(mesh, sheet.positions[-1]),
         FRAME_TIME: frame_time(frames.time),
-        **_node_fields(mesh, blank.node_positions, frames.positions),
+        **_node_fields(mesh, sheet.mesh.node_positions, sheet.positions),
     }
     return mesh.dataset(variables, {"Conventions": CONVENTIONS})
 

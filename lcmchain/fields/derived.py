@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.elements.solid_shell.geometry import MODES
-from lcmchain.mesh.blank import BlankMesh
-from lcmchain.mesh.triangulation import TriangleMesh
+from lcmchain.mesh.sheet_mesh import SheetMesh
 
 
 def derive_fields(
-    blank: BlankMesh | TriangleMesh, material, positions: np.ndarray
+    mesh: SheetMesh, material, positions: np.ndarray, history: np.ndarray | None = None
 ) -> dict[str, np.ndarray]:
     """Derive the state of the textile in every element from the positions of the nodes.
 
@@ -21,16 +19,17 @@ def derive_fields(
 
     Parameters
     ----------
-    blank : undeformed mesh with its fibre directions.
+    mesh : undeformed, with its fibre directions.
     material : with ``areal_mass`` [kg/m²], ``fibre_density`` [kg/m³] or None, and
-        ``compaction_pressure(thickness_stretch)`` [Pa].
+        ``compaction_pressure(thickness_stretch, history)`` [Pa].
     positions : node positions [m], shape (..., node_count, 3).
+    history : what a law with memory remembers, shape (history_count, ..., element_count).
 
     Returns
     -------
     The variables of the face fields in :data:`lcmchain.fields.table.FIELDS`, each of shape
     (..., element_count); without ``fibre_volume_fraction`` where the fibre density is unknown, and
-    without all that needs a thickness for triangles, which have none.
+    without all that needs a thickness for meshes that have none.
 
     Notes
     -----
@@ -38,18 +37,19 @@ def derive_fields(
     det F = (t / t0) cos γ, so that shear and compaction both raise it. The compaction pressure is
     that of plate-to-plate compaction, λ |S33| with λ = t / t0.
     """
-    if isinstance(blank, TriangleMesh):
-        return _derive_on_triangles(blank, material, np.asarray(positions, dtype=float))
-    reference = _base_vectors(blank, blank.node_positions)
-    current = _base_vectors(blank, np.asarray(positions, dtype=float))
+    reference = mesh.base_vectors(mesh.node_positions)
+    current = mesh.base_vectors(np.asarray(positions, dtype=float))
     area_0, normal_0 = _length_and_direction(np.cross(reference[..., 0, :], reference[..., 1, :]))
     area, normal = _length_and_direction(np.cross(current[..., 0, :], current[..., 1, :]))
-    height_0, height = _dot(reference[..., 2, :], normal_0), _dot(current[..., 2, :], normal)
-
     fibre_1, fibre_2 = (
         _dragged_along(reference, current, direction)
-        for direction in (blank.fibre_direction_1, blank.fibre_direction_2)
+        for direction in (mesh.fibre_direction_1, mesh.fibre_direction_2)
     )
+    in_plane = _in_plane_fields(material, area_0 / area, normal, fibre_1, fibre_2)
+    if not mesh.has_thickness:
+        return in_plane
+
+    height_0, height = _dot(reference[..., 2, :], normal_0), _dot(current[..., 2, :], normal)
     fields = {"thickness": 2.0 * height}
     if material.fibre_density is not None:
         initial_fraction = material.areal_mass / (material.fibre_density * 2.0 * height_0)
@@ -57,25 +57,9 @@ def derive_fields(
             fields["fibre_volume_fraction"] = initial_fraction * (
                 (area_0 * height_0) / (area * height)
             )
-    fields |= _in_plane_fields(material, area_0 / area, normal, fibre_1, fibre_2)
-    fields["compaction_pressure"] = material.compaction_pressure(height / height_0)
+    fields |= in_plane
+    fields["compaction_pressure"] = material.compaction_pressure(height / height_0, history)
     return fields
-
-
-def _derive_on_triangles(
-    mesh: TriangleMesh, material, positions: np.ndarray
-) -> dict[str, np.ndarray]:
-    """As :func:`derive_fields`, with the sides of a triangle as base vectors."""
-    sides_0, sides = _sides(mesh, mesh.node_positions), _sides(mesh, positions)
-    area_0, normal_0 = _length_and_direction(np.cross(sides_0[..., 0, :], sides_0[..., 1, :]))
-    area, normal = _length_and_direction(np.cross(sides[..., 0, :], sides[..., 1, :]))
-    reference = np.concatenate([sides_0, normal_0[..., None, :]], axis=-2)
-    current = np.concatenate([sides, normal[..., None, :]], axis=-2)
-    fibre_1, fibre_2 = (
-        _dragged_along(reference, current, direction)
-        for direction in (mesh.fibre_direction_1, mesh.fibre_direction_2)
-    )
-    return _in_plane_fields(material, area_0 / area, normal, fibre_1, fibre_2)
 
 
 def _in_plane_fields(material, area_ratio, normal, fibre_1, fibre_2) -> dict[str, np.ndarray]:
@@ -104,17 +88,6 @@ def face_area_vectors(corners: np.ndarray) -> np.ndarray:
     return 0.5 * np.cross(
         corners[..., 2, :] - corners[..., 0, :], corners[..., 3, :] - corners[..., 1, :]
     )
-
-
-def _base_vectors(blank: BlankMesh, positions: np.ndarray) -> np.ndarray:
-    """Covariant base vectors at the element centres, shape (..., element_count, 3, 3)."""
-    return MODES[:3] @ positions[..., blank.elements, :]
-
-
-def _sides(mesh: TriangleMesh, positions: np.ndarray) -> np.ndarray:
-    """Two sides of every triangle, shape (..., element_count, 2, 3)."""
-    corners = positions[..., mesh.elements, :]
-    return corners[..., 1:, :] - corners[..., :1, :]
 
 
 def _dragged_along(reference: np.ndarray, current: np.ndarray, direction) -> np.ndarray:

@@ -20,6 +20,7 @@ class FrameSeries:
     tool_force : of the blank on each tool [N], shape (F, T, 3).
     energy : parts of the energy balance [J] by name, each of shape (F,).
     tool_names : names of the T tools.
+    history : what laws with memory remember, shape (F, history_size), empty without one.
     """
 
     time: np.ndarray
@@ -28,6 +29,7 @@ class FrameSeries:
     tool_force: np.ndarray
     energy: Mapping[str, np.ndarray] = field(default_factory=dict)
     tool_names: tuple[str, ...] = ()
+    history: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         frames, tools = len(self.time), len(self.tool_names)
@@ -57,6 +59,7 @@ class FrameSeries:
                 name: np.array([s.energy[name] for s in snapshots]) for name in snapshots[0].energy
             },
             tool_names=tool_names,
+            history=np.array([s.history for s in snapshots]),
         )
 
     @property

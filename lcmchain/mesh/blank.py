@@ -17,9 +17,11 @@ from pydantic import Field, model_validator
 from lcmchain.errors import InputError
 from lcmchain.mesh.cells import cell_heights
 from lcmchain.mesh.cut import Cells
+from lcmchain.mesh.hexahedron import MODES
 from lcmchain.mesh.lattice import best_lattice
 from lcmchain.mesh.numbering import number_in_patches
 from lcmchain.mesh.outline import check_element_count, cross, outline_of, place, polygon_area
+from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Angle,
@@ -87,6 +89,11 @@ class Blank(SceneModel):
         return max(x) - min(x), max(y) - min(y)
 
 
+# Nodes of a degenerate hexahedron (n0 n1 n2 n2) in VTK's order of a wedge, whose first face is
+# seen clockwise from the second: bottom n0 n2 n1, then top.
+WEDGE_NODES = [0, 2, 1, 4, 6, 5]
+
+
 @dataclass(frozen=True)
 class BlankMesh:
     """Hexahedral mesh of the undeformed blank with its fibre directions.
@@ -109,6 +116,8 @@ class BlankMesh:
     fibre_direction_2: np.ndarray
     thickness: float
     outline_area: float = math.nan
+
+    has_thickness = True
 
     @property
     def node_count(self) -> int:
@@ -135,10 +144,32 @@ class BlankMesh:
 
     @property
     def mid_surface_positions(self) -> np.ndarray:
-        """Positions of the mid-surface nodes [m], shape (pair_count, 3)."""
-        return 0.5 * (
-            self.node_positions[: self.pair_count] + self.node_positions[self.pair_count :]
-        )
+        """Initial positions of the mid-surface nodes [m], shape (pair_count, 3)."""
+        return self.mid_surface(self.node_positions)
+
+    def mid_surface(self, positions: np.ndarray) -> np.ndarray:
+        """Middles of the node pairs (..., pair_count, 3) of positions (..., node_count, 3)."""
+        pairs = self.pair_count
+        return 0.5 * (positions[..., :pairs, :] + positions[..., pairs:, :])
+
+    @property
+    def sheet_faces(self) -> np.ndarray:
+        """Faces in pair numbering (element_count, 4); a triangle ends with -1."""
+        is_absent = self.is_triangle[:, np.newaxis] & (np.arange(4) == 3)
+        return np.where(is_absent, NO_NODE, self.faces)
+
+    @property
+    def volumes(self) -> np.ndarray:
+        """Nodes of hexahedra, and of wedges with -1 at the end (element_count, 8), VTK's order."""
+        volumes = self.elements.copy()
+        wedges = self.is_triangle
+        volumes[wedges, :6] = self.elements[wedges][:, WEDGE_NODES]
+        volumes[wedges, 6:] = NO_NODE
+        return volumes
+
+    def base_vectors(self, positions: np.ndarray) -> np.ndarray:
+        """Covariant base vectors a1, a2, a3 at the element centres (..., element_count, 3, 3)."""
+        return MODES[:3] @ positions[..., self.elements, :]
 
     @property
     def element_areas(self) -> np.ndarray:

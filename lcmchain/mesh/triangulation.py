@@ -31,6 +31,9 @@ class TriangleMesh:
     fibre_direction_2: np.ndarray
     thickness: float
 
+    has_thickness = False
+    volumes = None
+
     @property
     def node_count(self) -> int:
         return len(self.node_positions)
@@ -38,6 +41,32 @@ class TriangleMesh:
     @property
     def element_count(self) -> int:
         return len(self.elements)
+
+    @property
+    def element_areas(self) -> np.ndarray:
+        """Initial area of every triangle [m²], shape (element_count,)."""
+        sides = self._sides(self.node_positions)
+        return 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+
+    @property
+    def sheet_faces(self) -> np.ndarray:
+        return self.elements
+
+    def mid_surface(self, positions: np.ndarray) -> np.ndarray:
+        """The nodes themselves."""
+        return positions
+
+    def base_vectors(self, positions: np.ndarray) -> np.ndarray:
+        """Two sides and the unit normal of every triangle (..., element_count, 3, 3)."""
+        sides = self._sides(positions)
+        normal = np.cross(sides[..., 0, :], sides[..., 1, :])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            normal = normal / np.linalg.norm(normal, axis=-1)[..., None]
+        return np.concatenate([sides, normal[..., None, :]], axis=-2)
+
+    def _sides(self, positions: np.ndarray) -> np.ndarray:
+        corners = positions[..., self.elements, :]
+        return corners[..., 1:, :] - corners[..., :1, :]
 
 
 def triangulate(blank: BlankMesh) -> TriangleMesh:

@@ -40,6 +40,9 @@ MD600 = {
 
 PRESETS = {"MD600": MD600}
 
+#: Laws that take the values of a preset; the first is meant where a scene names none.
+LAWS_OF_PRESET = {"MD600": ("fabric", "fabric-with-set")}
+
 #: A and B of the measured compaction law Φ = A (p / 1 kPa)^B, Eq. (24) and Table B.2.
 MEASURED_COMPACTION = {"MD600": (0.2820, 0.0926)}
 
@@ -54,7 +57,7 @@ def fill_preset(material: Any) -> Any:
         hint = f'; did you mean "{close[0]}"?' if close else f"; there is {', '.join(PRESETS)}"
         raise wrong(f'there is no preset "{preset}"{hint}', field="preset")
     law = PRESETS[preset]["law"]
-    if material.get("law", law) != law:
+    if material.get("law", law) not in LAWS_OF_PRESET[preset]:
         raise wrong(
             f'is "{material["law"]}", but the preset "{preset}" is a {law}; leave law out',
             field="law",

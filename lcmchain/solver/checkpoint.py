@@ -16,7 +16,7 @@ from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
 FILE_NAME = "checkpoint.npz"
-FORMAT = 3
+FORMAT = 4
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,8 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
         "energies": [s.energy for s in checkpoint.snapshots],
     }
     arrays = {f"state_{name}": array for name, array in checkpoint.state.as_dict().items()}
-    arrays |= {
-        "frame_position": np.array([s.position for s in checkpoint.snapshots]),
-        "frame_tool_travel": np.array([s.tool_travel for s in checkpoint.snapshots]),
-        "frame_tool_force": np.array([s.tool_force for s in checkpoint.snapshots]),
-    }
+    for name in checkpoint.snapshots[0].arrays:
+        arrays[f"frame_{name}"] = np.array([s.arrays[name] for s in checkpoint.snapshots])
     path = Path(folder) / FILE_NAME
     with replacing(path) as temporary:
         np.savez(temporary, header=np.array(json.dumps(header)), **arrays)
@@ -72,16 +69,14 @@ def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
             header = json.loads(str(data["header"]))
             if header["format"] != FORMAT:
                 raise ValueError(f"format {header['format']} instead of {FORMAT}")
-            state = State(**{key[6:]: data[key] for key in data.files if key.startswith("state_")})
-            frames = zip(
-                header["times"],
-                data["frame_position"],
-                data["frame_tool_travel"],
-                data["frame_tool_force"],
-                header["energies"],
-                strict=True,
-            )
-            snapshots = [Snapshot(*frame) for frame in frames]
+            state = State.from_arrays(_named(data, "state_"))
+            frames = _named(data, "frame_")
+            snapshots = [
+                Snapshot(time, energy, {name: array[i] for name, array in frames.items()})
+                for i, (time, energy) in enumerate(
+                    zip(header["times"], header["energies"], strict=True)
+                )
+            ]
             found = Fingerprint(**header["fingerprint"])
     except (OSError, EOFError, BadZipFile, ValueError, KeyError, TypeError) as error:
         raise InputError(f"this is no readable checkpoint ({error})", file=path) from None
@@ -94,6 +89,11 @@ def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
     return Checkpoint(
         found, state, snapshots, float(header["wall_s"]), dict(header["step_history"])
     )
+
+
+def _named(data, prefix: str) -> dict[str, np.ndarray]:
+    """Return the arrays whose name begins with ``prefix``, by the rest of it."""
+    return {name[len(prefix) :]: data[name] for name in data.files if name.startswith(prefix)}
 
 
 def remove_checkpoint(folder: Path) -> None:

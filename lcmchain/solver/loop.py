@@ -15,8 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import literal_unroll, prange
 
-from lcmchain.effects.contact import friction, normal_force
+from lcmchain.effects.contact import normal_force
 from lcmchain.effects.damping import damped_velocity
+from lcmchain.effects.friction import friction
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces

@@ -49,15 +49,33 @@ SEARCH_THICKNESS_PART = 0.1
 class Snapshot:
     """What a saved frame holds.
 
-    time [s]; position (node_count, 3) [m]; tool_travel (tool_count,) [m]; tool_force
-    (tool_count, 3) [N]; energy by name [J], ``balance_error`` included.
+    time [s]; energy by name [J], ``balance_error`` included; and the arrays of the state that are
+    declared for frames (:class:`lcmchain.state.State`), as they are there.
     """
 
     time: float
-    position: np.ndarray
-    tool_travel: np.ndarray
-    tool_force: np.ndarray
     energy: dict[str, float]
+    arrays: dict[str, np.ndarray]
+
+    @property
+    def position(self) -> np.ndarray:
+        """Positions of the nodes (node_count, 3) [m]."""
+        return np.ascontiguousarray(self.arrays["position"].T)
+
+    @property
+    def tool_travel(self) -> np.ndarray:
+        """Travel of the tools (tool_count,) [m]."""
+        return self.arrays["tool_travel"]
+
+    @property
+    def tool_force(self) -> np.ndarray:
+        """Force of the sheets on the tools (tool_count, 3) [N]."""
+        return self.arrays["tool_force"]
+
+    @property
+    def history(self) -> np.ndarray:
+        """What laws with memory remember (history_size,)."""
+        return self.arrays["history"]
 
 
 @dataclass
@@ -157,15 +175,8 @@ class Simulation:
         self.require_sound()
 
     def snapshot(self) -> Snapshot:
-        """Return positions, tools and energies at the present time."""
-        state = self.state
-        return Snapshot(
-            time=self.time,
-            position=np.ascontiguousarray(state.position.T),
-            tool_travel=state.tool_travel.copy(),
-            tool_force=state.tool_force.copy(),
-            energy=self.energy(),
-        )
+        """Return what a saved frame holds of the present."""
+        return Snapshot(self.time, self.energy(), self.state.frame())
 
     def require_resolved(self, energy: dict[str, float] | None = None) -> None:
         """Check that the mesh follows the deformation; ``energy`` where it is already known.
@@ -177,7 +188,7 @@ class Simulation:
         guards.require_resolved(self.model, self.state, energy or self.energy())
 
     def energy(self) -> dict[str, float]:
-        """Return the energy balance [J].
+        """Return the energy balance [J]; ``inelastic`` is what laws with memory dissipated.
 
         ``internal`` and ``hourglass`` are potentials of the present strains, not the work of the
         internal forces: ``balance_error`` shows what time integration, the step size and the
@@ -186,8 +197,12 @@ class Simulation:
         """
         state = self.state
         position = state.position - state.last_step * state.velocity
-        parts = [body.stored_energy(position, self._history(body)) for body in self.model.bodies]
-        internal, hourglass = (sum(part) for part in zip(*parts, strict=True))
+        parts = [
+            (*body.stored_energy(position, past), body.dissipated_energy(past))
+            for body in self.model.bodies
+            for past in [self._history(body)]
+        ]
+        internal, hourglass, inelastic = (sum(part) for part in zip(*parts, strict=True))
         work = state.work
         energy = {
             "kinetic": work[KINETIC],
@@ -195,6 +210,7 @@ class Simulation:
             "hourglass": hourglass,
             "contact": work[CONTACT],
             "friction": work[FRICTION],
+            **({"inelastic": inelastic} if self.model.history_size else {}),
             "damping": work[CONTACT_DAMPING] + work[MASS_DAMPING],
             "external": work[EXTERNAL],
         }

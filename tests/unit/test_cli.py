@@ -235,10 +235,12 @@ def test_check_says_what_is_simulated_and_why(scene_file, tmp_path, capsys):
 
 
 def test_effects_follow_from_the_scene(scene_file):
-    from lcmchain.check import scene_effects
+    from lcmchain.check import run_effects
+    from lcmchain.model import build_model
 
     def active(*overrides):
-        effects = scene_effects(read_scene(scene_file, overrides))
+        scene = read_scene(scene_file, overrides)
+        effects = run_effects(scene, build_model(scene))
         return {effect.name for effect in effects if effect.active}
 
     basic = active()

@@ -101,11 +101,25 @@ class MembraneShellBody:
     def volume(self) -> float:
         return float(self.node_mass.sum()) / self.material.density
 
+    def effects(self) -> dict[str, tuple[bool, str]]:
+        return {
+            "thickness": (False, "triangles on the mid-surface have none"),
+            "compaction": (False, "the mid-surface has no thickness direction"),
+            "bending": (True, "C^B, superimposed on the membrane; rotation-free"),
+            "transverse shear": (False, "the normal of a triangle stays normal"),
+            "hourglass control": (False, "constant strain triangles have no zero-energy mode"),
+            "enhanced strain": (False, "no thickness direction"),
+            "memory": (False, "the law remembers nothing"),
+        }
+
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
         strain, _, bending = self._evaluate(positions)
         density = self.material.membrane_energy(strain)
         volume = self.geometry.area * self.material.thickness
         return (density * volume).sum() + bending.sum(), 0.0
+
+    def dissipated_energy(self, history: np.ndarray) -> float:
+        return 0.0
 
     def highest_frequency(
         self, positions: np.ndarray, history: np.ndarray, mass: np.ndarray

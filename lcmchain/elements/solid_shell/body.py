@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
 from lcmchain.elements.family import Unsound
+from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import strain_energies, thickness_stretches
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import (
@@ -116,6 +117,9 @@ class SolidShellBody:
         # directors that tilt fill the hourglass terms too; `unsound` names them
         return self.data.options.director is None
 
+    def effects(self) -> dict[str, tuple[bool, str]]:
+        return solid_shell_effects(self.material, self.data.options)
+
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
         count, real = self._padded_count, slice(self.mesh.element_count)
         strain, bending, hourglass = np.empty((count, 6)), np.empty(count), np.empty(count)
@@ -123,6 +127,12 @@ class SolidShellBody:
         past = self.element_history(history)
         membrane = self.material.membrane_energy(strain[real], past) * self.geometry.volume
         return membrane.sum() + bending[real].sum(), hourglass[real].sum()
+
+    def dissipated_energy(self, history: np.ndarray) -> float:
+        if not history.size:
+            return 0.0
+        density = self.material.dissipated_energy(self.element_history(history))
+        return float((density * self.geometry.volume).sum())
 
     def highest_frequency(
         self, positions: np.ndarray, history: np.ndarray, mass: np.ndarray

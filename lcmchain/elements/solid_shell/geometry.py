@@ -7,18 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.errors import InputError
-
-# signs of (ξ, η, ζ) of the nodes of VTK's hexahedron, Fig. 1a
-NODE_SIGNS = np.array(
-    [
-        [-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1],
-        [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1],
-    ],
-    dtype=float,
-)  # fmt: skip
-_XI, _ETA, _ZETA = NODE_SIGNS.T
-# rows: 1 ξ, 2 η, 3 ζ, 4 ξη, 5 ηζ, 6 ξζ, 7 ξηζ
-MODES = np.array([_XI, _ETA, _ZETA, _XI * _ETA, _ETA * _ZETA, _XI * _ZETA, _XI * _ETA * _ZETA]) / 8
+from lcmchain.mesh.hexahedron import MODES
 
 # Relative size of A4 ... A7 below which an element counts as a flat parallelogram: far above the
 # round-off of a mesh generator (1e-13), far below a curvature or taper that anyone means.

@@ -1,0 +1,48 @@
+"""Every effect of a compiled model, active or not, each with its reason.
+
+``check`` and ``summary.json`` list what stands here and nothing else: an effect is told by its own
+file, from the model.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lcmchain.effects import (
+    bending,
+    compaction,
+    contact,
+    damping,
+    enhanced_strain,
+    friction,
+    gravity,
+    hourglass,
+    memory,
+    supports,
+    thickness,
+    tool_motion,
+    transverse_shear,
+)
+from lcmchain.effects.effect import Effect
+
+#: The files of the effects, in the order of reports.
+EFFECTS = (
+    thickness,
+    compaction,
+    bending,
+    transverse_shear,
+    hourglass,
+    enhanced_strain,
+    memory,
+    contact,
+    friction,
+    tool_motion,
+    supports,
+    gravity,
+    damping,
+)
+
+
+def effects_of(model: Any) -> list[Effect]:
+    """Return the effects of a :class:`lcmchain.model.Model`."""
+    return [effect for file in EFFECTS for effect in file.active(model)]

@@ -1,0 +1,49 @@
+"""Coulomb friction between sheet and tool, with an elastic slip.
+
+Adds: a tangential force on a node in contact, at most the coefficient times the pressure force.
+Source: return mapping of stick and slip, e.g. Wriggers, "Computational Contact Mechanics", section
+5.2.
+Stability limit: none beside that of the contact, whose stiffness is the larger one.
+Scene: ``contact.friction``, ``tools.friction`` (0: no friction code runs), and
+``contact.tangential_ratio``.
+Fields: ``tool_force``, ``energy_friction`` (history).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from lcmchain.effects.effect import Effect
+from lcmchain.elements.vectors import dot, plus
+from lcmchain.jit import equation
+
+
+@equation
+def friction(stick, slip_increment, normal, stiffness, limit):
+    """Return the new elastic slip, the friction force, and the energy dissipated by sliding.
+
+    ``stick`` (elastic slip of the tangential spring, [m]) is carried to the present tangent plane,
+    grows by the relative displacement since the last step, and returns to the cone |F| <= limit.
+    The slip is measured relative to the tool, so that a common motion produces none.
+    """
+    out_of_plane = dot(stick, normal)
+    trial = plus(-out_of_plane, normal, stick)
+    trial = plus(1.0, trial, slip_increment)
+    squared = dot(trial, trial)
+    length = math.sqrt(squared)
+    dissipated = 0.0
+    if stiffness * length > limit:
+        scale = limit / (stiffness * length)
+        dissipated = limit * (1.0 - scale) * length
+        trial = (scale * trial[0], scale * trial[1], scale * trial[2])
+    force = (-stiffness * trial[0], -stiffness * trial[1], -stiffness * trial[2])
+    return trial, force, dissipated
+
+
+def active(model: Any) -> list[Effect]:
+    """Return one effect per tool."""
+    return [
+        Effect(f"friction on {name}", coefficient > 0.0, f"coefficient {coefficient:g}")
+        for name, coefficient in zip(model.tool_names, model.tools.friction.tolist(), strict=True)
+    ]

@@ -1,0 +1,14 @@
+"""Thickness as an unknown of the sheet, which the 2D approach does without.
+
+Adds: displacements of both faces of the sheet, and with them the thickness of every element.
+Source: Schäfer, Mitsch, Kärger, section 2 (solid-shell), against their section 3.3 (2D approach).
+Stability limit: the thickness wave, h / c, where compaction has stiffened the sheet.
+Scene: ``element`` (``"solid-shell"`` or ``"membrane-shell"``).
+Fields: ``thickness``, ``fibre_volume_fraction``.
+"""
+
+from __future__ import annotations
+
+from lcmchain.effects.effect import of_the_elements
+
+active = of_the_elements("thickness")

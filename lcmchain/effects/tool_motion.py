@@ -1,0 +1,36 @@
+"""Motion of tools: prescribed over time, or guided by mass, load and contact.
+
+Adds: the travel of every tool; a guided one obeys its own equation of motion.
+Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1.
+Stability limit: a guided tool adds the stiffness of its contacts over its mass to the square of the
+highest frequency (``Simulation._step_of``).
+Scene: ``tools.motion``.
+Fields: ``tool_travel``, ``energy_external`` (history).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lcmchain.effects.effect import Effect
+from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
+
+
+def active(model: Any) -> list[Effect]:
+    """Return one effect per tool that can move."""
+    tools = model.tools
+    found = []
+    for tool, name in enumerate(model.tool_names):
+        if tools.motion_kind[tool] == GUIDED:
+            load = tools.force[tool] + tools.mass[tool] * tools.gravity_along[tool]
+            reason = f"{tools.mass[tool]:g} kg under {load:.4g} N along its direction"
+            found.append(Effect(f"guided tool {name}", True, reason))
+        elif tools.motion_kind[tool] == PRESCRIBED:
+            times = np.linspace(0.0, model.process_time, 101)
+            travel = np.array([prescribed_travel(tools, tool, time)[0] for time in times])
+            moving = times[:-1][np.diff(travel) != 0.0]
+            reason = f"{1e3 * travel[-1]:.4g} mm at the end of {1e3 * model.process_time:g} ms"
+            found.append(Effect(f"prescribed motion of {name}", moving.size > 0, reason))
+    return found

@@ -1,0 +1,60 @@
+"""Which effects the kernels of a body of solid-shells are compiled for, and why, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lcmchain.elements.solid_shell.kernel import Options
+from lcmchain.materials.law import Material, Remembered, remembered
+
+
+def solid_shell_effects(material: Material, options: Options) -> dict[str, tuple[bool, str]]:
+    """Return (active, reason) by the name of the effect."""
+    past = remembered(material.law)
+    return {
+        "thickness": (True, "both faces of the sheet have nodes"),
+        "compaction": _compaction(material, options),
+        "bending": (True, _bending(material)),
+        "transverse shear": (True, "assumed natural strains, C13 and C23"),
+        "hourglass control": (True, _hourglass(material, options)),
+        "enhanced strain": _enhanced_strain(material, options),
+        "memory": (bool(past), _names(past) or "the law remembers nothing"),
+    }
+
+
+def _names(past: tuple[Remembered, ...]) -> str:
+    return ", ".join(entry.name.replace("_", " ") for entry in past)
+
+
+def _compaction(material: Material, options: Options) -> tuple[bool, str]:
+    if material.constant_tangent:
+        return False, "the law has a constant stiffness C33"
+    measure = "normal thickness" if options.director is None else "length of the director"
+    return True, f"C33 grows with the compaction, measured by the {measure}"
+
+
+def _bending(material: Material) -> str:
+    C_B = material.bending_matrix()
+    C_M = material.stress_and_tangent(np.zeros(6))[1]
+    factor = C_B[0, 0] / C_M[0, 0]
+    if not material.constant_tangent or not np.allclose(C_B, factor * C_M, rtol=1e-12):
+        return "C^B is independent of the membrane"
+    return "C^B = C^M" if factor == 1.0 else f"C^B = {factor:g} C^M"
+
+
+def _hourglass(material: Material, options: Options) -> str:
+    published = options.conservative is None and not material.constant_tangent
+    row = "with" if options.in_plane_shear == 1.0 else "without"
+    kind = "published" if published else "conservative"
+    reason = f"one in-plane integration point; {kind}, {row} the in-plane shear row"
+    if options.fibre_share != 1.0:
+        reason += f", {options.fibre_share:g} of the fibre stiffness"
+    return reason
+
+
+def _enhanced_strain(material: Material, options: Options) -> tuple[bool, str]:
+    if options.enhanced is None:
+        return False, "normal and other strains do not couple, and the sheet is flat"
+    if material.couples_thickness:
+        return True, "normal and other strains couple"
+    return True, "the sheet is curved or skewed at the start"
