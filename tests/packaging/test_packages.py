@@ -1,6 +1,7 @@
 """The wheel holds every package, works outside the checkout, and imports run in one direction."""
 
 import ast
+import importlib
 import os
 import shutil
 import subprocess
@@ -131,6 +132,19 @@ def test_every_core_module_has_a_rank():
 def test_packages_are_imported_through_lcmchain_only():
     bare = [place for _, target, _, place in all_imports() if target.split(".")[0] in OUTER]
     assert bare == []
+
+
+def test_every_import_finds_what_it_names():
+    """Also those inside functions, which importing the module does not try."""
+    lost = []
+    for _, target, _, place in all_imports():
+        module, _, name = target.rpartition(".")
+        try:
+            if not module or not hasattr(importlib.import_module(module), name):
+                importlib.import_module(target)
+        except ImportError:
+            lost.append(place)
+    assert lost == []
 
 
 def test_core_modules_import_downwards_only():

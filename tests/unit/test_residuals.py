@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from lcmchain.coupons.identification import general_warnings
-from lcmchain.coupons.regression import coefficient_of_determination, residual_autocorrelation
+from lcmchain.identification.regression import (
+    coefficient_of_determination,
+    residual_autocorrelation,
+)
+from lcmchain.identification.result import general_warnings
 
 
 def test_autocorrelation_is_that_within_the_specimens():
