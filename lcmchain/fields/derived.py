@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.elements.geometry import MODES
+from lcmchain.elements.solid_shell.geometry import MODES
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.triangulation import TriangleMesh
 

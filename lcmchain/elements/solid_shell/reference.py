@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcmchain.elements.geometry import MODES, reference_geometry
+from lcmchain.elements.solid_shell.geometry import MODES, reference_geometry
 
 TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
 
@@ -26,6 +26,7 @@ class ElementOptions:
     in_plane_shear_hourglass: bool = True
     hourglass: str = "conservative"
     fibre_hourglass: float = 1.0
+    type: str = "solid-shell"
 
 
 @dataclass(frozen=True)

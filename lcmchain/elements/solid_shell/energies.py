@@ -1,0 +1,126 @@
+"""What the solver asks about the elements between steps: thickness, inversion, stored energy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import prange
+
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.solid_shell.kernel import (
+    element_stress,
+    load_component,
+    mode_vectors,
+    stresses,
+)
+from lcmchain.elements.vectors import cross, dot
+from lcmchain.jit import equation, kernel, routine
+from lcmchain.materials.law import load_history
+from lcmchain.materials.stiffness import product
+
+
+@equation
+def product6(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+
+
+@kernel
+def thickness_stretches(position, corner_node, reference_height, stretch):
+    """Write a3·n over its reference value for every element; zero or less is inverted.
+
+    Parameters
+    ----------
+    position : (3, node_count) [m]; corner_node : as for ``internal_forces``.
+    reference_height : (block_count * 16,) [m]; stretch : (block_count * 16,), written.
+    """
+    for block in prange(corner_node.size // (8 * LANES)):
+        nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
+        corner = np.empty(24 * LANES)
+        gather(position, nodes, corner)
+        for lane in range(LANES):
+            a = mode_vectors(
+                load_component(corner, lane),
+                load_component(corner, lane + LANES),
+                load_component(corner, lane + 2 * LANES),
+            )
+            c = cross(a[0], a[1])
+            element = block * LANES + lane
+            stretch[element] = dot(a[2], c) / (math.sqrt(dot(c, c)) * reference_height[element])
+
+
+@equation
+def gather(position, nodes, corner):
+    for c in range(8):
+        for lane in range(LANES):
+            for d in range(3):
+                corner[(3 * c + d) * LANES + lane] = position[d, nodes[c * LANES + lane]]
+
+
+@routine
+def strain_energies(body, positions, history, centre_strain, bending_energy, hourglass_energy):
+    """Write the centre strain and the stored energies of bending and hourglass terms.
+
+    Parameters
+    ----------
+    body, positions, history : as for :func:`lcmchain.elements.solid_shell.kernel.internal_forces`;
+        the history is that of the end of a step to these positions.
+    centre_strain : (block_count * 16, 6), written; see the material's ``membrane_energy``.
+    bending_energy, hourglass_energy : (block_count * 16,) [J], written. The cross terms of E^0 and
+        E^ζζ, and the enhanced strain, have a potential only where C^M and C^B are proportional (or
+        diagonal, for the latter); their symmetric part is counted.
+    """
+    element_energies(
+        positions,
+        body.corner_node,
+        body.element_data,
+        history,
+        body.law,
+        body.options,
+        centre_strain,
+        bending_energy,
+        hourglass_energy,
+    )
+
+
+@kernel
+def element_energies(
+    positions,
+    corner_node,
+    element_data,
+    history,
+    law,
+    options,
+    centre_strain,
+    bending_energy,
+    hourglass_energy,
+):
+    block_count = corner_node.size // (8 * LANES)
+    rows = element_data.size // (block_count * LANES)
+    history_rows = history.size // (block_count * LANES)
+    for block in prange(block_count):
+        nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
+        data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
+        past = history[block * history_rows * LANES : (block + 1) * history_rows * LANES]
+        corner = np.empty(24 * LANES)
+        gather(positions, nodes, corner)
+        for lane in range(LANES):
+            a = mode_vectors(
+                load_component(corner, lane),
+                load_component(corner, lane + LANES),
+                load_component(corner, lane + 2 * LANES),
+            )
+            lane_history = load_history(law, past, lane, LANES)
+            _, E, _, _, volume, _ = element_stress(a, data, lane, law, lane_history, options)
+            S = stresses(law, lane_history, options, options.enhanced, E)
+            bending = options.zeta2 * product6(S.zeta, E.zeta)
+            bending += options.zeta4 * product6(S.zeta2, E.zeta2)
+            S_cross = product(S.C_B, E.centre)
+            bending += options.cross * (product6(S.centre, E.zeta2) + product6(S_cross, E.zeta2))
+            warping = product6(E.xi, S.xi) + product6(E.eta, S.eta)
+            twisting = product6(E.eta_zeta, S.eta_zeta) + product6(E.xi_zeta, S.xi_zeta)
+            element = block * LANES + lane
+            for i in range(6):
+                centre_strain[element, i] = E.centre[i]
+            bending_energy[element] = 0.5 * volume * bending
+            hourglass_energy[element] = 0.5 * volume * (warping / 3.0 + twisting / 9.0)
