@@ -27,6 +27,7 @@ RANK_OF_CORE = {
     "errors": 0,
     "atomic": 0,
     "jit": 0,
+    "dispatch": 0,
     "threads": 0,
     "quantities": 1,
     "mesh": 2,
