@@ -549,6 +549,40 @@ def test_tools_of_a_scene_file():
     assert table.motion_kind[:4].tolist() == [FIXED, PRESCRIBED, PRESCRIBED, GUIDED]
 
 
+GUIDED_ENTRIES = {"type": "guided", "direction": (0, 0, -1), "mass": 2.0}
+TABLE_ENTRIES = {"type": "table", "direction": (0, 0, 1), "times": (0.0, 0.1), "travel": (0, 1)}
+
+
+@pytest.mark.parametrize(
+    ("entries", "moves"),
+    [
+        ({"type": "fixed"}, False),
+        ({"type": "stroke", "direction": (0, 0, -1), "distance": 0.075}, True),
+        (TABLE_ENTRIES, True),
+        (GUIDED_ENTRIES, True),
+        ({**GUIDED_ENTRIES, "direction": (1, 0, 0)}, False),  # the weight acts across
+        ({**GUIDED_ENTRIES, "gravity": False, "force": -3.0}, True),
+        ({**GUIDED_ENTRIES, "gravity": False}, False),
+    ],
+)
+def test_what_moves_a_tool(entries, moves):
+    tool = Tool.model_validate({"name": "tool", "shape": SPHERE_CAPPED, "motion": entries})
+    assert tool.motion.moves is moves
+
+
+def test_load_of_a_guided_tool():
+    entries = {**GUIDED_ENTRIES, "force": 3.0}
+    tool = Tool.model_validate({"name": "tool", "shape": SPHERE_CAPPED, "motion": entries})
+    assert tool.motion.load == 3.0 + 2.0 * 9.81
+
+
+def test_table_that_goes_on_after_the_process_is_remarked():
+    tool = Tool.model_validate({"name": "tool", "shape": SPHERE_CAPPED, "motion": TABLE_ENTRIES})
+    assert tool.motion.remarks("tool", 0.1) == []
+    (remark,) = tool.motion.remarks("tool", 0.09)
+    assert 'motion table of "tool" goes on' in remark
+
+
 def test_friction_of_a_tool_or_of_the_scene():
     own, default = make_tool(PUCK).model_copy(update={"friction": 0.3}), make_tool(PUCK)
     table = build_tool_table([own, default], HERE, 0.1, default_friction=0.157)
