@@ -46,6 +46,7 @@ RANK_OF_CORE = {
     "check": 7,
     "bench": 7,
     "pipeline": 7,
+    "manual": 7,
     "__main__": 8,
     "commands": 8,
     "cli": 8,
