@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from rich.table import Table
 
-from lcmchain.elements.geometry import reference_geometry
-from lcmchain.elements.kernel import internal_forces
-from lcmchain.elements.membrane_shell_kernel import membrane_shell_forces
-from lcmchain.elements.packing import curved_rows, in_blocks
+from lcmchain.elements.membrane_shell.kernel import membrane_shell_forces
+from lcmchain.elements.solid_shell.geometry import reference_geometry
+from lcmchain.elements.solid_shell.kernel import internal_forces
+from lcmchain.elements.solid_shell.packing import curved_rows, in_blocks
 from lcmchain.materials.st_venant_kirchhoff import isotropic_stiffness
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation

@@ -1,7 +1,7 @@
 """Everything about a scene that stays constant during a run, as arrays and effect slots.
 
 Slots are the arguments of the kernels that are ``None`` where the scene does not need the effect;
-compiling prunes their code (see ``elements/kernel.py``).
+compiling prunes their code (see ``elements/solid_shell/kernel.py``).
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import numpy as np
 
 from lcmchain.blank import BlankMesh, build_blank
 from lcmchain.effects.supports import Support, SupportTable, build_supports
-from lcmchain.elements.geometry import (
-    ReferenceGeometry,
-    reference_geometry,
-    strain_transformation,
-)
-from lcmchain.elements.kernel import LANES
-from lcmchain.elements.membrane_shell_kernel import (
+from lcmchain.elements.membrane_shell.kernel import (
     MembraneShellSlots,
     patch_nodes_in_blocks,
     patch_rows,
 )
-from lcmchain.elements.packing import curved_rows, flat_rows, in_blocks
-from lcmchain.elements.patch import TriangleGeometry, angle_shares, triangle_geometry
-from lcmchain.elements.solid_shell import Moments
+from lcmchain.elements.membrane_shell.patch import TriangleGeometry, angle_shares, triangle_geometry
+from lcmchain.elements.solid_shell.equations import Moments
+from lcmchain.elements.solid_shell.geometry import (
+    ReferenceGeometry,
+    reference_geometry,
+    strain_transformation,
+)
+from lcmchain.elements.solid_shell.kernel import LANES
+from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows, in_blocks
 from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
 from lcmchain.scene.schema import Contact, Element, MembraneShellElement, Process

@@ -48,7 +48,7 @@ def triangulate(blank: BlankMesh) -> TriangleMesh:
     composites"): each triangle has one edge in either fibre direction. The diagonals run around the
     middle of the blank, for two reasons. A blank that is symmetric to its middle axes keeps its
     mirror images. And within a quarter all diagonals are parallel, so that the curvatures of
-    ``elements/membrane_shell.py`` are central differences about every node, with equal weights;
+    ``elements/membrane_shell`` are central differences about every node, with equal weights;
     diagonals that alternate from cell to cell leave out every other node, and folds through the
     nodes left out cost too little. The one exception is the node in the middle, where the quarters
     meet: its curvatures count twice (they would not count at all if the diagonals met there).

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.blank import BlankMesh
-from lcmchain.elements.geometry import MODES
+from lcmchain.elements.solid_shell.geometry import MODES
 from lcmchain.triangulation import TriangleMesh
 
 

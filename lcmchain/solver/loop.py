@@ -18,8 +18,8 @@ from numba import njit, prange
 from lcmchain.effects.contact import friction, normal_force
 from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.supports import prescribed_position
-from lcmchain.elements.kernel import LANES, internal_forces
-from lcmchain.elements.membrane_shell_kernel import membrane_shell_forces
+from lcmchain.elements.membrane_shell.kernel import membrane_shell_forces
+from lcmchain.elements.solid_shell.kernel import LANES, internal_forces
 from lcmchain.jit import FLOATING_POINT, kernel
 from lcmchain.state import (
     CONTACT,

@@ -6,10 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from lcmchain.elements.diagnosis import strain_energies, thickness_stretches
-from lcmchain.elements.frequency import IN_PLANE_MODES, frequency_bounds
-from lcmchain.elements.kernel import LANES
-from lcmchain.elements.membrane_shell_kernel import membrane_shell_state, nodal_frequency_bounds
+from lcmchain.elements.membrane_shell.kernel import membrane_shell_state, nodal_frequency_bounds
+from lcmchain.elements.solid_shell.energies import strain_energies, thickness_stretches
+from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
+from lcmchain.elements.solid_shell.kernel import LANES
 from lcmchain.model import Model
 from lcmchain.solver import guards
 from lcmchain.state import State

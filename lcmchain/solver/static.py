@@ -1,7 +1,7 @@
 """Quasi-static equilibrium of a sheet: Newton's method, arc length, linear analyses.
 
 Forces are those of the compiled element kernel, the tangent is its exact derivative
-(``elements/tangent.py``). Three things make it work for thin and very anisotropic sheets:
+(``elements/solid_shell/tangent.py``). Three things make it work for thin, very anisotropic sheets:
 
 - Unknowns are the mean and the half difference of each pair of a bottom and a top node, the latter
   scaled by thickness over edge length. The tangent is built in them, so that the large stiffness
@@ -25,8 +25,8 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags_array
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from lcmchain.elements.kernel import LANES, internal_forces
-from lcmchain.elements.tangent import PAIR_MODES, linearise, node_stiffness
+from lcmchain.elements.solid_shell.kernel import LANES, internal_forces
+from lcmchain.elements.solid_shell.tangent import PAIR_MODES, linearise, node_stiffness
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.model import Model
 

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 
 from lcmchain.blank import BlankMesh
-from lcmchain.elements.frequency import frequency_bounds
-from lcmchain.elements.kernel import internal_forces
-from lcmchain.elements.packing import from_blocks
-from lcmchain.elements.reference import ElementOptions
+from lcmchain.elements.solid_shell.frequency import frequency_bounds
+from lcmchain.elements.solid_shell.kernel import internal_forces
+from lcmchain.elements.solid_shell.packing import from_blocks
+from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.model import assemble_model

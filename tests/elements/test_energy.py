@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lcmchain.elements.reference import ElementOptions, ReferenceElement
+from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 
 STRAINS = ("normal", "director")

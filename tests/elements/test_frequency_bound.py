@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.elements.reference import ElementOptions
+from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, orthotropic_stiffness
 from lcmchain.verification.random_elements import bounds_and_frequencies
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numba import njit, typeof
 
-from lcmchain.elements.diagnosis import strain_energies, thickness_stretches
-from lcmchain.elements.kernel import internal_forces
-from lcmchain.elements.packing import from_blocks
-from lcmchain.elements.reference import ElementOptions, ReferenceElement
+from lcmchain.elements.solid_shell.energies import strain_energies, thickness_stretches
+from lcmchain.elements.solid_shell.kernel import internal_forces
+from lcmchain.elements.solid_shell.packing import from_blocks
+from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 
 # Every combination of effect slots that is compiled once; numbers (moments, the weight of the
 # shear row, material parameters) vary within a combination at no cost.

@@ -14,15 +14,15 @@ from scipy.sparse import csr_matrix, diags_array
 from scipy.sparse.linalg import eigsh, spsolve
 
 from lcmchain.blank import build_blank
-from lcmchain.elements.membrane_shell_kernel import (
+from lcmchain.elements.membrane_shell.kernel import (
     membrane_shell_forces,
     membrane_shell_state,
     nodal_frequency_bounds,
     patch_nodes_in_blocks,
     patch_rows,
 )
-from lcmchain.elements.packing import from_blocks, in_blocks
-from lcmchain.elements.patch import angle_shares, triangle_geometry
+from lcmchain.elements.membrane_shell.patch import angle_shares, triangle_geometry
+from lcmchain.elements.solid_shell.packing import from_blocks, in_blocks
 from lcmchain.errors import InputError
 from lcmchain.triangulation import TriangleMesh, triangulate
 

@@ -13,7 +13,7 @@ import itertools
 import numpy as np
 import pytest
 
-from lcmchain.elements.reference import ElementOptions, ReferenceElement
+from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 
 CORNERS = np.array(
     [

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.elements.kernel import internal_forces
-from lcmchain.elements.packing import from_blocks
-from lcmchain.elements.reference import ElementOptions
-from lcmchain.elements.tangent import (
+from lcmchain.elements.solid_shell.kernel import internal_forces
+from lcmchain.elements.solid_shell.packing import from_blocks
+from lcmchain.elements.solid_shell.reference import ElementOptions
+from lcmchain.elements.solid_shell.tangent import (
     PAIR_MODES,
     linearise,
     node_stiffness,

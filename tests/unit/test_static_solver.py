@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.elements.tangent import linearise, node_stiffness
+from lcmchain.elements.solid_shell.tangent import linearise, node_stiffness
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.model import assemble_sheet

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 
-from lcmchain.elements.kernel import internal_forces
+from lcmchain.elements.solid_shell.kernel import internal_forces
 from lcmchain.errors import SimulationError
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text

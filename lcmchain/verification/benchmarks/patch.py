@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.elements.tangent import linearise
+from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.solver.static import PairSystem, StaticProblem, linear_solution
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,

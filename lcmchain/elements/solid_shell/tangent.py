@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.elements.geometry import MODES
-from lcmchain.elements.packing import COVARIANT_PRODUCTS, TERMS
-from lcmchain.elements.solid_shell import NINTH, THIRD
+from lcmchain.elements.solid_shell.equations import NINTH, THIRD
+from lcmchain.elements.solid_shell.geometry import MODES
+from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
 
 # bounds the temporary arrays to about 50 MB
 ELEMENTS_PER_BLOCK = 512

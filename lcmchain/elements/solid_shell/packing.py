@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.elements.geometry import ReferenceGeometry
-from lcmchain.elements.kernel import LANES
+from lcmchain.elements.solid_shell.geometry import ReferenceGeometry
+from lcmchain.elements.solid_shell.kernel import LANES
 
 # Every product a_k·a_l (modes counted from 1) in the covariant strains, in the order in which
 # ``covariant_products`` holds them: Taylor term, Voigt component, ((factor, k, l), ...).

@@ -1,7 +1,7 @@
 """Loops over triangles with membrane and shell part: forces, stored energies, frequency bound.
 
-Layout and packed instructions as in ``elements/kernel.py``: blocks of 16 triangles, one loop over
-the lanes around the straight-line equations of ``elements/membrane_shell.py``.
+Layout and packed instructions as in ``elements/solid_shell/kernel.py``: blocks of 16 triangles, one
+loop over the lanes around the straight-line equations of ``equations.py``.
 """
 
 from __future__ import annotations
@@ -12,10 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, prange
 
-from lcmchain.elements.kernel import LANES, load3
-from lcmchain.elements.membrane_shell import membrane_strain, patch_forces, second_derivative
-from lcmchain.elements.packing import in_blocks
-from lcmchain.elements.patch import CORNERS, PATCH_NODES, TriangleGeometry
+from lcmchain.elements.membrane_shell.equations import (
+    membrane_strain,
+    patch_forces,
+    second_derivative,
+)
+from lcmchain.elements.membrane_shell.patch import CORNERS, PATCH_NODES, TriangleGeometry
+from lcmchain.elements.solid_shell.kernel import LANES, load3
+from lcmchain.elements.solid_shell.packing import in_blocks
 from lcmchain.elements.vectors import combination2, cross, dot
 from lcmchain.jit import FLOATING_POINT, equation, kernel
 from lcmchain.materials.fabric import FabricLaw, shear_stress_and_tangent

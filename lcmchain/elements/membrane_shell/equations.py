@@ -7,7 +7,7 @@ membrane. Here both parts share the mid-surface nodes and their translations:
 - Membrane: constant strain triangle, Green-Lagrange strains in the reference fibre axes,
   S11 = C11 E11, S22 = C22 E22 and S12 from the shear polynomial of the solid-shell, Eq. (21).
 - Shell: the curvature of the quadratic surface through the six nodes of the triangle and its
-  neighbours (``elements/patch.py``), h_ab its second derivatives along the reference fibres,
+  neighbours (``patch.py``), h_ab its second derivatives along the reference fibres,
   κ_ab = h_ab·n with the unit normal n of the triangle itself, and the energy per area
   t³/24 (C11^B κ11² + C22^B κ22² + C12^B (2κ12)²), Eq. (25).
 

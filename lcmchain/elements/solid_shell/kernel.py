@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from numba import prange
 
-from lcmchain.elements.solid_shell import (
+from lcmchain.elements.solid_shell.equations import (
     NINTH,
     THIRD,
     CurvedFrame,

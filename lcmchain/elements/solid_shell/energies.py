@@ -7,18 +7,18 @@ import math
 import numpy as np
 from numba import prange
 
-from lcmchain.elements.kernel import (
+from lcmchain.elements.solid_shell.equations import (
+    condensed_enhanced_strain,
+    diagonal_product,
+    scaled6,
+    sum6,
+)
+from lcmchain.elements.solid_shell.kernel import (
     LANES,
     element_stress,
     load_component,
     mode_vectors,
     replace33,
-)
-from lcmchain.elements.solid_shell import (
-    condensed_enhanced_strain,
-    diagonal_product,
-    scaled6,
-    sum6,
 )
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel

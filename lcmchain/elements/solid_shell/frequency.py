@@ -17,8 +17,8 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from lcmchain.elements.kernel import LANES, element_stress, load_component, mode_vectors
-from lcmchain.elements.packing import COVARIANT_PRODUCTS, TERMS
+from lcmchain.elements.solid_shell.kernel import LANES, element_stress, load_component, mode_vectors
+from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import FLOATING_POINT, equation, kernel
 from lcmchain.materials.fabric import (

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcmchain.elements.geometry import MODES, reference_geometry
+from lcmchain.elements.solid_shell.geometry import MODES, reference_geometry
 
 TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
 

@@ -1,0 +1,1 @@
+"""The 2D approach: superimposed membrane and rotation-free shell triangles."""

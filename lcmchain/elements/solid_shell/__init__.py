@@ -1,0 +1,1 @@
+"""The solid-shell element Q1STs for textiles: equations, kernels, reference element."""
