@@ -18,8 +18,8 @@ from pygments import highlight
 from pygments.formatters import HtmlFormatter
 from pygments.lexers import get_lexer_by_name
 
-#: Languages of code blocks; without one a block is plain text.
-LANGUAGES = ("toml", "python", "console", "csv")
+#: Languages of code blocks that are coloured; every other block is plain text.
+COLOURED = ("toml", "python")
 
 
 class Heading(NamedTuple):
@@ -96,7 +96,7 @@ def _parser() -> MarkdownIt:
 
 
 def _highlighted(code: str, language: str, _attributes: str) -> str:
-    if language not in LANGUAGES or language == "csv":
+    if language not in COLOURED:
         return ""  # the parser escapes and wraps it
     coloured = highlight(code, get_lexer_by_name(language), HtmlFormatter(nowrap=True))
     return f'<pre class="highlight"><code>{coloured}</code></pre>'

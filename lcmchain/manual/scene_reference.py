@@ -57,9 +57,7 @@ def scene_keys() -> Iterator[tuple[type[BaseModel], str, FieldInfo]]:
             waiting += _models_of(model_field.annotation)
 
 
-def _forms(
-    path: str, forms: list[type[BaseModel]], owner: FieldInfo, level: int
-) -> Iterator[str]:
+def _forms(path: str, forms: list[type[BaseModel]], owner: FieldInfo, level: int) -> Iterator[str]:
     """Yield the tables of a key: one, or one per form that another key chooses."""
     chooser = _chooser(owner)
     for form in forms:

@@ -1,7 +1,7 @@
 // Pages that hold every word typed, those with a word in the title first, each with its context.
-const field = document.getElementById("search");
-const found = document.getElementById("found");
-const contents = document.getElementById("contents");
+const field = document.getElementById("manual-search");
+const found = document.getElementById("manual-found");
+const contents = document.getElementById("manual-contents");
 
 field.addEventListener("input", () => {
   const words = field.value.toLowerCase().split(/\s+/).filter(Boolean);
