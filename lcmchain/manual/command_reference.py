@@ -9,9 +9,9 @@ from lcmchain.manual.tables import code, markdown_table
 
 HEAD = """# Commands
 
-Every command with its arguments and options; `lcmchain COMMAND --help` prints the same. Exit code 0:
-the work is done; 2: wrong input, the message names the key or the file and says what to do; 1: a run
-that failed or was stopped.
+Every command with its arguments and options; `lcmchain COMMAND --help` prints the same. Exit code
+0: the work is done; 2: wrong input, the message names the key or the file and says what to do; 1: a
+run that failed or was stopped.
 """
 
 

@@ -21,9 +21,9 @@ from lcmchain.scene import Scene
 HEAD = """# Scene reference
 
 Every entry of a scene file: what may be written, what it is when left out, and what it means. How
-scene files are written stands in [Scene files](scene.md). A quantity may be given in any unit of its
-kind; the example shows one. Where a key chooses between several forms of a table, each form has its
-own heading. A preset of a material fills all entries that are not given.
+scene files are written stands in [Scene files](scene.md). A quantity may be given in any unit of
+its kind; the example shows one. Where a key chooses between several forms of a table, each form has
+its own heading. A preset of a material fills all entries that are not given.
 """
 
 COLUMNS = ("key", "value", "default", "meaning")
