@@ -127,7 +127,7 @@ def hourglass_tangent_stress(law, E):
 
     The hourglass energy (V/6)(E^ξ:C(E⁰):E^ξ + E^η:C(E⁰):E^η) of Eq. (16) depends on E⁰ through the
     tangent of Eq. (18). The paper leaves that derivative out; then the element has no potential and
-    feeds energy to a sheet that is compacted and warped at once (README, "Hourglass energy").
+    feeds energy to a sheet that is compacted and warped at once (manual: departures).
     """
     shear = E.xi[3] * E.xi[3] + E.eta[3] * E.eta[3]
     normal = E.xi[2] * E.xi[2] + E.eta[2] * E.eta[2]
