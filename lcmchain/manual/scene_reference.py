@@ -80,7 +80,7 @@ def _forms(path: str, forms: list[type[BaseModel]], owner: FieldInfo, level: int
 def _table(model: type[BaseModel], chooser: str = "") -> str:
     """Return the entries of a table; the key that chooses its form stands in the heading."""
     rows = [
-        (code(key), _value(field.annotation, field), _default(field), _meaning(field))
+        (code(key), _value(field.annotation, field), _default(field), meaning_of(field))
         for key, field in model.model_fields.items()
         if key != chooser
     ]
@@ -145,7 +145,8 @@ def _default(field: FieldInfo) -> str:
     return code(_toml(default))
 
 
-def _meaning(field: FieldInfo) -> str:
+def meaning_of(field: FieldInfo) -> str:
+    """Return what an entry means; that of a table with one form is the table's own."""
     if field.description:
         return field.description
     models = _models_of(field.annotation)

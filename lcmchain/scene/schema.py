@@ -198,7 +198,9 @@ class FabricMaterial(SceneModel):
     preset: Annotated[Literal["MD600"] | None, AbsentMeans("")] = Field(
         default=None, description="Published fabric whose values fill all keys not given."
     )
-    name: Annotated[str, Text("MD600")] = "fabric"
+    name: Annotated[str, Text("MD600")] = Field(
+        default="fabric", description="Name of the fabric in reports."
+    )
     thickness: PositiveLength = Field(description="Thickness t0 of the unloaded fabric.")
     areal_mass: ArealMass = Field(description="Fibre mass per area.")
     fibre_density: Density = Field(description="Density of the fibres themselves.")
@@ -246,7 +248,9 @@ class IsotropicMaterial(_SolidMaterial):
     """St. Venant-Kirchhoff isotropic sheet."""
 
     law: Literal["isotropic"] = "isotropic"
-    name: Annotated[str, Text("steel")] = "isotropic"
+    name: Annotated[str, Text("steel")] = Field(
+        default="isotropic", description="Name of the material in reports."
+    )
     young_modulus: Modulus = Field(description="Young's modulus E.")
     poisson_ratio: Annotated[float, Number(0.3, Range(-1.0, 0.5, (-1.0, 0.5)))] = Field(
         description="Poisson's ratio, above -1 and below 0.5."
@@ -257,16 +261,24 @@ class OrthotropicMaterial(_SolidMaterial):
     """St. Venant-Kirchhoff orthotropic sheet in the axes of the fibres."""
 
     law: Literal["orthotropic"] = "orthotropic"
-    name: Annotated[str, Text("tape")] = "orthotropic"
-    E1: Modulus
-    E2: Modulus
-    E3: Modulus
-    nu12: Annotated[float, Number(0.3)]
-    nu13: Annotated[float, Number(0.3)]
-    nu23: Annotated[float, Number(0.3)]
-    G12: Modulus
-    G13: Modulus
-    G23: Modulus
+    name: Annotated[str, Text("tape")] = Field(
+        default="orthotropic", description="Name of the material in reports."
+    )
+    E1: Modulus = Field(description="Young's modulus along fibre direction 1.")
+    E2: Modulus = Field(description="Young's modulus along fibre direction 2.")
+    E3: Modulus = Field(description="Young's modulus along the normal.")
+    nu12: Annotated[float, Number(0.3)] = Field(
+        description="Poisson's ratio: strain -nu12 along 2 for a unit strain along 1."
+    )
+    nu13: Annotated[float, Number(0.3)] = Field(
+        description="Poisson's ratio: strain -nu13 along 3 for a unit strain along 1."
+    )
+    nu23: Annotated[float, Number(0.3)] = Field(
+        description="Poisson's ratio: strain -nu23 along 3 for a unit strain along 2."
+    )
+    G12: Modulus = Field(description="In-plane shear modulus.")
+    G13: Modulus = Field(description="Transverse shear modulus 13.")
+    G23: Modulus = Field(description="Transverse shear modulus 23.")
     bending_factor: Annotated[float, Number(1.0, POSITIVE)] = Field(
         default=1.0, description="C^B = factor * C^M."
     )
@@ -317,7 +329,9 @@ class StiffnessMaterial(_SolidMaterial):
     """Sheet with given full membrane and bending stiffness matrices."""
 
     law: Literal["stiffness"] = "stiffness"
-    name: Annotated[str, Text("laminate")] = "stiffness"
+    name: Annotated[str, Text("laminate")] = Field(
+        default="stiffness", description="Name of the material in reports."
+    )
     membrane: StiffnessMatrix = Field(
         description="C^M, six rows in the order 11, 22, 33, 12, 23, 13, engineering shear."
     )
@@ -404,7 +418,7 @@ class SphereCappedPunch(SceneModel):
     """Cylinder with a spherical end; the pole is at the origin and points to local -z."""
 
     type: Literal["sphere_capped_punch"]
-    radius: PositiveLength
+    radius: PositiveLength = Field(description="Radius of cylinder and sphere.")
 
 
 class Plate(SceneModel):
@@ -418,8 +432,8 @@ class PlateWithHole(SceneModel):
     """Infinite plane z = 0 with a round hole along local z whose edge is rounded."""
 
     type: Literal["plate_with_hole"]
-    hole_radius: PositiveLength
-    fillet_radius: LengthOrZero
+    hole_radius: PositiveLength = Field(description="Radius of the hole below its rounded edge.")
+    fillet_radius: LengthOrZero = Field(description="Radius of the rounded edge; 0 is sharp.")
     side: Side = Field(description="Side of the plane that is solid.")
 
 
@@ -427,9 +441,13 @@ class Cylinder(SceneModel):
     """Cylinder about local z: infinite (a roller), or from z = 0 to z = length."""
 
     type: Literal["cylinder"]
-    radius: PositiveLength
-    edge_radius: LengthOrZero = Field(default="0 mm")
-    length: Annotated[PositiveLength | None, AbsentMeans("infinite")] = None
+    radius: PositiveLength = Field(description="Radius of the cylinder.")
+    edge_radius: LengthOrZero = Field(
+        default="0 mm", description="Radius of the rounded edges at both ends; 0 is sharp."
+    )
+    length: Annotated[PositiveLength | None, AbsentMeans("infinite")] = Field(
+        default=None, description="Length along local z."
+    )
 
     @model_validator(mode="after")
     def _check_edges(self) -> Self:
@@ -448,8 +466,8 @@ class Cone(SceneModel):
     """Cone with a spherical tip; the tip's pole is at the origin and points to local -z."""
 
     type: Literal["cone"]
-    half_angle: AcuteAngle
-    tip_radius: LengthOrZero
+    half_angle: AcuteAngle = Field(description="Angle between axis and surface.")
+    tip_radius: LengthOrZero = Field(description="Radius of the spherical tip; 0 is sharp.")
 
 
 class _Profile(SceneModel):
@@ -458,7 +476,7 @@ class _Profile(SceneModel):
         Row(
             '[["0 mm", "0 mm"], ["50 mm", "0 mm"]]', minimum_count=2, entries="points", units=False
         ),
-    ]
+    ] = Field(description="Corner points of the profile, in order.")
     fillet_radii: Annotated[
         tuple[LengthOrZero, ...], Row('["0 mm", "5 mm", "0 mm"]', entries="radii")
     ] = Field(default=(), description="Fillet radius at each point; left out, all are sharp.")
@@ -532,13 +550,15 @@ class StrokeMotion(SceneModel):
     """The tool travels a distance along a direction between two times, then stays."""
 
     type: Literal["stroke"]
-    direction: Direction
-    distance: PositiveLength
+    direction: Direction = Field(description="Direction of travel; scaled to length one.")
+    distance: PositiveLength = Field(description="Travel at the end of the stroke.")
     profile: Literal["smooth", "linear"] = Field(
         default="smooth", description="Smooth: starts and ends without velocity and acceleration."
     )
-    start: TimeOrZero = Field(default="0 s")
-    end: Annotated[PositiveTime | None, AbsentMeans("process.time")] = None
+    start: TimeOrZero = Field(default="0 s", description="Time at which the stroke starts.")
+    end: Annotated[PositiveTime | None, AbsentMeans("process.time")] = Field(
+        default=None, description="Time at which the stroke ends."
+    )
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:
@@ -551,9 +571,13 @@ class TableMotion(SceneModel):
     """The tool follows a table of travel over time along a direction."""
 
     type: Literal["table"]
-    direction: Direction
-    times: Annotated[tuple[TimeOrZero, ...], Row('"0 10 20 ms"', minimum_count=2, entries="times")]
-    travel: Annotated[tuple[Length, ...], Row('"0 5 20 mm"', minimum_count=2, entries="lengths")]
+    direction: Direction = Field(description="Direction of travel; scaled to length one.")
+    times: Annotated[
+        tuple[TimeOrZero, ...], Row('"0 10 20 ms"', minimum_count=2, entries="times")
+    ] = Field(description="Times of the table, increasing.")
+    travel: Annotated[
+        tuple[Length, ...], Row('"0 5 20 mm"', minimum_count=2, entries="lengths")
+    ] = Field(description="Travel at these times, from 0; linear in between.")
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
@@ -579,7 +603,7 @@ class GuidedMotion(SceneModel):
 
     type: Literal["guided"]
     direction: Direction = Field(description="Positive direction of travel.")
-    mass: PositiveMass
+    mass: PositiveMass = Field(description="Mass of the tool.")
     force: Force = Field(default="0 N", description="Constant force along the direction.")
     gravity: Switch = Field(
         default=True, description="Add the component of 9.81 m/s2 (0, 0, -1) along the direction."
@@ -600,13 +624,15 @@ Motion = Annotated[
 class Tool(SceneModel):
     """A rigid tool: shape, place, motion, friction."""
 
-    name: Annotated[str, Name("punch")]
-    shape: Shape
+    name: Annotated[str, Name("punch")] = Field(
+        description="Name in reports, files and overrides, as in --set tools.punch.friction=0.2."
+    )
+    shape: Shape = Field(description="Surface of the tool.")
     position: Position = Field(
         default=("0 mm", "0 mm", "0 mm"), description="Place of the shape's local origin."
     )
     axis: Direction = Field(default=(0, 0, 1), description="Local z axis of the shape.")
-    motion: Motion = Field(default_factory=FixedMotion)
+    motion: Motion = Field(default_factory=FixedMotion, description="How the tool moves.")
     friction: Annotated[FrictionCoefficient | None, AbsentMeans("contact.friction")] = Field(
         default=None, description="Coulomb friction coefficient; default contact.friction."
     )
@@ -647,19 +673,28 @@ class Process(SceneModel):
 class Output(SceneModel):
     """Which files a run writes beside its netCDF file and summary."""
 
-    pictures: Switch = True
-    vtu: Switch = True
+    pictures: Switch = Field(default=True, description="Draw fields, forces and energies.")
+    vtu: Switch = Field(
+        default=True, description="Write the last frame and the time series for ParaView."
+    )
 
 
 class MappingTarget(SceneModel):
     """A mesh that receives thickness, fibre volume fraction and fibre directions."""
 
-    name: Annotated[str, Name("infiltration")]
+    name: Annotated[str, Name("infiltration")] = Field(
+        description="Name of the target and of its files."
+    )
     mesh: Annotated[str, Text("infiltration.vtu")] = Field(
         description="Mesh file, relative to the scene file."
     )
-    kind: Literal["infiltration", "structure"]
-    method: Literal["overlap", "closest"] = "overlap"
+    kind: Literal["infiltration", "structure"] = Field(
+        description="Surface cells for infiltration, solids (else shells) for structure."
+    )
+    method: Literal["overlap", "closest"] = Field(
+        default="overlap",
+        description="Weights from the overlap of cells and sheet, or of the closest place.",
+    )
     maximum_distance: Annotated[
         PositiveLength | None, AbsentMeans("one edge length of the sheet")
     ] = Field(default=None, description="Farthest distance over which a value is taken.")
@@ -672,15 +707,17 @@ class GebartPermeability(SceneModel):
     """Permeability of ordered fibres after Gebart."""
 
     law: Literal["gebart"]
-    fibre_radius: FibreRadius
-    packing: Literal["quadratic", "hexagonal"] = "quadratic"
+    fibre_radius: FibreRadius = Field(description="Radius of a single fibre.")
+    packing: Literal["quadratic", "hexagonal"] = Field(
+        default="quadratic", description="Arrangement of the fibres."
+    )
 
 
 class KozenyCarmanPermeability(SceneModel):
     """Kozeny-Carman permeability K = r²/(4 k) (1 - v)³/v² with one constant per direction."""
 
     law: Literal["kozeny_carman"]
-    fibre_radius: FibreRadius
+    fibre_radius: FibreRadius = Field(description="Radius of a single fibre.")
     k_along: Annotated[float, Number(0.6, POSITIVE)] = Field(
         description="Kozeny constant along the fibres, usually 0.5 to 0.7."
     )
@@ -716,11 +753,16 @@ class SceneSource:
 class Scene(SceneModel):
     """Everything that one forming simulation needs, in SI units."""
 
-    title: Annotated[str, Text("Hemisphere with blank holder")] = "untitled"
+    title: Annotated[str, Text("Hemisphere with blank holder")] = Field(
+        default="untitled", description="Title of pictures and files."
+    )
     process: Process
     blank: Blank
-    material: Material
-    element: SheetElement = Field(default_factory=Element)
+    material: Material = Field(description="What the sheet is made of, and how it deforms.")
+    element: SheetElement = Field(
+        default_factory=Element,
+        description="Kind of element and its options; a name alone takes the defaults.",
+    )
     contact: Contact = Field(default_factory=Contact)
     tools: Annotated[
         tuple[Tool, ...], Row("[[tools]] ... for each tool", entries="tables", units=False)
@@ -730,7 +772,10 @@ class Scene(SceneModel):
         tuple[MappingTarget, ...],
         Row("[[mapping]] ... for each mesh", entries="tables", units=False),
     ] = ()
-    permeability: Annotated[Permeability | None, AbsentMeans(NONE)] = None
+    permeability: Annotated[Permeability | None, AbsentMeans(NONE)] = Field(
+        default=None,
+        description="Law that turns fibre volume fraction and directions into permeability.",
+    )
 
     _source: SceneSource | None = PrivateAttr(default=None)
 

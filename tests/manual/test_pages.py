@@ -14,7 +14,7 @@ from lcmchain.fields.table import FIELDS
 from lcmchain.manual.contents import FOLDER, TOPICS, read_pages
 from lcmchain.manual.generated import generated_pages
 from lcmchain.manual.markdown import mathml, plain_text, render
-from lcmchain.manual.scene_reference import scene_keys
+from lcmchain.manual.scene_reference import meaning_of, scene_keys
 from lcmchain.manual.site import build_site
 from lcmchain.scene import Scene
 from lcmchain.verification.hard_cases import CASES
@@ -141,6 +141,15 @@ def test_the_scene_reference_says_unit_range_default_and_meaning():
     assert '`"normal"` or `"director"` | `"normal"` |' in text
     assert '### [tools.shape] type = "plate_with_hole"' in text
     assert '### [permeability] law = "kozeny_carman"' in text
+
+
+def test_every_entry_says_what_it_means():
+    silent = [
+        f"{model.__name__}.{key}"
+        for model, key, field in scene_keys()
+        if key not in ("law", "type") and not meaning_of(field)
+    ]
+    assert silent == []
 
 
 def test_the_field_page_holds_every_field():
