@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 import webbrowser
 from pathlib import Path
 
@@ -130,16 +132,15 @@ def test_two_builds_at_once_leave_one(cache, monkeypatch):
 
 
 def test_stale_manuals_are_removed_after_a_month(cache):
-    import os
-    import time
-
     kept, stale = cache / "manual" / "young", cache / "manual" / "old"
+    month_ago = time.time() - 31 * 86400
     for folder in (kept, stale):
         folder.mkdir(parents=True)
-    month_ago = time.time() - 31 * 86400
     os.utime(stale, (month_ago, month_ago))
-    site.cached_site()
+    folder = site.cached_site()
     assert kept.exists() and not stale.exists()
+    os.utime(folder, (month_ago, month_ago))
+    assert site.cached_site().stat().st_mtime > month_ago + 86400  # in use, hence not stale
 
 
 def test_out_names_a_new_folder(tmp_path, opened, capsys):
