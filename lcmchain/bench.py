@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from rich.table import Table
 
-from lcmchain.elements.membrane_shell.kernel import membrane_shell_forces
-from lcmchain.elements.solid_shell.geometry import reference_geometry
-from lcmchain.elements.solid_shell.kernel import internal_forces
-from lcmchain.elements.solid_shell.packing import curved_rows, in_blocks
-from lcmchain.materials.st_venant_kirchhoff import isotropic_stiffness
+from lcmchain.elements.blocks import in_blocks
+from lcmchain.elements.family import internal_forces
+from lcmchain.elements.solid_shell.packing import curved_rows
+from lcmchain.jit import routine
+from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.threads import use_threads
@@ -79,28 +79,24 @@ def measure(name: str, threads: int, element_steps: int, work: Callable[[], None
     return Measurement(name, used, statistics.median(samples), min(samples), max(samples))
 
 
-def kernel_work(simulation: Simulation, element_data, slots) -> Callable[[], None]:
-    """Return ``KERNEL_CALLS`` evaluations of the internal forces at the present positions."""
-    model, position = simulation.model, simulation.state.position
-    corner_force = np.zeros(model.corner_force_size)
+@routine
+def repeated_forces(data, position, corner_force, history, count):
+    """Evaluate the internal forces of a body so often, without going back to Python."""
+    for _ in range(count):
+        internal_forces(data, position, corner_force, history)
+
+
+def kernel_work(simulation: Simulation, data) -> Callable[[], None]:
+    """Return ``KERNEL_CALLS`` evaluations of the internal forces at the present positions.
+
+    ``data`` are the constants of the body: those of the simulation's, or others of the same mesh.
+    """
+    position = simulation.state.position
+    corner_force = np.zeros(simulation.model.corner_force_size)
+    history = np.zeros(simulation.model.history_size)
 
     def work() -> None:
-        for _ in range(KERNEL_CALLS):
-            internal_forces(position, model.corner_node, element_data, corner_force, *slots)
-
-    return work
-
-
-def triangle_work(simulation: Simulation) -> Callable[[], None]:
-    """As :func:`kernel_work` for the triangles of the 2D approach."""
-    model, position = simulation.model, simulation.state.position
-    node_force = np.zeros(model.corner_force_size)
-
-    def work() -> None:
-        for _ in range(KERNEL_CALLS):
-            membrane_shell_forces(
-                position, model.corner_node, model.element_data, node_force, *model.membrane_shell
-            )
+        repeated_forces(data, position, corner_force, history, KERNEL_CALLS)
 
     return work
 
@@ -134,29 +130,32 @@ def at_mid_stroke(*overrides: str) -> Simulation:
 def measurements() -> list[Measurement]:
     """Run all measurements: element kernels on one core, whole steps on one and on all cores."""
     simulation, triangles = at_mid_stroke(), at_mid_stroke("element=membrane-shell")
-    model, count = simulation.model, simulation.model.element_count
-    slots, flat_data = model.elements, model.element_data
-    blank = model.blank
-    geometry = reference_geometry(blank.node_positions[blank.elements], blank.fibre_direction_1)
-    curved_data = in_blocks(curved_rows(geometry))
-    stiffness = np.concatenate([isotropic_stiffness(1e6, 0.3).ravel()] * 2)
-    curved = slots._replace(flat=None, curved=True, enhanced=True)
-    full = curved._replace(fabric=None, stiffness=stiffness, conservative=None)
-    published = slots._replace(director=True, conservative=None)
+    body, count = simulation.model.body, simulation.model.element_count
+    data, options = body.data, body.data.options
+    curved = data._replace(
+        options=options._replace(flat=None, curved=True, enhanced=True),
+        element_data=in_blocks(curved_rows(body.geometry)),
+    )
+    steel = isotropic_stiffness(1e6, 0.3)
+    full = curved._replace(
+        law=StVenantKirchhoff(steel, thickness=1e-3, density=1e3).law,
+        options=curved.options._replace(conservative=None),
+    )
+    published = data._replace(options=options._replace(director=True, conservative=None))
 
     calls = KERNEL_CALLS * count
     found = [
-        measure("element kernel, MD600, flat reference", 1, calls,
-                kernel_work(simulation, flat_data, slots)),
-        measure("element kernel, as published (director)", 1, calls,
-                kernel_work(simulation, flat_data, published)),
-        measure("element kernel, MD600, curved reference", 1, calls,
-                kernel_work(simulation, curved_data, curved)),
-        measure("element kernel, full 6x6 law, curved reference", 1, calls,
-                kernel_work(simulation, curved_data, full)),
-        measure("triangle kernel, membrane-shell", 1, KERNEL_CALLS * triangles.model.element_count,
-                triangle_work(triangles)),
-    ]  # fmt: skip
+        measure(f"element kernel, {name}", 1, calls, kernel_work(simulation, body_data))
+        for name, body_data in (
+            ("MD600, flat reference", data),
+            ("as published (director)", published),
+            ("MD600, curved reference", curved),
+            ("full 6x6 law, curved reference", full),
+        )
+    ]
+    calls = KERNEL_CALLS * triangles.model.element_count
+    work = kernel_work(triangles, triangles.model.body.data)
+    found.append(measure("triangle kernel, membrane-shell", 1, calls, work))
     found += whole_steps("whole step, hemisphere_holder", simulation)
     found += whole_steps("whole step, the same with membrane-shell", triangles)
     return found

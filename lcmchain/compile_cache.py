@@ -47,6 +47,23 @@ def use_source_keyed_cache() -> Path | None:
     return folder
 
 
+def key_cache_by_file(file: str | Path, module: str) -> None:
+    """Keep compiled code apart that holds functions of a module outside this package.
+
+    Kernels of a law that a user wrote must not be taken for those of another state of that file,
+    and no other run should have to import the file to read its cache.
+    """
+    import numba
+
+    from lcmchain.jit import move_cache
+
+    content = Path(file).read_bytes() if Path(file).is_file() else str(file).encode()
+    present = Path(numba.config.CACHE_DIR or os.environ["NUMBA_CACHE_DIR"])
+    digest = hashlib.blake2b(f"{present}\0{file}\0{module}\0".encode() + content, digest_size=5)
+    numba.config.CACHE_DIR = str(present / f"with-{digest.hexdigest()}")
+    move_cache()
+
+
 def source_key() -> str:
     """Hash of every source file of lcmchain, the numba version and the kind of processor."""
     digest = hashlib.blake2b(digest_size=HASH_LENGTH // 2)

@@ -11,24 +11,43 @@ load_threading_library()
 # 'nnan' and 'ninf' are left out on purpose: they let the compiler delete the guards' checks.
 FLOATING_POINT = {"contract", "nsz"}
 
+# Options of a function that is inlined into the lane loop of a kernel. NumPy's error model keeps
+# divisions free of the branch that would stop vectorisation.
+INLINED = {"error_model": "numpy", "fastmath": FLOATING_POINT, "forceinline": True}
+
+# Functions that keep compiled code on disk.
+_cached = []
+
 
 def equation(function):
-    """Compile a small scalar function that is inlined into the lane loop of a kernel.
-
-    NumPy's error model keeps divisions free of the branch that would stop vectorisation.
-    """
-    return njit(
-        error_model="numpy", fastmath=FLOATING_POINT, cache=True, forceinline=True
-    )(function)
+    """Compile a small scalar function that is inlined into the lane loop of a kernel."""
+    return _compiled(function, **INLINED)
 
 
 def strict_equation(function):
     """Compile like :func:`equation`, but with every operation rounded exactly as written."""
-    return njit(error_model="numpy", cache=True, forceinline=True)(function)
+    return _compiled(function, error_model="numpy", forceinline=True)
+
+
+def routine(function):
+    """Compile a serial function that kernels or other routines call."""
+    return _compiled(function, error_model="numpy", fastmath=FLOATING_POINT)
 
 
 def kernel(function):
     """Compile a loop over blocks of elements or chunks of nodes, parallel over the blocks."""
-    return njit(
-        error_model="numpy", fastmath=FLOATING_POINT, cache=True, parallel=True, nogil=True
-    )(function)
+    return _compiled(
+        function, error_model="numpy", fastmath=FLOATING_POINT, parallel=True, nogil=True
+    )
+
+
+def move_cache() -> None:
+    """Keep compiled code where ``numba.config.CACHE_DIR`` points to by now."""
+    for dispatcher in _cached:
+        dispatcher.enable_caching()
+
+
+def _compiled(function, **options):
+    dispatcher = njit(cache=True, **options)(function)
+    _cached.append(dispatcher)
+    return dispatcher

@@ -1,8 +1,4 @@
-"""Everything about a scene that stays constant during a run, as arrays and effect slots.
-
-Slots are the arguments of the kernels that are ``None`` where the scene does not need the effect;
-compiling prunes their code (see ``elements/solid_shell/kernel.py``).
-"""
+"""Everything about a scene that stays constant during a run: bodies over flat arrays, and tools."""
 
 from __future__ import annotations
 
@@ -12,60 +8,56 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.blank import BlankMesh, build_blank
+from lcmchain.blank import build_blank
 from lcmchain.effects.supports import Support, SupportTable, build_supports
-from lcmchain.elements.membrane_shell.kernel import (
-    MembraneShellSlots,
-    patch_nodes_in_blocks,
-    patch_rows,
-)
-from lcmchain.elements.membrane_shell.patch import TriangleGeometry, angle_shares, triangle_geometry
-from lcmchain.elements.solid_shell.equations import Moments
-from lcmchain.elements.solid_shell.geometry import (
-    ReferenceGeometry,
-    reference_geometry,
-    strain_transformation,
-)
-from lcmchain.elements.solid_shell.kernel import LANES
-from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows, in_blocks
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.families import family_of
+from lcmchain.elements.family import Body
 from lcmchain.materials.fabric import Fabric
+from lcmchain.materials.law import Material, history_count
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
-from lcmchain.scene.schema import Contact, Element, MembraneShellElement, Process
+from lcmchain.scene.schema import Contact, Element, Process
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
-from lcmchain.triangulation import TriangleMesh, triangulate
 
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
 # start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres.
 AUTOMATIC_PENALTY = 0.1
 
 
-class ElementSlots(NamedTuple):
-    """Arguments of the solid-shell's kernels after the node positions and the connectivity."""
+class Sheet(NamedTuple):
+    """What a body is built from: a mesh, its material, and the choices of the scene's element."""
 
-    fabric: Any
-    stiffness: Any
-    flat: Any
-    curved: Any
-    director: Any
-    conservative: Any
-    enhanced: Any
-    moments: Moments
-    in_plane_shear: float
+    name: str
+    mesh: Any
+    material: Material
+    element: Any
 
 
-class NodeSlots(NamedTuple):
+class PlacedBody(NamedTuple):
+    """A body as the loop sees it: constants, and its ranges of corner forces and history values."""
+
+    data: Any
+    first_force: int
+    last_force: int
+    first_history: int
+    last_history: int
+
+
+class NodeData(NamedTuple):
     """Constants of the node kernel; every float is in SI.
 
     force_slot : (valence, node_count) where to find a node's corner forces.
     mass : (node_count,) [kg]; area : (node_count,) reference area per face node [m²].
     free : (3, node_count) 1 where a displacement component is free, 0 where it is held.
+    offset : (node_count,) distance of the sheet's surface from the node [m].
     """
 
     force_slot: np.ndarray
     mass: np.ndarray
     area: np.ndarray
     free: np.ndarray
+    offset: np.ndarray
 
 
 class Environment(NamedTuple):
@@ -76,27 +68,20 @@ class Environment(NamedTuple):
     contact_damping_ratio: float
     mass_damping: float  # [1/s]
     gravity: float  # acceleration along -z [m/s²]
-    contact_offset: float  # distance of the sheet's surface from its nodes [m]
 
 
 @dataclass(frozen=True)
 class Model:
     """Constants of one forming simulation (see the classes above for the arrays).
 
-    The sheet is made of solid-shells (``elements``, with their transformations) or of triangles
-    with membrane and shell part (``membrane_shell``); what belongs to the other kind is ``None``.
+    bodies : the sheets; ``placed`` the same for the loop.
+    corner_force_size : corner forces of all bodies, then zeros for nodes with fewer elements.
     """
 
-    blank: BlankMesh | TriangleMesh
-    material: Fabric | StVenantKirchhoff
-    geometry: ReferenceGeometry | TriangleGeometry
-    corner_node: np.ndarray
-    element_data: np.ndarray
-    elements: ElementSlots | None
-    membrane_shell: MembraneShellSlots | None
-    transformation: np.ndarray | None
-    transformation_change: np.ndarray | None
-    nodes: NodeSlots
+    bodies: tuple[Body, ...]
+    placed: tuple[PlacedBody, ...]
+    corner_force_size: int
+    nodes: NodeData
     tools: ToolTable
     tool_names: tuple[str, ...]
     supports: SupportTable | None
@@ -108,58 +93,72 @@ class Model:
 
     @property
     def element_count(self) -> int:
-        return len(self.blank.elements)
+        return sum(body.mesh.element_count for body in self.bodies)
 
     @property
     def node_count(self) -> int:
-        return len(self.blank.node_positions)
+        return self.nodes.mass.size
 
     @property
-    def volume(self) -> float:
-        """Initial volume of the sheet [m³]."""
-        return float(self.nodes.mass.sum()) / self.material.density
+    def node_positions(self) -> np.ndarray:
+        """Reference positions of all nodes (node_count, 3) [m]."""
+        return np.concatenate([body.mesh.node_positions for body in self.bodies])
 
     @property
-    def corner_force_size(self) -> int:
-        """Corner forces of all blocks, then zeros for nodes with fewer elements."""
-        return self.corner_node.size * 3 + 2 * LANES + 1
+    def history_size(self) -> int:
+        """History values of all bodies, in blocks."""
+        return self.placed[-1].last_history
+
+    @property
+    def body(self) -> Body:
+        """The only body.
+
+        Raises
+        ------
+        ValueError : the model has several.
+        """
+        if len(self.bodies) != 1:
+            names = ", ".join(body.name for body in self.bodies)
+            raise ValueError(f"the model has several bodies ({names}); name one")
+        return self.bodies[0]
+
+    @property
+    def blank(self):
+        """Undeformed mesh of the only body."""
+        return self.body.mesh
+
+    @property
+    def material(self) -> Material:
+        """Material of the only body."""
+        return self.body.material
+
+    @property
+    def geometry(self):
+        """Reference geometry of the only body."""
+        return self.body.geometry
+
+    def history_of(self, body: Body, history: np.ndarray) -> np.ndarray:
+        """Return a body's part of the history values (history_size,)."""
+        placed = self.placed[self.bodies.index(body)]
+        return history[placed.first_history : placed.last_history]
+
+    def body_of_element(self, element: int) -> Body:
+        """Return the body that an element of the model belongs to."""
+        return next(b for b in reversed(self.bodies) if b.first_element <= element)
+
+    def element_at(self, node: int) -> int:
+        """Return the first element that has a node as a corner."""
+        body = next(b for b in reversed(self.bodies) if b.first_node <= node)
+        here = (body.mesh.elements == node - body.first_node).any(axis=1)
+        return body.first_element + int(np.flatnonzero(here)[0])
 
 
-def build_material(spec) -> Fabric | StVenantKirchhoff:
+def build_material(spec) -> Material:
     """Return the material of a scene's ``[material]`` table."""
     return Fabric.from_scene(spec) if spec.law == "fabric" else StVenantKirchhoff.from_scene(spec)
 
 
-def element_slots(material, element, geometry: ReferenceGeometry) -> ElementSlots:
-    """Choose the effects of the element: what the material and the reference geometry call for."""
-    flat = bool(np.all(geometry.flat))
-    two_points = element.integration_points == 2
-    moments = Moments(
-        zeta2=1.0 / 3.0,
-        zeta4=1.0 / 9.0 if two_points else 1.0 / 5.0,
-        cross=1.0 / 3.0 if element.cross_terms else 0.0,
-    )
-    fabric = None
-    if material.is_diagonal:
-        fabric = material.law._replace(fibre_hourglass=float(element.fibre_hourglass))
-    return ElementSlots(
-        fabric=fabric,
-        stiffness=None if material.is_diagonal else material.law,
-        flat=True if flat else None,
-        curved=None if flat else True,
-        director=True if element.compaction_strain == "director" else None,
-        # a constant tangent needs no correction of the hourglass energy
-        conservative=True if material.is_diagonal and element.hourglass == "conservative" else None,
-        # E33^ζ vanishes by ANS in a flat element: only coupling to in-plane strains calls for it
-        enhanced=None if flat and material.is_diagonal else True,
-        moments=moments,
-        in_plane_shear=1.0 if element.in_plane_shear_hourglass else 0.0,
-    )
-
-
-def build_model(
-    scene, supports: Callable[[BlankMesh | TriangleMesh], Sequence[Support]] = lambda mesh: ()
-) -> Model:
+def build_model(scene, supports: Callable[[Any], Sequence[Support]] = lambda mesh: ()) -> Model:
     """Build the model of a scene.
 
     Parameters
@@ -171,15 +170,12 @@ def build_model(
     InputError : a blank, tool or material that cannot be used; names the scene key.
     """
     material = build_material(scene.material)
-    mesh = build_blank(scene.blank, material.thickness)
-    if isinstance(scene.element, MembraneShellElement):
-        mesh = triangulate(mesh)
-    tools = build_tool_table(scene.tools, scene.source.directory, scene.process.time)
+    mesh = family_of(scene.element).mesh_of(build_blank(scene.blank, material.thickness))
     return assemble_model(
         mesh,
         material,
         scene.element,
-        tools=tools,
+        tools=build_tool_table(scene.tools, scene.source.directory, scene.process.time),
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,
@@ -187,40 +183,62 @@ def build_model(
     )
 
 
-def assemble_model(
-    mesh: BlankMesh | TriangleMesh,
-    material,
-    element,
+def assemble_model(mesh, material, element, **others) -> Model:
+    """Build the model of one sheet; ``others`` as for :func:`assemble_bodies`."""
+    return assemble_bodies([Sheet("sheet", mesh, material, element)], **others)
+
+
+def assemble_bodies(
+    sheets: Sequence[Sheet],
     *,
-    tools,
-    tool_names,
+    tools: ToolTable,
+    tool_names: Sequence[str],
     contact,
     process,
     supports: Sequence[Support] = (),
 ) -> Model:
-    """Build the model of a given mesh, tool table and supports.
+    """Build the model of sheets that share tools and time, but do not touch each other.
 
-    A mesh of triangles makes membrane-shells, for which ``element`` holds no choices.
+    Their nodes and elements are numbered one sheet after the other.
+
+    Parameters
+    ----------
+    contact, process : tables of a scene, or the like.
+    supports : of nodes of the model.
 
     Raises
     ------
-    InputError : see :func:`lcmchain.effects.supports.build_supports`.
+    InputError : a mesh or material that the elements do not know, or see
+        :func:`lcmchain.effects.supports.build_supports`.
     """
-    triangles = isinstance(mesh, TriangleMesh)
-    support_table, free = build_supports(supports, mesh.node_positions, float(process.time))
-    if triangles:
-        sheet, shortest_length = _membrane_shell_sheet(mesh, material, free)
-    else:
-        sheet, shortest_length = _solid_shell_sheet(mesh, material, element, free)
+    bodies: list[Body] = []
+    first_node = first_element = 0
+    for name, mesh, material, element in sheets:
+        family = family_of(element)
+        bodies.append(family.build(name, mesh, material, element, first_node, first_element))
+        first_node += mesh.node_count
+        first_element += mesh.element_count
+    placed = _placed(bodies)
+    positions = np.concatenate([body.mesh.node_positions for body in bodies])
+    support_table, free = build_supports(supports, positions, float(process.time))
     penalty = contact.penalty
     if penalty is None:
-        penalty = _automatic_penalty(material, shortest_length)
+        penalty = min(_automatic_penalty(b.material, b.shortest_length) for b in bodies)
     return Model(
-        blank=mesh,
-        material=material,
-        **sheet,
+        bodies=tuple(bodies),
+        placed=placed,
+        corner_force_size=placed[-1].last_force + 2 * LANES + 1,
+        nodes=NodeData(
+            force_slot=_force_slots(bodies, placed),
+            mass=np.concatenate([body.node_mass for body in bodies]),
+            area=np.concatenate([body.node_area for body in bodies]),
+            free=free,
+            offset=np.concatenate(
+                [np.full(body.mesh.node_count, body.contact_offset) for body in bodies]
+            ),
+        ),
         tools=tools,
-        tool_names=tool_names,
+        tool_names=tuple(tool_names),
         supports=support_table,
         support_names=tuple(support.name for support in supports),
         environment=Environment(
@@ -229,7 +247,6 @@ def assemble_model(
             contact_damping_ratio=float(contact.damping_ratio),
             mass_damping=float(process.mass_damping),
             gravity=STANDARD_GRAVITY if process.gravity else 0.0,
-            contact_offset=0.5 * float(material.thickness) if triangles else 0.0,
         ),
         process_time=float(process.time),
         frame_count=int(process.frames),
@@ -237,7 +254,7 @@ def assemble_model(
     )
 
 
-def assemble_sheet(blank: BlankMesh, material, element=None) -> Model:
+def assemble_sheet(blank, material, element=None) -> Model:
     """Build the model of a sheet without tools, for statics and vibrations.
 
     ``element`` holds the choices of a scene's ``[element]`` table; the defaults are the scene's.
@@ -253,99 +270,49 @@ def assemble_sheet(blank: BlankMesh, material, element=None) -> Model:
     )
 
 
-def _solid_shell_sheet(
-    blank: BlankMesh, material, element, free: np.ndarray
-) -> tuple[dict[str, Any], float]:
-    """Return the entries of the model that belong to the sheet, and the shortest element [m]."""
-    geometry = reference_geometry(blank.node_positions[blank.elements], blank.fibre_direction_1)
-    slots = element_slots(material, element, geometry)
-    rows = flat_rows(geometry) if slots.flat else curved_rows(geometry)
-    block_count = -(-len(blank.elements) // LANES)
-    T = strain_transformation(geometry.K, geometry.K)
-    if slots.flat:
-        change = np.zeros((1, 3, 6, 6))
-    else:
-        change = np.stack(
-            [strain_transformation(geometry.K, 2.0 * geometry.dK[:, d]) for d in range(3)], axis=1
-        )
-        change = _padded(change, block_count * LANES)
-    volume_share = np.repeat(geometry.volume / 8.0, 8)
-    area_share = np.repeat(geometry.volume / (2.0 * geometry.height) / 4.0, 8)
-    corners = blank.elements.ravel()
-    entries = {
-        "geometry": geometry,
-        "corner_node": in_blocks(blank.elements).astype(np.int32),
-        "element_data": in_blocks(rows),
-        "elements": slots,
-        "membrane_shell": None,
-        "transformation": _padded(T, block_count * LANES),
-        "transformation_change": change,
-        "nodes": NodeSlots(
-            force_slot=_force_slots(blank.elements, blank.node_count),
-            mass=material.density
-            * np.bincount(corners, weights=volume_share, minlength=blank.node_count),
-            area=np.bincount(corners, weights=area_share, minlength=blank.node_count),
-            free=free,
-        ),
-    }
-    return entries, float(2.0 * np.linalg.norm(geometry.modes[:, :2], axis=2).min())
+def _placed(bodies: Sequence[Body]) -> tuple[PlacedBody, ...]:
+    """Give every body its ranges of corner forces and history values, one after the other."""
+    placed = []
+    force = history = 0
+    for body in bodies:
+        element_count, corner_count = body.force_nodes.shape
+        padded = LANES * -(-element_count // LANES)
+        last_force = force + padded * 3 * corner_count
+        last_history = history + padded * history_count(body.material.law)
+        placed.append(PlacedBody(body.data, force, last_force, history, last_history))
+        force, history = last_force, last_history
+    return tuple(placed)
 
 
-def _membrane_shell_sheet(
-    mesh: TriangleMesh, material: Fabric, free: np.ndarray
-) -> tuple[dict[str, Any], float]:
-    """As :func:`_solid_shell_sheet` for triangles with membrane and shell part."""
-    law = material.law
-    geometry = triangle_geometry(mesh, (law.B11, law.B22, law.B12))
-    shares = angle_shares(mesh.node_positions[mesh.elements]) * geometry.area[:, None]
-    area = np.bincount(mesh.elements.ravel(), weights=shares.ravel(), minlength=mesh.node_count)
-    entries = {
-        "geometry": geometry,
-        "corner_node": patch_nodes_in_blocks(geometry),
-        "element_data": in_blocks(patch_rows(geometry)),
-        "elements": None,
-        "membrane_shell": MembraneShellSlots(law, float(material.thickness)),
-        "transformation": None,
-        "transformation_change": None,
-        "nodes": NodeSlots(
-            force_slot=_force_slots(geometry.nodes, mesh.node_count),
-            mass=material.areal_mass * area,
-            area=area,
-            free=free,
-        ),
-    }
-    return entries, float(2.0 / np.abs(geometry.gradient).sum(axis=1).max())
-
-
-def _padded(array: np.ndarray, count: int) -> np.ndarray:
-    return np.concatenate([array, np.repeat(array[-1:], count - len(array), axis=0)])
-
-
-def _force_slots(elements: np.ndarray, node_count: int) -> np.ndarray:
+def _force_slots(bodies: Sequence[Body], placed: Sequence[PlacedBody]) -> np.ndarray:
     """Return where each node finds the forces of its elements, (valence, node_count) int32.
 
-    ``elements`` (E, C) holds node numbers; -1 is a corner that is absent. The corner forces lie in
-    blocks of 16 elements with 3 C rows; slots without an element point to a zero behind them.
+    The corner forces lie in blocks of 16 elements with 3 rows per corner; slots without an element
+    point to a zero behind them all.
     """
-    element_count, corner_count = elements.shape
-    corners = elements.ravel()
-    element, corner = np.divmod(np.arange(corners.size), corner_count)
-    block, lane = np.divmod(element, LANES)
-    slot = (block * 3 * corner_count + 3 * corner) * LANES + lane
+    nodes, slots = [], []
+    for body, place in zip(bodies, placed, strict=True):
+        corner_count = body.force_nodes.shape[1]
+        corners = body.force_nodes.ravel()
+        element, corner = np.divmod(np.arange(corners.size), corner_count)
+        block, lane = np.divmod(element, LANES)
+        slot = place.first_force + (block * 3 * corner_count + 3 * corner) * LANES + lane
+        there = corners >= 0
+        nodes.append(corners[there] + body.first_node)
+        slots.append(slot[there])
+    node, slot = np.concatenate(nodes), np.concatenate(slots)
 
     # a fixed order of the corners of each node keeps sums bit-identical for any thread count
-    order = np.argsort(corners, kind="stable")
-    order = order[corners[order] >= 0]
-    node = corners[order]
+    order = np.argsort(node, kind="stable")
+    node, slot = node[order], slot[order]
     rank = np.arange(node.size) - np.searchsorted(node, node)
-    block_count = -(-element_count // LANES)
-    zero_slot = block_count * 3 * corner_count * LANES
-    force_slot = np.full((rank.max() + 1, node_count), zero_slot, dtype=np.int32)
-    force_slot[rank, node] = slot[order]
+    node_count = sum(body.mesh.node_count for body in bodies)
+    force_slot = np.full((rank.max() + 1, node_count), placed[-1].last_force, dtype=np.int32)
+    force_slot[rank, node] = slot
     return force_slot
 
 
-def _automatic_penalty(material, shortest_length: float) -> float:
+def _automatic_penalty(material: Material, shortest_length: float) -> float:
     """Return the contact stiffness [Pa/m] that keeps contact from governing the time step."""
     C = material.stress_and_tangent(np.zeros(6))[1]
     stiffness = max(C[0, 0], C[1, 1])

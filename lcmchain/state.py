@@ -1,15 +1,23 @@
-"""Every array that changes during a run; copying it is a checkpoint, restoring it a rollback."""
+"""Every array that changes during a run, each declared once.
+
+Loop, checkpoint, state of an FMU and rollback follow from the declarations: an array that is added
+to :class:`State` is allocated, handed to the loop, saved and restored; one added to
+:class:`Scratch` is allocated and handed to the loop.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Self
 
 import numpy as np
 
+from lcmchain.errors import InputError
 from lcmchain.model import Model
 
 # Columns of ``State.work``: energies [J] accumulated over the run, or of the last step.
-KINETIC = 0  # of the sheet and of guided tools, last step
+KINETIC = 0  # of the sheets and of guided tools, last step
 CONTACT = 1  # stored in penalty springs, last step
 FRICTION = 2  # dissipated by sliding
 CONTACT_DAMPING = 3  # dissipated by contact damping
@@ -17,78 +25,187 @@ MASS_DAMPING = 4  # dissipated by mass-proportional damping and by dampers of gu
 EXTERNAL = 5  # work of prescribed tools, of forces on guided tools and of gravity
 WORK_COLUMNS = 6
 
+# Entries of ``State.clock``.
+TIME = 0  # [s]
+LAST_STEP = 1  # size of the last step [s]
+OMEGA2 = 2  # bound of the square of the highest frequency of the elements [1/s²]
+CLOCK_ENTRIES = 3
 
-@dataclass
-class State:
-    """Mutable state of a run.
+# Entries of ``State.counters``.
+STEPS = 0  # made so far
+CHUNKS = 1  # of steps since the frequency was last evaluated
+CONTROLLING_ELEMENT = 2  # that the frequency belongs to
+CONTROLLING_PART = 3  # what governs it there, a code of the element's family
+COUNTERS = 4
 
-    position, velocity : (3, node_count) at time n and at n - ½ [m, m/s].
-    stick : (tool_count, 3, node_count) elastic slip of the friction springs [m].
-    near : (tool_count, node_count) whether contact of the node with the tool is evaluated.
-    tool_travel, tool_velocity : (tool_count,) at n and n - ½.
-    tool_input : (tool_count, 2) velocity of a driven tool [m/s], added force of a guided one
-        [N].
-    driven : (tool_count,) whether the travel follows ``tool_input`` instead of the scene's motion.
-    tool_force : (tool_count, 3) force of the sheet on the tool at the last step [N].
-    penetration_max : (tool_count,) deepest penetration so far [m].
-    support_force, support_impulse : (support_count, 3) force of each support on the sheet at the
-        last step [N], and its integral over time [N s].
-    work : energies, see the columns above.
-    clock : (3,) time [s], size of the last step [s], ω² bound of the elements [1/s²].
-    counters : (4,) steps, chunks since the last full frequency evaluation, element that controls
-        the step, and a code of what governs it (:mod:`lcmchain.solver.sheet_queries`).
-    """
+# Nodes are worked on in chunks: sums over a chunk, then over the chunks in their order, have the
+# same bits for any number of threads.
+NODE_CHUNK = 128
+# Columns of a tool's part of the chunk sums after the energies: force x, y, z and smallest gap.
+TOOL_COLUMNS = 4
 
-    position: np.ndarray
-    velocity: np.ndarray
-    stick: np.ndarray
-    near: np.ndarray
-    tool_travel: np.ndarray
-    tool_velocity: np.ndarray
-    tool_input: np.ndarray
-    driven: np.ndarray
-    tool_force: np.ndarray
-    penetration_max: np.ndarray
-    support_force: np.ndarray
-    support_impulse: np.ndarray
-    work: np.ndarray
-    clock: np.ndarray
-    counters: np.ndarray
+
+def entry(*shape: str, unit: str, meaning: str, dtype: type = float) -> Any:
+    """Declare an array; the sizes in ``shape`` are those of :func:`sizes`."""
+    return field(metadata={"shape": shape, "unit": unit, "meaning": meaning, "dtype": dtype})
+
+
+def sizes(model: Model) -> dict[str, int]:
+    """Return the sizes that declarations name."""
+    tool_count = len(model.tool_names)
+    return {
+        "xyz": 3,
+        "node": model.node_count,
+        "tool": tool_count,
+        "tool input": 2,
+        "support": len(model.support_names),
+        "work": WORK_COLUMNS,
+        "clock": CLOCK_ENTRIES,
+        "counter": COUNTERS,
+        "history": model.history_size,
+        "corner force": model.corner_force_size,
+        "chunk": -(-model.node_count // NODE_CHUNK),
+        "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
+    }
+
+
+class _Arrays:
+    """Arrays by name, as declared by :func:`entry`."""
 
     @classmethod
-    def at_rest(cls, model: Model) -> State:
-        """Return the state at time 0: reference positions, no velocity."""
-        node_count, tool_count = model.node_count, len(model.tool_names)
+    def names(cls) -> list[str]:
+        return [declared.name for declared in fields(cls)]
+
+    @classmethod
+    def zeros(cls, model: Model) -> Self:
+        """Return all arrays with zeros."""
+        size = sizes(model)
         return cls(
-            position=np.ascontiguousarray(model.blank.node_positions.T),
-            velocity=np.zeros((3, node_count)),
-            stick=np.zeros((tool_count, 3, node_count)),
-            near=np.zeros((tool_count, node_count), dtype=np.uint8),
-            tool_travel=np.zeros(tool_count),
-            tool_velocity=np.zeros(tool_count),
-            tool_input=np.zeros((tool_count, 2)),
-            driven=np.zeros(tool_count, dtype=np.int64),
-            tool_force=np.zeros((tool_count, 3)),
-            penetration_max=np.zeros(tool_count),
-            support_force=np.zeros((len(model.support_names), 3)),
-            support_impulse=np.zeros((len(model.support_names), 3)),
-            work=np.zeros(WORK_COLUMNS),
-            clock=np.zeros(3),
-            counters=np.zeros(4, dtype=np.int64),
+            **{
+                f.name: np.zeros(
+                    [size[name] for name in f.metadata["shape"]], dtype=f.metadata["dtype"]
+                )
+                for f in fields(cls)
+            }
         )
 
     def as_dict(self) -> dict[str, np.ndarray]:
         """Return the arrays by name (not copied)."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        return {name: getattr(self, name) for name in self.names()}
+
+
+@dataclass
+class State(_Arrays):
+    """What a run needs to go on from where it is; copying it is a checkpoint.
+
+    Units and meanings stand in the declarations.
+    """
+
+    position: np.ndarray = entry("xyz", "node", unit="m", meaning="at time n")
+    velocity: np.ndarray = entry("xyz", "node", unit="m/s", meaning="at time n - 1/2")
+    history: np.ndarray = entry(
+        "history", unit="1", meaning="what laws with memory remember, in blocks of elements"
+    )
+    stick: np.ndarray = entry(
+        "tool", "xyz", "node", unit="m", meaning="elastic slip of the friction springs"
+    )
+    near: np.ndarray = entry(
+        "tool",
+        "node",
+        unit="1",
+        meaning="whether contact of the node with the tool is evaluated",
+        dtype=np.uint8,
+    )
+    tool_travel: np.ndarray = entry("tool", unit="m", meaning="at time n")
+    tool_velocity: np.ndarray = entry("tool", unit="m/s", meaning="at time n - 1/2")
+    tool_input: np.ndarray = entry(
+        "tool",
+        "tool input",
+        unit="m/s, N",
+        meaning="velocity of a driven tool, added force of a guided one",
+    )
+    driven: np.ndarray = entry(
+        "tool",
+        unit="1",
+        meaning="whether the travel follows the input instead of the scene's motion",
+        dtype=np.int64,
+    )
+    tool_force: np.ndarray = entry(
+        "tool", "xyz", unit="N", meaning="of the sheets on the tool at the last step"
+    )
+    penetration_max: np.ndarray = entry("tool", unit="m", meaning="deepest so far")
+    support_force: np.ndarray = entry(
+        "support", "xyz", unit="N", meaning="of the support on the sheet at the last step"
+    )
+    support_impulse: np.ndarray = entry(
+        "support", "xyz", unit="N s", meaning="integral of the support force over time"
+    )
+    work: np.ndarray = entry("work", unit="J", meaning="energies, see the columns above")
+    clock: np.ndarray = entry("clock", unit="s, 1/s2", meaning="times, see the entries above")
+    counters: np.ndarray = entry(
+        "counter", unit="1", meaning="counts, see the entries above", dtype=np.int64
+    )
+
+    @classmethod
+    def at_rest(cls, model: Model) -> State:
+        """Return the state at time 0: reference positions, no velocity."""
+        state = cls.zeros(model)
+        state.position[:] = model.node_positions.T
+        return state
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> State:
+        """Return the state of saved arrays.
+
+        Raises
+        ------
+        ValueError : an array is missing or unknown.
+        """
+        differing = sorted(set(arrays) ^ set(cls.names()))
+        if differing:
+            raise ValueError(f"missing or unknown arrays: {', '.join(differing)}")
+        return cls(**arrays)
 
     def copy(self) -> State:
         """Return an independent copy, for checkpoints and rollback."""
         return State(**{name: array.copy() for name, array in self.as_dict().items()})
 
+    def require_fits(self, model: Model) -> None:
+        """Check that the arrays have the sizes and types of a model.
+
+        Raises
+        ------
+        InputError : they are those of another model.
+        """
+        for name, expected in State.zeros(model).as_dict().items():
+            found = getattr(self, name)
+            if found.shape != expected.shape or found.dtype != expected.dtype:
+                raise InputError(
+                    f"the saved state belongs to another model: {name} is {found.dtype} "
+                    f"{found.shape} instead of {expected.dtype} {expected.shape}"
+                )
+
     @property
     def time(self) -> float:
-        return float(self.clock[0])
+        """Present time [s]."""
+        return float(self.clock[TIME])
+
+    @property
+    def last_step(self) -> float:
+        """Size of the last step [s]."""
+        return float(self.clock[LAST_STEP])
 
     @property
     def step_count(self) -> int:
-        return int(self.counters[0])
+        return int(self.counters[STEPS])
+
+
+@dataclass
+class Scratch(_Arrays):
+    """What the loop works with and nobody needs afterwards."""
+
+    corner_force: np.ndarray = entry("corner force", unit="N", meaning="in blocks of elements")
+    force: np.ndarray = entry("xyz", "node", unit="N", meaning="sum of forces on each node")
+    chunk_sums: np.ndarray = entry(
+        "chunk", "chunk sum", unit="J, N, m", meaning="energies, tool forces, gaps by chunk"
+    )

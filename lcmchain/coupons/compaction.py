@@ -85,7 +85,7 @@ def compaction(
     for time in np.linspace(0.0, DURATION, SAMPLES + 1)[1:]:
         simulation.advance_to(float(time))
         # forces are those of the last step, whose positions were these
-        position = (state.position - state.clock[1] * state.velocity).T
+        position = (state.position - state.last_step * state.velocity).T
         measured = derive_fields(model.blank, model.material, position)["thickness"]
         rows.append((measured.mean(), np.ptp(measured), state.tool_force[1, 2] / size**2))
         if progress is not None:

@@ -13,6 +13,15 @@ import numpy as np
 
 from lcmchain.jit import equation
 from lcmchain.materials.elementary import exponential, logarithm
+from lcmchain.materials.law import (
+    bending_stiffness,
+    implements,
+    membrane_response,
+    plane_bending_stiffness,
+    plane_response,
+    tangent_curvature,
+    tangent_slope,
+)
 
 # Below this strain the exponent of the compaction law is zero to double precision for c2 >= 1.
 SMALLEST_COMPACTION_STRAIN = 1e-16
@@ -23,8 +32,7 @@ class FabricLaw(NamedTuple):
 
     ``s0 ... s4`` are the coefficients of the shear polynomial, Eq. (21), in powers of the tensor
     strain |E12|; ``c0, c1, c2`` those of the compaction law, Eq. (23); ``B..`` the bending
-    stiffness, Eq. (25). ``fibre_hourglass`` scales C11 and C22 in the in-plane hourglass terms (an
-    option of the element, 1 as in Eq. 18).
+    stiffness, Eq. (25).
     """
 
     C11: float
@@ -45,7 +53,6 @@ class FabricLaw(NamedTuple):
     B12: float
     B23: float
     B13: float
-    fibre_hourglass: float = 1.0
 
 
 @equation
@@ -109,8 +116,9 @@ def compaction_tangent_curvature(law, E33):
     return modulus * (first * first * (factor + c2) + second * factor)
 
 
+@implements(membrane_response, FabricLaw)
 @equation
-def membrane_stress_and_tangent(law, E):
+def fabric_response(law, E, history):
     """Return the stress S^M (Eq. 19, at the centre) and the diagonal of the tangent C^M."""
     S12, C12 = shear_stress_and_tangent(law, E[3])
     S33, C33 = compaction_stress_and_tangent(law, E[2])
@@ -118,20 +126,50 @@ def membrane_stress_and_tangent(law, E):
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
 
+@implements(tangent_slope, FabricLaw)
 @equation
-def hourglass_stiffness(law, C_M):
-    """Return the diagonal of C^hg of the ξ- and η-terms, Eq. (18), from that of the tangent C^M.
+def fabric_tangent_slope(law, E, history):
+    return (
+        None,
+        None,
+        compaction_tangent_slope(law, E[2]),
+        shear_tangent_slope(law, E[3]),
+        None,
+        None,
+    )
 
-    With ``fibre_hourglass`` < 1 elements whose edges cross the fibres lock less in tension.
-    """
-    f = law.fibre_hourglass
-    return (f * C_M[0], f * C_M[1], C_M[2], C_M[3], C_M[4], C_M[5])
 
-
+@implements(tangent_curvature, FabricLaw)
 @equation
-def bending_stiffness(law):
+def fabric_tangent_curvature(law, E, history):
+    return (
+        None,
+        None,
+        compaction_tangent_curvature(law, E[2]),
+        shear_tangent_curvature(law, E[3]),
+        None,
+        None,
+    )
+
+
+@implements(bending_stiffness, FabricLaw)
+@equation
+def fabric_bending_stiffness(law):
     """Return the diagonal of C^B, Eq. (25)."""
     return (law.B11, law.B22, law.B33, law.B12, law.B23, law.B13)
+
+
+@implements(plane_response, FabricLaw)
+@equation
+def fabric_plane_response(law, E11, E22, g12):
+    S12, C12 = shear_stress_and_tangent(law, g12)
+    return (law.C11 * E11, law.C22 * E22, S12), (law.C11, law.C22, C12)
+
+
+@implements(plane_bending_stiffness, FabricLaw)
+@equation
+def fabric_plane_bending_stiffness(law):
+    return (law.B11, law.B22, law.B12)
 
 
 class Fabric:
@@ -147,6 +185,8 @@ class Fabric:
     """
 
     is_diagonal = True
+    constant_tangent = False
+    couples_thickness = False
 
     def __init__(self, law: FabricLaw, *, thickness, areal_mass, fibre_density, name="fabric"):
         self.law = law
@@ -158,9 +198,12 @@ class Fabric:
 
     @classmethod
     def from_scene(cls, spec) -> Fabric:
-        """Build from the scene's material; see design note on the reading of Voigt shear."""
+        """Build from the table of a scene.
+
+        The paper does not say whether its moduli act on 2 E12 or on E12 (manual, "Theory"):
+        S12 = C12 (2 E12) in the engineering reading, C12 E12 in the tensor reading.
+        """
         m, c, b = spec.membrane, spec.compaction, spec.bending
-        # S12 = C12 (2 E12) in the engineering reading, C12 E12 in the tensor reading.
         f = 1.0 if m.shear_convention == "engineering" else 0.5
         law = FabricLaw(
             m.C11, m.C22, f * m.C23, f * m.C13,
@@ -229,8 +272,7 @@ class Fabric:
         exponent = law.c1 * e33**law.c2
         # with x = c1 e^c2 the tangent is c0 exp(x) (1 + c2 x) and e dx/de = c2 x
         cubic = exponent * (
-            (law.c2 - 1.0) * (1.0 + law.c2)
-            + exponent * law.c2 * (3.0 * law.c2 + exponent * law.c2)
+            (law.c2 - 1.0) * (1.0 + law.c2) + exponent * law.c2 * (3.0 * law.c2 + exponent * law.c2)
         )
         cubic *= law.c0 * law.c2 / e33**2
         curvature[..., 2] = np.where(compressed, np.exp(np.where(compressed, exponent, 0.0)), 0.0)
@@ -248,7 +290,7 @@ class Fabric:
         modulus = law.c0 * np.exp(exponent)
         return modulus * E33, modulus * (1.0 + law.c2 * exponent)
 
-    def membrane_energy(self, E):
+    def membrane_energy(self, E, history=None):
         """Return the stored energy density W^M [J/m³] of the centre strain E (..., 6)."""
         E = np.asarray(E)
         law = self.law
@@ -268,8 +310,13 @@ class Fabric:
         compaction = np.sum(0.5 * E33 * weights * stress, axis=-1)
         return linear + shear + compaction
 
-    def compaction_pressure(self, thickness_stretch):
+    def compaction_pressure(self, thickness_stretch, history=None):
         """Return the tool pressure p = λ |S33| [Pa] of plate-to-plate compaction; 0 if thicker."""
         stretch = np.asarray(thickness_stretch, dtype=float)
         stress, _ = self._compaction(0.5 * (stretch**2 - 1.0))
         return np.where(stretch < 1.0, -stretch * stress, 0.0)
+
+    def wave_stiffness(self):
+        """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
+        law = self.law
+        return max(law.C11, law.C22, law.B11, law.B22), max(law.c0, law.B33)

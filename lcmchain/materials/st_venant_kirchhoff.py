@@ -7,44 +7,44 @@ linear and quadratic in the thickness coordinate (bending, C^B), Eq. (19). Voigt
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from lcmchain.jit import equation
+from lcmchain.materials.law import bending_stiffness, implements, membrane_response
+from lcmchain.materials.stiffness import full_product
+
+
+class StiffnessLaw(NamedTuple):
+    """C^M and C^B [Pa], each (36,) row by row."""
+
+    membrane: np.ndarray
+    bending: np.ndarray
 
 
 @equation
-def row(law, i):
-    return (law[i], law[i + 1], law[i + 2], law[i + 3], law[i + 4], law[i + 5])
+def row(C, i):
+    return (C[i], C[i + 1], C[i + 2], C[i + 3], C[i + 4], C[i + 5])
 
 
 @equation
-def membrane_rows(law):
-    """Return the rows of C^M from the flat law (72,)."""
-    return (row(law, 0), row(law, 6), row(law, 12), row(law, 18), row(law, 24), row(law, 30))
+def rows(C):
+    """Return the rows of a matrix (36,)."""
+    return (row(C, 0), row(C, 6), row(C, 12), row(C, 18), row(C, 24), row(C, 30))
 
 
+@implements(membrane_response, StiffnessLaw)
 @equation
-def bending_rows(law):
-    """Return the rows of C^B from the flat law (72,)."""
-    return (row(law, 36), row(law, 42), row(law, 48), row(law, 54), row(law, 60), row(law, 66))
+def stiffness_response(law, E, history):
+    C_M = rows(law.membrane)
+    return full_product(C_M, E), C_M
 
 
+@implements(bending_stiffness, StiffnessLaw)
 @equation
-def row_product(c, E):
-    return c[0] * E[0] + c[1] * E[1] + c[2] * E[2] + c[3] * E[3] + c[4] * E[4] + c[5] * E[5]
-
-
-@equation
-def stress(C, E):
-    """Return S = C : E for the rows of C."""
-    return (
-        row_product(C[0], E),
-        row_product(C[1], E),
-        row_product(C[2], E),
-        row_product(C[3], E),
-        row_product(C[4], E),
-        row_product(C[5], E),
-    )
+def stiffness_bending(law):
+    return rows(law.bending)
 
 
 def isotropic_stiffness(young_modulus: float, poisson_ratio: float) -> np.ndarray:
@@ -82,6 +82,7 @@ class StVenantKirchhoff:
     """
 
     is_diagonal = False
+    constant_tangent = True
 
     def __init__(self, membrane, bending=None, *, thickness, density, fibre_density=None, name=""):
         self.C_membrane = np.array(membrane, dtype=float)
@@ -91,7 +92,7 @@ class StVenantKirchhoff:
         self.areal_mass = density * thickness
         self.fibre_density = fibre_density
         self.name = name
-        self.law = np.concatenate([self.C_membrane.ravel(), self.C_bending.ravel()])
+        self.law = StiffnessLaw(self.C_membrane.ravel(), self.C_bending.ravel())
 
     @classmethod
     def from_scene(cls, spec) -> StVenantKirchhoff:
@@ -133,13 +134,23 @@ class StVenantKirchhoff:
         """Return C^B (6, 6)."""
         return self.C_bending
 
-    def membrane_energy(self, E):
+    @property
+    def couples_thickness(self) -> bool:
+        """Whether other strains than 33 that are linear in ζ cause a stress 33."""
+        return bool(self.C_bending[2, [0, 1, 3, 4, 5]].any())
+
+    def membrane_energy(self, E, history=None):
         """Return the stored energy density W^M [J/m³] of the centre strain E (..., 6)."""
         E = np.asarray(E)
         return 0.5 * np.einsum("...i,ij,...j->...", E, self.C_membrane, E)
 
-    def compaction_pressure(self, thickness_stretch):
+    def compaction_pressure(self, thickness_stretch, history=None):
         """Return p = λ |S33| [Pa] of compaction without lateral strain; 0 when thicker."""
         stretch = np.asarray(thickness_stretch, dtype=float)
         stress33 = self.C_membrane[2, 2] * 0.5 * (stretch**2 - 1.0)
         return np.where(stretch < 1.0, -stretch * stress33, 0.0)
+
+    def wave_stiffness(self):
+        """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
+        diagonal = np.maximum(np.diag(self.C_membrane), np.diag(self.C_bending))
+        return float(max(diagonal[0], diagonal[1])), float(diagonal[2])

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit, prange
+from numba import prange
 
-from lcmchain.jit import FLOATING_POINT, kernel
-from lcmchain.solver.loop import NODE_CHUNK
+from lcmchain.jit import kernel, routine
+from lcmchain.state import NODE_CHUNK
 from lcmchain.tools.distance import signed_distance
 
 
@@ -20,7 +20,7 @@ def find_near_nodes(arrays, tools, reach):
             mark_near_nodes(arrays, tools, tool, reach[tool], first, last)
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def mark_near_nodes(arrays, tools, tool, reach, first, last):
     position = arrays.position
     travel = arrays.tool_travel[tool]

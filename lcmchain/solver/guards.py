@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from lcmchain.elements.family import Body
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model
 from lcmchain.state import EXTERNAL, KINETIC, WORK_COLUMNS, State
 
-# Below this fraction of its initial thickness an element counts as collapsed; a textile does so
-# where it would hold more fibre than space (MD600: 0.33).
-COLLAPSED_STRETCH = 0.05
 # Deeper in a tool than this part of its thickness, the sheet is not where the tools hold it.
 DEEPEST_PENETRATION = 0.15
-
-# Below this fraction of its initial area a triangle counts as collapsed: the fibres are sheared to
-# within 3 degrees of each other.
-COLLAPSED_AREA = 0.05
 
 # Energy that may appear from nowhere, relative to the external work, before a run is called
 # unstable; the floor is the strain energy of a strain of 1e-4 over the whole sheet.
@@ -35,57 +29,36 @@ def require_finite(model: Model, state: State) -> None:
     if finite.all():
         return
     node = int(np.flatnonzero(~finite)[0])
-    element = int(np.flatnonzero((model.blank.elements == node).any(axis=1))[0])
+    element = model.element_at(node)
     raise SimulationError(
         f"a position or velocity is not a number at node {node} (element {element}, initially at "
-        f"{_millimetres(model.blank.node_positions[node])}) at {_when(state)}. Likely cause: the "
+        f"{_millimetres(model.node_positions[node])}) at {_when(state)}. Likely cause: the "
         "step is too large for the contact stiffness or for the material; lower "
         "process.step_safety or contact.penalty"
     )
 
 
-def require_upright(model: Model, state: State, stretch: np.ndarray) -> None:
-    """Stop where an element is inverted or collapsed through the thickness."""
-    worst = int(np.argmin(stretch))
-    if stretch[worst] > collapsed_stretch(model.material):
+def require_sound(model: Model, state: State, body: Body, condition: np.ndarray) -> None:
+    """Stop where an element is inverted or collapsed; ``condition`` is the body's own."""
+
+    def tools_near(nodes: np.ndarray) -> list[str]:
+        near = state.near[:, nodes + body.first_node].any(axis=1)
+        return [name for name, there in zip(model.tool_names, near, strict=True) if there]
+
+    found = body.unsound(condition, tools_near)
+    if found is None:
         return
-    centre = state.position[:, model.blank.elements[worst]].mean(axis=1)
-    what = "inverted" if stretch[worst] <= 0.0 else "collapsed"
-    if model.elements.director is not None:
-        cause = (
-            'compaction_strain = "director" measures the length of the director: under a pressure '
-            "above the transverse shear stiffness the director tilts instead of shortening and the "
-            'element folds over; use element.compaction_strain = "normal"'
-        )
-    else:
-        tools = [
-            name
-            for name, near in zip(model.tool_names, state.near, strict=True)
-            if near[model.blank.elements[worst]].any()
-        ]
-        cause = (
-            f"it is squeezed between tools ({', '.join(tools)}); check their gap and stroke"
-            if len(tools) > 1
-            else "the sheet folds on itself or the mesh cannot resolve the tool; use a smaller "
-            "blank.edge_length or a larger radius"
-        )
+    corners = body.mesh.elements[found.element] + body.first_node
+    centre = state.position[:, corners].mean(axis=1)
     raise SimulationError(
-        f"element {worst} is {what} (thickness {stretch[worst]:.3f} of the initial one) at "
-        f"{_millimetres(centre)} at {_when(state)}. Likely cause: {cause}"
+        f"{found.text}{_of_body(model, body)} at {_millimetres(centre)} at {_when(state)}. "
+        f"Likely cause: {found.cause}"
     )
-
-
-def collapsed_stretch(material) -> float:
-    """Return the thickness over its initial value at which an element counts as collapsed."""
-    if material.fibre_density is None:
-        return COLLAPSED_STRETCH
-    fraction = material.areal_mass / (material.fibre_density * material.thickness)
-    return max(COLLAPSED_STRETCH, fraction)
 
 
 def require_outside(model: Model, state: State) -> None:
     """Stop where the sheet has sunk into a tool: more pressure than the contact can carry."""
-    limit = DEEPEST_PENETRATION * model.material.thickness
+    limit = DEEPEST_PENETRATION * min(body.material.thickness for body in model.bodies)
     if not (state.penetration_max > limit).any():
         return
     tool = int(np.argmax(state.penetration_max))
@@ -98,20 +71,6 @@ def require_outside(model: Model, state: State) -> None:
     )
 
 
-def require_area(model: Model, state: State, area_ratio: np.ndarray) -> None:
-    """Stop where a triangle has lost its area."""
-    worst = int(np.argmin(area_ratio))
-    if area_ratio[worst] > COLLAPSED_AREA:
-        return
-    centre = state.position[:, model.blank.elements[worst]].mean(axis=1)
-    raise SimulationError(
-        f"triangle {worst} is collapsed (area {area_ratio[worst]:.3f} of the initial one) at "
-        f"{_millimetres(centre)} at {_when(state)}. Likely cause: the sheet is sheared beyond 87 "
-        "degrees, or the mesh cannot resolve the tool; use a smaller blank.edge_length or a larger "
-        "radius"
-    )
-
-
 def require_passive(model: Model, state: State) -> None:
     """Stop where motion and dissipation have taken more energy than was put in."""
     taken = float(np.sum(state.work[:WORK_COLUMNS]) - state.work[EXTERNAL])
@@ -120,7 +79,7 @@ def require_passive(model: Model, state: State) -> None:
     if surplus <= limit:
         return
     fastest = int(np.argmax(np.sum(state.velocity**2, axis=0)))
-    element = int(np.flatnonzero((model.blank.elements == fastest).any(axis=1))[0])
+    element = model.element_at(fastest)
     raise SimulationError(
         f"the energy balance runs away at {_when(state)}: kinetic energy "
         f"{state.work[KINETIC]:.3g} J and dissipation exceed the external work "
@@ -134,15 +93,15 @@ def require_resolved(model: Model, state: State, energy: dict[str, float]) -> No
     """Stop where the hourglass terms carry the sheet: its elements cannot follow the tools.
 
     At the first touch of a tool, while the sheet is hardly strained or moves more than it is
-    strained, the ratio says nothing; nor does it for directors that tilt, which
-    :func:`require_upright` names.
+    strained, the ratio says nothing; nor does it where a body says so.
     """
     if energy["internal"] <= max(energy["kinetic"], LOADED * energy_floor(model)):
         return
     part = energy["hourglass"] / energy["internal"]
-    if part <= LARGEST_HOURGLASS_PART or model.elements.director is not None:
+    if part <= LARGEST_HOURGLASS_PART or not all(body.hourglass_tells for body in model.bodies):
         return
-    edge = 1e3 * float(np.sqrt(np.median(model.blank.element_areas)))
+    areas = np.concatenate([body.mesh.element_areas for body in model.bodies])
+    edge = 1e3 * float(np.sqrt(np.median(areas)))
     raise SimulationError(
         f"the hourglass energy is {part:.0%} of the strain energy at {_when(state)}, more than "
         f"{LARGEST_HOURGLASS_PART:.0%}: forces and shape cannot be trusted. Likely cause: elements "
@@ -153,9 +112,16 @@ def require_resolved(model: Model, state: State, energy: dict[str, float]) -> No
 
 def energy_floor(model: Model) -> float:
     """Return the energy [J] below which a balance says nothing."""
-    C = model.material.stress_and_tangent(np.zeros(6))[1]
-    stiffness = max(C[0, 0], C[1, 1])
-    return 0.5 * stiffness * FLOOR_STRAIN**2 * model.volume
+    floor = 0.0
+    for body in model.bodies:
+        C = body.material.stress_and_tangent(np.zeros(6))[1]
+        stiffness = max(C[0, 0], C[1, 1])
+        floor += 0.5 * stiffness * FLOOR_STRAIN**2 * body.volume
+    return floor
+
+
+def _of_body(model: Model, body: Body) -> str:
+    return f" of {body.name}" if len(model.bodies) > 1 else ""
 
 
 def _when(state: State) -> str:

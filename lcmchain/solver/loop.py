@@ -13,106 +13,65 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import literal_unroll, prange
 
 from lcmchain.effects.contact import friction, normal_force
 from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.supports import prescribed_position
-from lcmchain.elements.membrane_shell.kernel import membrane_shell_forces
-from lcmchain.elements.solid_shell.kernel import LANES, internal_forces
-from lcmchain.jit import FLOATING_POINT, kernel
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.family import internal_forces
+from lcmchain.jit import kernel, routine
+from lcmchain.model import NodeData
 from lcmchain.state import (
     CONTACT,
     CONTACT_DAMPING,
     EXTERNAL,
     FRICTION,
     KINETIC,
+    LAST_STEP,
     MASS_DAMPING,
+    NODE_CHUNK,
+    STEPS,
+    TIME,
+    TOOL_COLUMNS,
     WORK_COLUMNS,
+    Scratch,
+    State,
 )
 from lcmchain.tools.distance import signed_distance
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 
-NODE_CHUNK = 128
-# columns of a tool's part of the chunk sums after the energies: force x, y, z and smallest gap
-TOOL_COLUMNS = 4
+#: What the loop reads and writes: constants of the nodes, state, and scratch arrays.
+Arrays = NamedTuple(
+    "Arrays",
+    [(name, np.ndarray) for name in (*NodeData._fields, *State.names(), *Scratch.names())],
+)
 
 
-class Arrays(NamedTuple):
-    """What the loop reads and writes; ``state.py`` and ``model.py`` document the entries."""
-
-    # constants
-    corner_node: np.ndarray
-    element_data: np.ndarray
-    force_slot: np.ndarray
-    mass: np.ndarray
-    area: np.ndarray
-    free: np.ndarray
-    # state
-    position: np.ndarray
-    velocity: np.ndarray
-    stick: np.ndarray
-    near: np.ndarray
-    tool_travel: np.ndarray
-    tool_velocity: np.ndarray
-    tool_input: np.ndarray
-    driven: np.ndarray
-    tool_force: np.ndarray
-    penetration_max: np.ndarray
-    support_force: np.ndarray
-    support_impulse: np.ndarray
-    work: np.ndarray
-    clock: np.ndarray
-    counters: np.ndarray
-    # scratch
-    corner_force: np.ndarray
-    force: np.ndarray  # (3, node_count)
-    chunk_sums: np.ndarray  # (chunk_count, WORK_COLUMNS + TOOL_COLUMNS * tool_count)
-
-
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def advance(arrays, tools, environment, elements, membrane_shell, supports, step_count, dt):
+@routine
+def advance(arrays, bodies, tools, environment, supports, step_count, dt):
     """Make ``step_count`` steps of size ``dt`` [s].
 
-    One of ``elements`` (solid-shells) and ``membrane_shell`` is None; ``supports`` is a table or
-    None.
+    ``bodies`` are those placed in the model; ``supports`` is a table or None.
     """
     clock = arrays.clock
     for _ in range(step_count):
-        dt_last = clock[1]
-        if elements is not None:
+        dt_last = clock[LAST_STEP]
+        for body in literal_unroll(bodies):
             internal_forces(
+                body.data,
                 arrays.position,
-                arrays.corner_node,
-                arrays.element_data,
-                arrays.corner_force,
-                elements.fabric,
-                elements.stiffness,
-                elements.flat,
-                elements.curved,
-                elements.director,
-                elements.conservative,
-                elements.enhanced,
-                elements.moments,
-                elements.in_plane_shear,
-            )
-        if membrane_shell is not None:
-            membrane_shell_forces(
-                arrays.position,
-                arrays.corner_node,
-                arrays.element_data,
-                arrays.corner_force,
-                membrane_shell.fabric,
-                membrane_shell.thickness,
+                arrays.corner_force[body.first_force : body.last_force],
+                arrays.history[body.first_history : body.last_history],
             )
         move_nodes(arrays, tools, environment, dt_last, dt)
         add_chunk_sums(arrays)
         if supports is not None:
             move_supports(arrays, supports, environment, dt_last, dt)
-        move_tools(arrays, tools, clock[0], dt_last, dt)
-        clock[0] += dt
-        clock[1] = dt
-        arrays.counters[0] += 1
+        move_tools(arrays, tools, clock[TIME], dt_last, dt)
+        clock[TIME] += dt
+        clock[LAST_STEP] = dt
+        arrays.counters[STEPS] += 1
 
 
 @kernel
@@ -130,7 +89,7 @@ def move_nodes(arrays, tools, environment, dt_last, dt):
         integrate(arrays, environment, first, last, dt_last, dt, sums)
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def gather_internal_forces(arrays, first, last):
     """Set the force on each node to minus the sum of its corner forces."""
     force, corner_force, force_slot = arrays.force, arrays.corner_force, arrays.force_slot
@@ -148,7 +107,7 @@ def gather_internal_forces(arrays, first, last):
         force[2, node] = z
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, dt, sums):
     """Add the contact forces of one tool to the nodes near it."""
     near, stick, mass, force = arrays.near, arrays.stick, arrays.mass, arrays.force
@@ -167,7 +126,7 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, d
         gap, nx, ny, nz = signed_distance(
             tools, tool, position[0, node], position[1, node], position[2, node], travel
         )
-        gap -= environment.contact_offset
+        gap -= arrays.offset[node]
         s = (stick[tool, 0, node], stick[tool, 1, node], stick[tool, 2, node])
         stiffness = environment.penalty * arrays.area[node]
         if gap >= 0.0:
@@ -228,7 +187,7 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, d
     sums[column + 3] = gap_min
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def integrate(arrays, environment, first, last, dt_last, dt, sums):
     """Update velocity (to n + ½) and position (to n + 1), and sum the energies of the nodes.
 
@@ -258,7 +217,7 @@ def integrate(arrays, environment, first, last, dt_last, dt, sums):
         sums[EXTERNAL] += weight
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def move_supports(arrays, supports, environment, dt_last, dt):
     """Move held components as prescribed, and sum the forces that the supports exert [N].
 
@@ -267,7 +226,7 @@ def move_supports(arrays, supports, environment, dt_last, dt):
     """
     position, velocity, free, mass = arrays.position, arrays.velocity, arrays.free, arrays.mass
     interval = 0.5 * (dt_last + dt)
-    place = (arrays.clock[0] + dt) / supports.interval
+    place = (arrays.clock[TIME] + dt) / supports.interval
     piece = min(int(place), supports.affine.shape[1] - 2)
     s = min(place - piece, 1.0)
     arrays.support_force[:] = 0.0
@@ -288,7 +247,7 @@ def move_supports(arrays, supports, environment, dt_last, dt):
             position[d, node] += dt * new
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def add_chunk_sums(arrays):
     """Reduce the sums of the chunks, in their order."""
     work, sums, tool_force = arrays.work, arrays.chunk_sums, arrays.tool_force
@@ -307,7 +266,7 @@ def add_chunk_sums(arrays):
             )
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def move_tools(arrays, tools, time, dt_last, dt):
     """Update the travel of every tool: as prescribed, as driven, or by its equation of motion."""
     work = arrays.work

@@ -8,19 +8,24 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from lcmchain.elements.family import Body
 from lcmchain.model import Model, build_model
 from lcmchain.solver import guards
 from lcmchain.solver.contact_search import find_near_nodes
-from lcmchain.solver.loop import NODE_CHUNK, TOOL_COLUMNS, Arrays, advance
-from lcmchain.solver.sheet_queries import sheet_queries
+from lcmchain.solver.loop import Arrays, advance
 from lcmchain.state import (
+    CHUNKS,
     CONTACT,
     CONTACT_DAMPING,
+    CONTROLLING_ELEMENT,
+    CONTROLLING_PART,
     EXTERNAL,
     FRICTION,
     KINETIC,
     MASS_DAMPING,
-    WORK_COLUMNS,
+    OMEGA2,
+    TIME,
+    Scratch,
     State,
 )
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
@@ -77,7 +82,6 @@ class Simulation:
         self.model = model
         self.state = state or State.at_rest(model)
         self.control = StepControl()
-        self._sheet = sheet_queries(model)
         self._bind()
 
     @classmethod
@@ -91,7 +95,13 @@ class Simulation:
         return self.state.time
 
     def restore(self, state: State) -> None:
-        """Continue from a copy of ``state`` (checkpoint, rollback of a co-simulation step)."""
+        """Continue from a copy of ``state`` (checkpoint, rollback of a co-simulation step).
+
+        Raises
+        ------
+        InputError : the state of another model.
+        """
+        state.require_fits(self.model)
         self.state = state.copy()
         self._bind()
 
@@ -122,7 +132,7 @@ class Simulation:
     def compile(self) -> None:
         """Compile (or load from the cache) every kernel that a run needs, without a step."""
         before = self.state.copy()
-        self._prepare_chunk()
+        self.prepare_steps()
         self.energy()
         self._advance(0, 1.0)
         self.restore(before)
@@ -135,19 +145,16 @@ class Simulation:
         SimulationError : a guard stopped the run; the state is that of the stop.
         """
         while self.time < time:
-            step = self._prepare_chunk()
+            step = self.prepare_steps()
             remaining = time - self.time
             count = max(1, math.ceil(remaining / step))
             chunk = min(count, STEPS_PER_CHUNK)
-            self._advance(chunk, remaining / count)
+            self.make_steps(chunk, remaining / count)
             if chunk == count:
-                self.state.clock[0] = time
-            history = self.control.history
-            history[self.control.cause] = history.get(self.control.cause, 0) + chunk
-            guards.require_finite(self.model, self.state)
+                self.state.clock[TIME] = time
             if on_chunk is not None:
                 on_chunk(self)
-        self._check_elements()
+        self.require_sound()
 
     def snapshot(self) -> Snapshot:
         """Return positions, tools and energies at the present time."""
@@ -178,8 +185,9 @@ class Simulation:
         the last step: its forces were taken at the positions before they moved on.
         """
         state = self.state
-        position = state.position - state.clock[1] * state.velocity
-        internal, hourglass = self._sheet.stored_energy(position)
+        position = state.position - state.last_step * state.velocity
+        parts = [body.stored_energy(position, self._history(body)) for body in self.model.bodies]
+        internal, hourglass = (sum(part) for part in zip(*parts, strict=True))
         work = state.work
         energy = {
             "kinetic": work[KINETIC],
@@ -197,71 +205,112 @@ class Simulation:
 
     def critical_step(self) -> float:
         """Return the stable step [s] of the present state, without the safety factor."""
-        omega2, _, code = self._sheet.highest_frequency(self.state.position)
-        return self._step_of(omega2, code)[0]
+        omega2, element, code = self._highest_frequency()
+        return self._step_of(omega2, element, code)[0]
+
+    def prepare_steps(self) -> float:
+        """Check the elements, search for contact, and return the stable step [s], safety included.
+
+        What it finds holds for the next ``STEPS_PER_CHUNK`` steps.
+
+        Raises
+        ------
+        SimulationError : a guard stopped the run.
+        """
+        state = self.state
+        conditions = self.require_sound()
+        present = float(state.clock[OMEGA2])
+        renew = present == 0.0 or state.counters[CHUNKS] >= CHUNKS_PER_FREQUENCY
+        if renew or self._may_stiffen(conditions, present):
+            omega2, element, code = self._highest_frequency()
+            if not STEP_HYSTERESIS * present < omega2 <= present:
+                state.clock[OMEGA2] = omega2
+                state.counters[CONTROLLING_ELEMENT] = element
+                state.counters[CONTROLLING_PART] = code
+            state.counters[CHUNKS] = 0
+        state.counters[CHUNKS] += 1
+        self.find_contact()
+        element = int(state.counters[CONTROLLING_ELEMENT])
+        code = int(state.counters[CONTROLLING_PART])
+        step, self.control.cause = self._step_of(float(state.clock[OMEGA2]), element, code)
+        step *= self.model.step_safety
+        self.control.step = step
+        self.control.element = element
+        return step
+
+    def make_steps(self, count: int, step: float) -> None:
+        """Make ``count`` steps of ``step`` [s], stable or not, without another search for contact.
+
+        Raises
+        ------
+        SimulationError : a position or velocity is no number any more.
+        """
+        self._advance(count, step)
+        history = self.control.history
+        history[self.control.cause] = history.get(self.control.cause, 0) + count
+        guards.require_finite(self.model, self.state)
+
+    def require_sound(self) -> list[np.ndarray]:
+        """Check that the state is sound, and return the condition of every body.
+
+        Raises
+        ------
+        SimulationError : a guard found that it is not.
+        """
+        conditions = [body.condition(self.state.position) for body in self.model.bodies]
+        for body, condition in zip(self.model.bodies, conditions, strict=True):
+            guards.require_sound(self.model, self.state, body, condition)
+        guards.require_outside(self.model, self.state)
+        guards.require_passive(self.model, self.state)
+        return conditions
 
     def _bind(self) -> None:
-        model, state = self.model, self.state
-        chunk_count = -(-model.node_count // NODE_CHUNK)
-        columns = WORK_COLUMNS + TOOL_COLUMNS * len(model.tool_names)
+        self._scratch = Scratch.zeros(self.model)
         self._arrays = Arrays(
-            model.corner_node,
-            model.element_data,
-            *model.nodes,
-            **state.as_dict(),
-            corner_force=np.zeros(model.corner_force_size),
-            force=np.zeros((3, model.node_count)),
-            chunk_sums=np.zeros((chunk_count, columns)),
+            *self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict()
         )
 
     def _advance(self, step_count: int, step: float) -> None:
         model = self.model
         advance(
             self._arrays,
+            model.placed,
             model.tools,
             model.environment,
-            model.elements,
-            model.membrane_shell,
             model.supports,
             step_count,
             float(step),
         )
 
-    def _prepare_chunk(self) -> float:
-        """Check the elements, search for contact, and return the step [s] of the next chunk."""
-        state = self.state
-        self._check_elements()
-        since = int(state.counters[1])
-        present = float(state.clock[2])
-        if present == 0.0 or since >= CHUNKS_PER_FREQUENCY or self._sheet.may_stiffen(present):
-            omega2, element, code = self._sheet.highest_frequency(state.position)
-            if not STEP_HYSTERESIS * present < omega2 <= present:
-                state.clock[2], state.counters[2], state.counters[3] = omega2, element, code
-            state.counters[1] = 0
-        state.counters[1] += 1
-        self._find_contact()
-        step, self.control.cause = self._step_of(float(state.clock[2]), int(state.counters[3]))
-        step *= self.model.step_safety
-        self.control.step = step
-        self.control.element = int(state.counters[2])
-        return step
+    def _history(self, body: Body) -> np.ndarray:
+        return self.model.history_of(body, self.state.history)
 
-    def _check_elements(self) -> None:
-        self._sheet.require_sound(self.state)
-        guards.require_outside(self.model, self.state)
-        guards.require_passive(self.model, self.state)
+    def _highest_frequency(self) -> tuple[float, int, int]:
+        """Return the largest ω² bound of all bodies, its element, and the code of its cause."""
+        found = []
+        for body in self.model.bodies:
+            omega2, element, code = body.highest_frequency(
+                self.state.position, self._history(body), self.model.nodes.mass
+            )
+            found.append((omega2, body.first_element + element, code))
+        return max(found, key=lambda bound: bound[0])
 
-    def _find_contact(self) -> None:
+    def _may_stiffen(self, conditions: list[np.ndarray], omega2: float) -> bool:
+        bodies = zip(self.model.bodies, conditions, strict=True)
+        return any(body.may_stiffen(condition, omega2) for body, condition in bodies)
+
+    def find_contact(self) -> None:
+        """Search for the nodes that can touch a tool within the next ``STEPS_PER_CHUNK`` steps."""
         state, model = self.state, self.model
         if not model.tool_names:
             return
-        interval = STEPS_PER_CHUNK * 2.0 / math.sqrt(state.clock[2])
+        interval = STEPS_PER_CHUNK * 2.0 / math.sqrt(state.clock[OMEGA2])
         speed = math.sqrt(float(np.max(np.sum(state.velocity**2, axis=0))))
         tools = range(len(model.tool_names))
         ahead = np.array([self._coming_tool_speed(k, interval) for k in tools])
         reach = SEARCH_SPEED_FACTOR * (speed + ahead) * interval
-        reach += SEARCH_THICKNESS_PART * model.material.thickness
-        reach += model.environment.contact_offset
+        reach += SEARCH_THICKNESS_PART * max(body.material.thickness for body in model.bodies)
+        reach += model.nodes.offset.max()
         find_near_nodes(self._arrays, model.tools, reach)
 
     def _coming_tool_speed(self, tool: int, interval: float) -> float:
@@ -274,7 +323,7 @@ class Simulation:
             return now + abs(load) / float(tools.mass[tool]) * interval
         return max(now, abs(prescribed_travel(tools, tool, self.time + interval)[1]))
 
-    def _step_of(self, omega2: float, code: int) -> tuple[float, str]:
+    def _step_of(self, omega2: float, element: int, code: int) -> tuple[float, str]:
         """Return 2/ω with the stiffness of the present contacts, and the cause.
 
         The damping of a contact is averaged over the step and limits it no further, but its
@@ -282,7 +331,7 @@ class Simulation:
         for ω²dt²/4 + (c/M) dt/2 <= 1.
         """
         state, model = self.state, self.model
-        cause = self._sheet.cause(code)
+        cause = model.body_of_element(element).cause(code)
         contact2 = rate = 0.0
         if len(model.tool_names) and state.near.any():
             mass = model.nodes.mass

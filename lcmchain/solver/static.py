@@ -25,7 +25,8 @@ import numpy as np
 from scipy.sparse import csc_matrix, diags_array
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from lcmchain.elements.solid_shell.kernel import LANES, internal_forces
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.tangent import PAIR_MODES, linearise, node_stiffness
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.model import Model
@@ -497,7 +498,7 @@ def nodal_forces(model: Model, displacement: np.ndarray) -> np.ndarray:
     """Return the internal forces (3, node_count) [N] of the compiled element kernel."""
     position = np.ascontiguousarray(model.blank.node_positions.T + displacement)
     corner_force = np.zeros(model.corner_force_size)
-    internal_forces(position, model.corner_node, model.element_data, corner_force, *model.elements)
+    internal_forces(model.body.data, position, corner_force, np.empty(0))
     slot = model.nodes.force_slot
     return np.stack([corner_force[slot + d * LANES].sum(axis=0) for d in range(3)])
 

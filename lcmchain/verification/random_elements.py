@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from lcmchain.blank import BlankMesh
+from lcmchain.elements.blocks import from_blocks
+from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.frequency import frequency_bounds
-from lcmchain.elements.solid_shell.kernel import internal_forces
-from lcmchain.elements.solid_shell.packing import from_blocks
 from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
@@ -146,6 +146,17 @@ def positions_of(nodes):
     return np.ascontiguousarray(np.reshape(nodes, (-1, 3)).T)
 
 
+def corner_forces(model, positions, history=None):
+    """Return the internal forces (E, corners, 3) [N] of the kernel; ``history`` goes on."""
+    body = model.body
+    corner_force = np.full(model.corner_force_size, np.nan)
+    past = np.empty(0) if history is None else history
+    internal_forces(body.data, positions, corner_force, past)
+    rows = 3 * body.force_nodes.shape[1]
+    whole = corner_force[: model.placed[0].last_force]
+    return from_blocks(whole, rows, model.element_count).reshape(model.element_count, -1, 3)
+
+
 def difference_tangent(evaluate, nodes, step):
     """Derivative (24, 24) of an element's forces (8, 3) by central differences of fourth order."""
     K = np.zeros((24, 24))
@@ -164,30 +175,13 @@ def bounds_and_frequencies(references, x, material, options=None):
     X, fibres = map(np.array, zip(*references, strict=True))
     x = np.array(x)
     model = separate_elements(X, fibres, material, options or ElementOptions())
-    padded = model.corner_node.size // 8
+    data = model.body.data
+    padded = data.corner_node.size // 8
     omega2, mode = np.zeros(padded), np.zeros(padded, dtype=np.int64)
-    frequency_bounds(
-        positions_of(x),
-        model.corner_node,
-        model.element_data,
-        model.transformation,
-        model.transformation_change,
-        material.density,
-        *model.elements,
-        omega2,
-        mode,
-    )
+    frequency_bounds(data, positions_of(x), np.empty(0), omega2, mode)
 
     def forces(x):
-        corner_force = np.zeros(model.corner_force_size)
-        internal_forces(
-            positions_of(x),
-            model.corner_node,
-            model.element_data,
-            corner_force,
-            *model.elements,
-        )
-        return from_blocks(corner_force[: model.corner_node.size * 3], 24, len(x))
+        return corner_forces(model, positions_of(x)).reshape(len(x), 24)
 
     step = 1e-5 * model.geometry.height.min()
     K = np.zeros((len(x), 24, 24))

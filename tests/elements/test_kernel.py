@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from numba import njit, typeof
 
-from lcmchain.elements.solid_shell.energies import strain_energies, thickness_stretches
-from lcmchain.elements.solid_shell.kernel import internal_forces
-from lcmchain.elements.solid_shell.packing import from_blocks
+from lcmchain.elements.solid_shell.energies import strain_energies
+from lcmchain.elements.solid_shell.kernel import element_forces
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
+from lcmchain.errors import InputError
+from lcmchain.materials.st_venant_kirchhoff import StiffnessLaw
 
 # Every combination of effect slots that is compiled once; numbers (moments, the weight of the
 # shear row, material parameters) vary within a combination at no cost.
@@ -71,17 +72,7 @@ def forces_of(make):
     """Forces (E, 8, 3) of the compiled kernel, element by element."""
 
     def forces(batch):
-        model = batch.model
-        corner_force = np.full(model.corner_force_size, np.nan)
-        internal_forces(
-            make.positions_of(batch.x),
-            model.corner_node,
-            model.element_data,
-            corner_force,
-            *model.elements,
-        )
-        rows = corner_force[: model.corner_node.size * 3]
-        return from_blocks(rows, 24, len(batch.x)).reshape(-1, 8, 3)
+        return make.corner_forces(batch.model, make.positions_of(batch.x))
 
     return forces
 
@@ -96,11 +87,11 @@ def assert_agree(batch, forces):
 def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
     case = batch(combination)
     kind, shape, strain, hourglass = combination
-    slots = case.model.elements
-    assert (slots.fabric is None, slots.stiffness is None) == (kind != "fabric", kind == "fabric")
-    assert (slots.flat is None, slots.curved is None) == (shape != "flat", shape == "flat")
-    assert (slots.director is None) == (strain == "normal")
-    assert (slots.conservative is None) == (hourglass == "published" or kind == "full")
+    options = case.model.body.data.options
+    assert (options.flat is None, options.curved is None) == (shape != "flat", shape == "flat")
+    assert (options.director is None) == (strain == "normal")
+    assert (options.conservative is None) == (hourglass == "published" or kind == "full")
+    assert (options.enhanced is None) == (kind == "fabric" and shape == "flat")
     assert_agree(case, forces_of(case))
 
 
@@ -117,6 +108,10 @@ def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
     ids=str,
 )
 def test_forces_agree_under_every_option(batch, forces_of, combination, options):
+    if combination is FULL_CURVED and "fibre_hourglass" in options:
+        with pytest.raises(InputError, match="element.fibre_hourglass: is 0.1, but only a law"):
+            batch(combination, **options)
+        return
     case = batch(combination, **options)
     assert_agree(case, forces_of(case))
 
@@ -132,7 +127,7 @@ def test_a_flat_element_has_the_same_forces_as_a_curved_one(batch, forces_of, ma
         flat.material,
         flat.options,
     )
-    assert general.elements.curved is not None
+    assert general.body.data.options.curved is not None
     mixed = Batch(None, None, np.concatenate([flat.x, warped[None]]), None, None, general)
     expected, forces = forces_of(flat), forces_of(mixed)
     scale = abs(expected).max(axis=(1, 2))[:, None, None]
@@ -152,19 +147,13 @@ def test_stored_energies_agree_with_the_reference_element(batch, make, combinati
     case = batch(combination, cross_terms=cross_terms)
     if cross_terms:  # only with C^M = C^B do the cross terms have a potential
         case.material.C_bending = case.material.C_membrane
-        case.material.law = np.tile(case.material.C_membrane.ravel(), 2)
+        stiffness = case.material.C_membrane.ravel()
+        case.material.law = StiffnessLaw(stiffness, stiffness)
         case.model = make.separate_elements(case.X, case.fibres, case.material, case.options)
-    model, count = case.model, case.model.corner_node.size // 8
+    model, count = case.model, case.model.body.data.corner_node.size // 8
     strain, bending, hourglass = np.empty((count, 6)), np.empty(count), np.empty(count)
-    strain_energies(
-        make.positions_of(case.x),
-        model.corner_node,
-        model.element_data,
-        *model.elements,
-        strain,
-        bending,
-        hourglass,
-    )
+    positions = make.positions_of(case.x)
+    strain_energies(model.body.data, positions, np.empty(0), strain, bending, hourglass)
     real = slice(ELEMENT_COUNT)
     membrane = case.material.membrane_energy(strain[real]) * model.geometry.volume
     results = case.reference()
@@ -181,10 +170,7 @@ def test_thickness_stretch_is_that_of_the_normal(batch, make):
     case = batch(FABRIC_FLAT)
     case.x[5] = case.x[5][[4, 5, 6, 7, 0, 1, 2, 3]]
     model = case.model
-    padded = model.corner_node.size // 8
-    height = np.resize(model.geometry.height, padded)
-    stretch = np.zeros(padded)
-    thickness_stretches(make.positions_of(case.x), model.corner_node, height, stretch)
+    stretch = model.body.condition(make.positions_of(case.x))
 
     def half_thickness(nodes):
         a1, a2, a3 = make.cube.T @ nodes / 8.0
@@ -225,16 +211,19 @@ def test_the_lane_loop_is_packed(batch, make, combination):
     A function that is not inlined, a call, or a division that may raise would leave it scalar.
     """
     case = batch(combination)
+    data = case.model.body.data
     arguments = (
         make.positions_of(case.x),
-        case.model.corner_node,
-        case.model.element_data,
+        data.corner_node,
+        data.element_data,
         np.zeros(case.model.corner_force_size),
-        *case.model.elements,
+        np.empty(0),
+        data.law,
+        data.options,
     )
     # code loaded from the disk cache cannot be inspected
-    options = {k: v for k, v in internal_forces.targetoptions.items() if k != "nopython"}
-    fresh = njit(**options)(internal_forces.py_func)
+    options = {k: v for k, v in element_forces.targetoptions.items() if k != "nopython"}
+    fresh = njit(**options)(element_forces.py_func)
     fresh.compile(tuple(map(typeof, arguments)))
     (assembly,) = fresh.inspect_asm().values()
     packed, scalar = lane_loop(assembly)

@@ -14,15 +14,17 @@ from scipy.sparse import csr_matrix, diags_array
 from scipy.sparse.linalg import eigsh, spsolve
 
 from lcmchain.blank import build_blank
+from lcmchain.elements.blocks import from_blocks, in_blocks
 from lcmchain.elements.membrane_shell.kernel import (
+    MembraneShellData,
     membrane_shell_forces,
     membrane_shell_state,
     nodal_frequency_bounds,
+    patch_force_loop,
     patch_nodes_in_blocks,
     patch_rows,
 )
 from lcmchain.elements.membrane_shell.patch import angle_shares, triangle_geometry
-from lcmchain.elements.solid_shell.packing import from_blocks, in_blocks
 from lcmchain.errors import InputError
 from lcmchain.triangulation import TriangleMesh, triangulate
 
@@ -58,8 +60,13 @@ class Sheet:
         self.bending = np.array([law.B11, law.B22, law.B12])
         self.geometry = triangle_geometry(self.mesh, self.bending)
         self.patch_node = patch_nodes_in_blocks(self.geometry)
-        self.data = in_blocks(patch_rows(self.geometry))
-        self.slots = (law, self.fabric.thickness)
+        self.data = MembraneShellData(
+            law,
+            self.fabric.thickness,
+            self.patch_node,
+            in_blocks(patch_rows(self.geometry)),
+            self.mesh.element_count,
+        )
         shares = angle_shares(self.mesh.node_positions[self.mesh.elements])
         nodal = self.fabric.areal_mass * shares * self.geometry.area[:, None]
         self.mass = np.bincount(self.mesh.elements.ravel(), nodal.ravel())
@@ -107,7 +114,7 @@ class Sheet:
         rows = 18 * self.patch_node.size // 6
         patch_force = np.full(rows + 5, np.nan)
         x = np.ascontiguousarray(position.T)
-        membrane_shell_forces(x, self.patch_node, self.data, patch_force, *self.slots)
+        membrane_shell_forces(self.data, x, patch_force, np.empty(0))
         assert np.isnan(patch_force[rows:]).all()
         split = from_blocks(patch_force[:rows], 18, self.mesh.element_count).reshape(-1, 6, 3)
         absent = self.geometry.nodes < 0
@@ -120,7 +127,7 @@ class Sheet:
         count = self.patch_node.size // 6
         strain, ratio, bending = np.empty((count, 6)), np.empty(count), np.empty(count)
         x = np.ascontiguousarray(position.T)
-        membrane_shell_state(x, self.patch_node, self.data, *self.slots, strain, ratio, bending)
+        membrane_shell_state(self.data, x, strain, ratio, bending)
         real = slice(self.mesh.element_count)
         return strain[real], ratio[real], bending[real]
 
@@ -128,10 +135,9 @@ class Sheet:
         """The bound of ω² [1/s²] of the sheet, and what governs the node that sets it."""
         omega2 = np.empty(self.mesh.node_count)
         part = np.empty(self.mesh.node_count, dtype=np.int64)
-        nodal_frequency_bounds(
-            np.ascontiguousarray(position.T), self.patch_node, self.data, self.mesh.element_count,
-            self.mass, *self.slots, *np.empty((2, 6, self.mesh.node_count)), omega2, part,
-        )  # fmt: skip
+        scratch = np.empty((2, 6, self.mesh.node_count))
+        x = np.ascontiguousarray(position.T)
+        nodal_frequency_bounds(self.data, x, self.mass, *scratch, omega2, part)
         return omega2.max(), part[np.argmax(omega2)]
 
 
@@ -510,12 +516,16 @@ def test_the_lane_loop_is_packed(sheet):
     """A function not inlined, a call, or a division that may raise would leave it scalar."""
     tri = sheet("aligned")
     arguments = (
-        np.ascontiguousarray(tri.mesh.node_positions.T), tri.patch_node, tri.data,
-        np.zeros(18 * tri.patch_node.size // 6), *tri.slots,
-    )  # fmt: skip
+        np.ascontiguousarray(tri.mesh.node_positions.T),
+        tri.patch_node,
+        tri.data.element_data,
+        np.zeros(18 * tri.patch_node.size // 6),
+        tri.data.law,
+        tri.data.thickness,
+    )
     # code loaded from the disk cache cannot be inspected
-    options = {k: v for k, v in membrane_shell_forces.targetoptions.items() if k != "nopython"}
-    fresh = njit(**options)(membrane_shell_forces.py_func)
+    options = {k: v for k, v in patch_force_loop.targetoptions.items() if k != "nopython"}
+    fresh = njit(**options)(patch_force_loop.py_func)
     fresh.compile(tuple(map(typeof, arguments)))
     (assembly,) = fresh.inspect_asm().values()
     arithmetic = r"\bv?(?:add|sub|mul|div|fn?m(?:add|sub)(?:132|213|231))"

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.elements.solid_shell.kernel import internal_forces
-from lcmchain.elements.solid_shell.packing import from_blocks
 from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.elements.solid_shell.tangent import (
     PAIR_MODES,
@@ -14,6 +12,7 @@ from lcmchain.elements.solid_shell.tangent import (
     node_stiffness,
     normal_compaction,
 )
+from lcmchain.verification.random_elements import corner_forces
 
 COUNT = 5
 
@@ -60,10 +59,8 @@ def batch(make):
 
 def kernel_forces(model, displacement):
     """Corner forces (E, 24) of the compiled kernel."""
-    corner_force = np.zeros(model.corner_force_size)
     positions = np.ascontiguousarray(model.blank.node_positions.T + displacement)
-    internal_forces(positions, model.corner_node, model.element_data, corner_force, *model.elements)
-    return from_blocks(corner_force[: model.corner_node.size * 3], 24, model.element_count)
+    return corner_forces(model, positions).reshape(model.element_count, 24)
 
 
 def difference_tangents(model, displacement):

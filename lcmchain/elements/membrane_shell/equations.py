@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation
-from lcmchain.materials.fabric import shear_stress_and_tangent
+from lcmchain.materials.law import plane_bending_stiffness, plane_response
 
 
 @equation
@@ -86,7 +86,7 @@ def patch_forces(u, gradient, weights, area, law, thickness):
     ----------
     u : u1 ... u5. gradient : derivatives (1, 2) of the shape functions of nodes 1 and 2.
     weights : rows d_11, d_22, 2 d_12 of nodes 1 ... 5. area [m²], thickness [m].
-    law : :class:`lcmchain.materials.fabric.FabricLaw`.
+    law : see :mod:`lcmchain.materials.law`.
     """
     u1, u2, u3, u4, u5 = u
     g1, g2 = gradient
@@ -96,18 +96,19 @@ def patch_forces(u, gradient, weights, area, law, thickness):
     r = 1.0 / dot(N, N)
 
     E11, E22, g12 = membrane_strain(a1, a2)
-    S12, _ = shear_stress_and_tangent(law, g12)
+    S, _ = plane_response(law, E11, E22, g12)
     volume = area * thickness
-    p1, p2 = membrane_resultants(volume, law.C11 * E11, law.C22 * E22, S12, a1, a2)
+    p1, p2 = membrane_resultants(volume, S[0], S[1], S[2], a1, a2)
 
     h11 = second_derivative(weights[0], u1, u2, u3, u4, u5)
     h22 = second_derivative(weights[1], u1, u2, u3, u4, u5)
     h12 = second_derivative(weights[2], u1, u2, u3, u4, u5)
     c = volume * thickness * thickness / 12.0
+    B = plane_bending_stiffness(law)
     m = (
-        unit_moment(c * law.B11, h11, N, r),
-        unit_moment(c * law.B22, h22, N, r),
-        unit_moment(c * law.B12, h12, N, r),
+        unit_moment(c * B[0], h11, N, r),
+        unit_moment(c * B[1], h22, N, r),
+        unit_moment(c * B[2], h12, N, r),
     )
     G1, G2 = surface_christoffel(moment_vector(m, h11, h22, h12), a1, a2, N, r)
     q1, q2 = plus(-G1, N, p1), plus(-G2, N, p2)

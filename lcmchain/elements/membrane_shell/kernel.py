@@ -7,22 +7,23 @@ loop over the lanes around the straight-line equations of ``equations.py``.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
+from lcmchain.dispatch import implements
+from lcmchain.elements.blocks import LANES, in_blocks
+from lcmchain.elements.family import internal_forces
 from lcmchain.elements.membrane_shell.equations import (
     membrane_strain,
     patch_forces,
     second_derivative,
 )
 from lcmchain.elements.membrane_shell.patch import CORNERS, PATCH_NODES, TriangleGeometry
-from lcmchain.elements.solid_shell.kernel import LANES, load3
-from lcmchain.elements.solid_shell.packing import in_blocks
 from lcmchain.elements.vectors import combination2, cross, dot
-from lcmchain.jit import FLOATING_POINT, equation, kernel
-from lcmchain.materials.fabric import FabricLaw, shear_stress_and_tangent
+from lcmchain.jit import equation, kernel, routine
+from lcmchain.materials.law import plane_bending_stiffness, plane_response
 
 FORCE_ROWS = 3 * PATCH_NODES
 # gradients of nodes 1 and 2, area, weights of nodes 1 ... 5 in the three second derivatives
@@ -30,11 +31,21 @@ DATA_ROWS = 20
 GRADIENT, AREA, WEIGHTS, WEIGHT_COUNT = 0, 4, 5, 5
 
 
-class MembraneShellSlots(NamedTuple):
-    """Arguments of the kernels below after node positions and connectivity."""
+class MembraneShellData(NamedTuple):
+    """Constants of a body of triangles as its kernels read them.
 
-    fabric: FabricLaw
-    thickness: float  # [m]
+    law : see :mod:`lcmchain.materials.law`; thickness : initial thickness [m].
+    corner_node : (block_count * 6 * 16,) int32, nodes of the patches
+        (:func:`patch_nodes_in_blocks`).
+    element_data : (block_count * 20 * 16,), see :func:`patch_rows`.
+    element_count : without the padding of the last block.
+    """
+
+    law: Any
+    thickness: float
+    corner_node: np.ndarray
+    element_data: np.ndarray
+    element_count: int
 
 
 def patch_rows(geometry: TriangleGeometry) -> np.ndarray:
@@ -50,10 +61,18 @@ def patch_rows(geometry: TriangleGeometry) -> np.ndarray:
     )
 
 
-def patch_nodes_in_blocks(geometry: TriangleGeometry) -> np.ndarray:
-    """Return the nodes of the patches in blocks; absent ones, without weight, repeat the first."""
+def patch_nodes_in_blocks(geometry: TriangleGeometry, first_node: int = 0) -> np.ndarray:
+    """Return the nodes of the patches in blocks; absent ones, without weight, repeat the first.
+
+    ``first_node`` is the number of the mesh's first node in the model.
+    """
     nodes = geometry.nodes
-    return in_blocks(np.where(nodes < 0, nodes[:, :1], nodes)).astype(np.int32)
+    return in_blocks(np.where(nodes < 0, nodes[:, :1], nodes) + first_node).astype(np.int32)
+
+
+@equation
+def load3(data, i):
+    return (data[i], data[i + LANES], data[i + 2 * LANES])
 
 
 @equation
@@ -94,10 +113,10 @@ def store3(f, i, v):
 
 
 @equation
-def triangle_in_lane(i, x, data, fabric, thickness):
+def triangle_in_lane(i, x, data, law, thickness):
     """Replace the node positions of the patch at ``x[i + row*16]`` by the internal forces."""
     u, gradient, weights, area = load_patch(x, data, i)
-    f1, f2, f3, f4, f5 = patch_forces(u, gradient, weights, area, fabric, thickness)
+    f1, f2, f3, f4, f5 = patch_forces(u, gradient, weights, area, law, thickness)
     L = LANES
     store3(x, i + 3 * L, f1)
     store3(x, i + 6 * L, f2)
@@ -122,18 +141,24 @@ def gather_patches(positions, nodes, x):
             x[(3 * c + 2) * LANES + lane] = positions[2, node]
 
 
-@kernel
-def membrane_shell_forces(positions, patch_node, element_data, node_force, fabric, thickness):
-    """Write the internal forces of all triangles on the nodes of their patches.
+@implements(internal_forces, MembraneShellData)
+@routine
+def membrane_shell_forces(body, positions, node_force, history):
+    """Write the internal forces of all triangles of a body on the nodes of their patches.
 
     Parameters
     ----------
-    positions : (3, node_count) [m].
-    patch_node : (block_count * 6 * 16,) int32, see :func:`patch_nodes_in_blocks`.
-    element_data : (block_count * 20 * 16,), see :func:`patch_rows`.
+    body : :class:`MembraneShellData`. positions : (3, node_count) [m].
     node_force : (block_count * 18 * 16,) or longer [N], row ``3*node + component``, written.
-    fabric : :class:`FabricLaw`; thickness : initial thickness [m].
+    history : empty, no law with memory serves triangles yet.
     """
+    patch_force_loop(
+        positions, body.corner_node, body.element_data, node_force, body.law, body.thickness
+    )
+
+
+@kernel
+def patch_force_loop(positions, patch_node, element_data, node_force, law, thickness):
     block_count = patch_node.size // (PATCH_NODES * LANES)
     for block in prange(block_count):
         nodes = patch_node[block * PATCH_NODES * LANES : (block + 1) * PATCH_NODES * LANES]
@@ -141,7 +166,7 @@ def membrane_shell_forces(positions, patch_node, element_data, node_force, fabri
         data = element_data[block * DATA_ROWS * LANES : (block + 1) * DATA_ROWS * LANES]
         gather_patches(positions, nodes, x)
         for lane in range(LANES):
-            triangle_in_lane(lane, x, data, fabric, thickness)
+            triangle_in_lane(lane, x, data, law, thickness)
 
 
 @equation
@@ -158,18 +183,32 @@ def deformation(u, gradient, weights):
     return a1, a2, cross(a1, a2), h
 
 
-@kernel
-def membrane_shell_state(
-    positions, patch_node, element_data, fabric, thickness, strain, area_ratio, bending_energy
-):
+@routine
+def membrane_shell_state(body, positions, strain, area_ratio, bending_energy):
     """Write strains, current over initial area, and the stored energy of bending.
 
     Parameters
     ----------
-    positions ... thickness : as for :func:`membrane_shell_forces`.
+    body, positions : as for :func:`membrane_shell_forces`.
     strain : (block_count * 16, 6) Green-Lagrange, engineering shear, written; 33, 23, 13 are 0.
     area_ratio : (block_count * 16,), bending_energy : (block_count * 16,) [J], written.
     """
+    patch_state_loop(
+        positions,
+        body.corner_node,
+        body.element_data,
+        body.law,
+        body.thickness,
+        strain,
+        area_ratio,
+        bending_energy,
+    )
+
+
+@kernel
+def patch_state_loop(
+    positions, patch_node, element_data, law, thickness, strain, area_ratio, bending_energy
+):
     block_count = patch_node.size // (PATCH_NODES * LANES)
     for block in prange(block_count):
         nodes = patch_node[block * PATCH_NODES * LANES : (block + 1) * PATCH_NODES * LANES]
@@ -182,7 +221,8 @@ def membrane_shell_state(
             E11, E22, g12 = membrane_strain(a1, a2)
             squared = dot(N, N)
             k1, k2, k12 = dot(h[0], N), dot(h[1], N), dot(h[2], N)
-            bending = fabric.B11 * k1 * k1 + fabric.B22 * k2 * k2 + fabric.B12 * k12 * k12
+            B = plane_bending_stiffness(law)
+            bending = B[0] * k1 * k1 + B[1] * k2 * k2 + B[2] * k12 * k12
             element = block * LANES + lane
             strain[element, 0] = E11
             strain[element, 1] = E22
@@ -197,7 +237,7 @@ def membrane_shell_state(
 # --- frequency bound ------------------------------------------------------------------------------
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def add_outer(D, node, factor, v):
     """Add factor v vᵀ to the symmetric matrix (11, 22, 33, 12, 23, 13) of a node."""
     D[0, node] += factor * v[0] * v[0]
@@ -208,7 +248,7 @@ def add_outer(D, node, factor, v):
     D[5, node] += factor * v[0] * v[2]
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def add_multiple_of_identity(D, node, factor):
     D[0, node] += factor
     D[1, node] += factor
@@ -228,11 +268,8 @@ def largest_eigenvalue(a, b, c, d, e, f):
     return mean + 2.0 * deviation * math.cos(math.acos(cosine) / 3.0)
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def nodal_frequency_bounds(
-    positions, patch_node, element_data, element_count, mass, fabric, thickness, membrane, bending,
-    omega2, controlling_part,
-):  # fmt: skip
+@routine
+def nodal_frequency_bounds(body, positions, mass, membrane, bending, omega2, controlling_part):
     """Write for every node the share of an upper bound of the sheet's highest frequency.
 
     The second variation of the energy is a sum of terms c (Σ_i b_i·δx_i)². By Cauchy's inequality
@@ -247,7 +284,7 @@ def nodal_frequency_bounds(
 
     Parameters
     ----------
-    positions ... thickness : as for :func:`membrane_shell_forces`; mass : (node_count,) [kg].
+    body, positions : as for :func:`membrane_shell_forces`; mass : (node_count,) [kg].
     membrane, bending : (6, node_count), scratch: D of the two parts.
     omega2 : (node_count,) [1/s²], written. controlling_part : (node_count,) int64, written: 0 where
         the membrane has the larger share, 1 where bending has it.
@@ -255,7 +292,10 @@ def nodal_frequency_bounds(
     membrane[:] = 0.0
     bending[:] = 0.0
     weight = np.empty((CORNERS + 3, 3))
-    for element in range(element_count):
+    patch_node, element_data = body.corner_node, body.element_data
+    law, thickness = body.law, body.thickness
+    stiffnesses = plane_bending_stiffness(law)
+    for element in range(body.element_count):
         block, lane = divmod(element, LANES)
         nodes = patch_node[block * PATCH_NODES * LANES + lane :: LANES][:PATCH_NODES]
         data = element_data[block * DATA_ROWS * LANES : (block + 1) * DATA_ROWS * LANES]
@@ -266,8 +306,7 @@ def nodal_frequency_bounds(
         u, gradient, weights, area = load_patch(x, data, lane)
         a1, a2, N, h = deformation(u, gradient, weights)
         E11, E22, g12 = membrane_strain(a1, a2)
-        S11, S22 = fabric.C11 * E11, fabric.C22 * E22
-        S12, C12 = shear_stress_and_tangent(fabric, g12)
+        (S11, S22, S12), (C11, C22, C12) = plane_response(law, E11, E22, g12)
         volume = area * thickness
 
         g1 = (-gradient[0][0] - gradient[1][0], gradient[0][0], gradient[1][0])
@@ -282,8 +321,8 @@ def nodal_frequency_bounds(
         tension2 = volume * (max(S22, 0.0) + abs(S12))
         for c in range(CORNERS):
             node = nodes[c]
-            add_outer(membrane, node, volume * fabric.C11 * sum1 * abs(g1[c]), a1)
-            add_outer(membrane, node, volume * fabric.C22 * sum2 * abs(g2[c]), a2)
+            add_outer(membrane, node, volume * C11 * sum1 * abs(g1[c]), a1)
+            add_outer(membrane, node, volume * C22 * sum2 * abs(g2[c]), a2)
             b = combination2(g1[c], a2, g2[c], a1)
             length = math.sqrt(dot(b, b))
             if length > 0.0:
@@ -301,7 +340,7 @@ def nodal_frequency_bounds(
             s = combination2(g1[c] / squared, dual1, g2[c] / squared, dual2)
             gradients[c] = math.sqrt(dot(s, s))
             slope += gradients[c]
-        for row, B in enumerate((fabric.B11, fabric.B22, fabric.B12)):
+        for row, B in enumerate(stiffnesses):
             D = volume * thickness * thickness / 12.0 * B
             G1, G2 = dot(h[row], dual1) / squared, dot(h[row], dual2) / squared
             total, first = 0.0, 0.0

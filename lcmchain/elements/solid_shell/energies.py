@@ -7,27 +7,17 @@ import math
 import numpy as np
 from numba import prange
 
-from lcmchain.elements.solid_shell.equations import (
-    condensed_enhanced_strain,
-    diagonal_product,
-    scaled6,
-    sum6,
-)
+from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import (
-    LANES,
     element_stress,
     load_component,
     mode_vectors,
-    replace33,
+    stresses,
 )
 from lcmchain.elements.vectors import cross, dot
-from lcmchain.jit import equation, kernel
-from lcmchain.materials.fabric import (
-    bending_stiffness,
-    hourglass_stiffness,
-    membrane_stress_and_tangent,
-)
-from lcmchain.materials.st_venant_kirchhoff import bending_rows, membrane_rows, stress
+from lcmchain.jit import equation, kernel, routine
+from lcmchain.materials.law import load_history
+from lcmchain.materials.stiffness import product
 
 
 @equation
@@ -67,39 +57,51 @@ def gather(position, nodes, corner):
                 corner[(3 * c + d) * LANES + lane] = position[d, nodes[c * LANES + lane]]
 
 
-@kernel
-def strain_energies(
-    positions,
-    corner_node,
-    element_data,
-    fabric,
-    stiffness,
-    flat,
-    curved,
-    director,
-    conservative,
-    enhanced,
-    moments,
-    in_plane_shear,
-    centre_strain,
-    bending_energy,
-    hourglass_energy,
-):
+@routine
+def strain_energies(body, positions, history, centre_strain, bending_energy, hourglass_energy):
     """Write the centre strain and the stored energies of bending and hourglass terms.
 
     Parameters
     ----------
-    positions ... in_plane_shear : as for ``internal_forces``.
+    body, positions, history : as for :func:`lcmchain.elements.solid_shell.kernel.internal_forces`;
+        the history is that of the end of a step to these positions.
     centre_strain : (block_count * 16, 6), written; see the material's ``membrane_energy``.
     bending_energy, hourglass_energy : (block_count * 16,) [J], written. The cross terms of E^0 and
         E^ζζ, and the enhanced strain, have a potential only where C^M and C^B are proportional (or
         diagonal, for the latter); their symmetric part is counted.
     """
+    element_energies(
+        positions,
+        body.corner_node,
+        body.element_data,
+        history,
+        body.law,
+        body.options,
+        centre_strain,
+        bending_energy,
+        hourglass_energy,
+    )
+
+
+@kernel
+def element_energies(
+    positions,
+    corner_node,
+    element_data,
+    history,
+    law,
+    options,
+    centre_strain,
+    bending_energy,
+    hourglass_energy,
+):
     block_count = corner_node.size // (8 * LANES)
     rows = element_data.size // (block_count * LANES)
+    history_rows = history.size // (block_count * LANES)
     for block in prange(block_count):
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
+        past = history[block * history_rows * LANES : (block + 1) * history_rows * LANES]
         corner = np.empty(24 * LANES)
         gather(positions, nodes, corner)
         for lane in range(LANES):
@@ -108,53 +110,17 @@ def strain_energies(
                 load_component(corner, lane + LANES),
                 load_component(corner, lane + 2 * LANES),
             )
-            _, E, _, _, volume, _ = element_stress(
-                a,
-                data,
-                lane,
-                fabric,
-                stiffness,
-                flat,
-                curved,
-                director,
-                conservative,
-                enhanced,
-                moments,
-                in_plane_shear,
-            )
-            if fabric is not None:
-                S, C_M = membrane_stress_and_tangent(fabric, E.centre)
-                C_B = bending_stiffness(fabric)
-                C_hg = hourglass_stiffness(fabric, C_M)
-                S_zeta = diagonal_product(C_B, E.zeta)
-                if enhanced is not None:
-                    S_zeta = replace33(S_zeta, 0.0)
-                S_zeta2 = diagonal_product(C_B, E.zeta2)
-                S_cross = diagonal_product(C_B, E.centre)
-                xi = product6(E.xi, diagonal_product(C_hg, E.xi))
-                eta = product6(E.eta, diagonal_product(C_hg, E.eta))
-                eta_zeta = product6(E.eta_zeta, diagonal_product(C_B, E.eta_zeta))
-                xi_zeta = product6(E.xi_zeta, diagonal_product(C_B, E.xi_zeta))
-            if stiffness is not None:
-                M, B = membrane_rows(stiffness), bending_rows(stiffness)
-                S = stress(M, E.centre)
-                S_zeta = stress(B, E.zeta)
-                if enhanced is not None:
-                    enhanced33 = condensed_enhanced_strain(S_zeta[2], M[2][2])
-                    S_zeta = sum6(S_zeta, scaled6(enhanced33, M[2]))
-                S_zeta2 = stress(B, E.zeta2)
-                S_cross = stress(B, E.centre)
-                xi = product6(E.xi, stress(M, E.xi))
-                eta = product6(E.eta, stress(M, E.eta))
-                eta_zeta = product6(E.eta_zeta, stress(B, E.eta_zeta))
-                xi_zeta = product6(E.xi_zeta, stress(B, E.xi_zeta))
-            bending = moments.zeta2 * product6(S_zeta, E.zeta)
-            bending += moments.zeta4 * product6(S_zeta2, E.zeta2)
-            bending += moments.cross * (product6(S, E.zeta2) + product6(S_cross, E.zeta2))
+            lane_history = load_history(law, past, lane, LANES)
+            _, E, _, _, volume, _ = element_stress(a, data, lane, law, lane_history, options)
+            S = stresses(law, lane_history, options, options.enhanced, E)
+            bending = options.zeta2 * product6(S.zeta, E.zeta)
+            bending += options.zeta4 * product6(S.zeta2, E.zeta2)
+            S_cross = product(S.C_B, E.centre)
+            bending += options.cross * (product6(S.centre, E.zeta2) + product6(S_cross, E.zeta2))
+            warping = product6(E.xi, S.xi) + product6(E.eta, S.eta)
+            twisting = product6(E.eta_zeta, S.eta_zeta) + product6(E.xi_zeta, S.xi_zeta)
             element = block * LANES + lane
             for i in range(6):
                 centre_strain[element, i] = E.centre[i]
             bending_energy[element] = 0.5 * volume * bending
-            hourglass_energy[element] = (
-                0.5 * volume * ((xi + eta) / 3.0 + (eta_zeta + xi_zeta) / 9.0)
-            )
+            hourglass_energy[element] = 0.5 * volume * (warping / 3.0 + twisting / 9.0)

@@ -40,19 +40,6 @@ class Taylor(NamedTuple):
     xi_zeta: tuple  # E^ξζ
 
 
-class Moments(NamedTuple):
-    """Means over the thickness of powers of ζ, from the integration points in Eq. (15).
-
-    ``zeta2`` = <ζ²>, ``zeta4`` = <ζ⁴>: 1/3 and 1/5 for three or more Gauss points and for the exact
-    integral, 1/3 and 1/9 for two. ``cross`` multiplies the terms that couple E^0 and E^ζζ: <ζ²> as
-    printed in Eqs. (15) and (19), 0 to drop them.
-    """
-
-    zeta2: float
-    zeta4: float
-    cross: float
-
-
 # --- kinematics ----------------------------------------------------------------------------------
 
 
@@ -556,16 +543,13 @@ def condensed_enhanced_strain(bending_stress33, tangent33):
 
 
 @equation
-def diagonal_product(C, E):
-    """Return C : E for a diagonal C, Eqs. (20) and (25)."""
-    return (C[0] * E[0], C[1] * E[1], C[2] * E[2], C[3] * E[3], C[4] * E[4], C[5] * E[5])
+def thickness_resultants(options, S_centre, S_zeta, S_zeta2):
+    """Return the means over ζ of S*, ζS*, ζ²S* that Eq. (15) multiplies with B^0, B^ζ, B^ζζ.
 
-
-@equation
-def thickness_resultants(moments, S_centre, S_zeta, S_zeta2):
-    """Return the means over ζ of S*, ζS*, ζ²S* that Eq. (15) multiplies with B^0, B^ζ, B^ζζ."""
+    ``options`` holds the means ``zeta2``, ``zeta4`` and ``cross`` of powers of ζ.
+    """
     return (
-        sum6(S_centre, scaled6(moments.cross, S_zeta2)),
-        scaled6(moments.zeta2, S_zeta),
-        sum6(scaled6(moments.cross, S_centre), scaled6(moments.zeta4, S_zeta2)),
+        sum6(S_centre, scaled6(options.cross, S_zeta2)),
+        scaled6(options.zeta2, S_zeta),
+        sum6(scaled6(options.cross, S_centre), scaled6(options.zeta4, S_zeta2)),
     )

@@ -15,21 +15,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
-from lcmchain.elements.solid_shell.kernel import LANES, element_stress, load_component, mode_vectors
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.solid_shell.kernel import element_stress, load_component, mode_vectors
 from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
 from lcmchain.elements.vectors import cross, dot
-from lcmchain.jit import FLOATING_POINT, equation, kernel
-from lcmchain.materials.fabric import (
+from lcmchain.jit import equation, kernel, routine
+from lcmchain.materials.law import (
     bending_stiffness,
-    compaction_tangent_curvature,
-    compaction_tangent_slope,
-    membrane_stress_and_tangent,
-    shear_tangent_curvature,
-    shear_tangent_slope,
+    load_history,
+    membrane_response,
+    tangent_curvature,
+    tangent_slope,
 )
-from lcmchain.materials.st_venant_kirchhoff import bending_rows, membrane_rows
+from lcmchain.materials.stiffness import by_structure
 
 IN_PLANE_MODES = (0, 1, 3)
 ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -47,22 +47,25 @@ PRODUCT_FACTOR = np.array([entry[4] for entry in _ENTRIES])
 
 
 @equation
-def tangent_derivatives(law, E):
-    """Return first and second derivative of the diagonal tangent C^M of a fabric."""
-    slope33, slope12 = compaction_tangent_slope(law, E[2]), shear_tangent_slope(law, E[3])
-    slope = (0.0, 0.0, slope33, slope12, 0.0, 0.0)
-    curvature = (
-        0.0,
-        0.0,
-        compaction_tangent_curvature(law, E[2]),
-        shear_tangent_curvature(law, E[3]),
-        0.0,
-        0.0,
+def value_or_zero(x):
+    if x is None:
+        return 0.0
+    return x
+
+
+@equation
+def values_or_zero(x):
+    return (
+        value_or_zero(x[0]),
+        value_or_zero(x[1]),
+        value_or_zero(x[2]),
+        value_or_zero(x[3]),
+        value_or_zero(x[4]),
+        value_or_zero(x[5]),
     )
-    return slope, curvature
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def covariant_gradients(a, rows):
     """Fill ``rows`` (7 terms, 6 components, 21) with the gradients of the covariant strains."""
     rows[:] = 0.0
@@ -74,7 +77,7 @@ def covariant_gradients(a, rows):
             rows[t, c, 3 * m + d] += f * a[k, d]
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def add_transformed(T, source, target):
     """Add T (6, 6) times the rows ``source`` (6, 21) to ``target`` (6, 21)."""
     for i in range(6):
@@ -84,7 +87,7 @@ def add_transformed(T, source, target):
                     target[i, k] += T[i, j] * source[j, k]
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def scale_in_plane_shear(T, factor, rows):
     """Weight the in-plane shear of ``rows`` (6, 21) in the covariant axes of T, as the kernel."""
     read = np.linalg.inv(T)[3]
@@ -96,7 +99,7 @@ def scale_in_plane_shear(T, factor, rows):
             rows[i, k] += (factor - 1.0) * shear * T[i, 3]
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def mode_lengths(row, lengths):
     """Fill ``lengths`` (7,) with the lengths of the parts of a row that belong to the modes."""
     for k in range(7):
@@ -105,33 +108,37 @@ def mode_lengths(row, lengths):
         lengths[k] = math.sqrt(squared) if squared > 0.0 else 0.0
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def add_diagonal_stiffness(rows, C_M, C_B, moments, slope, curvature, E, norms):
-    """Add bounds of the blocks of Σ d b bᵀ, the material stiffness of a fabric, to ``norms``.
+@routine
+def add_diagonal_stiffness(C_M, C_B, rows, law, history, options, conservative, enhanced, E, norms):
+    """Add bounds of the blocks of Σ d b bᵀ, for diagonal stiffnesses, to ``norms``.
 
-    ``slope`` and ``curvature`` are the derivatives of the tangent C^M in the conservative hourglass
-    energy (1/6) E^ξ:C(E⁰):E^ξ; they stiffen E⁰ and couple it with E^ξ and E^η.
+    The derivatives of the tangent C^M in the conservative hourglass energy (1/6) E^ξ:C(E⁰):E^ξ
+    stiffen E⁰ and couple it with E^ξ and E^η.
     """
+    slope, curvature = ZERO, ZERO
+    if conservative is not None:
+        slope = values_or_zero(tangent_slope(law, E.centre, history))
+        curvature = values_or_zero(tangent_curvature(law, E.centre, history))
     lengths, other = np.empty(7), np.empty(7)
     for i in range(6):
         xi, eta = abs(E.xi[i]), abs(E.eta[i])
         centre = C_M[i] + abs(curvature[i]) * (xi * xi + eta * eta) / 6.0
         add_row(rows[0, i], centre, norms, lengths)
-        add_row(rows[1, i], moments.zeta2 * C_B[i], norms, lengths)
-        add_row(rows[2, i], moments.zeta4 * C_B[i], norms, lengths)
+        add_row(rows[1, i], options.zeta2 * C_B[i], norms, lengths)
+        add_row(rows[2, i], options.zeta4 * C_B[i], norms, lengths)
         add_row(rows[3, i], C_M[i] / 3.0, norms, lengths)
         add_row(rows[4, i], C_M[i] / 3.0, norms, lengths)
         add_row(rows[5, i], C_B[i] / 9.0, norms, lengths)
         add_row(rows[6, i], C_B[i] / 9.0, norms, lengths)
         # cross terms of B^0 and B^ζζ: not symmetric, their symmetric part counts
-        cross = 0.5 * moments.cross * (C_M[i] + C_B[i])
+        cross = 0.5 * options.cross * (C_M[i] + C_B[i])
         add_pair(rows[0, i], rows[2, i], cross, norms, lengths, other)
         if slope[i] != 0.0:
             add_pair(rows[0, i], rows[3, i], abs(slope[i]) * xi / 3.0, norms, lengths, other)
             add_pair(rows[0, i], rows[4, i], abs(slope[i]) * eta / 3.0, norms, lengths, other)
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def add_row(row, d, norms, lengths):
     """Add the norms of the blocks of d b bᵀ."""
     mode_lengths(row, lengths)
@@ -140,7 +147,7 @@ def add_row(row, d, norms, lengths):
             norms[k, m] += d * lengths[k] * lengths[m]
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def add_pair(row, other_row, d, norms, lengths, other):
     """Add the norms of the blocks of d (b cᵀ + c bᵀ)."""
     if d == 0.0:
@@ -152,7 +159,7 @@ def add_pair(row, other_row, d, norms, lengths, other):
             norms[k, m] += d * (lengths[k] * other[m] + other[k] * lengths[m])
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def matrix6(rows, C):
     """Fill C (6, 6) with a tuple of rows."""
     for i in range(6):
@@ -160,30 +167,35 @@ def matrix6(rows, C):
             C[i, j] = rows[i][j]
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
-def add_full_stiffness(rows, C_M, C_B, moments, condensed, norms):
+@routine
+def add_full_stiffness(
+    M_rows, B_rows, rows, law, history, options, conservative, enhanced, E, norms
+):
     """Add the norms of the blocks of Σ Bᵀ C B for full 6x6 stiffnesses to ``norms``.
 
-    ``condensed``: whether the enhanced strain relieves the ζ-linear stress, Eq. (17). The blocks
-    are those of the sum, so that opposite couplings cancel; their Frobenius norms bound them.
+    The blocks are those of the sum, so that opposite couplings cancel; their Frobenius norms bound
+    them. The enhanced strain relieves the ζ-linear stress, Eq. (17).
     """
+    C_M, C_B = np.empty((6, 6)), np.empty((6, 6))
+    matrix6(M_rows, C_M)
+    matrix6(B_rows, C_B)
     K = np.zeros((21, 21))
     image = np.empty((6, 21))
     C_zeta = C_B.copy()
-    if condensed:
+    if enhanced is not None:
         for i in range(6):
             for j in range(6):
                 C_zeta[i, j] -= C_M[i, 2] * C_B[2, j] / C_M[2, 2]
     add_product(rows[0], C_M, 1.0, rows[0], image, K)
-    add_product(rows[1], C_zeta, moments.zeta2, rows[1], image, K)
-    add_product(rows[2], C_B, moments.zeta4, rows[2], image, K)
+    add_product(rows[1], C_zeta, options.zeta2, rows[1], image, K)
+    add_product(rows[2], C_B, options.zeta4, rows[2], image, K)
     add_product(rows[3], C_M, 1.0 / 3.0, rows[3], image, K)
     add_product(rows[4], C_M, 1.0 / 3.0, rows[4], image, K)
     add_product(rows[5], C_B, 1.0 / 9.0, rows[5], image, K)
     add_product(rows[6], C_B, 1.0 / 9.0, rows[6], image, K)
-    if moments.cross != 0.0:
-        add_product(rows[0], C_B, moments.cross, rows[2], image, K)
-        add_product(rows[2], C_M, moments.cross, rows[0], image, K)
+    if options.cross != 0.0:
+        add_product(rows[0], C_B, options.cross, rows[2], image, K)
+        add_product(rows[2], C_M, options.cross, rows[0], image, K)
     for k in range(7):
         for m in range(7):
             squared = 0.0
@@ -193,7 +205,10 @@ def add_full_stiffness(rows, C_M, C_B, moments, condensed, norms):
             norms[k, m] += math.sqrt(squared)
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+add_stiffness = by_structure(add_diagonal_stiffness, add_full_stiffness)
+
+
+@routine
 def add_product(left, C, weight, right, image, K):
     """Add weight · leftᵀ C right (21, 21) to K; ``image`` (6, 21) is scratch."""
     for i in range(6):
@@ -212,7 +227,7 @@ def add_product(left, C, weight, right, image, K):
                     K[k, m] += b * image[i, m]
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def add_stress_stiffness(sigma, norms):
     """Add |Σ_kl|, the norms of the blocks of the geometric stiffness Σ ⊗ 1.
 
@@ -238,7 +253,7 @@ def add_stress_stiffness(sigma, norms):
             norms[k, m] = norms[m, k]
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def add_normal_compaction(a1, a2, a3, gradients, S33, inverse_height, row, norms):
     """Set the row of E33 by the normal thickness t = a3·n, and add its geometric stiffness.
 
@@ -265,7 +280,7 @@ def add_normal_compaction(a1, a2, a3, gradients, S33, inverse_height, row, norms
         add_row(row, S33 / (t * inverse_height) ** 2, norms, np.empty(7))
 
 
-@njit(error_model="numpy", fastmath=FLOATING_POINT, cache=True)
+@routine
 def spectral_radius_bound(norms, weight, image):
     """Return an upper bound of the spectral radius of a matrix with blocks of these ``norms``.
 
@@ -291,47 +306,57 @@ def spectral_radius_bound(norms, weight, image):
     return bound
 
 
+@routine
+def frequency_bounds(body, positions, history, omega2, controlling_mode):
+    """Write the bound of ω² [1/s²] of every element, and the mode (0 ... 6) that moves most.
+
+    Parameters
+    ----------
+    body, positions, history : as for :func:`lcmchain.elements.solid_shell.kernel.internal_forces`.
+    omega2 : (block_count * 16,), controlling_mode : (block_count * 16,) int64, written.
+    """
+    element_frequency_bounds(
+        positions,
+        body.corner_node,
+        body.element_data,
+        body.transformation,
+        body.transformation_change,
+        body.density,
+        history,
+        body.law,
+        body.options,
+        omega2,
+        controlling_mode,
+    )
+
+
 @kernel
-def frequency_bounds(
+def element_frequency_bounds(
     positions,
     corner_node,
     element_data,
     transformation,
     transformation_change,
     density,
-    fabric,
-    stiffness,
-    flat,
-    curved,
-    director,
-    conservative,
-    enhanced,
-    moments,
-    in_plane_shear,
+    history,
+    law,
+    options,
     omega2,
     controlling_mode,
 ):
-    """Write the bound of ω² [1/s²] of every element, and the mode (0 ... 6) that moves most.
-
-    Parameters
-    ----------
-    positions ... in_plane_shear : as for ``internal_forces``.
-    transformation : (block_count * 16, 6, 6) T⁰; transformation_change : (..., 3, 6, 6) T^ξ, T^η,
-        T^ζ, read only for curved references.
-    density : [kg/m³]; nodal masses are one eighth of the element's.
-    """
     block_count = corner_node.size // (8 * LANES)
     rows = element_data.size // (block_count * LANES)
+    history_rows = history.size // (block_count * LANES)
     for block in prange(block_count):
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
+        past = history[block * history_rows * LANES : (block + 1) * history_rows * LANES]
         corner = np.empty(24 * LANES)
         a_array = np.empty((7, 3))
         covariant = np.empty((7, 6, 21))
         material = np.empty((7, 6, 21))
         norms = np.empty((7, 7))
         weight, image = np.empty(7), np.empty(7)
-        membrane, bending = np.empty((6, 6)), np.empty((6, 6))
         for c in range(8):
             for lane in range(LANES):
                 for d in range(3):
@@ -343,26 +368,16 @@ def frequency_bounds(
             a = mode_vectors(mx, my, mz)
             for k in range(7):
                 a_array[k, 0], a_array[k, 1], a_array[k, 2] = mx[k], my[k], mz[k]
+            lane_history = load_history(law, past, lane, LANES)
             sigma, E, S33, normal, _, inverse_height = element_stress(
-                a,
-                data,
-                lane,
-                fabric,
-                stiffness,
-                flat,
-                curved,
-                director,
-                conservative,
-                enhanced,
-                moments,
-                in_plane_shear,
+                a, data, lane, law, lane_history, options
             )
             element = block * LANES + lane
             covariant_gradients(a_array, covariant)
             material[:] = 0.0
             for t in range(7):
                 add_transformed(transformation[element], covariant[t], material[t])
-            if curved is not None:
+            if options.curved is not None:
                 T_xi = transformation_change[element, 0]
                 T_eta = transformation_change[element, 1]
                 T_zeta = transformation_change[element, 2]
@@ -374,28 +389,29 @@ def frequency_bounds(
                 add_transformed(T_zeta, covariant[4], material[5])
                 add_transformed(T_xi, covariant[1], material[6])
                 add_transformed(T_zeta, covariant[3], material[6])
-            if in_plane_shear != 1.0:
-                scale_in_plane_shear(transformation[element], in_plane_shear, material[3])
-                scale_in_plane_shear(transformation[element], in_plane_shear, material[4])
+            if options.in_plane_shear != 1.0:
+                factor = options.in_plane_shear
+                scale_in_plane_shear(transformation[element], factor, material[3])
+                scale_in_plane_shear(transformation[element], factor, material[4])
 
             norms[:] = 0.0
             add_stress_stiffness(sigma, norms)
-            if director is None:
+            if options.director is None:
                 add_normal_compaction(
                     a[0], a[1], a[2], normal[1:], S33, inverse_height, material[0, 2], norms
                 )
-            if fabric is not None:
-                C_M = membrane_stress_and_tangent(fabric, E.centre)[1]
-                C_B = bending_stiffness(fabric)
-                slope, curvature = ZERO, ZERO
-                if conservative is not None:
-                    slope, curvature = tangent_derivatives(fabric, E.centre)
-                add_diagonal_stiffness(material, C_M, C_B, moments, slope, curvature, E, norms)
-            if stiffness is not None:
-                matrix6(membrane_rows(stiffness), membrane)
-                matrix6(bending_rows(stiffness), bending)
-                add_full_stiffness(
-                    material, membrane, bending, moments, enhanced is not None, norms
-                )
+            C_M = membrane_response(law, E.centre, lane_history)[1]
+            add_stiffness(
+                C_M,
+                bending_stiffness(law),
+                material,
+                law,
+                lane_history,
+                options,
+                options.conservative,
+                options.enhanced,
+                E,
+                norms,
+            )
             omega2[element] = spectral_radius_bound(norms, weight, image) / density
             controlling_mode[element] = np.argmax(weight)

@@ -7,8 +7,14 @@ the scene does not call for are arguments that are ``None``; their code is prune
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import numpy as np
 from numba import prange
 
+from lcmchain.dispatch import implements
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.equations import (
     NINTH,
     THIRD,
@@ -19,7 +25,6 @@ from lcmchain.elements.solid_shell.equations import (
     covariant_products,
     curved_covariant_stress,
     curved_material_strain,
-    diagonal_product,
     flat_covariant_stress,
     flat_material_strain,
     mode_components,
@@ -34,20 +39,65 @@ from lcmchain.elements.solid_shell.equations import (
     thickness_resultants,
     unit_in_plane_shear,
 )
-from lcmchain.jit import equation, kernel
-from lcmchain.materials.fabric import (
+from lcmchain.jit import equation, kernel, routine
+from lcmchain.materials.law import (
     bending_stiffness,
-    compaction_tangent_slope,
-    hourglass_stiffness,
-    membrane_stress_and_tangent,
-    shear_tangent_slope,
+    evolved_history,
+    load_history,
+    membrane_response,
+    store_history,
+    tangent_slope,
 )
-from lcmchain.materials.st_venant_kirchhoff import bending_rows, membrane_rows, stress
+from lcmchain.materials.stiffness import by_structure, product
 
-LANES = 16
 CORNER_ROWS = 24
 FLAT_ROWS = 19
 CURVED_ROWS = 66
+
+
+class Options(NamedTuple):
+    """What the element's kernels are compiled for, and the numbers of its choices.
+
+    flat, curved : ``True`` or ``None``, one of them ``None``: kind of the reference geometry.
+    director, conservative, enhanced : ``True`` or ``None``: the effect is on or pruned.
+    zeta2, zeta4 : means of ζ² and ζ⁴ over the thickness by the integration points of Eq. (15): 1/3
+        and 1/5 for three or more Gauss points and for the exact integral, 1/3 and 1/9 for two.
+    cross : weight of the terms that couple E^0 and E^ζζ: <ζ²> as printed in Eqs. (15) and (19), 0
+        to drop them.
+    in_plane_shear : 1, or 0 to drop the in-plane shear of the ξ- and η-terms in covariant axes.
+    fibre_share : of the fibre stiffness in the in-plane hourglass terms, 1 as in Eq. (18).
+    """
+
+    flat: Any
+    curved: Any
+    director: Any
+    conservative: Any
+    enhanced: Any
+    zeta2: float
+    zeta4: float
+    cross: float
+    in_plane_shear: float
+    fibre_share: float
+
+
+class SolidShellData(NamedTuple):
+    """Constants of a body of solid-shells as its kernels read them.
+
+    law : see :mod:`lcmchain.materials.law`. options : :class:`Options`.
+    corner_node : (block_count * 8 * 16,) int32, nodes of the corners.
+    element_data : (block_count * rows * 16,), reference geometry (see ``packing.py``).
+    transformation : (block_count * 16, 6, 6) T⁰; transformation_change : (..., 3, 6, 6) T^ξ, T^η,
+        T^ζ, read only for curved references.
+    density : [kg/m³]; nodal masses are one eighth of the element's.
+    """
+
+    law: Any
+    options: Options
+    corner_node: np.ndarray
+    element_data: np.ndarray
+    transformation: np.ndarray
+    transformation_change: np.ndarray
+    density: float
 
 
 @equation
@@ -122,64 +172,115 @@ def difference_flat(E, R):
 
 
 @equation
-def hourglass_tangent_stress(law, E):
+def slope_stress(slope, x, e):
+    """Return the part of one component; ``slope`` is None where the tangent does not change."""
+    if slope is None:
+        return 0.0
+    return 0.5 * THIRD * slope * (x * x + e * e)
+
+
+@equation
+def hourglass_tangent_stress(slope, x, e):
     """Return the centre stress from the change of the hourglass energy with the tangent.
 
     The hourglass energy (V/6)(E^ξ:C(E⁰):E^ξ + E^η:C(E⁰):E^η) of Eq. (16) depends on E⁰ through the
     tangent of Eq. (18). The paper leaves that derivative out; then the element has no potential and
     feeds energy to a sheet that is compacted and warped at once (manual: departures).
     """
-    shear = E.xi[3] * E.xi[3] + E.eta[3] * E.eta[3]
-    normal = E.xi[2] * E.xi[2] + E.eta[2] * E.eta[2]
-    S12 = 0.5 * THIRD * shear_tangent_slope(law, E.centre[3]) * shear
-    S33 = 0.5 * THIRD * compaction_tangent_slope(law, E.centre[2]) * normal
-    return (0.0, 0.0, S33, S12, 0.0, 0.0)
-
-
-@equation
-def fabric_resultants(law, conservative, enhanced, moments, E):
-    """Return stress resultants of Eqs. (15) and (16) per unit volume 8 J⁰ for a fabric."""
-    S_centre, C_M = membrane_stress_and_tangent(law, E.centre)
-    C_B = bending_stiffness(law)
-    C_hg = hourglass_stiffness(law, C_M)
-    S_zeta = diagonal_product(C_B, E.zeta)
-    if enhanced is not None:
-        # with diagonal stiffnesses the enhanced strain carries no other component than 33
-        S_zeta = replace33(S_zeta, 0.0)
-    S_zeta2 = diagonal_product(C_B, E.zeta2)
-    c, z, q = thickness_resultants(moments, S_centre, S_zeta, S_zeta2)
-    if conservative is not None:
-        c = sum6(c, hourglass_tangent_stress(law, E))
-    return Taylor(
-        c,
-        z,
-        q,
-        scaled6(THIRD, diagonal_product(C_hg, E.xi)),
-        scaled6(THIRD, diagonal_product(C_hg, E.eta)),
-        scaled6(NINTH, diagonal_product(C_B, E.eta_zeta)),
-        scaled6(NINTH, diagonal_product(C_B, E.xi_zeta)),
+    return (
+        slope_stress(slope[0], x[0], e[0]),
+        slope_stress(slope[1], x[1], e[1]),
+        slope_stress(slope[2], x[2], e[2]),
+        slope_stress(slope[3], x[3], e[3]),
+        slope_stress(slope[4], x[4], e[4]),
+        slope_stress(slope[5], x[5], e[5]),
     )
 
 
 @equation
-def stiffness_resultants(law, enhanced, moments, E):
-    """Return stress resultants of Eqs. (15) and (16) per unit volume 8 J⁰ for full C^M, C^B."""
-    C_M, C_B = membrane_rows(law), bending_rows(law)
-    S_centre = stress(C_M, E.centre)
-    S_zeta = stress(C_B, E.zeta)
+def diagonal_hourglass_stiffness(C_M, fibre_share):
+    """Return C^hg of the ξ- and η-terms, Eq. (18), from the tangent C^M.
+
+    With ``fibre_share`` < 1 elements whose edges cross the fibres lock less in tension.
+    """
+    f = fibre_share
+    return (f * C_M[0], f * C_M[1], C_M[2], C_M[3], C_M[4], C_M[5])
+
+
+@equation
+def full_hourglass_stiffness(C_M, fibre_share):
+    """Return C^M: a full stiffness has no fibres apart (``build`` refuses another share)."""
+    return C_M
+
+
+@equation
+def diagonal_relief(C_M, S_zeta):
+    """Return the ζ-linear stress without component 33: the only one the enhanced strain moves."""
+    return replace33(S_zeta, 0.0)
+
+
+@equation
+def full_relief(C_M, S_zeta):
+    """Return the ζ-linear stress with that of the enhanced strain, Eq. (17)."""
+    return sum6(S_zeta, scaled6(condensed_enhanced_strain(S_zeta[2], C_M[2][2]), C_M[2]))
+
+
+hourglass_stiffness = by_structure(diagonal_hourglass_stiffness, full_hourglass_stiffness)
+relieved = by_structure(diagonal_relief, full_relief)
+
+
+class Stresses(NamedTuple):
+    """Stress of each Taylor term before Eqs. (15) and (16) weight it, and the tangents."""
+
+    centre: tuple
+    zeta: tuple
+    zeta2: tuple
+    xi: tuple
+    eta: tuple
+    eta_zeta: tuple
+    xi_zeta: tuple
+    C_M: tuple
+    C_B: tuple
+
+
+@equation
+def stresses(law, history, options, enhanced, E):
+    """Return the stresses of the strains E: the law's at the centre, C^B along ζ, Eq. (19)."""
+    S_centre, C_M = membrane_response(law, E.centre, history)
+    C_B = bending_stiffness(law)
+    C_hg = hourglass_stiffness(C_M, options.fibre_share)
+    S_zeta = product(C_B, E.zeta)
     if enhanced is not None:
-        enhanced33 = condensed_enhanced_strain(S_zeta[2], C_M[2][2])
-        S_zeta = sum6(S_zeta, scaled6(enhanced33, C_M[2]))
-    S_zeta2 = stress(C_B, E.zeta2)
-    c, z, q = thickness_resultants(moments, S_centre, S_zeta, S_zeta2)
+        S_zeta = relieved(C_M, S_zeta)
+    return Stresses(
+        S_centre,
+        S_zeta,
+        product(C_B, E.zeta2),
+        product(C_hg, E.xi),
+        product(C_hg, E.eta),
+        product(C_B, E.eta_zeta),
+        product(C_B, E.xi_zeta),
+        C_M,
+        C_B,
+    )
+
+
+@equation
+def resultants(law, history, options, conservative, enhanced, E):
+    """Return stress resultants of Eqs. (15) and (16) per unit volume 8 J⁰."""
+    S = stresses(law, history, options, enhanced, E)
+    c, z, q = thickness_resultants(options, S.centre, S.zeta, S.zeta2)
+    if conservative is not None:
+        slope = tangent_slope(law, E.centre, history)
+        c = sum6(c, hourglass_tangent_stress(slope, E.xi, E.eta))
     return Taylor(
         c,
         z,
         q,
-        scaled6(THIRD, stress(C_M, E.xi)),
-        scaled6(THIRD, stress(C_M, E.eta)),
-        scaled6(NINTH, stress(C_B, E.eta_zeta)),
-        scaled6(NINTH, stress(C_B, E.xi_zeta)),
+        scaled6(THIRD, S.xi),
+        scaled6(THIRD, S.eta),
+        scaled6(NINTH, S.eta_zeta),
+        scaled6(NINTH, S.xi_zeta),
     )
 
 
@@ -274,8 +375,10 @@ def store_component(f, i, p):
 
 
 @equation
-def add_normal(p, g, s, k):
+def with_normal(director, p, g, s, k):
     """Add component k of s times the gradients of the normal compaction to those on a1, a2, a3."""
+    if director is not None:
+        return p
     return (p[0] + s * g[1][k], p[1] + s * g[2][k], p[2] + s * g[3][k], p[3], p[4], p[5], p[6])
 
 
@@ -305,142 +408,113 @@ def mode_vectors(mx, my, mz):
 
 
 @equation
-def element_stress(
-    a,
-    data,
-    i,
-    fabric,
-    stiffness,
-    flat,
-    curved,
-    director,
-    conservative,
-    enhanced,
-    moments,
-    in_plane_shear,
-):
+def element_stress(a, data, i, law, history, options):
     """Return Σ (:func:`stress_matrix`) per volume, the centre strain, and the normal compaction.
 
     The compaction by the normal thickness is no product of mode vectors: its stress resultant S33
     is returned beside Σ, followed by (E33, gradients), the volume 8 J⁰ and 1/h.
     """
+    # as arguments of their own, options that are None prune the code of what is not called for
+    o = options
+    return chosen_element_stress(
+        a, data, i, law, history, o, o.flat, o.curved, o.director, o.conservative, o.enhanced
+    )
+
+
+@equation
+def chosen_element_stress(
+    a, data, i, law, history, options, flat, curved, director, conservative, enhanced
+):
     products = covariant_products(a)
     if curved is not None:
         curved_axes, inverse_height, volume, reference = curved_frame(data, i)
         E = curved_material_strain(curved_axes, difference(products, reference))
         unit = unit_in_plane_shear(curved_axes.K)
-        E = scaled_shear(unit, in_plane_shear, E)
+        E = scaled_shear(unit, options.in_plane_shear, E)
     if flat is not None:
         flat_axes, volume, flat_reference = flat_frame(data, i)
         inverse_height = flat_axes.inverse_height
-        Ebar = scaled_shear_rows(difference_flat(products, flat_reference), in_plane_shear)
+        Ebar = scaled_shear_rows(difference_flat(products, flat_reference), options.in_plane_shear)
         E = flat_material_strain(flat_axes, Ebar)
 
     normal = normal_compaction(a[0], a[1], a[2], inverse_height)
     if director is None:
         E = with_centre33(E, normal[0])
-    if fabric is not None:
-        S = fabric_resultants(fabric, conservative, enhanced, moments, E)
-    if stiffness is not None:
-        S = stiffness_resultants(stiffness, enhanced, moments, E)
+    S = resultants(law, history, options, conservative, enhanced, E)
     S33 = 0.0
     if director is None:
         S33 = S.centre[2]
         S = with_centre33(S, 0.0)
 
     if curved is not None:
-        S = scaled_shear_stress(unit, in_plane_shear, S)
+        S = scaled_shear_stress(unit, options.in_plane_shear, S)
         Sbar = curved_covariant_stress(curved_axes, S)
     if flat is not None:
-        Sbar = scaled_shear_rows(flat_covariant_stress(flat_axes, S), in_plane_shear)
+        Sbar = scaled_shear_rows(flat_covariant_stress(flat_axes, S), options.in_plane_shear)
     sigma = stress_matrix(Sbar)
     return sigma, E, S33, normal, volume, inverse_height
 
 
 @equation
-def element_in_lane(
-    i,
-    corner,
-    data,
-    fabric,
-    stiffness,
-    flat,
-    curved,
-    director,
-    conservative,
-    enhanced,
-    moments,
-    in_plane_shear,
-):
-    """Replace the corner positions at ``corner[i + row*16]`` by the internal corner forces."""
+def element_in_lane(i, corner, data, law, history, options):
+    """Replace the corner positions at ``corner[i + row*16]`` by the internal corner forces.
+
+    The history of the lane goes on to the end of the step.
+    """
     mx = load_component(corner, i)
     my = load_component(corner, i + LANES)
     mz = load_component(corner, i + 2 * LANES)
-    sigma, _, S33, normal, volume, _ = element_stress(
-        mode_vectors(mx, my, mz),
-        data,
-        i,
-        fabric,
-        stiffness,
-        flat,
-        curved,
-        director,
-        conservative,
-        enhanced,
-        moments,
-        in_plane_shear,
+    past = load_history(law, history, i, LANES)
+    sigma, E, S33, normal, volume, _ = element_stress(
+        mode_vectors(mx, my, mz), data, i, law, past, options
     )
+    store_history(law, evolved_history(law, E.centre, past), history, i, LANES)
     px = mode_force_components(sigma, mx[0], mx[1], mx[2], mx[3], mx[4], mx[5], mx[6])
     py = mode_force_components(sigma, my[0], my[1], my[2], my[3], my[4], my[5], my[6])
     pz = mode_force_components(sigma, mz[0], mz[1], mz[2], mz[3], mz[4], mz[5], mz[6])
-    if director is None:
-        px = add_normal(px, normal, S33, 0)
-        py = add_normal(py, normal, S33, 1)
-        pz = add_normal(pz, normal, S33, 2)
+    px = with_normal(options.director, px, normal, S33, 0)
+    py = with_normal(options.director, py, normal, S33, 1)
+    pz = with_normal(options.director, pz, normal, S33, 2)
     store_component(corner, i, times_volume(volume, px))
     store_component(corner, i + LANES, times_volume(volume, py))
     store_component(corner, i + 2 * LANES, times_volume(volume, pz))
 
 
-@kernel
-def internal_forces(
-    positions,
-    corner_node,
-    element_data,
-    corner_force,
-    fabric,
-    stiffness,
-    flat,
-    curved,
-    director,
-    conservative,
-    enhanced,
-    moments,
-    in_plane_shear,
-):
-    """Write the internal forces of all elements into ``corner_force``.
+@implements(internal_forces, SolidShellData)
+@routine
+def solid_shell_forces(body, positions, corner_force, history):
+    """Write the internal forces of all elements of a body, and move its history on.
 
     Parameters
     ----------
+    body : :class:`SolidShellData`.
     positions : (3, node_count) [m].
-    corner_node : (block_count * 8 * 16,) int32, nodes of the corners.
-    element_data : (block_count * rows * 16,), reference geometry (see ``model.py``).
-    corner_force : (block_count * 24 * 16 + 1,) [N], row ``3*corner + component``; the last entry is
-        a zero that nodes with fewer elements point to.
-    fabric : :class:`FabricLaw` or ``None``; stiffness : (72,) C^M and C^B row by row, or ``None``.
-    flat, curved : ``True`` or ``None``, one of them ``None``: kind of the reference geometry.
-    director, conservative, enhanced : ``True`` or ``None``: the effect is on or pruned.
-    moments : :class:`Moments`.
-    in_plane_shear : 1, or 0 to drop the in-plane shear of the ξ- and η-terms in covariant axes.
+    corner_force : (block_count * 24 * 16,) or longer [N], row ``3*corner + component``, written.
+    history : (block_count * history_count * 16,) of a law with memory, otherwise empty.
     """
+    element_forces(
+        positions,
+        body.corner_node,
+        body.element_data,
+        corner_force,
+        history,
+        body.law,
+        body.options,
+    )
+
+
+@kernel
+def element_forces(positions, corner_node, element_data, corner_force, history, law, options):
     block_count = corner_node.size // (8 * LANES)
     rows = element_data.size // (block_count * LANES)
+    history_rows = history.size // (block_count * LANES)
     for block in prange(block_count):
         # views per block: indices made of a lane and literals are provably not negative, which
         # spares the wrap-around test that would keep the lane loop scalar
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         corner = corner_force[block * CORNER_ROWS * LANES : (block + 1) * CORNER_ROWS * LANES]
         data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
+        past = history[block * history_rows * LANES : (block + 1) * history_rows * LANES]
         for c in range(8):
             for lane in range(LANES):
                 node = nodes[c * LANES + lane]
@@ -448,17 +522,4 @@ def internal_forces(
                 corner[(3 * c + 1) * LANES + lane] = positions[1, node]
                 corner[(3 * c + 2) * LANES + lane] = positions[2, node]
         for lane in range(LANES):
-            element_in_lane(
-                lane,
-                corner,
-                data,
-                fabric,
-                stiffness,
-                flat,
-                curved,
-                director,
-                conservative,
-                enhanced,
-                moments,
-                in_plane_shear,
-            )
+            element_in_lane(lane, corner, data, law, past, options)

@@ -1,11 +1,10 @@
-"""Layout of elements in blocks of 16 lanes, and the reference data of each element (NumPy)."""
+"""Reference data of each element, as the kernels read it, and the products of modes (NumPy)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from lcmchain.elements.solid_shell.geometry import ReferenceGeometry
-from lcmchain.elements.solid_shell.kernel import LANES
 
 # Every product a_k·a_l (modes counted from 1) in the covariant strains, in the order in which
 # ``covariant_products`` holds them: Taylor term, Voigt component, ((factor, k, l), ...).
@@ -40,23 +39,6 @@ COVARIANT_PRODUCTS = (
     ("xi_zeta", 4, ((1.0, 3, 7), (1.0, 5, 6))),
 )
 TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
-
-
-def in_blocks(rows: np.ndarray) -> np.ndarray:
-    """Return rows (E, R) as a flat array ``[(block*R + row)*16 + lane]``; the last is repeated."""
-    element_count, row_count = rows.shape
-    block_count = -(-element_count // LANES)
-    padding = np.repeat(rows[-1:], block_count * LANES - element_count, axis=0)
-    padded = np.concatenate([rows, padding])
-    return np.ascontiguousarray(
-        padded.reshape(block_count, LANES, row_count).transpose(0, 2, 1)
-    ).ravel()
-
-
-def from_blocks(data: np.ndarray, row_count: int, element_count: int) -> np.ndarray:
-    """Return the inverse of :func:`in_blocks`, (E, R)."""
-    blocks = data.reshape(-1, row_count, LANES).transpose(0, 2, 1)
-    return blocks.reshape(-1, row_count)[:element_count]
 
 
 def flat_rows(geometry: ReferenceGeometry) -> np.ndarray:

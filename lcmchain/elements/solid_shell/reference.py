@@ -26,6 +26,7 @@ class ElementOptions:
     in_plane_shear_hourglass: bool = True
     hourglass: str = "conservative"
     fibre_hourglass: float = 1.0
+    type: str = "solid-shell"
 
 
 @dataclass(frozen=True)

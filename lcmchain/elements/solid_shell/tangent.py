@@ -104,13 +104,13 @@ def node_stiffness(mode_stiffness: np.ndarray, basis: np.ndarray = MODES) -> np.
 
 
 def _linearise_block(model, displacement, block, given):
-    slots = model.elements
+    options = model.body.data.options
     A = model.geometry.modes[block]
     corner = displacement.T[model.blank.elements[block]]
     change = np.einsum("kn,end->ekd", MODES, corner)
     a = A + change
     B, E = _strains(model, block, A, change)
-    if slots.director is None:
+    if options.director is None:
         height = model.geometry.height[block]
         E[:, CENTRE, NORMAL], gradient, hessian = normal_compaction(a[:, :3], height)
         B[:, CENTRE, NORMAL] = 0.0
@@ -121,7 +121,7 @@ def _linearise_block(model, displacement, block, given):
     DB = D @ B
     K = B.transpose(0, 2, 1) @ DB
     geometric = (R if given is None else given).reshape(-1, 7, 6)
-    if slots.director is None:
+    if options.director is None:
         K[:, :9, :9] += geometric[:, CENTRE, NORMAL, None, None] * hessian
         geometric = geometric.copy()
         geometric[:, CENTRE, NORMAL] = 0.0
@@ -144,26 +144,26 @@ def _strains(model, block, A, change):
         # a_k·a_m - A_k·A_m without the cancellation of its two parts
         row[:, 21] += f * np.einsum("ed,ed->e", change[:, k], a[:, m])
         row[:, 21] += f * np.einsum("ed,ed->e", A[:, k], change[:, m])
-    material = model.transformation[block][:, None] @ covariant
-    if model.elements.curved is not None:
-        T_change = model.transformation_change[block]
+    material = model.body.data.transformation[block][:, None] @ covariant
+    if model.body.data.options.curved is not None:
+        T_change = model.body.data.transformation_change[block]
         for term, source, direction in _CURVED:
             material[:, term] += T_change[:, direction] @ covariant[:, source]
-    if model.elements.in_plane_shear != 1.0:
+    if model.body.data.options.in_plane_shear != 1.0:
         material[:, HOURGLASS] = _shear_scaling(model, block)[:, None] @ material[:, HOURGLASS]
     return material[..., :21].copy(), material[..., 21].copy()
 
 
 def _stress_matrix(model, block, S):
     """Return Σ (E, 7, 7) of material stress resultants S (E, 7, 6)."""
-    if model.elements.in_plane_shear != 1.0:
+    if model.body.data.options.in_plane_shear != 1.0:
         S = S.copy()
         back = _shear_scaling(model, block).transpose(0, 2, 1)
         S[:, HOURGLASS] = (back[:, None] @ S[:, HOURGLASS, :, None])[..., 0]
-    T = model.transformation[block].transpose(0, 2, 1)
+    T = model.body.data.transformation[block].transpose(0, 2, 1)
     covariant = (T[:, None] @ S[..., None])[..., 0]
-    if model.elements.curved is not None:
-        T_change = model.transformation_change[block]
+    if model.body.data.options.curved is not None:
+        T_change = model.body.data.transformation_change[block]
         for term, source, direction in _CURVED:
             back = T_change[:, direction].transpose(0, 2, 1) @ S[:, term, :, None]
             covariant[:, source] += back[..., 0]
@@ -177,31 +177,31 @@ def _stress_matrix(model, block, S):
 
 def _shear_scaling(model, block):
     """Return the maps (E, 6, 6) that weight the in-plane shear in the covariant axes."""
-    T = model.transformation[block]
+    T = model.body.data.transformation[block]
     unit, read = T[:, :, 3], np.linalg.inv(T)[:, 3]
-    return np.eye(6) + (model.elements.in_plane_shear - 1.0) * _outer(unit, read)
+    return np.eye(6) + (model.body.data.options.in_plane_shear - 1.0) * _outer(unit, read)
 
 
 def _resultants(model, E):
     """Return R (E, 7, 6) of Eqs. (15) and (16) and D = ∂R/∂E (E, 7, 6, 7, 6)."""
-    slots, material, moments = model.elements, model.material, model.elements.moments
+    options, material = model.body.data.options, model.material
     S_centre, C_M = material.stress_and_tangent(E[:, CENTRE])
     C_B = material.bending_matrix()
     C_zeta = np.broadcast_to(C_B, C_M.shape)
-    if slots.enhanced is not None:
+    if options.enhanced is not None:
         # the enhanced strain -S33^ζ / C^M_33 of ``condensed_enhanced_strain`` adds C^M_i3 of it
         share = C_M[:, :, NORMAL] / C_M[:, NORMAL, NORMAL, None]
         C_zeta = C_B - share[:, :, None] * C_B[NORMAL]
     C_hg = C_M
-    if slots.fabric is not None:
-        f = slots.fabric.fibre_hourglass
+    if material.is_diagonal:
+        f = options.fibre_share
         C_hg = C_M * np.array([f, f, 1.0, 1.0, 1.0, 1.0])[:, None]
     D = np.zeros((len(E), 7, 6, 7, 6))
     D[:, CENTRE, :, CENTRE] = C_M
-    D[:, CENTRE, :, ZETA2] = moments.cross * C_B
-    D[:, ZETA, :, ZETA] = moments.zeta2 * C_zeta
-    D[:, ZETA2, :, CENTRE] = moments.cross * C_M
-    D[:, ZETA2, :, ZETA2] = moments.zeta4 * C_B
+    D[:, CENTRE, :, ZETA2] = options.cross * C_B
+    D[:, ZETA, :, ZETA] = options.zeta2 * C_zeta
+    D[:, ZETA2, :, CENTRE] = options.cross * C_M
+    D[:, ZETA2, :, ZETA2] = options.zeta4 * C_B
     for term, weight, C in (
         (XI, THIRD, C_hg),
         (ETA, THIRD, C_hg),
@@ -212,7 +212,7 @@ def _resultants(model, E):
     # linear in every strain but that of the centre
     R = np.einsum("etipj,epj->eti", D[:, :, :, 1:], E[:, 1:])
     R[:, CENTRE] += S_centre
-    R[:, ZETA2] += moments.cross * S_centre
+    R[:, ZETA2] += options.cross * S_centre
 
     # the hourglass terms ξ, η follow the tangent at the centre, Eq. (18)
     slope = material.tangent_slope(E[:, CENTRE])
@@ -220,9 +220,9 @@ def _resultants(model, E):
     for term in (XI, ETA):
         coupling = THIRD * slope * E[:, term]
         D[:, term, i, CENTRE, i] = coupling
-        if slots.conservative is not None:
+        if options.conservative is not None:
             D[:, CENTRE, i, term, i] = coupling
-    if slots.conservative is not None:
+    if options.conservative is not None:
         squares = E[:, XI] ** 2 + E[:, ETA] ** 2
         R[:, CENTRE] += 0.5 * THIRD * slope * squares
         curvature = material.tangent_curvature(E[:, CENTRE])

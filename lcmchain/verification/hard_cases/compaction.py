@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lcmchain.solver.guards import require_finite
 from lcmchain.solver.simulation import Simulation
 from lcmchain.verification.hard_cases.case import CaseResult, guarded, hard_case, stopped
 from lcmchain.verification.hard_cases.sheets import (
@@ -141,11 +140,10 @@ def director_between_plates(motion: str, time: float, friction: float) -> str:
 
 def advance_at_constant_step(sim: Simulation, time: float) -> None:
     """Advance with the step of the start, and with all guards."""
-    step = sim._prepare_chunk()
+    step = sim.prepare_steps()
     while sim.time < time:
-        sim._advance(50, step)
-        require_finite(sim.model, sim.state)
-        sim._prepare_chunk()
+        sim.make_steps(50, step)
+        sim.prepare_steps()
 
 
 @hard_case("step_follows_compaction", THEME)

@@ -109,8 +109,8 @@ def fast_punch(name: str, full: bool) -> Iterator[CaseResult]:
     )
     deepest = 1e3 * float(formed.sim.state.penetration_max.max())
     blind = hemisphere(time=time)
-    blind._prepare_chunk()
-    blind._find_contact = lambda: None
+    blind.prepare_steps()
+    blind.find_contact = lambda: None
     message = stopped(lambda: blind.advance_to(time))
     inside = max(
         -gaps(blind.model.tools, tool, blind.state.position.T, blind.state.tool_travel[tool]).min()

@@ -1,0 +1,81 @@
+"""Functions that answer by the class of their first argument, in compiled code and in plain Python.
+
+The first argument is a NamedTuple: the parameters of a law, the data of a body. numba's overload
+looks up its class when a kernel is compiled, so that the choice costs nothing at run time.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+
+from numba import types
+from numba.extending import overload
+
+from lcmchain.compile_cache import key_cache_by_file
+from lcmchain.jit import INLINED
+
+
+def required(stub):
+    """Make a function that every class must implement; ``stub`` gives its name and arguments."""
+    return _by_class(stub, None)
+
+
+def optional(stub):
+    """Make a function as :func:`required` does; ``stub`` answers for classes that do not."""
+    return _by_class(stub, stub)
+
+
+def implements(function, chosen_class: type):
+    """Register the decorated compiled function as the answer of a class.
+
+    Code outside this package gets compiled kernels of its own on disk, keyed by its file.
+    """
+
+    def register(dispatcher):
+        python_function = dispatcher.py_func
+        wanted = list(inspect.signature(function).parameters)
+        found = list(inspect.signature(python_function).parameters)
+        if len(found) != len(wanted):
+            raise TypeError(
+                f"{python_function.__qualname__} takes {found}, but {function.__name__} in "
+                f"{function.__module__} takes {wanted}"
+            )
+        function.implementations[chosen_class] = dispatcher
+        if not python_function.__module__.startswith("lcmchain."):
+            key_cache_by_file(inspect.getfile(python_function), python_function.__module__)
+        return dispatcher
+
+    return register
+
+
+def is_implemented(function, chosen_class: type) -> bool:
+    """Tell whether a class answers a function itself."""
+    return chosen_class in function.implementations
+
+
+def _by_class(stub, default):
+    implementations = {}
+
+    def find(chosen_class):
+        found = implementations.get(chosen_class, default)
+        if found is None:
+            raise NotImplementedError(
+                f"{chosen_class.__name__} does not implement {stub.__name__} of {stub.__module__}"
+            )
+        return found
+
+    @functools.wraps(stub)
+    def function(first, *rest):
+        return find(type(first))(first, *rest)
+
+    def choose(first, *rest):
+        if not isinstance(first, (types.NamedTuple, types.NamedUniTuple)):
+            return None
+        found = find(first.instance_class)
+        return getattr(found, "py_func", found)
+
+    function.implementations = implementations
+    # the arguments carry the names that the implementation gives them: no comparison of names
+    overload(function, jit_options=INLINED, strict=False)(choose)
+    return function

@@ -1,0 +1,106 @@
+"""What the rest of the program asks a body: a sheet of one material and one family of elements.
+
+A model is made of bodies. They share flat arrays: a body owns a range of nodes, of elements, of
+corner forces and of history values, and its kernels read global node numbers. Each family (folder
+``solid_shell``, ``membrane_shell``) offers one class with the methods of :class:`Body` and one
+NamedTuple of constants for its kernels, which register their forces with :func:`internal_forces`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from lcmchain.dispatch import required
+from lcmchain.materials.law import Material
+
+
+@required
+def internal_forces(data, positions, corner_force, history):
+    """Write the internal forces of all elements of a body, and move its history on (compiled).
+
+    Parameters
+    ----------
+    data : constants of the body, a NamedTuple.
+    positions : (3, node_count) of the whole model [m].
+    corner_force : of this body, blocks of 16 elements with 3 rows per corner [N], written.
+    history : of this body, blocks of 16 elements with a row per value, or empty.
+    """
+
+
+class Unsound(NamedTuple):
+    """An element that cannot go on: which, in words, and the likely cause."""
+
+    element: int
+    text: str
+    cause: str
+
+
+class Body(Protocol):
+    """A sheet of one material and one family of elements.
+
+    name : of the sheet. type : of the elements, as in ``element.type``.
+    mesh : undeformed. material : see :class:`lcmchain.materials.law.Material`.
+    data : constants for the kernels.
+    geometry : reference geometry, of the family's own kind.
+    force_nodes : (element_count, corner_count) nodes of the mesh that get corner forces; -1: none.
+    node_mass : (mesh.node_count,) [kg]; node_area : (mesh.node_count,) [m²] per face node.
+    contact_offset : distance of the sheet's surface from its nodes [m].
+    shortest_length : of the elements, what sets the in-plane wave's step [m].
+    first_node, first_element : where its ranges begin.
+    volume : of the undeformed sheet [m³].
+    hourglass_tells : whether large hourglass energy means that the mesh is too coarse.
+    """
+
+    name: str
+    type: str
+    mesh: Any
+    material: Material
+    data: Any
+    geometry: Any
+    force_nodes: np.ndarray
+    node_mass: np.ndarray
+    node_area: np.ndarray
+    contact_offset: float
+    shortest_length: float
+    first_node: int
+    first_element: int
+    volume: float
+    hourglass_tells: bool
+
+    @staticmethod
+    def mesh_of(blank) -> Any:
+        """Return the mesh that this family makes of a blank."""
+
+    @classmethod
+    def build(
+        cls, name: str, mesh, material: Material, choices, first_node: int, first_element: int
+    ) -> Body:
+        """Build the body of a mesh; ``choices`` is the scene's element table."""
+
+    def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
+        """Return strain energy and hourglass energy [J] at positions (3, node_count)."""
+
+    def highest_frequency(
+        self, positions: np.ndarray, history: np.ndarray, mass: np.ndarray
+    ) -> tuple[float, int, int]:
+        """Return the largest ω² bound [1/s²], its element, and a code of what governs it.
+
+        mass : (node_count,) of the whole model [kg].
+        """
+
+    def cause(self, code: int) -> str:
+        """Say in words what governs the step."""
+
+    def condition(self, positions: np.ndarray) -> np.ndarray:
+        """Return the quantity (element_count,) that tells whether the elements are sound."""
+
+    def may_stiffen(self, condition: np.ndarray, omega2: float) -> bool:
+        """Tell whether the bound may grow well above ``omega2`` [1/s²] within a few chunks."""
+
+    def unsound(
+        self, condition: np.ndarray, tools_near: Callable[[np.ndarray], list[str]]
+    ) -> Unsound | None:
+        """Return the worst element if it cannot go on; ``tools_near`` names tools near nodes."""

@@ -1,0 +1,157 @@
+"""A sheet of triangles with membrane and shell part: building it, and what the solver asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lcmchain.elements.blocks import LANES, in_blocks
+from lcmchain.elements.family import Unsound
+from lcmchain.elements.membrane_shell.kernel import (
+    MembraneShellData,
+    membrane_shell_state,
+    nodal_frequency_bounds,
+    patch_nodes_in_blocks,
+    patch_rows,
+)
+from lcmchain.elements.membrane_shell.patch import TriangleGeometry, angle_shares, triangle_geometry
+from lcmchain.errors import InputError
+from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
+from lcmchain.triangulation import TriangleMesh, triangulate
+
+# Below this fraction of its initial area a triangle counts as collapsed: the fibres are sheared to
+# within 3 degrees of each other.
+COLLAPSED_AREA = 0.05
+
+
+@dataclass(frozen=True)
+class MembraneShellBody:
+    """Triangles of one material; see :class:`lcmchain.elements.family.Body`."""
+
+    name: str
+    mesh: TriangleMesh
+    material: Material
+    geometry: TriangleGeometry
+    data: MembraneShellData
+    first_node: int
+    first_element: int
+
+    type = "membrane-shell"
+    hourglass_tells = True  # there is none
+    CAUSES = ("in-plane stiffness", "bending stiffness")
+
+    @staticmethod
+    def mesh_of(blank) -> TriangleMesh:
+        return triangulate(blank)
+
+    @classmethod
+    def build(
+        cls, name: str, mesh, material: Material, choices, first_node: int, first_element: int
+    ) -> MembraneShellBody:
+        """Build the body; the family has no choices.
+
+        Raises
+        ------
+        InputError : triangles without area, or a material that does not serve them.
+        """
+        if not serves_planes(material.law) or history_count(material.law):
+            raise InputError(
+                f"{material.name} does not serve sheets without thickness; use element = "
+                '"solid-shell"',
+                key="material.law",
+            )
+        geometry = triangle_geometry(mesh, plane_bending_stiffness(material.law))
+        data = MembraneShellData(
+            law=material.law,
+            thickness=float(material.thickness),
+            corner_node=patch_nodes_in_blocks(geometry, first_node),
+            element_data=in_blocks(patch_rows(geometry)),
+            element_count=mesh.element_count,
+        )
+        return cls(name, mesh, material, geometry, data, first_node, first_element)
+
+    @property
+    def force_nodes(self) -> np.ndarray:
+        return self.geometry.nodes
+
+    @property
+    def contact_offset(self) -> float:
+        return 0.5 * float(self.material.thickness)  # the nodes lie on the mid-surface
+
+    @property
+    def node_mass(self) -> np.ndarray:
+        return self.material.areal_mass * self.node_area
+
+    @cached_property
+    def node_area(self) -> np.ndarray:
+        """Area of the nodes [m²], the parts of their triangles by angle."""
+        corners = self.mesh.elements
+        shares = angle_shares(self.mesh.node_positions[corners]) * self.geometry.area[:, None]
+        count = self.mesh.node_count
+        return np.bincount(corners.ravel(), weights=shares.ravel(), minlength=count)
+
+    @property
+    def shortest_length(self) -> float:
+        return float(2.0 / np.abs(self.geometry.gradient).sum(axis=1).max())
+
+    @property
+    def volume(self) -> float:
+        return float(self.node_mass.sum()) / self.material.density
+
+    def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
+        strain, _, bending = self._evaluate(positions)
+        density = self.material.membrane_energy(strain)
+        volume = self.geometry.area * self.material.thickness
+        return (density * volume).sum() + bending.sum(), 0.0
+
+    def highest_frequency(
+        self, positions: np.ndarray, history: np.ndarray, mass: np.ndarray
+    ) -> tuple[float, int, int]:
+        """The code is 0 where the membrane governs, 1 where bending does."""
+        membrane, bending = np.empty((2, 6, mass.size))
+        omega2, part = np.empty(mass.size), np.empty(mass.size, dtype=np.int64)
+        nodal_frequency_bounds(self.data, positions, mass, membrane, bending, omega2, part)
+        node = int(np.argmax(omega2))
+        own = self.mesh.elements + self.first_node
+        element = int(np.flatnonzero((own == node).any(axis=1))[0])
+        return float(omega2[node]), element, int(part[node])
+
+    def cause(self, code: int) -> str:
+        return self.CAUSES[code]
+
+    def condition(self, positions: np.ndarray) -> np.ndarray:
+        """Return the current over the initial area."""
+        return self._evaluate(positions)[1]
+
+    def may_stiffen(self, condition: np.ndarray, omega2: float) -> bool:
+        """Never: fibres and bending have constant stiffnesses, the shear is much softer."""
+        return False
+
+    def unsound(
+        self, condition: np.ndarray, tools_near: Callable[[np.ndarray], list[str]]
+    ) -> Unsound | None:
+        """A triangle that has lost its area."""
+        worst = int(np.argmin(condition))
+        if condition[worst] > COLLAPSED_AREA:
+            return None
+        return Unsound(
+            worst,
+            f"triangle {worst} is collapsed (area {condition[worst]:.3f} of the initial one)",
+            "the sheet is sheared beyond 87 degrees, or the mesh cannot resolve the tool; use a "
+            "smaller blank.edge_length or a larger radius",
+        )
+
+    def element_history(self, history: np.ndarray) -> np.ndarray:
+        """Return no values: (0, element_count)."""
+        return np.empty((0, self.mesh.element_count))
+
+    def _evaluate(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return strains (E, 6), area ratios (E,) and energies of bending (E,) [J]."""
+        padded = LANES * -(-self.mesh.element_count // LANES)
+        strain, area_ratio, bending = np.empty((padded, 6)), np.empty(padded), np.empty(padded)
+        membrane_shell_state(self.data, positions, strain, area_ratio, bending)
+        real = slice(self.mesh.element_count)
+        return strain[real], area_ratio[real], bending[real]

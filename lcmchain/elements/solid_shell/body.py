@@ -1,0 +1,230 @@
+"""A sheet of solid-shells: building it, and what the solver asks about it between steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
+from lcmchain.elements.family import Unsound
+from lcmchain.elements.solid_shell.energies import strain_energies, thickness_stretches
+from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
+from lcmchain.elements.solid_shell.geometry import (
+    ReferenceGeometry,
+    reference_geometry,
+    strain_transformation,
+)
+from lcmchain.elements.solid_shell.kernel import Options, SolidShellData
+from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows
+from lcmchain.errors import InputError
+from lcmchain.materials.law import Material
+
+CORNERS = 8
+# The in-plane frequency changes slowly: its bound is renewed every so many chunks of steps, unless
+# the thickness wave comes near it.
+THICKNESS_SHARE = 0.3
+# Below this fraction of its initial thickness an element counts as collapsed; a textile does so
+# where it would hold more fibre than space (MD600: 0.33).
+COLLAPSED_STRETCH = 0.05
+
+
+@dataclass(frozen=True)
+class SolidShellBody:
+    """Solid-shells of one material; see :class:`lcmchain.elements.family.Body`."""
+
+    name: str
+    mesh: object
+    material: Material
+    geometry: ReferenceGeometry
+    data: SolidShellData
+    first_node: int
+    first_element: int
+
+    type = "solid-shell"
+    contact_offset = 0.0  # the nodes lie on the faces
+
+    @staticmethod
+    def mesh_of(blank):
+        return blank
+
+    @classmethod
+    def build(
+        cls, name: str, mesh, material: Material, choices, first_node: int, first_element: int
+    ) -> SolidShellBody:
+        """Build the body; ``choices`` is the scene's element table or the like.
+
+        Raises
+        ------
+        InputError : elements without volume, or an option that the material does not know.
+        """
+        if choices.fibre_hourglass != 1.0 and not material.is_diagonal:
+            raise InputError(
+                f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
+                "leave it out",
+                key="element.fibre_hourglass",
+            )
+        geometry = reference_geometry(mesh.node_positions[mesh.elements], mesh.fibre_direction_1)
+        flat = bool(np.all(geometry.flat))
+        padded = LANES * -(-len(mesh.elements) // LANES)
+        T = strain_transformation(geometry.K, geometry.K)
+        if flat:
+            change = np.zeros((1, 3, 6, 6))
+        else:
+            change = np.stack(
+                [strain_transformation(geometry.K, 2.0 * geometry.dK[:, d]) for d in range(3)],
+                axis=1,
+            )
+            change = _padded(change, padded)
+        data = SolidShellData(
+            law=material.law,
+            options=kernel_options(material, choices, flat=flat),
+            corner_node=in_blocks(mesh.elements + first_node).astype(np.int32),
+            element_data=in_blocks(flat_rows(geometry) if flat else curved_rows(geometry)),
+            transformation=_padded(T, padded),
+            transformation_change=change,
+            density=float(material.density),
+        )
+        return cls(name, mesh, material, geometry, data, first_node, first_element)
+
+    @property
+    def force_nodes(self) -> np.ndarray:
+        return self.mesh.elements
+
+    @cached_property
+    def node_mass(self) -> np.ndarray:
+        """Lumped masses of the nodes [kg], an eighth of each element's."""
+        return self.material.density * self._at_nodes(self.geometry.volume / 8.0)
+
+    @cached_property
+    def node_area(self) -> np.ndarray:
+        """Reference area of the nodes on their face [m²], a quarter of each element's."""
+        return self._at_nodes(self.geometry.volume / (2.0 * self.geometry.height) / 4.0)
+
+    @property
+    def shortest_length(self) -> float:
+        return float(2.0 * np.linalg.norm(self.geometry.modes[:, :2], axis=2).min())
+
+    @property
+    def volume(self) -> float:
+        return float(self.node_mass.sum()) / self.material.density
+
+    @property
+    def hourglass_tells(self) -> bool:
+        # directors that tilt fill the hourglass terms too; `unsound` names them
+        return self.data.options.director is None
+
+    def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
+        count, real = self._padded_count, slice(self.mesh.element_count)
+        strain, bending, hourglass = np.empty((count, 6)), np.empty(count), np.empty(count)
+        strain_energies(self.data, positions, history, strain, bending, hourglass)
+        past = self.element_history(history)
+        membrane = self.material.membrane_energy(strain[real], past) * self.geometry.volume
+        return membrane.sum() + bending[real].sum(), hourglass[real].sum()
+
+    def highest_frequency(
+        self, positions: np.ndarray, history: np.ndarray, mass: np.ndarray
+    ) -> tuple[float, int, int]:
+        """The code is the mode vector whose row sum the bound is."""
+        omega2 = np.empty(self._padded_count)
+        mode = np.empty(self._padded_count, dtype=np.int64)
+        frequency_bounds(self.data, positions, history, omega2, mode)
+        element = int(np.argmax(omega2[: self.mesh.element_count]))
+        return float(omega2[element]), element, int(mode[element])
+
+    def cause(self, code: int) -> str:
+        return "in-plane stiffness" if code in IN_PLANE_MODES else "compaction (thickness)"
+
+    def condition(self, positions: np.ndarray) -> np.ndarray:
+        """Return the thickness stretch a3·n over its reference value; zero or less is inverted."""
+        stretch = np.empty(self._padded_count)
+        thickness_stretches(positions, self.data.corner_node, self._padded_height, stretch)
+        return stretch[: self.mesh.element_count]
+
+    def may_stiffen(self, condition: np.ndarray, omega2: float) -> bool:
+        """The thickness wave may come to govern the step."""
+        thinnest = int(np.argmin(condition))
+        strain = np.zeros(6)
+        strain[2] = 0.5 * (condition[thinnest] ** 2 - 1.0)
+        tangent = self.material.stress_and_tangent(strain)[1][2, 2]
+        height = self.geometry.height[thinnest]
+        return bool(tangent / (self.material.density * height**2) > THICKNESS_SHARE * omega2)
+
+    def unsound(
+        self, condition: np.ndarray, tools_near: Callable[[np.ndarray], list[str]]
+    ) -> Unsound | None:
+        """An element that is inverted or collapsed through the thickness."""
+        worst = int(np.argmin(condition))
+        stretch = condition[worst]
+        if stretch > collapsed_stretch(self.material):
+            return None
+        what = "inverted" if stretch <= 0.0 else "collapsed"
+        text = f"element {worst} is {what} (thickness {stretch:.3f} of the initial one)"
+        return Unsound(worst, text, self._cause_of_collapse(worst, tools_near))
+
+    def element_history(self, history: np.ndarray) -> np.ndarray:
+        """Return the history values by element (history_count, element_count)."""
+        count = history.size // self._padded_count
+        return from_blocks(history, count, self.mesh.element_count).T
+
+    def _cause_of_collapse(self, worst: int, tools_near) -> str:
+        if self.data.options.director is not None:
+            return (
+                'compaction_strain = "director" measures the length of the director: under a '
+                "pressure above the transverse shear stiffness the director tilts instead of "
+                "shortening and the element folds over; use element.compaction_strain = "
+                '"normal"'
+            )
+        tools = tools_near(self.mesh.elements[worst])
+        if len(tools) > 1:
+            return f"it is squeezed between tools ({', '.join(tools)}); check their gap and stroke"
+        return (
+            "the sheet folds on itself or the mesh cannot resolve the tool; use a smaller "
+            "blank.edge_length or a larger radius"
+        )
+
+    @property
+    def _padded_count(self) -> int:
+        return self.data.corner_node.size // CORNERS
+
+    @cached_property
+    def _padded_height(self) -> np.ndarray:
+        return _padded(self.geometry.height, self._padded_count)
+
+    def _at_nodes(self, share: np.ndarray) -> np.ndarray:
+        """Return the sum of what the elements give to each of their corners, (node_count,)."""
+        corners, weights = self.mesh.elements.ravel(), np.repeat(share, CORNERS)
+        return np.bincount(corners, weights=weights, minlength=self.mesh.node_count)
+
+
+def kernel_options(material: Material, choices, *, flat: bool) -> Options:
+    """Choose the effects of the element: what material and reference geometry call for."""
+    conservative = choices.hourglass == "conservative" and not material.constant_tangent
+    return Options(
+        flat=True if flat else None,
+        curved=None if flat else True,
+        director=True if choices.compaction_strain == "director" else None,
+        # a constant tangent needs no correction of the hourglass energy
+        conservative=True if conservative else None,
+        # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it
+        enhanced=True if material.couples_thickness or not flat else None,
+        zeta2=1.0 / 3.0,
+        zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,
+        cross=1.0 / 3.0 if choices.cross_terms else 0.0,
+        in_plane_shear=1.0 if choices.in_plane_shear_hourglass else 0.0,
+        fibre_share=float(choices.fibre_hourglass),
+    )
+
+
+def collapsed_stretch(material: Material) -> float:
+    """Return the thickness over its initial value at which an element counts as collapsed."""
+    if material.fibre_density is None:
+        return COLLAPSED_STRETCH
+    fraction = material.areal_mass / (material.fibre_density * material.thickness)
+    return max(COLLAPSED_STRETCH, fraction)
+
+
+def _padded(array: np.ndarray, count: int) -> np.ndarray:
+    return np.concatenate([array, np.repeat(array[-1:], count - len(array), axis=0)])

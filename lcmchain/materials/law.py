@@ -1,0 +1,210 @@
+"""What a material law gives to the elements, and how kernels find it.
+
+A law is a NamedTuple of its parameters [SI]. All of them have one type, numbers or arrays: a
+parallel loop takes no mixed tuples. The file of a law says how each function of the protocol below
+is computed, with the decorator ``implements``; a kernel that is compiled for a law calls that
+law's own functions, which are inlined. Nothing else in the program needs to know the law.
+
+Strains and stresses are Green-Lagrange and second Piola-Kirchhoff in the reference fibre axes,
+Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness is a tuple of six
+moduli where it is diagonal, else of six rows (:mod:`lcmchain.materials.stiffness`).
+
+A law with memory has ``history_names``: a number per name and element, zero at the start. Kernels
+hand them to the law as a tuple, as they were after the last step. What the law answers for a strain
+holds for the end of a step that leads there, and :func:`evolved_history` gives the numbers then.
+
+Beside the law stands a :class:`Material`: the law with the constants of a sheet, written in plain
+NumPy where the rest of the program asks the same questions, so that each checks the other.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numba.extending import overload
+
+from lcmchain.dispatch import implements, is_implemented, optional, required
+from lcmchain.jit import INLINED
+
+__all__ = [
+    "Material",
+    "bending_stiffness",
+    "evolved_history",
+    "history_count",
+    "history_names",
+    "implements",
+    "load_history",
+    "membrane_response",
+    "plane_bending_stiffness",
+    "plane_response",
+    "serves_planes",
+    "store_history",
+    "tangent_curvature",
+    "tangent_slope",
+]
+
+
+def history_count(law) -> int:
+    """Return how many numbers per element the law remembers."""
+    return len(history_names(law))
+
+
+def history_names(law) -> tuple[str, ...]:
+    """Return the names of the numbers that the law remembers, empty for one without memory."""
+    return getattr(law, "history_names", ())
+
+
+# --- compiled -------------------------------------------------------------------------------------
+
+
+@required
+def membrane_response(law, E, history):
+    """Return the stress S^M at the centre strain E (6), Eq. (19), and the tangent C^M."""
+
+
+@required
+def bending_stiffness(law):
+    """Return C^B, Eq. (25), constant: the stiffness of the strains linear and quadratic in ζ."""
+
+
+@optional
+def tangent_slope(law, E, history):
+    """Return the six dC_ii/dE_i of the tangent C^M; ``None`` where it is always zero."""
+    return (None, None, None, None, None, None)
+
+
+@optional
+def tangent_curvature(law, E, history):
+    """Return the six d²C_ii/dE_i² of the tangent C^M; ``None`` where it is always zero."""
+    return (None, None, None, None, None, None)
+
+
+@optional
+def evolved_history(law, E, history):
+    """Return the history at the end of a step that leads to the centre strain E."""
+    return history
+
+
+@required
+def plane_response(law, E11, E22, g12):
+    """Return (S11, S22, S12) and the moduli (C11, C22, C12) of a sheet without thickness.
+
+    For the 2D approach; a law that does not answer serves solid-shells only.
+    """
+
+
+@required
+def plane_bending_stiffness(law):
+    """Return the moduli (C11^B, C22^B, C12^B) of the curvatures, for the 2D approach."""
+
+
+def serves_planes(law) -> bool:
+    """Tell whether a law answers for sheets without thickness."""
+    return is_implemented(plane_response, type(law))
+
+
+# History of one lane, rows of LANES numbers apart. The compiler must know the length of a tuple:
+# one function for each count.
+_LOADERS = (
+    lambda law, data, i, stride: (),
+    lambda law, data, i, stride: (data[i],),
+    lambda law, data, i, stride: (data[i], data[i + stride]),
+    lambda law, data, i, stride: (data[i], data[i + stride], data[i + 2 * stride]),
+)
+
+
+def _store0(law, values, data, i, stride):
+    pass
+
+
+def _store1(law, values, data, i, stride):
+    data[i] = values[0]
+
+
+def _store2(law, values, data, i, stride):
+    data[i] = values[0]
+    data[i + stride] = values[1]
+
+
+def _store3(law, values, data, i, stride):
+    data[i] = values[0]
+    data[i + stride] = values[1]
+    data[i + 2 * stride] = values[2]
+
+
+_STORERS = (_store0, _store1, _store2, _store3)
+MOST_HISTORY = len(_STORERS) - 1
+
+
+def load_history(law, data, i, stride):
+    """Return the history at ``data[i + k * stride]`` as a tuple."""
+    return _LOADERS[history_count(law)](law, data, i, stride)
+
+
+@overload(load_history, jit_options=INLINED)
+def _choose_loader(law, data, i, stride):
+    return _LOADERS[history_count(law.instance_class)]
+
+
+def store_history(law, values, data, i, stride):
+    """Write what :func:`load_history` reads."""
+    _STORERS[history_count(law)](law, values, data, i, stride)
+
+
+@overload(store_history, jit_options=INLINED)
+def _choose_storer(law, values, data, i, stride):
+    return _STORERS[history_count(law.instance_class)]
+
+
+# --- plain Python ---------------------------------------------------------------------------------
+
+
+class Material(Protocol):
+    """A law with the constants of a sheet, as everything outside the kernels sees it.
+
+    law : NamedTuple of the parameters. name : as in the scene.
+    thickness : initial [m]. areal_mass [kg/m²]. density [kg/m³]. fibre_density [kg/m³] or None.
+    is_diagonal : whether C^M and C^B are diagonal in the fibre axes.
+    constant_tangent : whether C^M never changes.
+    couples_thickness : whether C^B couples the normal stress 33 with other strains than 33.
+    """
+
+    law: Any
+    name: str
+    thickness: float
+    areal_mass: float
+    density: float
+    fibre_density: float | None
+    is_diagonal: bool
+    constant_tangent: bool
+    couples_thickness: bool
+
+    def stress_and_tangent(self, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return S^M (..., 6) and C^M (..., 6, 6) of centre strains E (..., 6), first loading."""
+
+    def tangent_slope(self, E: np.ndarray) -> np.ndarray:
+        """Return dC_ii/dE_i (..., 6)."""
+
+    def tangent_curvature(self, E: np.ndarray) -> np.ndarray:
+        """Return d²C_ii/dE_i² (..., 6)."""
+
+    def bending_matrix(self) -> np.ndarray:
+        """Return C^B (6, 6)."""
+
+    def membrane_energy(self, E: np.ndarray, history: np.ndarray | None = None) -> np.ndarray:
+        """Return the stored energy density W^M [J/m³] of centre strains E (..., 6).
+
+        history : (history_count, ...), of a law with memory.
+        """
+
+    def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
+        """Return the energy density [J/m³] that a law with memory has dissipated so far."""
+
+    def compaction_pressure(
+        self, thickness_stretch: np.ndarray, history: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the tool pressure p = λ |S33| [Pa] of plate-to-plate compaction; 0 if thicker."""
+
+    def wave_stiffness(self) -> tuple[float, float]:
+        """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
