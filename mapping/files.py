@@ -8,19 +8,13 @@ import meshio
 import numpy as np
 import xarray as xr
 
-from lcmchain.atomic import replacing
-from lcmchain.errors import InputError
+from lcmchain.fields.ugrid import CONVENTIONS, UgridMesh, Variable
+from lcmchain.fields.vtu import write_mesh
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
-
-# Flags of UGRID 1.0 for the shape of volumes.
-VOLUME_SHAPES = {4: 0, 5: 1, 6: 2, 8: 3}
-VOLUME_MEANINGS = "tetrahedron pyramid wedge hexahedron"
-
-MESH = "target"
 
 
 def mapped_dataset(
@@ -35,74 +29,21 @@ def mapped_dataset(
     Cells of a shell are faces of a two-dimensional mesh, cells of a solid volumes of a
     three-dimensional one; mid-side nodes of higher-order cells are left out.
     """
-    location = "volume" if target.is_solid else "face"
-    dimension = f"{MESH}_{location}"
+    mesh = UgridMesh("target", topology_dimension=3 if target.is_solid else 2)
     used, corners = _compact(target.corners)
-    points = target.points[used]
-    coordinates = [f"{MESH}_node_{axis}" for axis in "xyz"]
-    connectivity = f"{MESH}_{location}_nodes"
-    topology = {
-        "cf_role": "mesh_topology",
-        "long_name": "mesh that received the forming fields",
-        "topology_dimension": np.int32(3 if target.is_solid else 2),
-        "node_coordinates": " ".join(coordinates),
-        f"{location}_node_connectivity": connectivity,
-        f"{location}_dimension": dimension,
-    }
-    variables: dict[str, tuple] = {}
-    if target.is_solid:
-        topology["volume_shape_type"] = f"{MESH}_volume_shape"
-        shapes = np.array([VOLUME_SHAPES[n] for n in (corners >= 0).sum(axis=1)], dtype=np.int8)
-        variables[f"{MESH}_volume_shape"] = (
-            dimension,
-            shapes,
-            {
-                "cf_role": "volume_shape_type",
-                "long_name": "shape of the volume",
-                "flag_values": np.arange(4, dtype=np.int8),
-                "flag_meanings": VOLUME_MEANINGS,
-            },
-        )
     width = 3 if not target.is_solid and np.all(corners[:, 3] < 0) else corners.shape[1]
-    variables[MESH] = ((), np.int32(0), topology)
-    variables[connectivity] = (
-        (dimension, f"{MESH}_{location}_corner"),
-        corners[:, :width].astype(np.int32),
-        {
-            "cf_role": f"{location}_node_connectivity",
-            "long_name": f"nodes of each {location}",
-            "start_index": np.int32(0),
-            "_FillValue": np.int32(-1),
-        },
+    variables: dict[str, Variable] = {}
+    if target.is_solid:
+        variables |= mesh.volume_shapes(corners, long_name="shape of the volume")
+    variables |= mesh.topology(
+        corners[:, :width], long_name="mesh that received the forming fields"
     )
-    for axis, values in zip("xyz", points.T, strict=True):
-        attributes = {
-            "units": "m",
-            "long_name": f"{axis} coordinate of node",
-            "standard_name": "height" if axis == "z" else f"projection_{axis}_coordinate",
-        }
-        variables[f"{MESH}_node_{axis}"] = (f"{MESH}_node", values, attributes)
-
-    place = {"mesh": MESH, "location": location}
+    variables |= mesh.node_positions(target.points[used])
     for name, (values, attributes) in _cell_fields(sheet, weights, mapped).items():
-        variables[name] = (dimension, values, {**attributes, **place})
-
-    dataset = xr.Dataset(variables)
-    dataset = dataset.set_coords(coordinates)
-    dataset.attrs = {**sheet.provenance, **_global_attributes(sheet, target, report)}
-    return dataset
-
-
-def write_netcdf(path: Path | str, dataset: xr.Dataset) -> None:
-    """Write a mapped dataset as netCDF-4, numbers in double precision without loss."""
-    encoding: dict[str, dict] = {}
-    for name, variable in dataset.variables.items():
-        options = {} if "_FillValue" in variable.attrs else {"_FillValue": None}
-        if variable.ndim:
-            options |= {"zlib": True, "complevel": 4, "shuffle": True}
-        encoding[name] = options
-    with replacing(path) as temporary:
-        dataset.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
+        variables[name] = mesh.on_cells(values, attributes)
+    return mesh.dataset(
+        variables, {**sheet.provenance, **_global_attributes(sheet, target, report)}
+    )
 
 
 def write_vtu(
@@ -126,11 +67,7 @@ def write_vtu(
         [(name, cells) for name, cells in target.blocks],
         cell_data={name: np.split(values, ends) for name, values in data.items()},
     )
-    with replacing(path) as temporary:
-        try:
-            meshio.write(temporary, mesh, file_format="vtu")
-        except (meshio.WriteError, KeyError) as error:
-            raise InputError(f"meshio cannot write this mesh as VTU ({error})", file=path) from None
+    write_mesh(path, mesh)
 
 
 def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
@@ -189,7 +126,7 @@ def _global_attributes(sheet: Sheet, target: TargetMesh, report: MappingReport) 
     )
     history = sheet.provenance.get("history", "")
     return {
-        "Conventions": "CF-1.11 UGRID-1.0",
+        "Conventions": CONVENTIONS,
         "title": f"forming fields on the {report.kind} mesh {report.name}",
         "history": f"{step}\n{history}".strip(),
         "source": f"lcmchain {_version()}, mapping",

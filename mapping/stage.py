@@ -8,7 +8,8 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.files import mapped_dataset, write_netcdf, write_vtu
+from lcmchain.fields.ugrid import ROOT, write_netcdf
+from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.picture import draw_mapping
 from lcmchain.mapping.report import MappingReport, first_few, mapping_report
 from lcmchain.mapping.sheet import Sheet, read_sheet
@@ -110,7 +111,7 @@ def map_file(
     report.files = {what: path.name for what, path in files.items()}
     if weights_file is not None and not Path(weights_file).exists():
         weights.save(weights_file)
-    write_netcdf(files["netcdf"], mapped_dataset(sheet, target, weights, mapped, report))
+    write_netcdf(files["netcdf"], {ROOT: mapped_dataset(sheet, target, weights, mapped, report)})
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)

@@ -19,15 +19,15 @@ import xarray as xr
 
 from lcmchain import read_scene, run
 from lcmchain.fields import read_forming
-from lcmchain.report.comparison import draw_comparison
-from lcmchain.report.pictures import SHOWN
-from lcmchain.study.measures import (
+from lcmchain.fields.measures import (
     LOCAL_AREAS,
     area_mean_shear,
     contour_distances,
     draw_in,
     symmetric_mean,
 )
+from lcmchain.report.comparison import draw_comparison
+from lcmchain.report.shown import SHOWN
 
 EXAMPLES = Path(__file__).parents[1]
 SCENES = {"with blank holder": "hemisphere_holder", "without blank holder": "hemisphere_free"}

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain import read_scene, run
-from lcmchain.study.measures import LOCAL_AREAS, area_mean_shear, draw_in, field_differences
+from lcmchain.fields.measures import LOCAL_AREAS, area_mean_shear, draw_in, field_differences
 
 SCENE = Path(__file__).with_name("scene.toml")
 VARIANTS = {

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.coupons.analytic import BiasExtension
-from lcmchain.coupons.synthetic import (
+from lcmchain.identification.synthetic import (
     bias_extension_curve,
     cantilever_overhangs,
     compaction_curve,

@@ -51,7 +51,7 @@ def identify_shear(
     noise_floor: NoiseFloor = 0.01,
 ) -> None:
     """Shear polynomial from bias-extension tests: displacement, force."""
-    from lcmchain.coupons.identify_file import identify_shear_file
+    from lcmchain.identification.from_file import identify_shear_file
 
     sizes = {"length": length, "width": width, "thickness": thickness}
     _report_identification(
@@ -71,7 +71,7 @@ def identify_compaction(
     noise_floor: NoiseFloor = 0.001,
 ) -> None:
     """Compaction law from plate-to-plate tests: thickness, pressure."""
-    from lcmchain.coupons.identify_file import identify_compaction_file
+    from lcmchain.identification.from_file import identify_compaction_file
 
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "fibre_density": fibre_density}
     _report_identification(
@@ -91,7 +91,7 @@ def identify_bending(
     ] = "free-strip",
 ) -> None:
     """Bending stiffness from cantilever tests: orientation, overhang (or length, angle; x, y)."""
-    from lcmchain.coupons.identify_file import identify_bending_file
+    from lcmchain.identification.from_file import identify_bending_file
 
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "angle": angle}
     _report_identification(data, out, lambda: identify_bending_file(data, sizes, off_axis=off_axis))
@@ -99,7 +99,7 @@ def identify_bending(
 
 def _report_identification(data: Path, out: Path | None, identify) -> None:
     with output_folder(out or Path("results") / data.stem) as folder:
-        from lcmchain.coupons.identification_files import tables, write_identification
+        from lcmchain.identification.files import tables, write_identification
 
         result = identify()
         snippet, picture, _ = write_identification(result, folder)

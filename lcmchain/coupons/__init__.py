@@ -1,1 +1,1 @@
-"""Coupon tests of fabrics: closed forms, and identification of parameters from test data."""
+"""Coupon tests of fabrics: simulated specimens beside their closed forms."""

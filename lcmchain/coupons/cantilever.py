@@ -1,7 +1,7 @@
 """Cantilever test: a strip bends under its own weight until its tip touches an inclined plane.
 
 Source: Schäfer, Mitsch, Kärger, section 3.3; ISO 9073-7. The strip is solved quasi-statically
-(``solver/static.py``), its overhang is varied until the line from clamp to tip falls by 41.5°. The
+(``lcmchain.statics``), its overhang is varied until the line from clamp to tip falls by 41.5°. The
 reference is the heavy elastica with D = C^B t³/12 (:func:`lcmchain.coupons.analytic.elastica`). At
 orientations between the fibres a strip is neither free to twist nor held from it: its overhang lies
 between those of the two limits.
@@ -34,7 +34,7 @@ from lcmchain.errors import SimulationError
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene.schema import Element, Scene
-from lcmchain.solver.static import StaticProblem, solve
+from lcmchain.statics import StaticProblem, solve
 from lcmchain.tools.motion import STANDARD_GRAVITY
 
 ORIENTATIONS = (0.0, 0.25 * math.pi, 0.5 * math.pi)  # of fibre 1 to the strip [rad]

@@ -14,7 +14,8 @@ from rich.table import Table
 
 from lcmchain.atomic import replacing
 from lcmchain.fields import write_forming_netcdf, write_vtu
-from lcmchain.report.pictures import SHOWN, draw_field
+from lcmchain.report.pictures import draw_field
+from lcmchain.report.shown import SHOWN
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,11 @@
 """Fields of a forming result: what they are, how they follow from positions, and their files."""
 
-from lcmchain.fields.dataset import FrameSeries, add_face_variables, build_datasets
+from lcmchain.fields.dataset import add_face_variables, build_datasets
 from lcmchain.fields.derived import derive_fields
+from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.netcdf import read_forming, read_group, write_forming_netcdf
-from lcmchain.fields.summary import fibre_mass, field_summary, sheet_areas, sheet_positions
+from lcmchain.fields.sheet import sheet_areas, sheet_faces, sheet_positions
+from lcmchain.fields.summary import fibre_mass, field_summary
 from lcmchain.fields.table import FIELDS, Field
 from lcmchain.fields.vtu import write_pvd, write_vtu
 
@@ -19,6 +21,7 @@ __all__ = [
     "read_forming",
     "read_group",
     "sheet_areas",
+    "sheet_faces",
     "sheet_positions",
     "write_forming_netcdf",
     "write_pvd",

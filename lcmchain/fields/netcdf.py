@@ -7,36 +7,19 @@ from pathlib import Path
 
 import xarray as xr
 
-from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import SHEET
+from lcmchain.fields.ugrid import write_netcdf
 
 
 def write_forming_netcdf(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:
     """Write the groups of :func:`lcmchain.fields.dataset.build_datasets`; whole or not at all.
 
-    The netCDF4 engine is used because it writes attributes as character arrays, which is how
-    VTK's UGRID reader knows a mesh. Numbers are stored in double precision, without loss.
-
     Raises
     ------
     InputError : the place cannot be written.
     """
-    groups = [SHEET, *(name for name in datasets if name != SHEET)]
-    try:
-        with replacing(path) as temporary:
-            for group in groups:
-                datasets[group].to_netcdf(
-                    temporary,
-                    mode="w" if group == SHEET else "a",
-                    group=None if group == SHEET else group,
-                    format="NETCDF4",
-                    engine="netcdf4",
-                    encoding=_encoding(datasets[group]),
-                )
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"cannot be written ({reason}); choose another place", file=path) from None
+    write_netcdf(path, datasets)
 
 
 def read_forming(path: Path | str) -> xr.Dataset:
@@ -67,16 +50,3 @@ def read_group(path: Path | str, group: str) -> xr.Dataset:
         return xr.load_dataset(path, group=group, engine="netcdf4", mask_and_scale=False)
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read the group {group} ({error})", file=path) from None
-
-
-def _encoding(dataset: xr.Dataset) -> dict[str, dict]:
-    encoding: dict[str, dict] = {}
-    for name, variable in dataset.variables.items():
-        options: dict = {}
-        if "_FillValue" not in variable.attrs:
-            options["_FillValue"] = None
-        if variable.ndim and variable.dtype.kind in "fi":
-            # Shuffled bytes compress smooth fields to about two thirds.
-            options |= {"zlib": True, "complevel": 4, "shuffle": True}
-        encoding[str(name)] = options
-    return encoding

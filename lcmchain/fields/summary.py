@@ -8,35 +8,10 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.fields.dataset import HISTORY, NO_THICKNESS, SHEET
-from lcmchain.fields.derived import face_area_vectors
+from lcmchain.fields.sheet import sheet_areas, vector
 
 #: Fibre volume fraction above which round fibres can hardly be packed (hexagonal: 0.907).
 LARGEST_FIBRE_VOLUME_FRACTION = 0.9
-
-
-def sheet_positions(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
-    """Return the positions of the mid-surface nodes in a frame [m], shape (node_count, 3)."""
-    reference, displacement = (
-        np.stack([sheet[f"{name}_{axis}"].values for axis in "xyz"], axis=-1)
-        for name in ("reference_position", "displacement")
-    )
-    return reference + displacement[frame]
-
-
-def sheet_faces(sheet: xr.Dataset) -> np.ndarray:
-    """Return the nodes of the faces, shape (face_count, 4); a triangle repeats its last node."""
-    faces = sheet["sheet_face_nodes"].values
-    # Read without mask_and_scale=False, xarray gives floating point numbers with nan for -1.
-    faces = np.where(np.isfinite(faces), faces, -1).astype(np.int64)
-    if faces.shape[1] == 3:
-        faces = np.pad(faces, ((0, 0), (0, 1)), constant_values=-1)
-    return np.where(faces < 0, faces[:, 2:3], faces)
-
-
-def sheet_areas(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
-    """Return the areas of the faces in a frame [m2], as ``areal_fibre_mass`` refers to them."""
-    corners = sheet_positions(sheet, frame)[sheet_faces(sheet)]
-    return np.linalg.norm(face_area_vectors(corners), axis=-1)
 
 
 def fibre_mass(sheet: xr.Dataset, frame: int = -1) -> float:
@@ -117,5 +92,4 @@ def punch_index(history: xr.Dataset, punch: str | None = None) -> int:
 
 def tool_force_magnitude(history: xr.Dataset) -> np.ndarray:
     """Return the magnitude of the force on each tool [N], shape (frame_count, tool_count)."""
-    force = np.stack([history[f"tool_force_{axis}"].values for axis in "xyz"], axis=-1)
-    return np.linalg.norm(force, axis=-1)
+    return np.linalg.norm(vector(history, "tool_force"), axis=-1)

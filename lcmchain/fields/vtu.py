@@ -13,6 +13,7 @@ import xarray as xr
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
+from lcmchain.fields.sheet import vector
 
 
 def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int = -1) -> None:
@@ -26,13 +27,25 @@ def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int =
     ------
     InputError : the place cannot be written.
     """
+    write_mesh(path, _mesh(datasets, frame))
+
+
+def write_mesh(path: Path | str, mesh: meshio.Mesh) -> None:
+    """Write a mesh with its data as VTU; whole or not at all.
+
+    Raises
+    ------
+    InputError : the place cannot be written, or the mesh has cells that meshio does not write.
+    """
     with replacing(path) as temporary:
         try:
-            meshio.write(temporary, _mesh(datasets, frame), file_format="vtu")
+            meshio.write(temporary, mesh, file_format="vtu")
         except OSError as error:
             raise InputError(
                 f"cannot be written ({error.strerror}); choose another place", file=path
             ) from None
+        except (meshio.WriteError, KeyError) as error:
+            raise InputError(f"meshio cannot write this mesh as VTU ({error})", file=path) from None
 
 
 def write_pvd(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:
@@ -60,8 +73,8 @@ def write_pvd(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:
 def _mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
     sheet = datasets[SHEET]
     mesh = datasets.get(SOLID, sheet)  # the triangles of the 2D approach are the sheet itself
-    reference = _vector(mesh, "reference_position", None)
-    displacement = _vector(mesh, "displacement", frame)
+    reference = vector(mesh, "reference_position")
+    displacement = vector(mesh, "displacement", frame)
     blocks = _solid_blocks(mesh) if SOLID in datasets else _triangle_blocks(mesh)
     element_count = sum(len(numbers) for _, numbers, _ in blocks)
     fields = _cell_fields(sheet, frame) | {"element": np.arange(element_count)}
@@ -105,12 +118,7 @@ def _cell_fields(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:
     for name in names:
         stem = name[:-2]
         if all(f"{stem}_{axis}" in names for axis in "xyz"):
-            fields[stem] = _vector(sheet, stem, frame)
+            fields[stem] = vector(sheet, stem, frame)
         else:
             fields[name] = sheet[name].values[frame]
     return fields
-
-
-def _vector(dataset: xr.Dataset, stem: str, frame: int | None) -> np.ndarray:
-    values = np.stack([dataset[f"{stem}_{axis}"].values for axis in "xyz"], axis=-1)
-    return values if frame is None else values[frame]

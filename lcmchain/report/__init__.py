@@ -1,5 +1,6 @@
 """Pictures and plots of a run."""
 
-from lcmchain.report.pictures import draw_initial, draw_result
+from lcmchain.report.pictures import draw_result
+from lcmchain.report.start import draw_initial
 
 __all__ = ["draw_initial", "draw_result"]

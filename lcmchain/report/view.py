@@ -128,9 +128,7 @@ def section(points: np.ndarray, triangles: np.ndarray, y: float) -> np.ndarray:
     corners, height = corners[cut], height[cut]
     inside = height >= 0.0
     # Turn each triangle until the corner that is alone on its side comes first.
-    lone = np.where(
-        inside.sum(axis=1) == 1, np.argmax(inside, axis=1), np.argmax(~inside, axis=1)
-    )
+    lone = np.where(inside.sum(axis=1) == 1, np.argmax(inside, axis=1), np.argmax(~inside, axis=1))
     order = (lone[:, None] + np.arange(3)) % 3
     height = np.take_along_axis(height, order, axis=1)[:, :, None]
     corners = np.take_along_axis(corners, order[:, :, None], axis=1)
@@ -140,3 +138,23 @@ def section(points: np.ndarray, triangles: np.ndarray, y: float) -> np.ndarray:
         for i in (1, 2)
     ]
     return np.stack(ends, axis=1)[:, :, [0, 2]]
+
+
+def joined_outline(points: np.ndarray, edges: np.ndarray) -> list[np.ndarray]:
+    """Join edges to closed polylines in the plane: dashes run on over the nodes."""
+    following = dict(edges.tolist())
+    lines = []
+    while following:
+        start, node = following.popitem()
+        loop = [start, node]
+        while node in following:
+            node = following.pop(node)
+            loop.append(node)
+        lines.append(points[loop, :2])
+    return lines
+
+
+def hangs_down(points: np.ndarray, rim: np.ndarray) -> bool:
+    """Tell whether the sheet is drawn further below its rim than above it."""
+    level = np.median(points[rim.ravel(), 2])
+    return level - points[:, 2].min() > points[:, 2].max() - level

@@ -190,3 +190,9 @@ def test_files_named_in_the_text_exist():
             if not (ROOT / path).exists():
                 missing.append(f"{topic}: {path}")
     assert missing == []
+
+
+def test_the_layout_names_every_room():
+    rooms = [file.parent.name for file in FOLDER.parent.glob("*/__init__.py")]
+    text = PAGES["extending"].text
+    assert [room for room in rooms if f"`lcmchain/{room}`" not in text] == []

@@ -217,6 +217,45 @@ def test_the_picture_shows_the_uncovered_cells_grey(result, part, tmp_path):
     assert colours[0.09] > 0.05 > 10 * colours[0.04]
 
 
+def test_the_picture_paints_and_hatches_the_right_cells(make, part, tmp_path, monkeypatch):
+    """Of a solid, every facet of the skin has the colour of its cell, and the hatch of it."""
+    painted, hatched = [], []
+
+    def record(facets):
+        def draw(axis, corners, view, *arguments, **options):
+            facets.append((corners, *arguments))
+
+        return draw
+
+    monkeypatch.setattr("lcmchain.mapping.picture.draw_facets", record(painted))
+    monkeypatch.setattr("lcmchain.mapping.picture.draw_hatches", record(hatched))
+    points, quads = make.grid(14, 14, (-0.05, -0.05), (0.05, 0.05))
+    points = make.bowl(points, depth=6.0)
+    first, second = make.families(points, quads)
+    slope = make.forming_result(
+        points,
+        quads,
+        thickness=lambda c: 1e-3 * (1.0 + 4.0 * c[:, 0]),
+        areal_fibre_mass=0.6,
+        shear_angle=0.0,
+        fibre_direction_1=first,
+        fibre_direction_2=second,
+    )
+    mesh = part(half=0.09, cells="hexahedron")
+    report = map_file(slope, mesh, tmp_path / "m.nc", allow_unmapped=True)
+
+    for corners, colours in painted[:2]:  # thickness on the sheet and on the target
+        x = corners.mean(axis=1)[:, 0]
+        known = np.ptp(colours[:, :3], axis=1) > 0.0
+        assert np.corrcoef(x[known], colours[known, 1])[0, 1] > 0.95  # viridis: green grows
+    # one facet above and one below at each cell, and those of cells at the outline
+    counts = {pattern: len(corners) for corners, pattern in hatched[:2]}
+    for pattern, status in (("....", "extrapolated"), ("////", "unmapped")):
+        assert report.status_count[status] > 0
+        assert 2 * report.status_count[status] <= counts[pattern] <= 4 * report.status_count[status]
+    assert sorted(counts) == ["....", "////"]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

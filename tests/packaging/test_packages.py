@@ -24,6 +24,7 @@ pytestmark = pytest.mark.skipif(
 RANK_OF_CORE = {
     "": 0,  # lcmchain/__init__.py
     "compile_cache": 0,
+    "dispatch": 0,
     "errors": 0,
     "atomic": 0,
     "jit": 0,
@@ -38,10 +39,11 @@ RANK_OF_CORE = {
     "model": 3,
     "state": 3,
     "solver": 4,
+    "statics": 4,
     "fields": 5,
     "report": 6,
-    "study": 6,
     "coupons": 7,
+    "identification": 7,
     "verification": 7,
     "check": 7,
     "bench": 7,

@@ -12,14 +12,20 @@ import pytest
 
 from lcmchain.check import check_scene, scene_effects
 from lcmchain.errors import InputError, SimulationError
-from lcmchain.fields import fibre_mass, read_forming, read_group, sheet_areas, sheet_positions
-from lcmchain.fields.summary import sheet_faces
+from lcmchain.fields import (
+    fibre_mass,
+    read_forming,
+    read_group,
+    sheet_areas,
+    sheet_faces,
+    sheet_positions,
+)
+from lcmchain.fields.sheet import face_centres
 from lcmchain.mapping import map_file
 from lcmchain.model import build_model
 from lcmchain.pipeline import run
 from lcmchain.scene import MembraneShellElement, read_scene, scene_from_text, scene_json_schema
 from lcmchain.solver.simulation import Simulation
-from lcmchain.study.measures import face_centres
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 DOME = """

@@ -7,8 +7,8 @@ import pytest
 
 from lcmchain.coupons import analytic
 from lcmchain.coupons.analytic import BiasExtension, PictureFrame
-from lcmchain.coupons.synthetic import preset_fabric, shear_stress, strip_bending_stiffness
 from lcmchain.errors import InputError
+from lcmchain.identification.synthetic import preset_fabric, shear_stress, strip_bending_stiffness
 
 MD600 = preset_fabric("MD600")
 THICKNESS = 1.004e-3

@@ -12,15 +12,17 @@ import pytest
 
 from lcmchain import cli
 from lcmchain.coupons.analytic import BiasExtension
-from lcmchain.coupons.data import CouponData, read_coupon
-from lcmchain.coupons.identification_files import scene_snippet, write_identification
-from lcmchain.coupons.identify_bending import COLUMNS as BENDING_COLUMNS
-from lcmchain.coupons.identify_bending import fit_deflection_curve, identify_bending
-from lcmchain.coupons.identify_compaction import identify_compaction
-from lcmchain.coupons.identify_shear import COLUMNS as SHEAR_COLUMNS
-from lcmchain.coupons.identify_shear import identify_shear
-from lcmchain.coupons.regression import fit_linear
-from lcmchain.coupons.synthetic import (
+from lcmchain.errors import InputError
+from lcmchain.identification.bending import identify_bending
+from lcmchain.identification.cantilever_tests import COLUMNS as BENDING_COLUMNS
+from lcmchain.identification.compaction import identify_compaction
+from lcmchain.identification.data import CouponData, read_coupon
+from lcmchain.identification.deflection_curve import fit_deflection_curve
+from lcmchain.identification.files import scene_snippet, write_identification
+from lcmchain.identification.regression import fit_linear
+from lcmchain.identification.shear import COLUMNS as SHEAR_COLUMNS
+from lcmchain.identification.shear import identify_shear
+from lcmchain.identification.synthetic import (
     bias_extension_curve,
     cantilever_overhangs,
     cantilever_shape,
@@ -29,7 +31,6 @@ from lcmchain.coupons.synthetic import (
     preset_fabric,
     strip_bending_stiffness,
 )
-from lcmchain.errors import InputError
 from lcmchain.scene import scene_from_text
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "identification"
@@ -160,8 +161,7 @@ def test_shear_intervals_cover_the_truth():
 def test_shear_intervals_are_no_wider_than_needed():
     """Over 400 curves the five intervals hold the truth in 95 % of the cases, not in all."""
     hits = sum(
-        covered(shear_result(noise=NOISE, seed=seed).parameters, SHEAR)
-        for seed in range(400)
+        covered(shear_result(noise=NOISE, seed=seed).parameters, SHEAR) for seed in range(400)
     )
     assert np.all((hits >= 0.92 * 400) & (hits <= 0.975 * 400))
 
@@ -184,8 +184,7 @@ def test_force_determines_the_law_better_than_the_recursion():
 
     def errors(method):
         fits = (
-            shear_result(noise=NOISE, seed=seed, method=method, bootstrap_count=0)
-            for seed in SEEDS
+            shear_result(noise=NOISE, seed=seed, method=method, bootstrap_count=0) for seed in SEEDS
         )
         return np.sqrt(np.mean([(values(fit.parameters) - SHEAR) ** 2 for fit in fits], axis=0))
 
@@ -233,9 +232,7 @@ def test_power_law_intervals_cover_the_truth():
 @pytest.mark.parametrize("assumption", ["free-strip", "cylindrical"])
 def test_bending_intervals_cover_the_truth(assumption):
     hits = sum(
-        covered(
-            bending_result(assumption=assumption, noise=NOISE, seed=seed).parameters, BENDING
-        )
+        covered(bending_result(assumption=assumption, noise=NOISE, seed=seed).parameters, BENDING)
         for seed in SEEDS
     )
     assert hits.min() >= FEWEST_COVERED
@@ -259,9 +256,7 @@ def test_law_stays_rising_where_the_data_would_let_it_fall():
     strain = np.linspace(0.0, 0.5, 2001)
     held = hits = 0
     for seed in SEEDS:
-        result = shear_result(
-            displacement=np.linspace(1e-3, 20e-3, 30), noise=0.05, seed=seed
-        )
+        result = shear_result(displacement=np.linspace(1e-3, 20e-3, 30), noise=0.05, seed=seed)
         tangent = sum((k + 1) * s * strain**k for k, s in enumerate(values(result.parameters)))
         assert tangent.min() > 0.0
         assert any("extrapolated" in warning for warning in result.warnings)
@@ -538,9 +533,7 @@ def test_units_separators_and_specimens(tmp_path):
 def test_wrong_command_lines_are_wrong_input(arguments, message, tmp_path, capsys):
     law, file, *options = arguments
     with pytest.raises(SystemExit) as stop:
-        cli.main(
-            ["identify", law, str(EXAMPLE / file), *options, "--out", str(tmp_path / "out")]
-        )
+        cli.main(["identify", law, str(EXAMPLE / file), *options, "--out", str(tmp_path / "out")])
     assert stop.value.code == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

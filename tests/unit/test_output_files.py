@@ -26,6 +26,7 @@ from lcmchain.fields import (
     write_vtu,
 )
 from lcmchain.fields.summary import field_warnings
+from lcmchain.fields.ugrid import CONVENTIONS, FRAME_TIME, UgridMesh, frame_time, write_netcdf
 from lcmchain.scene import scene_from_text
 
 # An outline with a slanted side, which leaves halved cells (triangles), and a title beyond ASCII.
@@ -124,6 +125,14 @@ def test_the_agreed_names_of_the_mesh(file):
     assert faces.dtype == np.int32
     assert faces.attrs["start_index"] == 0
     assert faces.attrs["_FillValue"] == -1
+    axes = [sheet[f"sheet_node_{axis}"].attrs for axis in "xyz"]
+    assert [axis["standard_name"] for axis in axes] == [
+        "projection_x_coordinate",
+        "projection_y_coordinate",
+        "height",
+    ]
+    assert axes[2]["positive"] == "up"
+    assert [axis["units"] for axis in axes] == ["m", "m", "m"]
 
 
 def test_global_attributes_identify_the_run(file, scene):
@@ -213,6 +222,55 @@ def test_warning_where_fibres_are_packed_beyond_reason(datasets):
     assert "0.95" in warning
 
 
+def test_several_meshes_stand_in_groups_of_their_own(tmp_path):
+    """Any name, prefix and group; what xarray reads there is what was written."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]], dtype=float)
+    cells = np.array([[0, 1, 2, 3], [1, 4, 2, -1]])
+    groups = {}
+    for number, mesh in enumerate((UgridMesh("ply"), UgridMesh("fluid", prefix="resin"))):
+        variables = {
+            **mesh.topology(cells, long_name="a layer"),
+            **mesh.node_positions(points + [0, 0, number]),
+            FRAME_TIME: frame_time([0.0, 0.5]),
+            "thickness": mesh.on_cells(
+                np.full((2, 2), 1e-3), {"units": "m", "long_name": "thickness"}
+            ),
+            "height": mesh.on_nodes(points[:, 2], {"units": "m", "long_name": "height"}),
+        }
+        groups[f"/bodies/{mesh.name}"] = mesh.dataset(variables, {"Conventions": CONVENTIONS})
+    groups["/"] = xr.Dataset(attrs={"Conventions": CONVENTIONS})
+    write_netcdf(tmp_path / "stack.nc", groups)
+
+    for group, written in groups.items():
+        xr.testing.assert_identical(read_group(tmp_path / "stack.nc", group), written)
+    fluid = read_group(tmp_path / "stack.nc", "bodies/fluid")
+    assert fluid["fluid"].attrs["face_node_connectivity"] == "resin_face_nodes"
+    assert fluid["fluid"].attrs["node_coordinates"] == "resin_node_x resin_node_y resin_node_z"
+    assert fluid["thickness"].dims == ("frame", "resin_face")
+    assert fluid["thickness"].attrs["mesh"] == "fluid"
+    assert fluid["height"].dims == ("resin_node",)
+    assert fluid["resin_face_nodes"].values.tolist() == cells.tolist()
+    xugrid = pytest.importorskip("xugrid")
+    with xr.open_dataset(tmp_path / "stack.nc", group="bodies/fluid") as opened:
+        grid = xugrid.UgridDataset(opened).ugrid.grid
+        assert grid.area.tolist() == [1.0, 0.5]
+
+
+def test_volumes_say_their_shape():
+    mesh = UgridMesh("part", topology_dimension=3)
+    cells = np.full((4, 8), -1)
+    for row, count in enumerate((4, 5, 6, 8)):
+        cells[row, :count] = np.arange(count)
+    variables = mesh.volume_shapes(cells, long_name="shape") | mesh.topology(cells, long_name="p")
+    dimensions, shapes, attributes = variables["part_volume_shape"]
+    assert dimensions == variables["part_volume_nodes"][0][0] == "part_volume"
+    meaning = dict(zip(attributes["flag_values"], attributes["flag_meanings"].split(), strict=True))
+    assert [meaning[s] for s in shapes] == ["tetrahedron", "pyramid", "wedge", "hexahedron"]
+    # numbers of UGRID 1.0
+    assert shapes.tolist() == [0, 1, 2, 3]
+    assert variables["part"][2]["volume_shape_type"] == "part_volume_shape"
+
+
 # --- other programs -------------------------------------------------------------------------------
 
 
@@ -274,9 +332,7 @@ def test_vtk_opens_the_sheet(file, blank):
             values = vtk_to_numpy(grid.GetCellData().GetArray(name))
             assert np.array_equal(values, sheet[name][frame]), name
         place = grid.GetPointData()
-        z = sum(
-            vtk_to_numpy(place.GetArray(n)) for n in ("reference_position_z", "displacement_z")
-        )
+        z = sum(vtk_to_numpy(place.GetArray(n)) for n in ("reference_position_z", "displacement_z"))
         np.testing.assert_allclose(z, sheet_positions(sheet, frame)[:, 2], atol=1e-16)
 
 

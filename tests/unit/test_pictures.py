@@ -1,6 +1,7 @@
 """Pictures: they exist, show what they should, and their geometry is right."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,17 @@ from matplotlib.image import imread
 from lcmchain.blank import build_blank
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
-from lcmchain.report.pictures import SHOWN, draw_initial, draw_result
-from lcmchain.report.shape import colour_scale
+from lcmchain.report import draw_initial, draw_result
+from lcmchain.report.renderer import (
+    axes_at,
+    draw_colour_bar,
+    draw_facets,
+    draw_fibres,
+    even_places,
+    fit_axis,
+)
+from lcmchain.report.shown import SHOWN, colour_scale
+from lcmchain.report.style import new_figure, save
 from lcmchain.report.view import (
     FROM_ABOVE,
     View,
@@ -142,6 +152,101 @@ def test_constant_and_missing_values_have_a_scale(values):
         norm = colour_scale(values, shown).norm
         assert norm.vmin <= norm.vmax
         assert math.isfinite(norm.vmin)
+
+
+def test_scale_from_a_given_value():
+    fraction = replace(FRACTION, lowest=0.0)
+    norm = colour_scale(np.array([0.3, 0.5]), fraction).norm
+    assert (norm.vmin, norm.vmax) == (0.0, 0.5)
+    assert colour_scale(np.array([0.3, 0.5]), FRACTION).norm.vmin == pytest.approx(0.3)
+
+
+def test_values_in_words():
+    assert SHEAR.text(-2.54) == "\N{MINUS SIGN}2.5°"
+    assert THICKNESS.text(0.95) == "0.950 mm"
+    assert FRACTION.text(0.5) == "0.500"
+    assert [shown.axis_label for shown in SHOWN] == [
+        "shear angle [°]",
+        "thickness [mm]",
+        "fibre volume fraction",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("values", "extend"),
+    [([0.0, 1.0], "neither"), ([-1.0, 1.0], "min"), ([0.0, 2.0], "max"), ([-1.0, 2.0], "both")],
+)
+def test_arrows_of_a_colour_bar(values, extend):
+    figure = new_figure(2.0, 2.0)
+    axis = axes_at(figure, 0.5, 0.5, 0.2, 1.0)
+    colours = colour_scale(np.array([0.0, 1.0]), FRACTION)
+    draw_colour_bar(figure, axis, colours, np.array(values), FRACTION)
+    assert colours.colorbar.extend == extend
+    words = {text.get_text().replace("\N{MINUS SIGN}", "-") for text in axis.texts}
+    assert words == {f"max {values[1]:.3f}", f"min {values[0]:.3f}"}
+
+
+# --- facets and fibres ----------------------------------------------------------------------------
+
+
+def test_what_lies_in_front_hides_what_lies_behind(tmp_path):
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    stack = np.stack([square + [0, 0, 0.1], square])  # the first one is in front, from above
+    red_and_blue = np.array([[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]])
+    middles = {}
+    for name, view in (("above", FROM_ABOVE), ("below", oblique(from_below=True))):
+        figure = new_figure(1.0, 1.0)
+        axis = axes_at(figure, 0.0, 0.0, 1.0, 1.0)
+        draw_facets(axis, stack, view, red_and_blue, shaded=False)
+        fit_axis(axis, view.on_screen(square), 0.0)
+        axis.set_axis_off()
+        save(figure, tmp_path / f"{name}.png")
+        middles[name] = imread(tmp_path / f"{name}.png")[100, 100, :3].tolist()
+    assert middles == {"above": [1.0, 0.0, 0.0], "below": [0.0, 0.0, 1.0]}
+
+
+def test_hidden_rim_stays_hidden():
+    """The rim is painted among the facets: before those in front of it, after its neighbours."""
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    axis = axes_at(new_figure(1.0, 1.0), 0.0, 0.0, 1.0, 1.0)
+    corners = np.stack([square, square + [0, 0, 1]])
+    rim = square[[[0, 1], [1, 2], [2, 3], [3, 0]]]
+    draw_facets(axis, corners, FROM_ABOVE, np.ones((2, 4)), rim=rim)
+    (collection,) = axis.collections
+    assert collection.get_linewidths() == pytest.approx([0.22, 0.8, 0.8, 0.8, 0.8, 0.22])
+
+
+@pytest.mark.parametrize("arrows", [True, False])
+def test_fibres_lie_around_their_places(arrows):
+    axis = axes_at(new_figure(1.0, 1.0), 0.0, 0.0, 1.0, 1.0)
+    places = np.array([[1.0, 2.0], [3.0, 5.0]])
+    direction = np.array([[0.6, 0.8, 0.0], [0.0, 0.6, 0.8]])  # the second one is steep
+    draw_fibres(axis, places, direction, 2.0, "k", arrows=arrows)
+    (drawn,) = axis.collections
+    flat = np.stack([drawn.U, drawn.V], axis=1)
+    np.testing.assert_allclose(flat, [[1.2, 1.6], [0.0, 1.2]])
+    np.testing.assert_allclose(np.asarray(drawn.get_offsets()) + 0.5 * flat, places)
+    assert (drawn.headlength > 0.0) == arrows
+
+
+@pytest.mark.parametrize("corners", [4, 3])
+def test_even_places_fill_a_mesh_and_nothing_else(corners):
+    """Of an L of 30 x 30 cells, quadrilaterals or triangles, all places but those in the corner."""
+    x, y = (c.ravel() + 0.5 for c in np.meshgrid(np.arange(30.0), np.arange(30.0)))
+    inside = (x < 15.0) | (y < 15.0)
+    centres = np.stack([x[inside], y[inside]], axis=1)
+    if corners == 3:
+        centres = np.concatenate([centres - 1.0 / 6.0, centres + 1.0 / 6.0])
+    places, nearest, spacing = even_places(centres, across=10)
+    assert len(places) == 75
+    assert spacing == pytest.approx(np.ptp(centres) / 10)
+    assert not ((places > 16.0).all(axis=1)).any()
+    assert np.linalg.norm(centres[nearest] - places, axis=1).max() < 0.8
+
+
+def test_one_element_has_one_place():
+    places, nearest, spacing = even_places(np.array([[3.0, 4.0]]))
+    assert (places.tolist(), nearest.tolist(), spacing) == ([[3.0, 4.0]], [0], 1.0)
 
 
 # --- geometry of the views ------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from lcmchain.errors import InputError, SimulationError
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.model import assemble_sheet
 from lcmchain.scene.schema import Element
-from lcmchain.solver.static import (
+from lcmchain.statics import (
     DirectorCouples,
     StaticProblem,
     linear_frequencies,

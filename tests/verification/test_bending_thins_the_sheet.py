@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from lcmchain.fields.derived import derive_fields
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.static import DirectorCouples, StaticProblem, solve
+from lcmchain.statics import DirectorCouples, StaticProblem, solve
 
 EDGE, COUNT = 5e-3, 6
 SCENE = f"""

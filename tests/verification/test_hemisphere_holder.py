@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from lcmchain.fields import read_forming, sheet_positions
-from lcmchain.fields.summary import sheet_faces
-from lcmchain.study.measures import flange_and_pole, mirror_difference
+from lcmchain.fields import read_forming, sheet_faces, sheet_positions
+from lcmchain.fields.measures import flange_and_pole, mirror_difference
 
 INITIAL_THICKNESS = 1.004e-3
 

@@ -75,7 +75,7 @@ def linearise(model, displacement, resultants=None) -> Linearisation:
     model : :class:`lcmchain.model.Model`.
     displacement : (3, node_count) [m].
     resultants : (E, 42) stress resultants [Pa] for the geometric stiffness in place of those of the
-        displacement, see ``solver/static.py``.
+        displacement, see ``statics/newton.py``.
     """
     count = model.element_count
     result = Linearisation(

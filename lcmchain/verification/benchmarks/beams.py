@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lcmchain.solver.static import StaticProblem, linear_frequencies, linear_solution
+from lcmchain.statics import StaticProblem, linear_frequencies, linear_solution
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,

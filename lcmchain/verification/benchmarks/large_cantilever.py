@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.solver.static import DirectorCouples, StaticProblem, solve
+from lcmchain.statics import DirectorCouples, StaticProblem, solve
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,

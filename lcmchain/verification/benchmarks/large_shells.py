@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from lcmchain.solver.static import StaticProblem, solve
+from lcmchain.statics import StaticProblem, solve
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,

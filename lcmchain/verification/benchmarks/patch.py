@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.elements.solid_shell.tangent import linearise
-from lcmchain.solver.static import PairSystem, StaticProblem, linear_solution
+from lcmchain.statics import PairSystem, StaticProblem, linear_solution
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.solver.static import StaticProblem, linear_solution
+from lcmchain.statics import StaticProblem, linear_solution
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,

@@ -6,8 +6,16 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from lcmchain.coupons.analytic import BiasExtension, shear_strain
-from lcmchain.coupons.data import Column, CouponData
-from lcmchain.coupons.identification import (
+from lcmchain.errors import InputError
+from lcmchain.identification.data import Column, CouponData
+from lcmchain.identification.regression import (
+    Fit,
+    coefficient_of_determination,
+    fit_linear,
+    noise_scale,
+    student_factor,
+)
+from lcmchain.identification.result import (
     Band,
     Identification,
     Panel,
@@ -16,14 +24,6 @@ from lcmchain.coupons.identification import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.coupons.regression import (
-    Fit,
-    coefficient_of_determination,
-    fit_linear,
-    noise_scale,
-    student_factor,
-)
-from lcmchain.errors import InputError
 from lcmchain.scene.units import FORCE, LENGTH
 
 COLUMNS = ((Column("displacement", LENGTH, loading=1), Column("force", FORCE)),)
@@ -314,4 +314,3 @@ def _panels(data, specimen, angle, coefficients, spread, residuals, factor, shar
             (band(np.degrees(law_angle), stiffness, 1e-6, "law"),), data_end=end,
         ),
     )  # fmt: skip
-

@@ -13,8 +13,10 @@ from lcmchain.coupons.analytic import (
     power_law_fibre_volume_fraction,
     power_law_pressure,
 )
-from lcmchain.coupons.data import Column, CouponData
-from lcmchain.coupons.identification import (
+from lcmchain.errors import InputError
+from lcmchain.identification.data import Column, CouponData
+from lcmchain.identification.regression import Fit, coefficient_of_determination, fit_nonlinear
+from lcmchain.identification.result import (
     Band,
     Identification,
     Panel,
@@ -23,8 +25,6 @@ from lcmchain.coupons.identification import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.coupons.regression import Fit, coefficient_of_determination, fit_nonlinear
-from lcmchain.errors import InputError
 from lcmchain.scene.units import LENGTH, PRESSURE
 
 COLUMNS = ((Column("thickness", LENGTH, loading=-1), Column("pressure", PRESSURE)),)

@@ -121,6 +121,7 @@ def fit_linear(
     scale_of : noise scale for given parameters, where it is not :func:`noise_scale` of the model.
     """
     if scale_of is None:
+
         def scale_of(parameters):
             return noise_scale(design @ parameters, data, floor)
 
@@ -129,9 +130,7 @@ def fit_linear(
     for _ in range(50):
         weighted = design / scale[:, None]
         parameters = _solve(weighted, data / scale)
-        constrained = at_least is not None and bool(
-            np.any(at_least[0] @ parameters < at_least[1])
-        )
+        constrained = at_least is not None and bool(np.any(at_least[0] @ parameters < at_least[1]))
         if constrained:
             parameters = _solve_bounded(weighted, data / scale, *at_least)
         previous, scale = scale, scale_of(parameters)

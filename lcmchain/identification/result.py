@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lcmchain.coupons.regression import residual_autocorrelation
+from lcmchain.identification.regression import residual_autocorrelation
 
 #: SI unit -> unit shown to people and written into scene files, and the factor between them.
 SHOWN_UNITS = {

@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lcmchain.fields import sheet_positions
-from lcmchain.fields.summary import sheet_faces
+from lcmchain.fields.sheet import (
+    face_centres,
+    reference_positions,
+    sheet_faces,
+    sheet_positions,
+)
 
 # four elements beyond the end of the die fillet at 87 mm
 FLANGE_RADIUS = 0.105
@@ -14,20 +18,6 @@ AREA = 0.02  # edge of the areas over which shear angles are averaged [m]
 # Areas of a blank of 300 mm as the paper's A, B, C: where the shear is largest (on the rim of the
 # dome), in the sheared flange, and half-way up the dome; column and row of 15 x 15 squares.
 LOCAL_AREAS = {"A rim, largest shear": (3, 3), "B flange": (1, 4), "C dome": (5, 5)}
-
-
-def reference_positions(sheet) -> np.ndarray:
-    """Return the reference positions of the mid-surface nodes, (node_count, 3) [m]."""
-    return np.stack([sheet[f"reference_position_{axis}"].values for axis in "xyz"], axis=-1)
-
-
-def face_centres(sheet, *, formed: bool) -> np.ndarray:
-    """Return the centres of the faces, (face_count, 3) [m], formed or in the reference."""
-    positions = sheet_positions(sheet) if formed else reference_positions(sheet)
-    faces = sheet_faces(sheet)
-    triangle = faces[:, 3] == faces[:, 2]  # which repeat their last node
-    corners = positions[faces]
-    return np.where(triangle[:, None], corners[:, :3].mean(axis=1), corners.mean(axis=1))
 
 
 def root_mean_square(values) -> float:

@@ -50,9 +50,7 @@ def bias_extension_curve(
     return noisy(specimen.force(angle, lambda g: shear_stress(fabric, g)), noise, seed)
 
 
-def compaction_curve(
-    fabric: Fabric, thickness, *, noise: float = 0.0, seed: int = 0
-) -> np.ndarray:
+def compaction_curve(fabric: Fabric, thickness, *, noise: float = 0.0, seed: int = 0) -> np.ndarray:
     """Return the pressure [Pa] of plate-to-plate compaction at thicknesses [m]."""
     return noisy(fabric.compaction_pressure(np.asarray(thickness) / fabric.thickness), noise, seed)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lcmchain import __version__
 from lcmchain.atomic import replacing
-from lcmchain.coupons.identification import SHOWN_UNITS, Identification, Panel, Parameter
+from lcmchain.identification.result import SHOWN_UNITS, Identification, Panel, Parameter
 from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
 
 

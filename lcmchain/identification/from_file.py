@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from lcmchain.coupons import identify_bending, identify_compaction, identify_shear
 from lcmchain.coupons.analytic import BiasExtension, load_parameter_at_chord_angle
-from lcmchain.coupons.data import read_coupon
-from lcmchain.coupons.identification import Identification
 from lcmchain.errors import InputError
+from lcmchain.identification import bending, cantilever_tests, compaction, shear
+from lcmchain.identification.data import read_coupon
+from lcmchain.identification.result import Identification
 from lcmchain.scene.presets import MD600
 from lcmchain.scene.units import (
     ANGLE,
@@ -50,16 +50,14 @@ def identify_shear_file(
     ------
     InputError : a wrong file, size or choice.
     """
-    _require_choice("--method", method, identify_shear.METHODS)
+    _require_choice("--method", method, shear.METHODS)
     _require_choice("--convention", convention, ("engineering", "tensor"))
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, ("length", "width", "thickness"))
     specimen = BiasExtension(**values)
     inputs.append(("convention", _CONVENTION[convention], f"--convention {convention}"))
-    data = read_coupon(
-        path, identify_shear.COLUMNS, minimum_rows=identify_shear.MINIMUM_ROWS
-    )
-    return identify_shear.identify_shear(
+    data = read_coupon(path, shear.COLUMNS, minimum_rows=shear.MINIMUM_ROWS)
+    return shear.identify_shear(
         data, specimen, method=method, convention=convention, noise_floor=noise_floor,
         inputs=_with_file(inputs, data),
     )  # fmt: skip
@@ -76,10 +74,8 @@ def identify_compaction_file(
     """
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, ("thickness", "areal_mass", "fibre_density"))
-    data = read_coupon(
-        path, identify_compaction.COLUMNS, minimum_rows=identify_compaction.MINIMUM_ROWS
-    )
-    return identify_compaction.identify_compaction(
+    data = read_coupon(path, compaction.COLUMNS, minimum_rows=compaction.MINIMUM_ROWS)
+    return compaction.identify_compaction(
         data, thickness=values["thickness"],
         solid_height=values["areal_mass"] / values["fibre_density"], noise_floor=noise_floor,
         inputs=_with_file(inputs, data),
@@ -95,17 +91,15 @@ def identify_bending_file(
     ------
     InputError : a wrong file, size or choice.
     """
-    _require_choice("--off-axis", off_axis, identify_bending.ASSUMPTIONS)
+    _require_choice("--off-axis", off_axis, bending.ASSUMPTIONS)
     values, inputs = _sizes(sizes, ("thickness", "areal_mass", "angle"))
     try:
         load_parameter_at_chord_angle(values["angle"])
     except ValueError as error:
         raise InputError(str(error), key="--angle") from None
-    inputs.append(
-        ("off-axis strip", identify_bending.ASSUMPTIONS[off_axis], f"--off-axis {off_axis}")
-    )
-    data = read_coupon(path, identify_bending.COLUMNS)
-    return identify_bending.identify_bending(
+    inputs.append(("off-axis strip", bending.ASSUMPTIONS[off_axis], f"--off-axis {off_axis}"))
+    data = read_coupon(path, cantilever_tests.COLUMNS)
+    return bending.identify_bending(
         data, thickness=values["thickness"],
         areal_weight=STANDARD_GRAVITY * values["areal_mass"], angle=values["angle"],
         off_axis=off_axis, inputs=_with_file(inputs, data),

@@ -1,0 +1,49 @@
+"""Closed-form relations of the coupon tests: what a fabric law means for force and shape."""
+
+from lcmchain.coupons.analytic.plate_compaction import (
+    compaction_pressure,
+    compaction_strain,
+    power_law_fibre_volume_fraction,
+    power_law_pressure,
+    power_law_thickness,
+    stretch_at_pressure,
+)
+from lcmchain.coupons.analytic.pure_shear import (
+    BiasExtension,
+    PictureFrame,
+    ShearStress,
+    shear_strain,
+)
+from lcmchain.coupons.analytic.strip_bending import (
+    CANTILEVER_ANGLE,
+    Elastica,
+    bending_length,
+    bending_stiffness_from_overhang,
+    elastica,
+    elastica_with_tip_slope,
+    load_parameter_at_chord_angle,
+    overhang_at_angle,
+    strip_stiffness,
+)
+
+__all__ = [
+    "CANTILEVER_ANGLE",
+    "BiasExtension",
+    "Elastica",
+    "PictureFrame",
+    "ShearStress",
+    "bending_length",
+    "bending_stiffness_from_overhang",
+    "compaction_pressure",
+    "compaction_strain",
+    "elastica",
+    "elastica_with_tip_slope",
+    "load_parameter_at_chord_angle",
+    "overhang_at_angle",
+    "power_law_fibre_volume_fraction",
+    "power_law_pressure",
+    "power_law_thickness",
+    "shear_strain",
+    "stretch_at_pressure",
+    "strip_stiffness",
+]

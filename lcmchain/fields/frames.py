@@ -1,0 +1,64 @@
+"""Saved frames of a run as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class FrameSeries:
+    """Saved frames of a run; the first one is the start.
+
+    Parameters
+    ----------
+    time : [s], shape (F,).
+    positions : of all nodes [m], shape (F, node_count, 3).
+    tool_travel : along each tool's direction [m], shape (F, T).
+    tool_force : of the blank on each tool [N], shape (F, T, 3).
+    energy : parts of the energy balance [J] by name, each of shape (F,).
+    tool_names : names of the T tools.
+    """
+
+    time: np.ndarray
+    positions: np.ndarray
+    tool_travel: np.ndarray
+    tool_force: np.ndarray
+    energy: Mapping[str, np.ndarray] = field(default_factory=dict)
+    tool_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        frames, tools = len(self.time), len(self.tool_names)
+        for name, shape in (
+            ("positions", (frames, np.shape(self.positions)[1], 3)),
+            ("tool_travel", (frames, tools)),
+            ("tool_force", (frames, tools, 3)),
+        ):
+            if np.shape(getattr(self, name)) != shape:
+                raise ValueError(
+                    f"{name} has the shape {np.shape(getattr(self, name))}, not {shape}"
+                )
+        for name, values in self.energy.items():
+            if np.shape(values) != (frames,):
+                raise ValueError(f"energy {name} has the shape {np.shape(values)}, not {(frames,)}")
+
+    @classmethod
+    def from_snapshots(cls, snapshots, tool_names: tuple[str, ...]) -> FrameSeries:
+        """Return the snapshots of a simulation as arrays over frames."""
+        shape = len(snapshots), len(tool_names)
+        return cls(
+            time=np.array([s.time for s in snapshots]),
+            positions=np.array([s.position for s in snapshots]),
+            tool_travel=np.array([s.tool_travel for s in snapshots]).reshape(shape),
+            tool_force=np.array([s.tool_force for s in snapshots]).reshape(*shape, 3),
+            energy={
+                name: np.array([s.energy[name] for s in snapshots]) for name in snapshots[0].energy
+            },
+            tool_names=tool_names,
+        )
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.time)

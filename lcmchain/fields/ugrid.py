@@ -1,0 +1,219 @@
+"""Meshes in netCDF files: topology, coordinates and variables on a mesh (UGRID 1.0, CF 1.11).
+
+Every mesh that the chain writes passes through this module, under any name and into any group of a
+file. Variables are (dimensions, values, attributes), as xarray takes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.atomic import replacing
+from lcmchain.errors import InputError
+
+CONVENTIONS = "CF-1.11 UGRID-1.0"
+ROOT = "/"
+
+#: Dimension of saved states, the same in every group, and the coordinate that gives their times.
+FRAME, FRAME_TIME = "frame", "frame_time"
+
+#: Marks the missing last nodes of cells with fewer than the widest one.
+NO_NODE = np.int32(-1)
+
+#: Shapes of volumes by their number of nodes: name and flag of UGRID 1.0.
+VOLUME_SHAPES = {4: ("tetrahedron", 0), 5: ("pyramid", 1), 6: ("wedge", 2), 8: ("hexahedron", 3)}
+
+Variable = tuple[Sequence[str] | str, Any, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class UgridMesh:
+    """Name of a mesh in a file, and the variables that describe it and lie on it.
+
+    Parameters
+    ----------
+    name : of the variable that describes the mesh.
+    topology_dimension : 2 for a mesh of faces, 3 for one of volumes.
+    prefix : of the mesh's dimensions and variables; by default the name.
+    """
+
+    name: str
+    topology_dimension: int = 2
+    prefix: str | None = None
+
+    @property
+    def location(self) -> str:
+        """Place of a cell's values: ``"face"`` or ``"volume"``."""
+        return {2: "face", 3: "volume"}[self.topology_dimension]
+
+    @property
+    def cell_dimension(self) -> str:
+        return self._named(self.location)
+
+    @property
+    def node_dimension(self) -> str:
+        return self._named("node")
+
+    @property
+    def cell_nodes(self) -> str:
+        """Name of the variable that holds the nodes of each cell."""
+        return self._named(f"{self.location}_nodes")
+
+    @property
+    def coordinates(self) -> list[str]:
+        """Names of the variables that hold x, y and z of the nodes."""
+        return [self._named(f"node_{axis}") for axis in "xyz"]
+
+    def topology(
+        self, cells: np.ndarray, *, long_name: str, cell_nodes_long_name: str | None = None
+    ) -> dict[str, Variable]:
+        """Return the variable that describes the mesh, and the nodes of its cells.
+
+        Parameters
+        ----------
+        cells : nodes of each cell from 0, shape (C, K), volumes in VTK's order; -1 after the last
+            node of a cell with fewer than K.
+        long_name : what the mesh is. cell_nodes_long_name : what is in the table of nodes.
+        """
+        location = self.location
+        description = {
+            "cf_role": "mesh_topology",
+            "long_name": long_name,
+            "topology_dimension": np.int32(self.topology_dimension),
+            "node_coordinates": " ".join(self.coordinates),
+            f"{location}_node_connectivity": self.cell_nodes,
+            f"{location}_dimension": self.cell_dimension,
+        }
+        if location == "volume":
+            description["volume_shape_type"] = self._named("volume_shape")
+        nodes = {
+            "cf_role": f"{location}_node_connectivity",
+            "long_name": cell_nodes_long_name or f"nodes of each {location}",
+            "start_index": np.int32(0),
+            "_FillValue": NO_NODE,
+        }
+        corners = self._named(f"{location}_corner")
+        return {
+            self.name: ((), np.int32(0), description),
+            self.cell_nodes: ((self.cell_dimension, corners), cells.astype(np.int32), nodes),
+        }
+
+    def volume_shapes(
+        self, cells: np.ndarray, *, long_name: str, node_counts: Sequence[int] = (4, 5, 6, 8)
+    ) -> dict[str, Variable]:
+        """Return the variable with the shape of each volume, which a mesh of volumes needs.
+
+        Parameters
+        ----------
+        cells : as for :meth:`topology`.
+        node_counts : shapes that the attributes list, by their number of nodes.
+        """
+        flags = np.array([VOLUME_SHAPES[count][1] for count in node_counts], dtype=np.int8)
+        of_cells = [VOLUME_SHAPES[count][1] for count in (cells >= 0).sum(axis=1)]
+        attributes = {
+            "cf_role": "volume_shape_type",
+            "long_name": long_name,
+            "flag_values": flags,
+            "flag_meanings": " ".join(VOLUME_SHAPES[count][0] for count in node_counts),
+        }
+        shapes = np.array(of_cells, dtype=np.int8)
+        return {self._named("volume_shape"): (self.cell_dimension, shapes, attributes)}
+
+    def node_positions(
+        self, positions: np.ndarray, *, long_name: str = "coordinate of node", **vertical: str
+    ) -> dict[str, Variable]:
+        """Return the coordinates of the nodes (node_count, 3) [m].
+
+        Parameters
+        ----------
+        long_name : follows the name of the axis.
+        vertical : further attributes of z.
+        """
+        variables: dict[str, Variable] = {}
+        for axis, name, values in zip("xyz", self.coordinates, positions.T, strict=True):
+            attributes = {
+                "units": "m",
+                "long_name": f"{axis} {long_name}",
+                # Readers of two-dimensional meshes know the plane of the map by these names.
+                "standard_name": f"projection_{axis}_coordinate",
+            }
+            if axis == "z":
+                attributes |= {"standard_name": "height", **vertical}
+            variables[name] = (self.node_dimension, np.array(values), attributes)
+        return variables
+
+    def on_cells(self, values: np.ndarray, attributes: Mapping[str, Any]) -> Variable:
+        """Return a variable on the cells, shape (C,), or (F, C) for F saved states."""
+        place = {"mesh": self.name, "location": self.location}
+        return (FRAME, self.cell_dimension)[-np.ndim(values) :], values, {**attributes, **place}
+
+    def on_nodes(self, values: np.ndarray, attributes: Mapping[str, Any]) -> Variable:
+        """Return a variable on the nodes, shape (N,), or (F, N) for F saved states."""
+        place = {"mesh": self.name, "location": "node"}
+        return (FRAME, self.node_dimension)[-np.ndim(values) :], values, {**attributes, **place}
+
+    def dataset(
+        self, variables: Mapping[str, Variable], attributes: Mapping[str, Any]
+    ) -> xr.Dataset:
+        """Return the mesh's variables as a dataset, its coordinates marked as such."""
+        dataset = xr.Dataset(dict(variables), attrs=dict(attributes))
+        times = [FRAME_TIME] if FRAME_TIME in variables else []
+        return dataset.set_coords(self.coordinates + times)
+
+    def _named(self, part: str) -> str:
+        return f"{self.prefix or self.name}_{part}"
+
+
+def frame_time(time: np.ndarray, *, dimension: str = FRAME) -> Variable:
+    """Return the times [s] of the saved states as a variable."""
+    attributes = {"units": "s", "long_name": "process time of the saved frame"}
+    return dimension, np.array(time, dtype=float), attributes
+
+
+def write_netcdf(path: Path | str, groups: Mapping[str, xr.Dataset]) -> None:
+    """Write datasets as the groups of a netCDF-4 file, whole or not at all.
+
+    The netCDF4 engine is used because it writes attributes as character arrays, which is how
+    VTK's UGRID reader knows a mesh. Numbers are stored in double precision, without loss.
+
+    Parameters
+    ----------
+    groups : datasets by the path of their group, ``"/"`` for the root.
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    try:
+        with replacing(path) as temporary:
+            for number, (name, dataset) in enumerate(groups.items()):
+                dataset.to_netcdf(
+                    temporary,
+                    mode="a" if number else "w",
+                    group=None if name == ROOT else name,
+                    format="NETCDF4",
+                    engine="netcdf4",
+                    encoding=_encoding(dataset),
+                )
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"cannot be written ({reason}); choose another place", file=path) from None
+
+
+def _encoding(dataset: xr.Dataset) -> dict[str, dict]:
+    encoding: dict[str, dict] = {}
+    for name, variable in dataset.variables.items():
+        options: dict = {}
+        if "_FillValue" not in variable.attrs:
+            options["_FillValue"] = None
+        if variable.ndim and variable.dtype.kind in "fi":
+            # Shuffled bytes compress smooth fields to about two thirds.
+            options |= {"zlib": True, "complevel": 4, "shuffle": True}
+        encoding[str(name)] = options
+    return encoding

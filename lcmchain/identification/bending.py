@@ -1,0 +1,270 @@
+"""Bending stiffness C^B, Eq. (25), from cantilever tests under own weight."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.coupons.analytic import (
+    CANTILEVER_ANGLE,
+    bending_stiffness_from_overhang,
+    overhang_at_angle,
+    strip_stiffness,
+)
+from lcmchain.errors import InputError
+from lcmchain.identification.cantilever_tests import Cantilever, cantilever_tests
+from lcmchain.identification.data import CouponData
+from lcmchain.identification.regression import (
+    Fit,
+    coefficient_of_determination,
+    fit_nonlinear,
+    student_factor,
+)
+from lcmchain.identification.result import (
+    Band,
+    Identification,
+    Panel,
+    Parameter,
+    Points,
+    general_warnings,
+    mega_pascal,
+)
+
+ASSUMPTIONS = {
+    "free-strip": "a narrow strip, free to twist and to curve across",
+    "cylindrical": "a wide strip that curves along only",
+}
+# Strips within this angle of a fibre direction are taken as cut along it.
+_ALONG_FIBRE = math.radians(2.0)
+# Degrees of freedom from which Student's t is normal.
+_MANY = 10**6
+
+
+def identify_bending(
+    data: CouponData,
+    *,
+    thickness: float,
+    areal_weight: float,
+    angle: float = CANTILEVER_ANGLE,
+    off_axis: str = "free-strip",
+    inputs: tuple = (),
+) -> Identification:
+    """Identify C11, C22 and, from strips cut off the fibres, C12 of C^B.
+
+    A strip bent along a fibre gives the stiffness of that direction. What a strip at 45° says of
+    C12 depends on its freedom (``off_axis``): a narrow one twists and curves across freely
+    (``"free-strip"``), a wide one curves along only (``"cylindrical"``); a real strip lies
+    between, and the result of the other assumption is reported beside. For equal overhang the
+    free strip gives the larger C12.
+
+    Parameters
+    ----------
+    data : orientation [rad] with either overhang [m], or length [m] and chord angle [rad], or a
+        deflection curve x, y [m] from clamp to tip.
+    thickness : t0 [m].
+    areal_weight : weight per area [N/m²].
+    angle : chord angle that an overhang belongs to [rad].
+    off_axis : assumption about strips cut off the fibre directions.
+    inputs : rows of the table of inputs.
+
+    Raises
+    ------
+    InputError : no strip along fibre 1 or 2, a curve that is none, or off-axis strips that are too
+        soft for any positive C12.
+    """
+    tests = cantilever_tests(data, areal_weight, angle)
+    strips = _strips(tests, data.file)
+    per_stiffness = thickness**3 / 12.0
+    stiffness = (
+        bending_stiffness_from_overhang(tests.overhang, areal_weight, tests.angle) / per_stiffness
+    )
+    start, warnings = _first_estimate(stiffness, tests, strips, off_axis, data.file)
+
+    def model(theta):
+        values = np.exp(theta)
+        twist = values[2] if len(values) > 2 else 1.0  # without off-axis strips it has no effect
+        strip = strip_stiffness(values[0], values[1], twist, strips.orientation, off_axis)
+        return overhang_at_angle(strip * per_stiffness, areal_weight, tests.angle)
+
+    fit = fit_nonlinear(model, np.log(list(start.values())), tests.overhang, 0.0)
+    half, interval_method = _half_widths(fit, tests)
+    parameters = tuple(
+        Parameter(name, math.exp(value), "Pa", math.exp(value - h), math.exp(value + h))
+        for name, value, h in zip(start, fit.parameters, half)
+    )
+    derived = tuple(
+        Parameter(f"D({degrees} deg)", per_stiffness * p.value, "N*m",
+                  per_stiffness * p.low, per_stiffness * p.high)
+        for p, degrees in zip(parameters, (0, 90))
+    )  # fmt: skip
+    if not np.isfinite(half).all():
+        warnings.append(
+            "there are no more tests than parameters: nothing tells the scatter, so no intervals; "
+            "repeat each orientation"
+        )
+    warnings += general_warnings(parameters, fit.residuals, np.arange(len(fit.residuals)))
+    return Identification(
+        law="bending",
+        method="heavy elastica: overhang of a strip that bends under its own weight",
+        noise_model="independent errors of the overhang, relative to it and equal for all tests",
+        interval_method=interval_method,
+        inputs=inputs,
+        parameters=parameters,
+        derived=derived,
+        scene_table="material.bending",
+        scene_entries={p.name: f'"{mega_pascal(p.value)}"' for p in parameters},
+        correlation=fit.correlation(),
+        condition=fit.condition,
+        relative_noise=fit.scale,
+        r_squared=coefficient_of_determination(tests.overhang, fit.model),
+        point_count=len(tests.overhang),
+        warnings=tuple(warnings),
+        panels=_panels(tests, fit, per_stiffness, areal_weight, off_axis),
+    )
+
+
+class _Strips(NamedTuple):
+    """Which tests are of strips along a fibre; masks (test_count,)."""
+
+    along_1: np.ndarray
+    along_2: np.ndarray
+    orientation: np.ndarray  # (test_count,) [rad], those along a fibre exactly
+
+    @property
+    def between(self) -> np.ndarray:
+        return ~(self.along_1 | self.along_2)
+
+
+def _strips(tests: Cantilever, file) -> _Strips:
+    """Sort the tests by their strips; InputError without a strip along either fibre."""
+    along_1 = tests.orientation <= _ALONG_FIBRE
+    along_2 = tests.orientation >= 0.5 * np.pi - _ALONG_FIBRE
+    for found, degrees in ((along_1, 0), (along_2, 90)):
+        if not found.any():
+            raise InputError(
+                f"has no strip with an orientation of {degrees} deg; both fibre directions are "
+                "needed",
+                file=file,
+            )
+    orientation = np.where(along_1, 0.0, np.where(along_2, 0.5 * np.pi, tests.orientation))
+    return _Strips(along_1, along_2, orientation)
+
+
+def _first_estimate(
+    stiffness: np.ndarray, tests: Cantilever, strips: _Strips, off_axis: str, file
+) -> tuple[dict[str, float], list[str]]:
+    """Return the entries of C^B [Pa] from mean stiffnesses, and what they rest on in words."""
+    C11, C22 = stiffness[strips.along_1].mean(), stiffness[strips.along_2].mean()
+    estimate = {"C11": C11, "C22": C22}
+    between = strips.between
+    if not between.any():
+        return estimate, ["no strip is cut off the fibres: C12 stays open; test one at 45 deg"]
+    torsional = {
+        assumption: _torsional_stiffness(
+            stiffness[between].mean(), C11, C22, tests.orientation[between].mean(), assumption
+        )
+        for assumption in ASSUMPTIONS
+    }
+    if torsional[off_axis] <= 0.0:
+        raise InputError(
+            "the strips cut off the fibres are softer than any C12 allows under the "
+            f'assumption "{off_axis}"; use the other one, or check orientation and overhang',
+            file=file,
+        )
+    estimate["C12"] = torsional[off_axis]
+    other = next(name for name in ASSUMPTIONS if name != off_axis)
+    beside = (
+        f"be {torsional[other] * 1e-6:.4g} MPa"
+        if torsional[other] > 0.0
+        else "have to be negative, which excludes it"
+    )
+    return estimate, [
+        f"C12 rests on the assumption of {ASSUMPTIONS[off_axis]}; with {ASSUMPTIONS[other]} "
+        f"it would {beside} (a real strip lies between the two)"
+    ]
+
+
+def _torsional_stiffness(strip, C11, C22, orientation, assumption) -> float:
+    """C12 [Pa] of a strip stiffness; not positive where none gives it."""
+    c2, s2 = math.cos(orientation) ** 2, math.sin(orientation) ** 2
+    if assumption == "cylindrical":
+        return (strip - c2**2 * C11 - s2**2 * C22) / (4.0 * s2 * c2)
+    compliance = 1.0 / strip - c2**2 / C11 - s2**2 / C22
+    return s2 * c2 / compliance if compliance > 0.0 else -1.0
+
+
+def _half_widths(fit: Fit, tests: Cantilever) -> tuple[np.ndarray, str]:
+    """Half widths of the intervals of the logarithms, and how they were found."""
+    if fit.degrees_of_freedom > 0:
+        return fit.half_widths(), "Student's t from the Jacobian, in the logarithms"
+    if np.isfinite(tests.error).all():
+        # No repeated tests, but every deflection curve brings the error of its own fit.
+        inverse = np.linalg.pinv(fit.jacobian)
+        variance = np.sum((inverse * tests.error) ** 2, axis=1)
+        return student_factor(_MANY) * np.sqrt(variance), (
+            "error of each deflection curve's fit; the scatter between specimens is not in it"
+        )
+    return np.full(len(fit.parameters), np.nan), "none, as many parameters as tests"
+
+
+def _strip_curves(fit: Fit, per_stiffness: float, off_axis: str) -> list[Band]:
+    """Bending stiffness [N m] over the orientation [deg] under both assumptions."""
+    angle = np.linspace(0.0, 0.5 * np.pi, 91)
+
+    def stiffness(theta, assumption):
+        return per_stiffness * strip_stiffness(*np.exp(theta), angle, assumption)
+
+    curves = []
+    for assumption in ASSUMPTIONS:
+        centre = stiffness(fit.parameters, assumption)
+        low = high = None
+        if assumption == off_axis and fit.degrees_of_freedom > 0:
+            step = 1e-5 * np.eye(len(fit.parameters))
+            gradient = np.stack(
+                [np.log(stiffness(fit.parameters + h, assumption) / centre) / 1e-5 for h in step]
+            )
+            variance = np.einsum("in,ij,jn->n", gradient, fit.covariance, gradient)
+            ratio = np.exp(student_factor(fit.degrees_of_freedom) * np.sqrt(variance))
+            low, high = centre / ratio, centre * ratio
+        label = assumption.replace("-", " ")
+        curves.append(
+            Band(np.degrees(angle), centre, label, low, high, dashed=assumption != off_axis)
+        )
+    return curves
+
+
+def _panels(tests: Cantilever, fit: Fit, per_stiffness, areal_weight, off_axis):
+    degrees = np.degrees(tests.orientation)
+    measured = bending_stiffness_from_overhang(tests.overhang, areal_weight, tests.angle)
+    curves = _strip_curves(fit, per_stiffness, off_axis) if len(fit.parameters) > 2 else []
+
+    def over_orientation(label, convert):
+        bands = (
+            replace(
+                c, y=convert(c.y), low=None if c.low is None else convert(c.low),
+                high=None if c.high is None else convert(c.high),
+            )
+            for c in curves
+        )  # fmt: skip
+        points = (Points(degrees, convert(measured), "measured"),)
+        return Panel("orientation [deg]", label, points, tuple(bands))
+
+    if tests.curves:
+        second = Panel(
+            "reach [mm]", "deflection [mm]",
+            tuple(Points(1e3 * x, -1e3 * y, f"{math.degrees(o):.0f} deg")
+                  for x, y, _, _, o in tests.curves),
+            tuple(Band(1e3 * fx, -1e3 * fy, "") for _, _, fx, fy, _ in tests.curves),
+        )  # fmt: skip
+    else:
+        second = over_orientation(
+            "overhang at 41.5 deg [mm]", lambda D: 1e3 * overhang_at_angle(D, areal_weight)
+        )
+    residuals = Panel(
+        "orientation [deg]", "residual of the overhang [%]",
+        (Points(degrees, 100.0 * fit.residuals, "measured"),), is_residual=True,
+    )  # fmt: skip
+    return over_orientation("bending stiffness [N mm]", lambda D: 1e3 * D), second, residuals

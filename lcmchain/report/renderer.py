@@ -1,0 +1,251 @@
+"""The one renderer of pictures: shaded facets, lines, fibres and what stands around them.
+
+It paints with matplotlib, from back to front: VTK (9.7, and pyvista on it) ends the interpreter
+with a segmentation fault where a machine has neither X nor EGL nor OSMesa, which no fallback can
+catch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lcmchain.report.shown import Shown
+from lcmchain.report.style import FAINT, INK
+from lcmchain.report.view import (
+    View,
+    brightness,
+    fronts_and_backs,
+    joined_outline,
+    painting_order,
+)
+
+# Above this number of faces their edges would cover the colours.
+MOST_FACES_WITH_EDGES = 30_000
+
+
+def axes_at(figure, x: float, y: float, width: float, height: float):
+    """Return axes at a place of the figure; all in inches from its lower left corner."""
+    w, h = figure.get_size_inches()
+    return figure.add_axes([x / w, y / h, width / w, height / h])
+
+
+# --- surfaces and lines ---------------------------------------------------------------------------
+
+
+def draw_facets(
+    axis,
+    corners: np.ndarray,
+    view: View,
+    colours: np.ndarray,
+    *,
+    rim: np.ndarray | None = None,
+    shaded: bool = True,
+    edge_darkness: float = 0.62,
+    edge_width: float = 0.22,
+) -> None:
+    """Paint facets from back to front, with the rim of a sheet among them.
+
+    Parameters
+    ----------
+    corners : of the facets, shape (F, K, 3). colours : (F, 4), red to blue and opacity.
+    rim : segments, shape (B, 2, 3).
+    shaded : whether light shows the shape; without it a colour is exactly a value.
+    edge_darkness, edge_width : of the edges of facets: share of their colour, and points.
+    """
+    from matplotlib.collections import PolyCollection
+
+    faces = np.array(colours)[:, :3]
+    if shaded:
+        faces = np.clip(faces * brightness(corners, view)[:, None], 0.0, 1.0)
+    count = len(corners)
+    lines = edge_darkness * faces if count <= MOST_FACES_WITH_EDGES else faces
+    widths = np.full(count, edge_width)
+    if rim is not None:
+        # The rim takes part as faces without area, a little in front of its neighbours.
+        extent = np.ptp(corners.reshape(-1, 3), axis=0).max()
+        ends = (rim + 1e-3 * extent * view.towards)[:, _as_facets(corners)]
+        corners = np.concatenate([corners, ends])
+        faces = np.concatenate([faces, np.zeros((len(rim), 3))])
+        lines = np.concatenate([lines, np.full((len(rim), 3), 0.13)])
+        widths = np.concatenate([widths, np.full(len(rim), 0.8)])
+    order = painting_order(corners, view)
+    axis.add_collection(
+        PolyCollection(
+            view.on_screen(corners)[order], facecolors=faces[order], edgecolors=lines[order],
+            linewidths=widths[order], capstyle="round",
+        )
+    )  # fmt: skip
+
+
+def _as_facets(corners: np.ndarray) -> list[int]:
+    """Ends of a segment as the corners of a facet without area."""
+    return [0, 1, 1, 0] if corners.shape[1] == 4 else [0, 1, 1]
+
+
+def draw_mesh(axis, corners: np.ndarray, view: View, *, face: str, edge: str, width: float, **more):
+    """Draw facets (F, K, 3) that carry no values: one colour, thin edges while there are few."""
+    from matplotlib.collections import PolyCollection
+
+    width = width if len(corners) <= MOST_FACES_WITH_EDGES else 0.0
+    axis.add_collection(
+        PolyCollection(
+            view.on_screen(corners), facecolors=face, edgecolors=edge, linewidths=width, **more
+        )
+    )
+
+
+def draw_hatches(axis, corners: np.ndarray, view: View, pattern: str) -> None:
+    """Hatch facets (F, K, 3) that are painted already."""
+    from matplotlib.collections import PolyCollection
+
+    if len(corners):
+        axis.add_collection(
+            PolyCollection(
+                view.on_screen(corners), facecolors="none", edgecolors="0.35", hatch=pattern,
+                linewidths=0.0,
+            )
+        )  # fmt: skip
+
+
+def draw_segments(axis, segments: np.ndarray, view: View, colour, width: float, **more) -> None:
+    """Draw segments (S, 2, 3), such as the lines that describe a surface."""
+    from matplotlib.collections import LineCollection
+
+    axis.add_collection(
+        LineCollection(view.on_screen(segments), colors=colour, linewidths=width, **more)
+    )
+
+
+def draw_silhouette(axis, points, triangles, view: View, colour, **more) -> None:
+    """Tint what a surface covers: twice where a closed one has a front and a back."""
+    from matplotlib.patches import PathPatch
+
+    for corners in fronts_and_backs(points, triangles, view):
+        axis.add_patch(
+            PathPatch(_joined(corners), facecolor=colour, alpha=0.09, linewidth=0.0, **more)
+        )
+
+
+def _joined(corners: np.ndarray):
+    """Join polygons with corners (F, K, 2) to one path, whose overlaps are filled once."""
+    from matplotlib.path import Path as DrawnPath
+
+    count, sides = corners.shape[:2]
+    vertices = np.concatenate([corners, corners[:, :1]], axis=1).reshape(-1, 2)
+    codes = [DrawnPath.MOVETO] + [DrawnPath.LINETO] * (sides - 1) + [DrawnPath.CLOSEPOLY]
+    return DrawnPath(vertices, np.tile(np.array(codes, dtype=np.uint8), count))
+
+
+def draw_outline(axis, points, rim, label: str, *, colour=FAINT, width=0.8, style=(0, (5, 4))):
+    """Draw the rim of a sheet as seen from above: one line for the legend, dashes run on."""
+    from matplotlib.collections import LineCollection
+
+    lines = joined_outline(points, rim)
+    axis.add_collection(LineCollection(lines, colors=colour, linewidths=width, linestyles=style))
+    axis.plot([], [], color=colour, lw=width, ls=style, label=label)
+
+
+def draw_fibres(
+    axis, places: np.ndarray, direction: np.ndarray, length: float, colour, *, arrows: bool
+) -> None:
+    """Draw a fibre family from above: arrows, or segments for directions without a sense.
+
+    Parameters
+    ----------
+    places : middles (P, 2). direction : unit vectors (P, 3), foreshortened where they are steep.
+    """
+    from matplotlib.patheffects import withStroke
+
+    flat = length * direction[:, :2]
+    head = {"headwidth": 4.2, "headlength": 5.0, "headaxislength": 4.4} if arrows else {
+        "headwidth": 0.0, "headlength": 0.0, "headaxislength": 0.0,
+        "path_effects": [withStroke(linewidth=1.2, foreground="white")],  # upon any colour
+    }  # fmt: skip
+    axis.quiver(
+        *(places - 0.5 * flat).T, *flat.T, angles="xy", scale_units="xy", scale=1.0, color=colour,
+        width=0.0032, zorder=4, **head,
+    )  # fmt: skip
+
+
+def even_places(centres: np.ndarray, across: int = 11) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return places on a square grid inside a mesh, the element nearest to each, and the spacing.
+
+    Arrows at the grid's places, not at the centres, stand in even rows on any mesh.
+    """
+    from scipy.spatial import cKDTree
+
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    spacing = float((high - low).max()) / across or 1.0  # one element has no extent
+    counts = np.maximum(np.floor((high - low) / spacing + 1e-9).astype(int), 1)
+    first = 0.5 * (low + high) - 0.5 * (counts - 1) * spacing
+    grid = np.stack(np.meshgrid(*(np.arange(c) for c in counts), indexing="ij"), axis=-1)
+    places = first + spacing * grid.reshape(-1, 2)
+    tree = cKDTree(centres)
+    distance, nearest = tree.query(places)
+    # The fourth neighbour is one edge length away, in a mesh of quadrilaterals or of triangles.
+    reach = np.median(tree.query(centres, k=5)[0][:, 4])  # infinite in a mesh of fewer
+    inside = distance < 0.8 * reach
+    return places[inside], nearest[inside], spacing
+
+
+# --- around them ----------------------------------------------------------------------------------
+
+
+def draw_triad(axis, view: View) -> None:
+    """Draw the directions of the axes in the lower left corner."""
+    origin, length = np.array([0.075, 0.1]), 0.055
+    box = axis.get_window_extent()
+    for direction, label in zip(np.eye(3), "xyz", strict=True):
+        tip = view.on_screen(direction) * length * np.array([1.0, box.width / box.height])
+        axis.annotate(
+            "",
+            xy=origin + tip,
+            xytext=origin,
+            xycoords="axes fraction",
+            arrowprops={"arrowstyle": "-|>", "lw": 0.9, "color": INK, "mutation_scale": 7,
+                        "shrinkA": 0, "shrinkB": 0},
+        )  # fmt: skip
+        axis.text(
+            *(origin + 1.38 * tip), label, transform=axis.transAxes, ha="center", va="center",
+            fontsize=8, style="italic",
+        )  # fmt: skip
+
+
+def draw_colour_bar(
+    figure, axis, colours, values: np.ndarray | Sequence, shown: Shown, *, extremes: bool = True
+) -> None:
+    """Fill an axis with the bar of a colour scale: arrows where values lie beyond its ends.
+
+    Parameters
+    ----------
+    values : all that the colours stand for, in the unit shown.
+    extremes : whether the largest and the smallest value are written above and below.
+    """
+    low, high = np.nanmin(values), np.nanmax(values)
+    below = low < colours.norm.vmin - 1e-9 * abs(low)
+    above = high > colours.norm.vmax + 1e-9 * abs(high)
+    extend = {(0, 0): "neither", (1, 0): "min", (0, 1): "max", (1, 1): "both"}[below, above]
+    bar = figure.colorbar(colours, cax=axis, extend=extend)
+    bar.outline.set_linewidth(0.6)
+    bar.set_label(shown.axis_label, labelpad=6)
+    if extremes:
+        for word, value, y, va in (("max", high, 1.075, "bottom"), ("min", low, -0.075, "top")):
+            label = f"{word} {shown.text(value)}"
+            axis.text(-0.2, y, label, transform=axis.transAxes, fontsize=8, va=va)
+
+
+def fit_axis(axis, shown: np.ndarray, margin: float) -> None:
+    """Give an axis equal scales that just hold the points shown (P, 2)."""
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    pad = margin * (high - low).max()
+    axis.set_aspect("equal")
+    axis.set_xlim(low[0] - pad, high[0] + pad)
+    axis.set_ylim(low[1] - pad, high[1] + pad)
+
+
+def label_axes(axis, x: str, y: str) -> None:
+    axis.set_xlabel(x, labelpad=2)
+    axis.set_ylabel(y, labelpad=2)
+    axis.tick_params(length=2.5, pad=2)

@@ -1,0 +1,72 @@
+"""Face fields as they are shown: title, unit, colours, and numbers in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How a face field is shown: file, title, unit, colours."""
+
+    name: str
+    title: str
+    unit: str
+    factor: float  # from SI to the unit shown
+    colour_map: str
+    signed: bool  # zero in the middle of the colours
+    decimals: int
+    lowest: float | None = None  # value of the first colour, where it is not the smallest one
+
+    @property
+    def label(self) -> str:
+        """Title with its unit, for axes and headlines."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+    @property
+    def axis_label(self) -> str:
+        return self.label[:1].lower() + self.label[1:]
+
+    def text(self, value: float) -> str:
+        """Write a value with its unit."""
+        unit = self.unit if self.unit == "°" else f" {self.unit}".rstrip()
+        # typographic minus, as on axes
+        return f"{value:.{self.decimals}f}".replace("-", "\N{MINUS SIGN}") + unit
+
+
+SHOWN = (
+    Shown("shear_angle", "Shear angle", "°", 180.0 / np.pi, "RdBu_r", True, 1),
+    Shown("thickness", "Thickness", "mm", 1e3, "viridis", False, 3),
+    Shown("fibre_volume_fraction", "Fibre volume fraction", "", 1.0, "YlGnBu", False, 3),
+)
+
+# Values beyond these percentiles do not stretch the colours when they lie far out.
+PERCENTILES = (0.2, 99.8)
+
+
+def colour_scale(values: np.ndarray, shown: Shown):
+    """Return the colours of values in the unit shown; a few outliers do not flatten the rest."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    values = values[np.isfinite(values)]
+    if len(values) == 0:
+        return ScalarMappable(Normalize(0.0, 1.0), shown.colour_map)
+    low, high = values.min(), values.max()
+    inner_low, inner_high = np.percentile(values, PERCENTILES)
+    # A few outliers only: the colours stay with the rest, and the bar gets arrows.
+    slack = 0.25 * (inner_high - inner_low)
+    low, high = max(low, inner_low - slack), min(high, inner_high + slack)
+    if shown.signed:
+        limit = max(abs(low), abs(high))
+        step = 5.0 if limit > 10.0 else 1.0
+        limit = max(step * np.ceil(limit / step - 1e-9), 1.0)
+        low, high = -limit, limit
+    if shown.lowest is not None:
+        low = shown.lowest
+    if high - low < 1e-3 * max(abs(high), 1e-12):  # constant but for round-off
+        middle = 0.5 * (low + high)
+        low, high = middle - 0.005 * abs(middle), middle + 0.005 * abs(middle)
+    return ScalarMappable(Normalize(low, high), shown.colour_map)

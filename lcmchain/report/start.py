@@ -1,0 +1,160 @@
+"""Picture of the start: blank with mesh and fibre directions, tools, and a cut that shows gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+from lcmchain.blank import BlankMesh
+from lcmchain.report.renderer import (
+    draw_fibres,
+    draw_mesh,
+    draw_segments,
+    draw_silhouette,
+    draw_triad,
+    even_places,
+    fit_axis,
+    label_axes,
+)
+from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK, RC, SERIES, headline, new_figure, save
+from lcmchain.report.view import FROM_ABOVE, boundary_edges, contour_edges, oblique, section
+
+
+def draw_initial(
+    path: Path | str,
+    blank: BlankMesh,
+    tools: Sequence[tuple[str, np.ndarray, np.ndarray]] = (),
+    *,
+    title: str = "",
+) -> None:
+    """Draw the start: blank with mesh and fibre directions, tools, and a cut that shows gaps.
+
+    Parameters
+    ----------
+    path : of the PNG.
+    blank : undeformed mesh.
+    tools : name, points [m] (P, 3) and triangles (F, 3) of every tool at travel 0.
+    title : of the scene.
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    from lcmchain.tools.drawing import clip_to_box
+
+    points, faces = 1e3 * blank.mid_surface_positions, blank.faces
+    rim = boundary_edges(faces)
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float((high - low)[:2].max())
+    margin = np.array([0.16, 0.16, 0.34]) * size
+    box = np.stack([low - margin, high + margin])
+    shapes = [
+        (name, *clip_to_box(1e3 * np.asarray(p), t, box), SERIES[i % len(SERIES)])
+        for i, (name, p, t) in enumerate(tools)
+    ]
+
+    with matplotlib.rc_context(RC):
+        figure = new_figure(11.6, 7.6)
+        oblique_axis = figure.add_axes([0.015, 0.355, 0.51, 0.53])
+        map_axis = figure.add_axes([0.575, 0.39, 0.39, 0.49])
+        cut_axis = figure.add_axes([0.06, 0.07, 0.44, 0.225])
+        gap_axis = figure.add_axes([0.575, 0.07, 0.39, 0.225])
+        _draw_start(oblique_axis, points, faces, rim, shapes)
+        _draw_fibres(map_axis, blank, points, faces, rim, shapes)
+        middle = round(0.5 * (low[1] + high[1]), 6) + 0.0  # no minus zero in the title
+        thickness = 1e3 * blank.thickness
+        _draw_cut(cut_axis, points, rim, thickness, shapes, middle, box)
+        _draw_gaps(gap_axis, points, rim, thickness, shapes, middle, box)
+        edges = np.linalg.norm(points[faces[:, 1]] - points[faces[:, 0]], axis=1)
+        subtitle = (
+            f"{title + '  ·  ' if title else ''}{len(faces):,} elements, "
+            f"edge {np.median(edges):.3g} mm, thickness {thickness:.4g} mm, "
+            f"area {1e4 * blank.area:.4g} cm²"
+        )
+        headline(figure, "Blank, tools and fibre directions at the start", subtitle)
+        save(figure, path)
+
+
+def _draw_start(axis, points, faces, rim, shapes) -> None:
+    """Blank and tools in an oblique view; tools are translucent and in front of what they hide."""
+    view = oblique(elevation=26.0)
+    level = points[:, 2].mean()
+    for name, vertices, triangles, colour in shapes:
+        if len(triangles) == 0:
+            continue
+        above = vertices[triangles].mean(axis=(0, 1))[2] > level
+        draw_silhouette(axis, vertices, triangles, view, colour, zorder=3 if above else 1)
+        edges = contour_edges(vertices, triangles, view)
+        draw_segments(axis, edges, view, colour, 0.9, alpha=0.85, zorder=3.5 if above else 1.5)
+        axis.plot([], [], color=colour, lw=1.6, label=name)
+    draw_mesh(axis, points[faces], view, face="#eef0f2", edge="#9aa3ad", width=0.22, zorder=2)
+    draw_segments(axis, points[rim], view, INK, 1.0, zorder=2.5)
+    seen = [view.on_screen(points), *(view.on_screen(s[1]) for s in shapes if len(s[1]))]
+    fit_axis(axis, np.concatenate(seen), 0.03)
+    axis.set_axis_off()
+    draw_triad(axis, view)
+    if shapes:
+        axis.legend(loc="upper right", title="tools", title_fontsize=8, alignment="left")
+
+
+def _draw_fibres(axis, blank: BlankMesh, points, faces, rim, shapes) -> None:
+    draw_mesh(axis, points[faces], FROM_ABOVE, face="#f6f7f8", edge="#c3c9d0", width=0.25)
+    draw_segments(axis, points[rim], FROM_ABOVE, INK, 1.0)
+    for _, vertices, triangles, colour in shapes:
+        edges = contour_edges(vertices, triangles, FROM_ABOVE)
+        draw_segments(axis, edges, FROM_ABOVE, colour, 0.9, alpha=0.8, linestyles="--")
+    places, nearest, spacing = even_places(points[faces].mean(axis=1)[:, :2])
+    for number, colour in enumerate(FIBRE_COLOURS, start=1):
+        direction = getattr(blank, f"fibre_direction_{number}")[nearest]
+        draw_fibres(axis, places, direction, 0.72 * spacing, colour, arrows=True)
+        axis.plot([], [], color=colour, lw=1.8, label=f"fibre {number}")
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.15)
+    fit_axis(axis, points[:, :2], 0.12)
+    axis.set_title("from above, tools dashed", color=FAINT, loc="left")
+    label_axes(axis, "x [mm]", "y [mm]")
+
+
+def _draw_cut(axis, points, rim, thickness, shapes, y, box) -> None:
+    _draw_section(axis, points, rim, thickness, shapes, y)
+    axis.set_aspect("equal")
+    axis.set_xlim(box[0][0], box[1][0])
+    axis.set_ylim(box[0][2], box[1][2])
+    axis.set_title(f"cut at y = {y:.3g} mm", color=FAINT, loc="left")
+    label_axes(axis, "x [mm]", "z [mm]")
+
+
+def _draw_gaps(axis, points, rim, thickness, shapes, y, box) -> None:
+    """The same cut with a stretched z axis, around the blank: gaps become visible."""
+    _draw_section(axis, points, rim, thickness, shapes, y)
+    level = points[:, 2].mean()
+    axis.set_xlim(box[0][0], box[1][0])
+    axis.set_ylim(level - 3.5 * thickness, level + 3.5 * thickness)
+    extent = axis.get_window_extent()
+    stretch = (extent.height / (7.0 * thickness)) / (extent.width / (box[1][0] - box[0][0]))
+    axis.set_title(f"gaps: z stretched {stretch:.2g} times", color=FAINT, loc="left")
+    label_axes(axis, "x [mm]", "z [mm]")
+
+
+def _draw_section(axis, points, rim, thickness, shapes, y) -> None:
+    from matplotlib.collections import LineCollection
+    from matplotlib.patches import Rectangle
+
+    y += 1e-5 * np.ptp(points[:, 1])  # beside nodes and corners of tools in the plane
+    for _, vertices, triangles, colour in shapes:
+        if len(triangles):
+            segments = section(vertices, triangles, y)
+            axis.add_collection(
+                LineCollection(segments, colors=colour, linewidths=1.4, capstyle="round", zorder=3)
+            )
+    ends = points[rim]
+    crossing = (ends[:, 0, 1] >= y) != (ends[:, 1, 1] >= y)
+    a, b = ends[crossing, 0], ends[crossing, 1]
+    where = np.sort(a[:, 0] + (b - a)[:, 0] * (y - a[:, 1]) / (b - a)[:, 1])
+    level = points[:, 2].mean() - 0.5 * thickness
+    for x0, x1 in zip(where[0::2], where[1::2], strict=False):
+        axis.add_patch(
+            Rectangle((x0, level), x1 - x0, thickness, fc="#b9c0c8", ec=INK, lw=0.5, zorder=2)
+        )

@@ -1,0 +1,127 @@
+"""Arc length: equilibrium paths along which the load factor may fall.
+
+The arc is measured by the displacements (cylindrical constraint: Crisfield, Comput. Struct. 13
+(1981) 55), the constraint is solved together with equilibrium by Newton's method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lcmchain.elements.solid_shell.tangent import linearise
+from lcmchain.errors import SimulationError
+from lcmchain.statics.newton import FORCE_TOLERANCE, MAXIMUM_ITERATIONS, Newton, StepResult
+from lcmchain.statics.problem import StaticProblem
+from lcmchain.statics.steps import GROWTH, QUICK_ITERATIONS, SMALLEST_STEP, StaticStep
+
+
+def trace(
+    problem: StaticProblem,
+    last_factor: float,
+    *,
+    first_step: float,
+    largest_step: float = np.inf,
+    maximum_steps: int = 1000,
+    force_tolerance: float = FORCE_TOLERANCE,
+    on_step: Callable[[StaticStep], None] | None = None,
+) -> list[StaticStep]:
+    """Follow the equilibrium path by its arc length until the load factor passes ``last_factor``.
+
+    The load factor is an unknown and may fall where the sheet snaps through or back. The arc is
+    measured by the displacements (cylindrical constraint: Crisfield, Comput. Struct. 13 (1981) 55),
+    the constraint is solved together with equilibrium by Newton's method.
+
+    Parameters
+    ----------
+    first_step : load factor of the first step, which fixes the first arc length.
+    largest_step : limit of the arc length relative to the first one.
+
+    Raises
+    ------
+    SimulationError : an arc cannot be made to converge, or ``maximum_steps`` do not suffice.
+    """
+    newton = NewtonOnArc(problem, force_tolerance)
+    factor, displacement = 0.0, np.zeros((3, problem.model.node_count))
+    history = []
+    length = previous = None
+    while len(history) < maximum_steps:
+        result = newton.correct_on_arc(displacement, factor, first_step, length, previous)
+        if length is None:
+            first_length = length = result.length
+        if not result.converged:
+            length *= 0.5
+            if length < SMALLEST_STEP * first_length:
+                raise newton.failure(result, factor)
+            continue
+        factor, previous = result.load_factor, result.change
+        displacement = result.displacement
+        history.append(StaticStep(factor, displacement, result.iterations, result.residual))
+        if on_step is not None:
+            on_step(history[-1])
+        if factor >= last_factor:
+            return history
+        if result.iterations <= QUICK_ITERATIONS:
+            length = min(GROWTH * length, largest_step * first_length)
+    raise SimulationError(
+        f"the arc-length method has made {maximum_steps} steps and only reached the load factor "
+        f"{factor:.4g} of {last_factor:.4g}; allow larger or more steps"
+    )
+
+
+class NewtonOnArc(Newton):
+    """Newton's method with the load factor as an unknown, at a given arc length."""
+
+    def correct_on_arc(self, start, factor, first_step, length, previous) -> StepResult:
+        """Find equilibrium at the arc length ``length`` from the equilibrium ``start``.
+
+        Without a length the step of the load factor is ``first_step``. ``previous`` is the change
+        of the unknowns over the last step, which the path goes on from.
+        """
+        system, problem = self.system, self.problem
+        displacement, start_factor = start, factor
+        resultants, first_energy, change = None, None, None
+        for iteration in range(1, MAXIMUM_ITERATIONS + 1):
+            state = linearise(problem.model, displacement, resultants)
+            K = system.assemble(state.stiffness, self._load_stiffness(displacement, factor))
+            try:
+                factors = system.factorise(K)
+            except RuntimeError:
+                return self._failed(displacement, factor, iteration, "singular tangent", length)
+            load = system.reduce(problem.external_forces(displacement))
+            load = load - system.reduced_product(K, problem.prescribed)
+            along = factors.solve(load)
+            if change is None:
+                step = first_step
+                if length is not None:
+                    step = length / np.linalg.norm(along)
+                    step *= np.sign(previous @ along) if previous is not None else 1.0
+                else:
+                    length = abs(step) * np.linalg.norm(along)
+                correction, energy = step * along, abs(step * step * (along @ load))
+                change = correction
+            else:
+                residual, _ = self._out_of_balance(displacement, factor)
+                right = system.reduce(residual)
+                towards = factors.solve(right)
+                miss = 0.5 * (change @ change - length**2)
+                step = -(miss + change @ towards) / (change @ along)
+                correction = towards + step * along
+                energy = abs(correction @ (right + step * load))
+                change = change + correction
+            factor += step
+            move = system.expand(correction) + step * problem.prescribed
+            if not self._plausible(move):
+                return self._failed(displacement, factor, iteration, "divergence", length)
+            displacement = displacement + move
+            first_energy = energy if first_energy is None else first_energy
+            residual, relative = self._out_of_balance(displacement, factor)
+            if self._converged(relative, energy, first_energy):
+                if previous is not None and change @ previous < 0.0:
+                    return self._failed(displacement, factor, iteration, "turned back", length)
+                return StepResult(
+                    True, factor, displacement, iteration, relative, "", change, length
+                )
+            resultants = self._extrapolated(state, move)
+        return self._failed(displacement, start_factor, iteration, "no convergence", length)

@@ -1,0 +1,18 @@
+"""Forces of the elements on the nodes: the one call of the compiled element kernel in statics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.family import internal_forces
+from lcmchain.model import Model
+
+
+def nodal_forces(model: Model, displacement: np.ndarray) -> np.ndarray:
+    """Return the internal forces (3, node_count) [N] of the compiled element kernel."""
+    position = np.ascontiguousarray(model.blank.node_positions.T + displacement)
+    corner_force = np.zeros(model.corner_force_size)
+    internal_forces(model.body.data, position, corner_force, np.empty(0))
+    slot = model.nodes.force_slot
+    return np.stack([corner_force[slot + d * LANES].sum(axis=0) for d in range(3)])

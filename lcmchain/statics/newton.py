@@ -1,0 +1,148 @@
+"""Newton's method for the equilibrium of a sheet at a given load factor.
+
+Forces are those of the compiled element kernel, the tangent is its exact derivative
+(``elements/solid_shell/tangent.py``). The geometric stiffness takes the stress resultants
+extrapolated linearly over the last correction instead of those of the corrected displacement
+("mixed integration points": Magisano, Leonetti, Garcea, Int. J. Numer. Meth. Engng 109 (2017)
+1237). Newton's method of the displacements takes rotations of a stiff sheet for huge membrane
+stresses; this one does not, and converges over load steps that are many times larger. The
+equilibrium found is the same.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.elements.solid_shell.tangent import linearise
+from lcmchain.errors import SimulationError
+from lcmchain.statics.forces import nodal_forces
+from lcmchain.statics.pair_system import PairSystem
+from lcmchain.statics.problem import StaticProblem
+
+MAXIMUM_ITERATIONS = 20
+# Out-of-balance force relative to loads and reactions, and energy of the last correction relative
+# to that of the first one of the step: both must hold.
+FORCE_TOLERANCE = 1e-6
+ENERGY_TOLERANCE = 1e-8
+# Strain whose force over the whole sheet counts as round-off: a sheet that only turns has no force
+# to compare with.
+NEGLIGIBLE_STRAIN = 1e-13
+LARGEST_MOVE = 10.0  # correction of a displacement over the size of the sheet
+
+
+class StepResult(NamedTuple):
+    """Outcome of one step; ``change`` (unknowns) and ``length`` serve the arc-length method."""
+
+    converged: bool
+    load_factor: float
+    displacement: np.ndarray
+    iterations: int
+    residual: float
+    cause: str = ""
+    change: np.ndarray | None = None
+    length: float = 0.0
+
+
+class Newton:
+    """Newton's method with extrapolated stress resultants, at a given load factor."""
+
+    def __init__(self, problem: StaticProblem, force_tolerance: float):
+        self.problem = problem
+        self.force_tolerance = force_tolerance
+        self.size = float(np.ptp(problem.model.blank.node_positions, axis=0).max())
+        material = problem.model.material
+        stiffness = material.stress_and_tangent(np.zeros(6))[1].max()
+        section = self.size * material.thickness
+        self.negligible_force = NEGLIGIBLE_STRAIN * stiffness * section
+        self.system = PairSystem(problem.model, problem.held, problem.held_middle)
+
+    def correct(self, displacement, factor, next_factor) -> StepResult:
+        """Find equilibrium at ``next_factor`` from the equilibrium ``displacement``."""
+        system = self.system
+        support_motion = (next_factor - factor) * self.problem.prescribed
+        resultants, first_energy = None, None
+        for iteration in range(1, MAXIMUM_ITERATIONS + 1):
+            state = linearise(self.problem.model, displacement, resultants)
+            K = system.assemble(state.stiffness, self._load_stiffness(displacement, next_factor))
+            residual, _ = self._out_of_balance(displacement, next_factor)
+            right = system.reduce(residual)
+            if iteration == 1:
+                right = right - system.reduced_product(K, support_motion)
+            else:
+                support_motion = np.zeros_like(displacement)
+            try:
+                correction = system.factorise(K).solve(right)
+            except RuntimeError:
+                return self._failed(displacement, next_factor, iteration, "singular tangent")
+            move = system.expand(correction) + support_motion
+            if not self._plausible(move):
+                return self._failed(displacement, next_factor, iteration, "divergence")
+            displacement = displacement + move
+            energy = abs(correction @ right)
+            first_energy = energy if first_energy is None else first_energy
+            residual, relative = self._out_of_balance(displacement, next_factor)
+            if self._converged(relative, energy, first_energy):
+                return StepResult(True, next_factor, displacement, iteration, relative)
+            resultants = self._extrapolated(state, move)
+        return self._failed(displacement, next_factor, iteration, "no convergence")
+
+    def failure(self, result: StepResult, factor: float) -> SimulationError:
+        """Return the error of a step that could not be made to converge."""
+        model = self.problem.model
+        residual, _ = self._out_of_balance(result.displacement, result.load_factor)
+        supported = self.problem.held
+        if self.problem.held_middle is not None:
+            supported = supported | np.tile(self.problem.held_middle, 2)
+        size = np.linalg.norm(np.where(supported, 0.0, residual), axis=0)
+        node = int(np.argmax(size))
+        x, y, z = model.blank.node_positions[node]
+        return SimulationError(
+            f"no equilibrium was found beyond the load factor {factor:.6g} ({result.cause} after "
+            f"{result.iterations} iterations, relative residual {result.residual:.3g}). "
+            f"The largest out-of-balance force is {size[node]:.3g} N at node {node}, initially at "
+            f"({x:.4g}, {y:.4g}, {z:.4g}) m. Likely cause: a limit or bifurcation point; follow "
+            "the path by its arc length, prescribe displacements instead of forces, or support the "
+            "sheet"
+        )
+
+    def _converged(self, relative, energy, first_energy):
+        if relative == 0.0:
+            return True
+        return relative <= self.force_tolerance and energy <= ENERGY_TOLERANCE * first_energy
+
+    def _plausible(self, move):
+        """Whether a correction is finite and no larger than a few times the sheet."""
+        return bool(np.all(abs(move) < LARGEST_MOVE * self.size))  # false for not-a-numbers
+
+    def _extrapolated(self, state, move):
+        """Return the resultants (E, 42) predicted linearly over the displacement ``move``."""
+        modes = self.system.modes(move)
+        return state.resultants + np.einsum("eij,ej->ei", state.resultant_gradient, modes)
+
+    def _out_of_balance(self, displacement, factor):
+        """Return the nodal out-of-balance forces, and their norm over loads and reactions."""
+        external = factor * self.problem.external_forces(displacement)
+        residual = external - nodal_forces(self.problem.model, displacement)
+        free = np.linalg.norm(self.system.reduce(residual))
+        if free < self.negligible_force:
+            return residual, 0.0
+        # the residual at supports is their reaction
+        return residual, free / (np.linalg.norm(external) + np.linalg.norm(residual))
+
+    def _load_stiffness(self, displacement, factor):
+        """Return blocks (pairs, (n, 3, 3)) of -∂f/∂d of the couples on the director unknowns."""
+        if not self.problem.couples:
+            return None
+        directors = self.problem.directors(displacement)
+        blocks = [
+            -factor * couple.force_and_gradient(directors[couple.pairs])[1]
+            for couple in self.problem.couples
+        ]
+        pairs = np.concatenate([couple.pairs for couple in self.problem.couples])
+        return pairs, np.concatenate(blocks)
+
+    def _failed(self, displacement, factor, iteration, cause, length=0.0):
+        _, relative = self._out_of_balance(displacement, factor)
+        return StepResult(False, factor, displacement, iteration, relative, cause, None, length)

@@ -1,1 +1,0 @@
-"""Studies of what a result depends on: measures that compare forming results."""
