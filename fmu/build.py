@@ -17,12 +17,11 @@ from pythonfmu import FmuBuilder
 
 from lcmchain import __version__
 from lcmchain.atomic import replacing
-from lcmchain.blank import build_blank
 from lcmchain.check import require_no_initial_overlap
 from lcmchain.errors import InputError
-from lcmchain.fmu.forming_slave import UNIT_FILE, unit_guid, variables_of
-from lcmchain.scene import read_scene
-from lcmchain.scene.schema import Scene
+from lcmchain.fmu.forming_slave import UNIT_FILE, sheet_mesh, unit_guid, variables_of
+from lcmchain.mesh.blank import build_blank
+from lcmchain.scene import Scene, read_scene
 from lcmchain.tools.table import build_tool_table
 
 # The file that pythonfmu loads, and its name in the unit, which must not be that of a real module.
@@ -65,7 +64,7 @@ def build_fmu(scene_path: Path | str, out_path: Path | str) -> Path:
             "scene": "scene/scene.toml",
             "overrides": overrides,
             "lcmchain_version": __version__,
-            "guid": unit_guid(staged, variables_of(staged, blank)),
+            "guid": unit_guid(staged, variables_of(staged, sheet_mesh(staged))),
         }
         (folder / UNIT_FILE).write_text(json.dumps(unit, indent=2) + "\n", encoding="utf-8")
         script = folder / "script" / f"{ENTRY_MODULE}.py"
@@ -117,8 +116,8 @@ def _stage_scene(scene: Scene, folder: Path) -> list[str]:
 def _named_files(scene: Scene) -> Iterator[tuple[str, str]]:
     """Yield key and value of every entry of a scene that names a file."""
     for index, tool in enumerate(scene.tools):
-        if tool.shape.type == "surface_mesh":
-            yield f"tools[{index}].shape.file", tool.shape.file
+        for entry in tool.shape.file_entries:
+            yield f"tools[{index}].shape.{entry}", getattr(tool.shape, entry)
     for index, target in enumerate(scene.mapping):
         yield f"mapping[{index}].mesh", target.mesh
 

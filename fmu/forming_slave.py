@@ -12,25 +12,27 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from uuid import NAMESPACE_URL, uuid5
 from xml.etree.ElementTree import Element
+from zipfile import BadZipFile
 
 import numpy as np
 from pythonfmu import DefaultExperiment, Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from lcmchain import __version__
-from lcmchain.blank import BlankMesh, build_blank
+from lcmchain.elements.families import family_of
 from lcmchain.errors import InputError, LcmchainError, SimulationError
 from lcmchain.fields import derive_fields
+from lcmchain.fingerprint import run_fingerprint
 from lcmchain.fmu.frames import require_writable, with_present, write_result
 from lcmchain.fmu.model_description import complete, scalar_variables
 from lcmchain.fmu.saved_state import SavedState
 from lcmchain.fmu.variables import Group, Kind, Variable, forming_variables, quoted
-from lcmchain.scene import read_scene
-from lcmchain.scene.schema import Scene
+from lcmchain.mesh.blank import build_blank
+from lcmchain.scene import Scene, read_scene
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State
 from lcmchain.threads import use_threads
-from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED, prescribed_travel
+from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 
 #: File in the resources of a unit that says what it holds; written by ``fmu/build.py``.
 UNIT_FILE = "unit.json"
@@ -40,17 +42,20 @@ CLOCK_TOLERANCE = 1e-9
 # A tool may go back to the motion of the scene where its travel is that of the scene [m].
 TRAVEL_TOLERANCE = 1e-6
 
-_MOTION_KINDS = {"fixed": FIXED, "stroke": PRESCRIBED, "table": PRESCRIBED, "guided": GUIDED}
+
+def sheet_mesh(scene: Scene):
+    """Return the mesh whose elements a unit counts: that of the model of the scene."""
+    return family_of(scene.element).mesh_of(build_blank(scene.blank, scene.material.thickness))
 
 
-def variables_of(scene: Scene, blank: BlankMesh) -> tuple[Variable, ...]:
-    """Return the interface of the unit that forms a scene."""
-    tools = [(tool.name, _MOTION_KINDS[tool.motion.type]) for tool in scene.tools]
+def variables_of(scene: Scene, mesh) -> tuple[Variable, ...]:
+    """Return the interface of the unit that forms a scene on its :func:`sheet_mesh`."""
+    tools = [(tool.name, tool.motion.kind) for tool in scene.tools]
     has_thickness = scene.element.type == "solid-shell"
     has_fraction = has_thickness and scene.material.fibre_density is not None
     return forming_variables(
         tools,
-        len(blank.elements),
+        mesh.element_count,
         has_thickness=has_thickness,
         has_fibre_volume_fraction=has_fraction,
     )
@@ -115,8 +120,8 @@ class FormingSlave(Fmi2Slave):
         self.default_experiment = DefaultExperiment(
             start_time=0.0, stop_time=process.time, step_size=process.time / (process.frames - 1)
         )
-        blank = build_blank(self._scene.blank, self._scene.material.thickness)
-        self._variables = variables_of(self._scene, blank)
+        self._fingerprint = run_fingerprint(self._scene)
+        self._variables = variables_of(self._scene, sheet_mesh(self._scene))
         self.guid = unit_guid(self._scene, self._variables)
         if self.guid != unit["guid"]:
             raise InputError(
@@ -449,6 +454,7 @@ class FormingSlave(Fmi2Slave):
         simulation = self._simulation
         return SavedState(
             guid=self.guid,
+            fingerprint=self._fingerprint,
             state=None if simulation is None else simulation.state.copy(),
             critical_step=self._critical_step,
             values=self._settings("parameter", "input"),
@@ -461,6 +467,11 @@ class FormingSlave(Fmi2Slave):
     def _set_fmu_state(self, saved: SavedState) -> None:
         if saved.guid != self.guid:
             raise SimulationError(f"{self.instance_name}: the state is that of another unit")
+        if saved.fingerprint != self._fingerprint:
+            raise SimulationError(
+                f"{self.instance_name}: the state was saved with "
+                f"{saved.fingerprint.difference(self._fingerprint)}; simulate up to it anew"
+            )
         if saved.state is not None:
             self._require_simulation().restore(saved.state)
         elif self._simulation is not None:
@@ -485,5 +496,5 @@ class FormingSlave(Fmi2Slave):
     def _fmu_state_from_bytes(state: bytes) -> SavedState:
         try:
             return SavedState.from_bytes(state)
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, EOFError, BadZipFile, ValueError, KeyError, TypeError) as error:
             raise LcmchainError(f"this is no saved state of a forming unit ({error})") from None

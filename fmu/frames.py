@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets, write_forming_netcdf
-from lcmchain.scene.schema import Scene
+from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 # Communication points seldom hit the times of the scene's frames exactly.

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from lcmchain.fingerprint import Fingerprint
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
@@ -19,6 +20,8 @@ class SavedState:
     Parameters
     ----------
     guid : of the unit, so that the state of another one is refused.
+    fingerprint : of what decides the numbers, so that a state is not resumed with other mesh files
+        or other sources of lcmchain, which the guid does not tell apart.
     state : of the simulation, None before initialization.
     critical_step : stable time step [s].
     values : of parameters and inputs, by name.
@@ -28,6 +31,7 @@ class SavedState:
     """
 
     guid: str
+    fingerprint: Fingerprint
     state: State | None
     critical_step: float
     values: dict[str, float | int | bool | str]
@@ -39,6 +43,7 @@ class SavedState:
         """Return the state as the content of an ``npz`` file; the same state gives equal bytes."""
         header = {
             "guid": self.guid,
+            "fingerprint": self.fingerprint._asdict(),
             "critical_step": self.critical_step,
             "values": self.values,
             "start_time": self.start_time,
@@ -82,6 +87,7 @@ class SavedState:
             )
         return cls(
             guid=header["guid"],
+            fingerprint=Fingerprint(**header["fingerprint"]),
             state=State(**arrays) if arrays else None,
             critical_step=header["critical_step"],
             values=header["values"],

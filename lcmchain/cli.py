@@ -14,6 +14,7 @@ from lcmchain.commands.docs import docs
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
 from lcmchain.commands.options import OutFolder, Overrides, SceneFile
+from lcmchain.commands.run_report import print_result
 from lcmchain.commands.terminal import (
     console,
     length_of,
@@ -24,7 +25,7 @@ from lcmchain.commands.terminal import (
     warn,
 )
 from lcmchain.commands.verify import verify_app
-from lcmchain.errors import InputError, LcmchainError
+from lcmchain.errors import InputError, LcmchainError, MappingError
 
 # Nothing heavy is imported up here: `lcmchain --help` must answer at once.
 
@@ -62,9 +63,15 @@ def run(
     with output_folder(out or default_out(scene)) as folder:
         from lcmchain.pipeline import run as run_scene
 
-        with progress_bar() as progress:
-            run_scene(the_scene, folder, threads=threads, resume=resume, progress=progress)
-    say(f"Results in {folder}")
+        try:
+            with progress_bar() as progress:
+                result = run_scene(
+                    the_scene, folder, threads=threads, resume=resume, progress=progress
+                )
+        except MappingError as error:
+            print_result(error.result.summary, folder)
+            raise
+    print_result(result.summary, folder)
 
 
 @app.command()
@@ -126,7 +133,7 @@ def map_fields(
     ] = False,
 ) -> None:
     """Map the formed blank's fields onto another mesh."""
-    from lcmchain.scene.schema import MappingTarget
+    from lcmchain.scene import MappingTarget
 
     require_choice("--kind", kind, MappingTarget)
     require_choice("--method", method, MappingTarget)

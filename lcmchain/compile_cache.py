@@ -20,6 +20,8 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
 # Packages that live outside the folder of lcmchain in a checkout.
 OUTER_PACKAGES = ("lcmchain.mapping", "lcmchain.coupling", "lcmchain.fmu")
 
@@ -67,12 +69,19 @@ def key_cache_by_file(file: str | Path, module: str) -> None:
 def source_key() -> str:
     """Hash of every source file of lcmchain, the numba version and the kind of processor."""
     digest = hashlib.blake2b(digest_size=HASH_LENGTH // 2)
+    digest.update(source_hash().encode())
+    digest.update(_numba_version())
+    digest.update(_processor().encode())
+    return digest.hexdigest()
+
+
+def source_hash() -> str:
+    """Hash of every source file of lcmchain: which code this is, whatever its version says."""
+    digest = hashlib.blake2b(digest_size=32)
     for folder in _package_folders():
         for file in _python_files(folder):
             digest.update(f"{folder.name}{file[len(str(folder)) :]}\0".encode())
             digest.update(hashlib.blake2b(Path(file).read_bytes()).digest())
-    digest.update(_numba_version())
-    digest.update(_processor().encode())
     return digest.hexdigest()
 
 
@@ -125,18 +134,10 @@ def _processor() -> str:
     return " ".join([platform.machine(), *(described.get(name, "") for name in wanted)])
 
 
-def _user_cache_folder() -> Path:
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-
-
 def _writable_folder(key: str) -> Path:
     """Folder of this key below the user's cache, else below the temporary folder."""
     try:
-        folder = _user_cache_folder() / "lcmchain" / key
+        folder = user_cache_path("lcmchain", appauthor=False, opinion=False) / key
         if _make_private_folder(folder):
             return folder
     except (OSError, RuntimeError):  # RuntimeError: no home folder

@@ -41,3 +41,14 @@ class SimulationInterrupted(LcmchainError):
     """A run that the user stopped; a checkpoint was left (exit code 1)."""
 
     exit_code = 1
+
+
+class MappingError(InputError):
+    """Meshes that a finished forming run could not be mapped onto (exit code 2).
+
+    ``result`` is the :class:`lcmchain.pipeline.Result` of the run: its files are complete.
+    """
+
+    def __init__(self, message: str, result):
+        self.result = result
+        super().__init__(message)

@@ -8,15 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.blank import build_blank
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
-from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.law import Material, history_count
-from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
-from lcmchain.scene.schema import Contact, Element, Process
+from lcmchain.mesh.blank import build_blank
+from lcmchain.scene import Contact, Element, Process
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
 
@@ -153,11 +151,6 @@ class Model:
         return body.first_element + int(np.flatnonzero(here)[0])
 
 
-def build_material(spec) -> Material:
-    """Return the material of a scene's ``[material]`` table."""
-    return Fabric.from_scene(spec) if spec.law == "fabric" else StVenantKirchhoff.from_scene(spec)
-
-
 def build_model(scene, supports: Callable[[Any], Sequence[Support]] = lambda mesh: ()) -> Model:
     """Build the model of a scene.
 
@@ -169,7 +162,7 @@ def build_model(scene, supports: Callable[[Any], Sequence[Support]] = lambda mes
     ------
     InputError : a blank, tool or material that cannot be used; names the scene key.
     """
-    material = build_material(scene.material)
+    material = scene.material.build()
     mesh = family_of(scene.element).mesh_of(build_blank(scene.blank, material.thickness))
     return assemble_model(
         mesh,

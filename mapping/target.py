@@ -233,7 +233,7 @@ def read_target(path: Path | str, *, kind: str = "structure", length_unit: str =
 def _length_factor(length_unit: str, path: Path) -> float:
     if length_unit == "m":
         return 1.0  # spares the time to set up a table of units
-    from lcmchain.scene.units import QuantityError, length_factor
+    from lcmchain.quantities.units import QuantityError, length_factor
 
     try:
         return length_factor(length_unit)

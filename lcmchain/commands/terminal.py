@@ -34,14 +34,14 @@ def progress_bar() -> Iterator:
 
 def length_of(option: str, text: str) -> float:
     """Return a positive length [m]."""
-    from lcmchain.scene.units import LENGTH
+    from lcmchain.quantities.units import LENGTH
 
     return quantity(option, text, LENGTH)
 
 
 def quantity(option: str, text: str, dimension: str | None = None) -> float:
     """Return a positive quantity in SI; by default a length, pressure or angle as the option."""
-    from lcmchain.scene.units import ANGLE, LENGTH, PRESSURE, QuantityError, parse_quantity
+    from lcmchain.quantities.units import ANGLE, LENGTH, PRESSURE, QuantityError, parse_quantity
 
     if dimension is None:
         kinds = {"--pressure": PRESSURE, "--shear-angle": ANGLE, "--angle": ANGLE}

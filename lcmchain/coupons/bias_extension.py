@@ -26,7 +26,7 @@ from lcmchain.coupons.specimen import (
 from lcmchain.effects.supports import Support, translation
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.report.style import INK, SERIES
-from lcmchain.scene.schema import Element, Scene
+from lcmchain.scene import Element, Scene
 
 # The specimen is pulled at both ends, so that mass and damping load both clamps alike. Inertia and
 # damping then add 0.1 N to 6.5 N at 30 mm (measured against the rate of the stored energy).

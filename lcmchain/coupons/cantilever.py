@@ -33,7 +33,7 @@ from lcmchain.coupons.specimen import (
 from lcmchain.errors import SimulationError
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
-from lcmchain.scene.schema import Element, Scene
+from lcmchain.scene import Element, Scene
 from lcmchain.statics import StaticProblem, solve
 from lcmchain.tools.motion import STANDARD_GRAVITY
 

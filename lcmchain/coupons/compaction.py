@@ -16,10 +16,10 @@ from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import Progress, require_solid_shell
 from lcmchain.fields.derived import derive_fields
-from lcmchain.model import build_material, build_model
+from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
+from lcmchain.scene import Element, Scene
 from lcmchain.scene.presets import MEASURED_COMPACTION
-from lcmchain.scene.schema import Element, Scene
 from lcmchain.solver.simulation import Simulation
 
 DURATION = 0.04  # [s]
@@ -52,7 +52,7 @@ def compaction(
     """
     require_solid_shell(element)
     thickness = material.thickness
-    law = build_material(material).compaction_pressure
+    law = material.build().compaction_pressure
     penalty = pressure / (PENETRATION * thickness)
     squeezed = thickness - _thickness_at(law, thickness, pressure)
     plates = [

@@ -25,7 +25,7 @@ from lcmchain.coupons.specimen import (
 from lcmchain.effects.supports import Support
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.report.style import INK, SERIES
-from lcmchain.scene.schema import Element, Scene
+from lcmchain.scene import Element, Scene
 
 # Slow enough that inertia and damping add less than half a percent to the force.
 DURATION = 0.5  # [s]

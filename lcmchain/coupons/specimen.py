@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.blank import BlankMesh
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
-from lcmchain.scene.schema import Scene
+from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 #: Called with (completed, total, text).

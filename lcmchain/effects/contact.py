@@ -11,9 +11,14 @@ Scene: ``[[tools]]`` (none: no contact code runs), ``contact.penalty``, ``contac
 from __future__ import annotations
 
 import math
+from typing import Annotated
+
+from pydantic import Field
 
 from lcmchain.elements.vectors import dot, plus
 from lcmchain.jit import equation
+from lcmchain.quantities.entry_types import AbsentMeans, FrictionCoefficient, Number, Penalty, Range
+from lcmchain.quantities.scene_model import SceneModel
 
 
 @equation
@@ -73,3 +78,18 @@ def friction(stick, slip_increment, normal, stiffness, limit):
         trial = (scale * trial[0], scale * trial[1], scale * trial[2])
     force = (-stiffness * trial[0], -stiffness * trial[1], -stiffness * trial[2])
     return trial, force, dissipated
+
+
+class Contact(SceneModel):
+    """Penalty contact and Coulomb friction between blank and tools."""
+
+    penalty: Annotated[Penalty | None, AbsentMeans("automatic")] = Field(
+        default=None, description="Contact stiffness per area."
+    )
+    damping_ratio: Annotated[float, Number(0.2, Range(0.0, 2.0))] = Field(
+        default=0.2, description="Contact damping as a fraction of critical."
+    )
+    friction: FrictionCoefficient = Field(default=0.0, description="Coulomb friction coefficient.")
+    tangential_ratio: Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0,)))] = Field(
+        default=0.5, description="Tangential over normal contact stiffness."
+    )

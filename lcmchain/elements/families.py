@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from pydantic import Field
+
 from lcmchain.elements.family import Body
 from lcmchain.elements.membrane_shell.body import MembraneShellBody
+from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.elements.solid_shell.body import SolidShellBody
+from lcmchain.elements.solid_shell.table import Element
 
 FAMILIES: dict[str, type[Body]] = {
     family.type: family for family in (SolidShellBody, MembraneShellBody)
 }
+
+#: The entry ``element``.
+SheetElement = Annotated[Element | MembraneShellElement, Field(discriminator="type")]
 
 
 def family_of(element) -> type[Body]:

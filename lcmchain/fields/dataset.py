@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lcmchain.blank import BlankMesh
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
@@ -23,7 +22,8 @@ from lcmchain.fields.ugrid import (
     Variable,
     frame_time,
 )
-from lcmchain.triangulation import TriangleMesh
+from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.triangulation import TriangleMesh
 
 SHEET, SOLID, HISTORY = ROOT, "/solid", "/history"
 SHEET_MESH = UgridMesh("sheet")
@@ -65,7 +65,7 @@ def build_datasets(
     -------
     Datasets by group name. Face variables have the dimensions ``frame`` and ``sheet_face``.
     """
-    material = _material(scene) if material is None else material
+    material = scene.material.build() if material is None else material
     datasets = {SHEET: _sheet(scene, blank, frames, material)}
     if isinstance(blank, BlankMesh):
         datasets[SOLID] = _solid(blank, frames)
@@ -153,14 +153,6 @@ def _global_attributes(scene, material) -> dict[str, Any]:
     if material.fibre_density is not None:
         attributes["fibre_density_kg_m3"] = float(material.fibre_density)
     return attributes
-
-
-def _material(scene):
-    from lcmchain.materials.fabric import Fabric
-    from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff
-
-    law = Fabric if scene.material.law == "fabric" else StVenantKirchhoff
-    return law.from_scene(scene.material)
 
 
 def _mid_surface(positions: np.ndarray) -> np.ndarray:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.blank import BlankMesh
 from lcmchain.elements.solid_shell.geometry import MODES
-from lcmchain.triangulation import TriangleMesh
+from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.triangulation import TriangleMesh
 
 
 def derive_fields(

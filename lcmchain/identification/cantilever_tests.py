@@ -10,7 +10,7 @@ import numpy as np
 from lcmchain.coupons.analytic import overhang_at_angle
 from lcmchain.identification.data import Column, CouponData
 from lcmchain.identification.deflection_curve import fit_deflection_curve
-from lcmchain.scene.units import ANGLE, LENGTH
+from lcmchain.quantities.units import ANGLE, LENGTH
 
 _ORIENTATION = Column("orientation", ANGLE)
 COLUMNS = (

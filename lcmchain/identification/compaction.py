@@ -25,7 +25,7 @@ from lcmchain.identification.result import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.scene.units import LENGTH, PRESSURE
+from lcmchain.quantities.units import LENGTH, PRESSURE
 
 COLUMNS = ((Column("thickness", LENGTH, loading=-1), Column("pressure", PRESSURE)),)
 MINIMUM_ROWS = 6

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.scene.units import Dimension, QuantityError, parse_quantity
+from lcmchain.quantities.units import Dimension, QuantityError, parse_quantity
 
 _HEADER = re.compile(r"\s*(?P<name>[^\[\]()]+?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]+?)\s*[\])])?\s*")
 _SPECIMEN = "specimen"

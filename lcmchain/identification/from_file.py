@@ -14,8 +14,7 @@ from lcmchain.errors import InputError
 from lcmchain.identification import bending, cantilever_tests, compaction, shear
 from lcmchain.identification.data import read_coupon
 from lcmchain.identification.result import Identification
-from lcmchain.scene.presets import MD600
-from lcmchain.scene.units import (
+from lcmchain.quantities.units import (
     ANGLE,
     AREAL_MASS,
     DENSITY,
@@ -23,6 +22,7 @@ from lcmchain.scene.units import (
     QuantityError,
     parse_quantity,
 )
+from lcmchain.scene.presets import MD600
 from lcmchain.tools.motion import STANDARD_GRAVITY
 
 #: Size -> dimension, default and where the default comes from.

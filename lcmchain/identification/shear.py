@@ -24,7 +24,7 @@ from lcmchain.identification.result import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.scene.units import FORCE, LENGTH
+from lcmchain.quantities.units import FORCE, LENGTH
 
 COLUMNS = ((Column("displacement", LENGTH, loading=1), Column("force", FORCE)),)
 MINIMUM_ROWS = 8

@@ -26,7 +26,7 @@ from lcmchain.scene.presets import PRESETS
 
 def preset_fabric(name: str = "MD600") -> Fabric:
     """Return a fabric that scenes can name."""
-    return Fabric.from_scene(FabricMaterial.model_validate(PRESETS[name]))
+    return FabricMaterial.model_validate(PRESETS[name]).build()
 
 
 def noisy(values: np.ndarray, noise: float, seed: int) -> np.ndarray:

@@ -23,7 +23,8 @@ HEAD = """# Scene reference
 Every entry of a scene file: what may be written, what it is when left out, and what it means. How
 scene files are written stands in [Scene files](scene.md). A quantity may be given in any unit of
 its kind; the example shows one. Where a key chooses between several forms of a table, each form has
-its own heading. A preset of a material fills all entries that are not given.
+its own heading; a table that several forms share stands under the first. A preset of a material
+fills all entries that are not given.
 """
 
 COLUMNS = ("key", "value", "default", "meaning")
@@ -39,7 +40,7 @@ def scene_page() -> str:
         is_list = get_origin(_bare(model_field.annotation)) is tuple
         path = f"[[{key}]]" if is_list else f"[{key}]"
         parts.append(f"## {path}\n")
-        parts += _forms(path, forms, model_field, level=3)
+        parts += _forms(path, forms, model_field, 3, set())
     return "\n".join(parts)
 
 
@@ -57,8 +58,17 @@ def scene_keys() -> Iterator[tuple[type[BaseModel], str, FieldInfo]]:
             waiting += _models_of(model_field.annotation)
 
 
-def _forms(path: str, forms: list[type[BaseModel]], owner: FieldInfo, level: int) -> Iterator[str]:
-    """Yield the tables of a key: one, or one per form that another key chooses."""
+def _forms(
+    path: str,
+    forms: list[type[BaseModel]],
+    owner: FieldInfo,
+    level: int,
+    shown: set[type[BaseModel]],
+) -> Iterator[str]:
+    """Yield the tables of a key: one, or one per form that another key chooses.
+
+    A table below that is ``shown`` already, because forms share it, is not repeated.
+    """
     chooser = _chooser(owner)
     for form in forms:
         if chooser:
@@ -68,13 +78,15 @@ def _forms(path: str, forms: list[type[BaseModel]], owner: FieldInfo, level: int
         if set(form.model_fields) - {chooser}:
             yield _table(form, chooser)
         for inner_key, inner in form.model_fields.items():
-            models = _models_of(inner.annotation)
+            models = [model for model in _models_of(inner.annotation) if model not in shown]
             if models:
+                shown.update(models)
                 dotted = f"{path.strip('[]')}.{inner_key}"
                 inner_level = level + 1 if chooser else level
                 if not _chooser(inner):
-                    yield f"{'#' * inner_level} [{dotted}]\n"
-                yield from _forms(f"[{dotted}]", models, inner, inner_level)
+                    of_form = f' of {chooser} = "{value}"' if chooser else ""
+                    yield f"{'#' * inner_level} [{dotted}]{of_form}\n"
+                yield from _forms(f"[{dotted}]", models, inner, inner_level, shown)
 
 
 def _table(model: type[BaseModel], chooser: str = "") -> str:

@@ -9,9 +9,10 @@ Strains and stresses are Green-Lagrange and second Piola-Kirchhoff in the refere
 Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness is a tuple of six
 moduli where it is diagonal, else of six rows (:mod:`lcmchain.materials.stiffness`).
 
-A law with memory has ``history_names``: a number per name and element, zero at the start. Kernels
-hand them to the law as a tuple, as they were after the last step. What the law answers for a strain
-holds for the end of a step that leads there, and :func:`evolved_history` gives the numbers then.
+A law with memory lists in ``remembers`` numbers that every element keeps, zero at the start.
+Kernels hand them to the law as a tuple, as they were after the last step. What the law answers for
+a strain holds for the end of a step that leads there; :func:`evolved_history` gives the numbers
+then.
 
 Beside the law stands a :class:`Material`: the law with the constants of a sheet, written in plain
 NumPy where the rest of the program asks the same questions, so that each checks the other.
@@ -19,7 +20,7 @@ NumPy where the rest of the program asks the same questions, so that each checks
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba.extending import overload
@@ -32,7 +33,8 @@ __all__ = [
     "bending_stiffness",
     "evolved_history",
     "history_count",
-    "history_names",
+    "Remembered",
+    "remembered",
     "implements",
     "load_history",
     "membrane_response",
@@ -45,14 +47,22 @@ __all__ = [
 ]
 
 
+class Remembered(NamedTuple):
+    """A number that a law remembers in every element: its name as a field, unit, and meaning."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+def remembered(law) -> tuple[Remembered, ...]:
+    """Return what the law remembers, nothing for one without memory."""
+    return getattr(law, "remembers", ())
+
+
 def history_count(law) -> int:
     """Return how many numbers per element the law remembers."""
-    return len(history_names(law))
-
-
-def history_names(law) -> tuple[str, ...]:
-    """Return the names of the numbers that the law remembers, empty for one without memory."""
-    return getattr(law, "history_names", ())
+    return len(remembered(law))
 
 
 # --- compiled -------------------------------------------------------------------------------------

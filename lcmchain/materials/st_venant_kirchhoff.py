@@ -7,13 +7,29 @@ linear and quadratic in the thickness coordinate (bending, C^B), Eq. (19). Voigt
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
+from pydantic import Field, field_validator, model_validator
 
 from lcmchain.jit import equation
 from lcmchain.materials.law import bending_stiffness, implements, membrane_response
 from lcmchain.materials.stiffness import full_product
+from lcmchain.materials.table import MaterialTable
+from lcmchain.quantities.entry_types import (
+    POSITIVE,
+    AbsentMeans,
+    Density,
+    Modulus,
+    Number,
+    PositiveLength,
+    Range,
+    Row,
+    Stiffness,
+    Text,
+    wrong,
+)
 
 
 class StiffnessLaw(NamedTuple):
@@ -94,29 +110,6 @@ class StVenantKirchhoff:
         self.name = name
         self.law = StiffnessLaw(self.C_membrane.ravel(), self.C_bending.ravel())
 
-    @classmethod
-    def from_scene(cls, spec) -> StVenantKirchhoff:
-        """Build from the scene's material with law isotropic, orthotropic or stiffness."""
-        bending = None
-        if spec.law == "isotropic":
-            membrane = isotropic_stiffness(spec.young_modulus, spec.poisson_ratio)
-        elif spec.law == "orthotropic":
-            membrane = orthotropic_stiffness(
-                spec.E1, spec.E2, spec.E3, spec.nu12, spec.nu13, spec.nu23,
-                spec.G12, spec.G13, spec.G23,
-            )  # fmt: skip
-            bending = spec.bending_factor * membrane
-        else:
-            membrane, bending = np.array(spec.membrane), np.array(spec.bending)
-        return cls(
-            membrane,
-            bending,
-            thickness=spec.thickness,
-            density=spec.density,
-            fibre_density=spec.fibre_density,
-            name=spec.name,
-        )
-
     def stress_and_tangent(self, E):
         """Return S^M (..., 6) and C^M broadcast to (..., 6, 6)."""
         E = np.asarray(E)
@@ -154,3 +147,170 @@ class StVenantKirchhoff:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
         diagonal = np.maximum(np.diag(self.C_membrane), np.diag(self.C_bending))
         return float(max(diagonal[0], diagonal[1])), float(diagonal[2])
+
+
+# --- scene ----------------------------------------------------------------------------------------
+
+
+class SolidMaterial(MaterialTable):
+    """Entries that the solid (non-fabric) laws share."""
+
+    thickness: PositiveLength = Field(description="Thickness of the sheet.")
+    density: Density = Field(description="Mass per volume.")
+    fibre_density: Annotated[Density | None, AbsentMeans("no fibre volume fraction")] = Field(
+        default=None, description="Density of the fibres; needed for a fibre volume fraction."
+    )
+
+    @property
+    def areal_mass(self) -> float:
+        """Mass per area [kg/m²]."""
+        return self.density * self.thickness
+
+    def stiffnesses(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return C^M and C^B (6, 6) [Pa]."""
+        raise NotImplementedError
+
+    def build(self) -> StVenantKirchhoff:
+        """Return the material."""
+        membrane, bending = self.stiffnesses()
+        return StVenantKirchhoff(
+            membrane,
+            bending,
+            thickness=self.thickness,
+            density=self.density,
+            fibre_density=self.fibre_density,
+            name=self.name,
+        )
+
+
+class IsotropicMaterial(SolidMaterial):
+    """St. Venant-Kirchhoff isotropic sheet."""
+
+    law: Literal["isotropic"] = "isotropic"
+    name: Annotated[str, Text("steel")] = Field(
+        default="isotropic", description="Name of the material in reports."
+    )
+    young_modulus: Modulus = Field(description="Young's modulus E.")
+    poisson_ratio: Annotated[float, Number(0.3, Range(-1.0, 0.5, (-1.0, 0.5)))] = Field(
+        description="Poisson's ratio, above -1 and below 0.5."
+    )
+
+    def stiffnesses(self) -> tuple[np.ndarray, np.ndarray]:
+        C = isotropic_stiffness(self.young_modulus, self.poisson_ratio)
+        return C, C
+
+
+class OrthotropicMaterial(SolidMaterial):
+    """St. Venant-Kirchhoff orthotropic sheet in the axes of the fibres."""
+
+    law: Literal["orthotropic"] = "orthotropic"
+    name: Annotated[str, Text("tape")] = Field(
+        default="orthotropic", description="Name of the material in reports."
+    )
+    E1: Modulus = Field(description="Young's modulus along fibre direction 1.")
+    E2: Modulus = Field(description="Young's modulus along fibre direction 2.")
+    E3: Modulus = Field(description="Young's modulus along the normal.")
+    nu12: Annotated[float, Number(0.3)] = Field(
+        description="Poisson's ratio: strain -nu12 along 2 for a unit strain along 1."
+    )
+    nu13: Annotated[float, Number(0.3)] = Field(
+        description="Poisson's ratio: strain -nu13 along 3 for a unit strain along 1."
+    )
+    nu23: Annotated[float, Number(0.3)] = Field(
+        description="Poisson's ratio: strain -nu23 along 3 for a unit strain along 2."
+    )
+    G12: Modulus = Field(description="In-plane shear modulus.")
+    G13: Modulus = Field(description="Transverse shear modulus 13.")
+    G23: Modulus = Field(description="Transverse shear modulus 23.")
+    bending_factor: Annotated[float, Number(1.0, POSITIVE)] = Field(
+        default=1.0, description="C^B = factor * C^M."
+    )
+
+    @model_validator(mode="after")
+    def _check_stability(self) -> Self:
+        for nu, first, second in (("nu12", "E1", "E2"), ("nu13", "E1", "E3"), ("nu23", "E2", "E3")):
+            limit = math.sqrt(getattr(self, first) / getattr(self, second))
+            if abs(getattr(self, nu)) >= limit:
+                raise wrong(
+                    f"is {getattr(self, nu):g}; with {first} and {second} as given its size must "
+                    f"stay below sqrt({first}/{second}) = {limit:.3g}",
+                    field=nu,
+                )
+        if np.linalg.eigvalsh(self.normal_compliance).min() <= 0.0:
+            raise wrong(
+                "has Poisson ratios that together give a negative stiffness; make nu12, nu13 or "
+                "nu23 smaller"
+            )
+        return self
+
+    @property
+    def normal_compliance(self) -> np.ndarray:
+        """Compliance of the normal strains 11, 22, 33, shape [3, 3], in 1/Pa times E1."""
+        s12, s13, s23 = -self.nu12, -self.nu13, -self.nu23 * self.E1 / self.E2
+        return np.array(
+            [
+                [1.0, s12, s13],
+                [s12, self.E1 / self.E2, s23],
+                [s13, s23, self.E1 / self.E3],
+            ]
+        )
+
+    def stiffnesses(self) -> tuple[np.ndarray, np.ndarray]:
+        C = orthotropic_stiffness(
+            self.E1, self.E2, self.E3, self.nu12, self.nu13, self.nu23,
+            self.G12, self.G13, self.G23,
+        )  # fmt: skip
+        return C, self.bending_factor * C
+
+
+StiffnessMatrix = Annotated[
+    tuple[
+        Annotated[
+            tuple[Stiffness, Stiffness, Stiffness, Stiffness, Stiffness, Stiffness],
+            Row('"1000 20 0 0 0 0 MPa"', count=6, entries="entries"),
+        ],
+        ...,
+    ],
+    Row('["1000 20 0 0 0 0 MPa", ...]', count=6, entries="rows", units=False),
+]
+
+
+class StiffnessMaterial(SolidMaterial):
+    """Sheet with given full membrane and bending stiffness matrices."""
+
+    law: Literal["stiffness"] = "stiffness"
+    name: Annotated[str, Text("laminate")] = Field(
+        default="stiffness", description="Name of the material in reports."
+    )
+    membrane: StiffnessMatrix = Field(
+        description="C^M, six rows in the order 11, 22, 33, 12, 23, 13, engineering shear."
+    )
+    bending: StiffnessMatrix = Field(description="C^B in the same order.")
+
+    @field_validator("membrane", "bending")
+    @classmethod
+    def _check_matrix(cls, rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+        matrix = np.array(rows)
+        difference = np.abs(matrix - matrix.T)
+        if difference.max() > 1e-9 * np.abs(matrix).max():
+            row, column = np.unravel_index(np.argmax(difference), difference.shape)
+            row, column = int(min(row, column)), int(max(row, column))
+            raise wrong(
+                f"is not symmetric: entry [{row}][{column}] is {matrix[row, column] * 1e-6:g} MPa, "
+                f"entry [{column}][{row}] is {matrix[column, row] * 1e-6:g} MPa"
+            )
+        # Scaled to a unit diagonal, so that soft and stiff directions count alike.
+        scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+        if scale.min() <= 0.0:
+            index = int(np.argmin(np.diag(matrix)))
+            raise wrong(f"must have positive diagonal entries; [{index}][{index}] is not")
+        lowest = float(np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min())
+        if lowest <= 1e-12:
+            raise wrong(
+                "is not positive definite: some deformation would need no or negative energy; "
+                "make the off-diagonal entries smaller"
+            )
+        return rows
+
+    def stiffnesses(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.array(self.membrane), np.array(self.bending)

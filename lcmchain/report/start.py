@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from lcmchain.blank import BlankMesh
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.report.renderer import (
     draw_fibres,
     draw_mesh,

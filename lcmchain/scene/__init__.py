@@ -1,34 +1,35 @@
 """Scene files: text with units in, validated and frozen SI scenes out."""
 
-from lcmchain.scene.json_schema import scene_json_schema
-from lcmchain.scene.read import read_scene, scene_from_text
-from lcmchain.scene.schema import (
-    Blank,
-    Contact,
-    Element,
-    FabricMaterial,
+from lcmchain.effects.contact import Contact
+from lcmchain.elements.membrane_shell.table import MembraneShellElement
+from lcmchain.elements.solid_shell.table import Element
+from lcmchain.materials.fabric import FabricMaterial
+from lcmchain.materials.fabric_with_set import FabricWithSetMaterial
+from lcmchain.materials.laws import AnyMaterial
+from lcmchain.materials.st_venant_kirchhoff import (
     IsotropicMaterial,
-    MappingTarget,
-    Material,
-    MembraneShellElement,
     OrthotropicMaterial,
-    Output,
-    Permeability,
-    Process,
-    Scene,
-    SceneSource,
     StiffnessMaterial,
-    Tool,
 )
+from lcmchain.mesh.blank import Blank
+from lcmchain.scene.json_schema import scene_json_schema
+from lcmchain.scene.mapping_target import MappingTarget
+from lcmchain.scene.output import Output
+from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.process import Process
+from lcmchain.scene.read import read_scene, scene_from_text
+from lcmchain.scene.scene import Scene, SceneSource
+from lcmchain.tools.tool import Tool
 
 __all__ = [
+    "AnyMaterial",
     "Blank",
     "Contact",
     "Element",
     "FabricMaterial",
+    "FabricWithSetMaterial",
     "IsotropicMaterial",
     "MappingTarget",
-    "Material",
     "MembraneShellElement",
     "OrthotropicMaterial",
     "Output",

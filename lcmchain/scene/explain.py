@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import difflib
 import re
-import types
-import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Union
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
-from pydantic.fields import FieldInfo
+from pydantic import ValidationError
 
-from lcmchain.scene.schema import Scene
+from lcmchain.scene.walk import (
+    annotation_at,
+    choices_of,
+    field_at,
+    inner_models,
+    model_at,
+    models_of,
+    tags_at,
+    tags_of,
+)
 
 #: The entry that chooses between the forms of a table.
 DISCRIMINATORS = {
@@ -23,9 +29,6 @@ DISCRIMINATORS = {
     "shape": "type",
     "motion": "type",
 }
-
-#: What a table is without that entry; no other table has a form of this name.
-DEFAULT_FORM = "solid-shell"
 
 #: Examples of tables, for messages about a missing one.
 _TABLE_EXAMPLES = {
@@ -127,11 +130,11 @@ def _message(details: Any, location: tuple[str | int, ...], data: Any) -> str:
     if kind == "extra_forbidden":
         return _unknown_key(name, location, data)
     if kind == "literal_error":
-        model_field = _field_at(location, data)
-        choices = _choices(model_field.annotation) if model_field else ()
+        model_field = field_at(location, data)
+        choices = choices_of(model_field.annotation) if model_field else ()
         return _choice_message(details["input"], choices)
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        choices = _tags(location, data)
+        choices = tags_at(location, data)
         if kind == "union_tag_invalid":
             return _choice_message(details["input"].get(DISCRIMINATORS[name]), choices)
         preset = ' (or preset = "MD600")' if name == "material" else ""
@@ -147,12 +150,12 @@ def _wanted(location: tuple[str | int, ...], data: Any) -> str:
     name = str(location[-1])
     if name in _TABLE_EXAMPLES:
         return f"for example {_TABLE_EXAMPLES[name]}"
-    model_field = _field_at(location, data)
+    model_field = field_at(location, data)
     if model_field is not None:
         for extra in model_field.metadata:
             if hasattr(extra, "example_text"):
                 return f"for example {name} = {extra.example_text}"
-        choices = _choices(model_field.annotation)
+        choices = choices_of(model_field.annotation)
         if choices:
             return f"write {name} = one of {_listed(choices)}"
     return f"give {name}"
@@ -165,18 +168,18 @@ def _choice_message(value: Any, choices: Sequence[str]) -> str:
 
 
 def _unknown_key(name: str, location: tuple[str | int, ...], data: Any) -> str:
-    model = _model_at(location[:-1], data)
+    model = model_at(location[:-1], data)
     keys = sorted(model.model_fields) if model else []
-    for other in _models_of(_annotation_at(location[:-1], data)):
+    for other in models_of(annotation_at(location[:-1], data)):
         if model is not None and name in other.model_fields:
-            own, tag = _tags_of(model)[0], _tags_of(other)[0]
+            own, tag = tags_of(model)[0], tags_of(other)[0]
             return f'unknown key here; it belongs to "{tag}", but this is "{own}"'
     # A key that is right one table further in or out is the commonest slip after spelling.
-    for table, inner in _inner_models(location[:-1], data):
+    for table, inner in inner_models(location[:-1], data):
         if name in inner.model_fields:
             return f'unknown key here; it belongs into "{table}" ({table}.{name})'
     for depth in range(len(location) - 2, -1, -1):
-        outer = _model_at(location[:depth], data)
+        outer = model_at(location[:depth], data)
         if outer is not None and name in outer.model_fields:
             place = key_text(location[:depth], data)
             return f"unknown key here; it belongs into {f'[{place}]' if place else 'the top level'}"
@@ -186,104 +189,6 @@ def _unknown_key(name: str, location: tuple[str | int, ...], data: Any) -> str:
     if close:
         return f'unknown key; did you mean "{close[0]}"?'
     return f"unknown key; possible here: {', '.join(keys)}"
-
-
-# --- walking the schema along a location ----------------------------------------------------------
-
-
-def _model_at(location: Sequence[str | int], data: Any) -> type[BaseModel] | None:
-    models = _models_of(_annotation_at(location, data))
-    return _chosen(models, _value_at(location, data))
-
-
-def _field_at(location: Sequence[str | int], data: Any) -> FieldInfo | None:
-    if not location or isinstance(location[-1], int):
-        return None
-    model = _model_at(location[:-1], data)
-    return model.model_fields.get(location[-1]) if model else None
-
-
-def _annotation_at(location: Sequence[str | int], data: Any) -> Any:
-    annotation: Any = Scene
-    node = data
-    for step in location:
-        if isinstance(step, int):
-            annotation = next(_entries_of(annotation), None)
-            node = node[step] if isinstance(node, (list, tuple)) and step < len(node) else None
-        else:
-            model = _chosen(_models_of(annotation), node)
-            model_field = model.model_fields.get(step) if model else None
-            annotation = model_field.annotation if model_field else None
-            node = node.get(step) if isinstance(node, dict) else None
-    return annotation
-
-
-def _value_at(location: Sequence[str | int], data: Any) -> Any:
-    for step in location:
-        try:
-            data = data[step]
-        except (KeyError, IndexError, TypeError):
-            return None
-    return data
-
-
-def _chosen(models: list[type[BaseModel]], value: Any) -> type[BaseModel] | None:
-    if len(models) == 1:
-        return models[0]
-    if not isinstance(value, dict):
-        return None
-    tag = "fabric" if value.get("preset") else value.get("law", value.get("type", DEFAULT_FORM))
-    return next((model for model in models if tag in _tags_of(model)), None)
-
-
-def _inner_models(
-    location: Sequence[str | int], data: Any
-) -> Iterator[tuple[str, type[BaseModel]]]:
-    model = _model_at(location, data)
-    for name, model_field in model.model_fields.items() if model else ():
-        inner = _chosen(_models_of(model_field.annotation), _value_at((*location, name), data))
-        if inner is not None:
-            yield name, inner
-
-
-def _models_of(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    origin = typing.get_origin(annotation)
-    if origin is Annotated:
-        return _models_of(typing.get_args(annotation)[0])
-    if origin in (Union, types.UnionType):
-        return [model for part in typing.get_args(annotation) for model in _models_of(part)]
-    return []
-
-
-def _entries_of(annotation: Any) -> Iterator[Any]:
-    origin = typing.get_origin(annotation)
-    if origin is Annotated:
-        yield from _entries_of(typing.get_args(annotation)[0])
-    elif origin is tuple:
-        yield typing.get_args(annotation)[0]
-    elif origin in (Union, types.UnionType):
-        for part in typing.get_args(annotation):
-            yield from _entries_of(part)
-
-
-def _choices(annotation: Any) -> tuple[str, ...]:
-    if typing.get_origin(annotation) is Literal:
-        return typing.get_args(annotation)
-    return tuple(choice for part in typing.get_args(annotation) for choice in _choices(part))
-
-
-def _tags(location: Sequence[str | int], data: Any) -> list[str]:
-    models = _models_of(_annotation_at(location, data))
-    return [tag for model in models for tag in _tags_of(model)]
-
-
-def _tags_of(model: type[BaseModel]) -> tuple[str, ...]:
-    for discriminator in ("law", "type"):
-        if discriminator in model.model_fields:
-            return _choices(model.model_fields[discriminator].annotation)
-    return ()
 
 
 def _listed(choices: Sequence[str]) -> str:

@@ -6,7 +6,7 @@ import copy
 from typing import Any
 
 from lcmchain.scene.presets import PRESETS
-from lcmchain.scene.schema import Scene
+from lcmchain.scene.scene import Scene
 
 
 def scene_json_schema() -> dict[str, Any]:

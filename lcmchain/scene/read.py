@@ -13,11 +13,11 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from lcmchain.errors import InputError
-from lcmchain.scene.entry_types import FROM_FILE, AbsentMeans
+from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans
 from lcmchain.scene.explain import Problem, key_text, problems_of
 from lcmchain.scene.overrides import apply_overrides
 from lcmchain.scene.presets import PRESETS
-from lcmchain.scene.schema import Scene, SceneSource
+from lcmchain.scene.scene import Scene, SceneSource
 
 
 def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:

@@ -5,26 +5,29 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
+from lcmchain.fingerprint import Fingerprint
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
 FILE_NAME = "checkpoint.npz"
-FORMAT = 2
+FORMAT = 3
 
 
 @dataclass(frozen=True)
 class Checkpoint:
     """State, saved frames and bookkeeping of an unfinished run.
 
-    ``wall_s`` is the computing time spent so far, ``step_history`` the steps made under each cause.
+    ``fingerprint`` is that of the run (:func:`lcmchain.fingerprint.run_fingerprint`), ``wall_s``
+    the computing time spent so far, ``step_history`` the steps made under each cause.
     """
 
-    scene_sha256: str
+    fingerprint: Fingerprint
     state: State
     snapshots: list[Snapshot]
     wall_s: float
@@ -35,7 +38,7 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
     """Write ``checkpoint.npz`` into ``folder``, whole or not at all."""
     header = {
         "format": FORMAT,
-        "scene_sha256": checkpoint.scene_sha256,
+        "fingerprint": checkpoint.fingerprint._asdict(),
         "wall_s": checkpoint.wall_s,
         "step_history": checkpoint.step_history,
         "times": [s.time for s in checkpoint.snapshots],
@@ -53,12 +56,13 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
     return path
 
 
-def read_checkpoint(folder: Path, scene_sha256: str) -> Checkpoint:
-    """Read the checkpoint in ``folder``.
+def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
+    """Read the checkpoint in ``folder`` of the run with this fingerprint.
 
     Raises
     ------
-    InputError : there is none, it cannot be read, or it belongs to another scene.
+    InputError : there is none, it cannot be read, or it belongs to another run: another scene,
+        other mesh files, or other sources of lcmchain.
     """
     path = Path(folder) / FILE_NAME
     if not path.is_file():
@@ -78,16 +82,17 @@ def read_checkpoint(folder: Path, scene_sha256: str) -> Checkpoint:
                 strict=True,
             )
             snapshots = [Snapshot(*frame) for frame in frames]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+            found = Fingerprint(**header["fingerprint"])
+    except (OSError, EOFError, BadZipFile, ValueError, KeyError, TypeError) as error:
         raise InputError(f"this is no readable checkpoint ({error})", file=path) from None
-    if header["scene_sha256"] != scene_sha256:
+    if found != fingerprint:
         raise InputError(
-            "the checkpoint belongs to another scene (or to other --set values); run without "
+            f"the checkpoint was written for {found.difference(fingerprint)}; run without "
             "--resume, or into another folder",
             file=path,
         )
     return Checkpoint(
-        scene_sha256, state, snapshots, float(header["wall_s"]), dict(header["step_history"])
+        found, state, snapshots, float(header["wall_s"]), dict(header["step_history"])
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lcmchain.tools.distance import EXTRUDED, FIELD, PLANE, REVOLVED, gaps, signed_distance
 from lcmchain.tools.drawing import tool_surface
 from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED, prescribed_travel
-from lcmchain.tools.surface_mesh import ToolWarning
+from lcmchain.tools.surfaces.surface import ToolWarning
 from lcmchain.tools.table import ToolTable, build_tool_table
 
 __all__ = [

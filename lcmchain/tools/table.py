@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.errors import InputError
-from lcmchain.tools.distance import EXTRUDED, FIELD, PLANE, REVOLVED
-from lcmchain.tools.motion import motion_entries
-from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS, Profile, build_profile
-from lcmchain.tools.surface_mesh import DistanceField, build_distance_field, read_surface
+from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS
+from lcmchain.tools.tool import Tool
 
 
 class ToolTable(NamedTuple):
@@ -76,7 +72,7 @@ class ToolTable(NamedTuple):
 
 
 def build_tool_table(
-    tools: Sequence,
+    tools: Sequence[Tool],
     directory: Path,
     process_time: float,
     *,
@@ -102,144 +98,59 @@ def build_tool_table(
         if a surface mesh had to be repaired or is not well resolved by its distance field.
     """
     keys = [f'tools[{i}] "{tool.name}"' for i, tool in enumerate(tools)]
-    shapes = [tool_shape(tool, directory, key=f"{key}.shape") for tool, key in zip(tools, keys)]
-    rotations = [tool_rotation(tool, key=f"{key}.axis") for tool, key in zip(tools, keys)]
-    motions = [
-        motion_entries(tool.motion, rotation[2], process_time, key=f"{key}.motion")
-        for tool, rotation, key in zip(tools, rotations, keys)
+    shapes = [
+        tool.shape.table_entries(directory, key=f"{key}.shape") for tool, key in zip(tools, keys)
     ]
-    for i, tool in enumerate(tools):
-        if tool.shape.type == "plate" and _flipped(tool):
-            rotations[i] = np.diag([1.0, -1.0, -1.0]) @ rotations[i]
-    profiles = [shape if isinstance(shape, Profile) else None for shape in shapes]
-    fields = [shape if isinstance(shape, DistanceField) else None for shape in shapes]
-    segments = [np.zeros((0, SEGMENT_COLUMNS)) if p is None else p.segments() for p in profiles]
-    corners = [np.zeros((0, CORNER_COLUMNS)) if p is None else p.corners() for p in profiles]
-    no_values, no_bounds = np.zeros(0, np.float32), np.zeros(0, np.int8)
-    coefficients = [no_values if f is None else f.coefficients.ravel() for f in fields]
-    far_bounds = [no_bounds if f is None else f.far_bound.ravel() for f in fields]
+    axes = [tool.local_axes(key=f"{key}.axis") for tool, key in zip(tools, keys)]
+    motions = [
+        tool.motion.table_entries(own[2], process_time, key=f"{key}.motion")
+        for tool, own, key in zip(tools, axes, keys)
+    ]
+    rotations = [tool.shape.oriented(own) for tool, own in zip(tools, axes)]
+    rows = [{**shape, **motion} for shape, motion in zip(shapes, motions)]
 
-    def column(name):
-        return np.array([motion[name] for motion in motions], dtype=float)
+    def column(name, dtype=float, width=()):
+        return np.array([row[name] for row in rows], dtype=dtype).reshape(len(rows), *width)
 
-    def field_rows(name, width, dtype=float):
-        rows = [np.zeros(width) if f is None else getattr(f, name) for f in fields]
-        return np.array(rows, dtype=dtype).reshape(len(tools), width)
+    def parts(name):
+        return [row[name] for row in rows]
 
     count = len(tools)
     return ToolTable(
-        kind=np.array([_kind(shape) for shape in shapes], dtype=np.int64),
+        kind=column("kind", np.int64),
         origin=np.array([tool.position for tool in tools], dtype=float).reshape(count, 3),
         rotation=np.array(rotations, dtype=float).reshape(count, 3, 3),
         aligned=np.array([np.array_equal(r, np.eye(3)) for r in rotations], dtype=np.int64),
-        direction=np.array([m["direction"] for m in motions], dtype=float).reshape(count, 3),
+        direction=column("direction", width=(3,)),
         friction=np.array(
             [default_friction if tool.friction is None else tool.friction for tool in tools],
             dtype=float,
         ),
-        motion_kind=np.array([m["motion_kind"] for m in motions], dtype=np.int64),
+        motion_kind=column("motion_kind", np.int64),
         mass=column("mass"),
         force=column("force"),
         damping=column("damping"),
         gravity_along=column("gravity_along"),
         ramp=column("ramp"),
-        stroke_profile=np.array([m["stroke_profile"] for m in motions], dtype=np.int64),
+        stroke_profile=column("stroke_profile", np.int64),
         stroke_distance=column("stroke_distance"),
         stroke_start=column("stroke_start"),
         stroke_end=column("stroke_end"),
-        table_start=_starts([m["table_times"] for m in motions]),
-        table_times=_joined([m["table_times"] for m in motions], np.zeros(0)),
-        table_travels=_joined([m["table_travels"] for m in motions], np.zeros(0)),
-        segment_start=_starts(segments),
-        segments=_joined(segments, np.zeros((0, SEGMENT_COLUMNS))),
-        corner_start=_starts(corners),
-        corners=_joined(corners, np.zeros((0, CORNER_COLUMNS))),
-        spacing=np.array([0.0 if f is None else f.spacing for f in fields], dtype=float),
-        grid_origin=field_rows("origin", 3),
-        grid_shape=field_rows("shape", 3, np.int64),
-        box=field_rows("box", 6),
-        grid_start=_starts(coefficients),
-        coefficients=_joined(coefficients, no_values),
-        far_bound=_joined(far_bounds, no_bounds),
+        table_start=_starts(parts("table_times")),
+        table_times=_joined(parts("table_times"), np.zeros(0)),
+        table_travels=_joined(parts("table_travels"), np.zeros(0)),
+        segment_start=_starts(parts("segments")),
+        segments=_joined(parts("segments"), np.zeros((0, SEGMENT_COLUMNS))),
+        corner_start=_starts(parts("corners")),
+        corners=_joined(parts("corners"), np.zeros((0, CORNER_COLUMNS))),
+        spacing=column("spacing"),
+        grid_origin=column("grid_origin", width=(3,)),
+        grid_shape=column("grid_shape", np.int64, (3,)),
+        box=column("box", width=(6,)),
+        grid_start=_starts(parts("coefficients")),
+        coefficients=_joined(parts("coefficients"), np.zeros(0, np.float32)),
+        far_bound=_joined(parts("far_bound"), np.zeros(0, np.int8)),
     )
-
-
-def tool_shape(tool, directory: Path, *, key: str) -> Profile | DistanceField | None:
-    """Profile or distance field of a scene tool; None for a plane."""
-    profile = tool_profile(tool, key=key)
-    if profile is not None or tool.shape.type == "plate":
-        return profile
-    if tool.shape.type == "surface_mesh":
-        surface = read_surface(Path(directory) / tool.shape.file, tool.shape.length_unit)
-        return build_distance_field(surface, tool.shape.spacing, key=key)
-    raise InputError(f'"{tool.shape.type}" is not a kind of tool shape', key=f"{key}.type")
-
-
-def tool_profile(tool, *, key: str) -> Profile | None:
-    """Profile of a scene tool in its local frame; None for planes and surface meshes."""
-    shape = tool.shape
-    if shape.type == "sphere_capped_punch":
-        radius = shape.radius
-        points, radii = [(0.0, 0.0), (radius, 0.0), (radius, 2.0 * radius)], [0.0, radius, 0.0]
-    elif shape.type == "plate_with_hole":
-        hole, fillet = shape.hole_radius, shape.fillet_radius
-        depth = hole if _flipped(tool) else -hole
-        points, radii = [(2.0 * hole, 0.0), (hole, 0.0), (hole, depth)], [0.0, fillet, 0.0]
-    elif shape.type == "cylinder":
-        radius, edge = shape.radius, shape.edge_radius
-        if shape.length is None:
-            points, radii = [(radius, -radius), (radius, radius)], None
-        else:
-            points = [(0.0, 0.0), (radius, 0.0), (radius, shape.length), (0.0, shape.length)]
-            radii = [0.0, edge, edge, 0.0]
-    elif shape.type == "cone":
-        radius, angle = shape.tip_radius, shape.half_angle
-        height = radius if radius else 1.0
-        apex = radius - radius / math.sin(angle)
-        points = [(0.0, apex), (height * math.tan(angle), apex + height)]
-        radii = [radius, 0.0]
-    elif shape.type in ("revolved_profile", "extruded_profile"):
-        points, radii = shape.points, shape.fillet_radii
-    else:
-        return None
-    revolved = shape.type != "extruded_profile"
-    solid = getattr(shape, "solid", None) or ("right" if _flipped(tool) else "left")
-    return build_profile(points, radii, solid=solid, revolved=revolved, key=key)
-
-
-def tool_rotation(tool, *, key: str) -> np.ndarray:
-    """Local axes of a tool as rows, shape [3, 3].
-
-    Local z is the tool's axis. Local y is perpendicular to it and to global x (or is global y where
-    the axis is along x), so that a tool with the axis (0, 0, 1) is not rotated.
-    """
-    axis = np.array(tool.axis, dtype=float)
-    length = np.linalg.norm(axis)
-    if axis.shape != (3,) or not 0.0 < length < math.inf:
-        raise InputError(
-            f"{tool.axis} is not a direction; give three numbers, not all zero", key=key
-        )
-    axis /= length
-    across = np.cross(axis, [1.0, 0.0, 0.0])
-    if np.linalg.norm(across) < 1e-9:
-        across = np.array([0.0, 1.0, 0.0])
-        axis = np.array([math.copysign(1.0, axis[0]), 0.0, 0.0])
-    across /= np.linalg.norm(across)
-    return np.array([np.cross(across, axis), across, axis]) + 0.0  # + 0.0 turns -0 into 0
-
-
-def _flipped(tool) -> bool:
-    """Tell whether a plate is solid above its plane."""
-    side = getattr(tool.shape, "side", "below")
-    return side == "above"
-
-
-def _kind(shape: Profile | DistanceField | None) -> int:
-    if shape is None:
-        return PLANE
-    if isinstance(shape, DistanceField):
-        return FIELD
-    return REVOLVED if shape.revolved else EXTRUDED
 
 
 def _starts(parts) -> np.ndarray:

@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from lcmchain.blank import BlankMesh
 from lcmchain.elements.blocks import from_blocks
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.frequency import frequency_bounds
 from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import assemble_model
 from lcmchain.tools import build_tool_table
 

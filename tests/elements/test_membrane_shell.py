@@ -13,7 +13,6 @@ from numba import njit, typeof
 from scipy.sparse import csr_matrix, diags_array
 from scipy.sparse.linalg import eigsh, spsolve
 
-from lcmchain.blank import build_blank
 from lcmchain.elements.blocks import from_blocks, in_blocks
 from lcmchain.elements.membrane_shell.kernel import (
     MembraneShellData,
@@ -26,7 +25,8 @@ from lcmchain.elements.membrane_shell.kernel import (
 )
 from lcmchain.elements.membrane_shell.patch import angle_shares, triangle_geometry
 from lcmchain.errors import InputError
-from lcmchain.triangulation import TriangleMesh, triangulate
+from lcmchain.mesh.blank import build_blank
+from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 
 EDGE, THICKNESS = 5e-3, 1.004e-3
 QUADRATICS = {

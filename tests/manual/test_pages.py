@@ -143,6 +143,12 @@ def test_the_scene_reference_says_unit_range_default_and_meaning():
     assert '### [permeability] law = "kozeny_carman"' in text
 
 
+def test_a_table_that_forms_share_stands_once():
+    headings = [line for line in PAGES["scene-reference"].text.splitlines() if line[0:1] == "#"]
+    assert len(set(headings)) == len(headings)
+    assert '#### [material.membrane] of law = "fabric"' in headings
+
+
 def test_every_entry_says_what_it_means():
     silent = [
         f"{model.__name__}.{key}"

@@ -15,7 +15,10 @@ from lcmchain.mapping import (
     read_sheet,
     transfer,
 )
+from lcmchain.mapping.orientation import map_directions
+from lcmchain.mapping.report import mapping_report
 from lcmchain.mapping.transfer import content_of_cells, content_of_sheet, transfer_average
+from lcmchain.mapping.weights import default_maximum_distance
 
 METHODS = ("overlap", "closest")
 
@@ -399,3 +402,127 @@ def test_overlap_regridding_agrees_with_xugrid(make):
     )
     weights = compute_weights(sheet, shell(make.lifted(other), cells))
     np.testing.assert_allclose(transfer_average(weights, values), peer.values, rtol=1e-9)
+
+
+# --- the numbers behind directions and distances --------------------------------------------------
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_mapped_direction_points_as_the_fibres_do(make, bowls, sign):
+    """An axis has no sign, but a picture of arrows and a deck do: that of the leading face."""
+    (points, quads), (other, cells) = bowls
+    first, second = (sign * family for family in make.families(points, quads, shear=0.3))
+    sheet = read_sheet(
+        make.forming_result(points, quads, fibre_direction_1=first, fibre_direction_2=second)
+    )
+    target = shell(other, cells)
+    mapped = transfer(sheet, target, compute_weights(sheet, target)).directions
+    # within the bowl, the first family always has a part along +x, the second along +y
+    assert (sign * mapped["fibre_direction_1"].direction[:, 0] > 0.7).all()
+    assert (sign * mapped["fibre_direction_2"].direction[:, 1] > 0.5).all()
+
+
+def test_the_sign_of_a_mapped_direction_is_that_of_the_face_with_the_largest_weight(make):
+    """A cell over 0.3 of one face and 0.7 of the next, whose fibres run against each other."""
+    points, quads = make.grid(2, 1, (0.0, 0.0), (2.0, 1.0))
+    fibres = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    for left, right, expected in ((0.7, 1.7, -1.0), (0.3, 1.3, 1.0)):
+        sheet = read_sheet(
+            make.forming_result(make.lifted(points), quads, fibre_direction_1=fibres)
+        )
+        corners = np.array([[left, 0], [right, 0], [right, 1], [left, 1.0]])
+        cell = shell(make.lifted(corners), np.array([[0, 1, 2, 3]]))
+        family = transfer(sheet, cell, compute_weights(sheet, cell)).directions["fibre_direction_1"]
+        np.testing.assert_allclose(family.direction, [[expected, 0.0, 0.0]], atol=1e-12)
+        np.testing.assert_allclose(family.alignment, 1.0)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 20.0, -20.0, 70.0])
+def test_tilt_is_the_angle_by_which_a_cell_turned_the_direction(make, degrees):
+    """Fibres along x on cells that are turned about y: tilted; along y: not."""
+    points, quads = make.grid(3, 3)
+    sheet = read_sheet(make.forming_result(make.lifted(points), quads))
+    plate = shell(make.lifted(points), quads)
+    weights = compute_weights(sheet, plate)
+    angle = np.radians(degrees)
+    normals = np.tile([np.sin(angle), 0.0, np.cos(angle)], (len(quads), 1))
+    along_x, along_y = (np.tile(axis, (len(quads), 1)) for axis in np.eye(3)[:2])
+    mapped = map_directions(weights, along_x, normals)
+    np.testing.assert_allclose(mapped.tilt, abs(angle), atol=1e-12)
+    expected = np.tile([np.cos(angle), 0.0, -np.sin(angle)], (len(quads), 1))
+    np.testing.assert_allclose(mapped.direction, expected, atol=1e-12)
+    np.testing.assert_allclose(map_directions(weights, along_y, normals).tilt, 0.0, atol=1e-12)
+    np.testing.assert_array_equal(map_directions(weights, along_x, None).tilt, 0.0)
+
+
+@pytest.mark.parametrize(("degrees", "said"), [(25.0, False), (40.0, True)])
+def test_fibres_that_leave_the_cells_are_told(make, degrees, said):
+    points, quads = make.grid(3, 3)
+    along_x = np.tile([1.0, 0.0, 0.0], (len(quads), 1))
+    sheet = read_sheet(make.forming_result(make.lifted(points), quads, fibre_direction_1=along_x))
+    target = shell(make.lifted(points), quads)
+    weights = compute_weights(sheet, target)
+    angle = np.radians(degrees)
+    normals = np.tile([np.sin(angle), 0.0, np.cos(angle)], (len(quads), 1))
+    mapped = transfer(sheet, target, weights)
+    mapped.directions["fibre_direction_1"] = map_directions(weights, along_x, normals)
+    report = mapping_report(sheet, target, weights, mapped, name="part", kind="structure")
+    found = [text for text in report.warnings if "leaves the plane" in text]
+    assert bool(found) == said
+    if said:
+        assert f"by up to {degrees:.0f} degrees" in found[0]
+
+
+@pytest.mark.parametrize(
+    ("cells_per_side", "distance"),
+    [(8, 0.1), (4, 0.125 * np.sqrt(2.0)), (1, 0.5 * np.sqrt(2.0))],
+)
+def test_the_default_distance_is_an_edge_of_the_sheet_or_the_radius_of_a_cell(
+    make, cells_per_side, distance
+):
+    """Whichever is larger; a cell farther off is unmapped."""
+    points, quads = make.grid(10, 10)
+    sheet = read_sheet(make.forming_result(make.lifted(points), quads))
+    other, cells = make.grid(cells_per_side, cells_per_side)
+    target = shell(make.lifted(other), cells)
+    assert default_maximum_distance(sheet, target) == pytest.approx(distance, rel=1e-12)
+    for share, status in ((0.99, Status.PROJECTED), (1.01, Status.UNMAPPED)):
+        moved = shell(target.points + [0.0, 0.0, share * distance], cells)
+        weights = compute_weights(sheet, moved)
+        assert weights.maximum_distance == pytest.approx(distance, rel=1e-12)
+        assert set(weights.status) == {status}
+
+
+def test_the_conservation_error_is_positive_where_the_target_has_more(make):
+    """One cell over faces of 1 and 3 kg/m²: closest weights take the value of one of them."""
+    points, quads = make.grid(2, 1, (0.0, 0.0), (2.0, 1.0))
+    sheet = read_sheet(
+        make.forming_result(make.lifted(points), quads, areal_fibre_mass=np.array([1.0, 3.0]))
+    )
+    for left, right, value in ((0.0, 1.9, 1.0), (0.1, 2.0, 3.0)):
+        corners = np.array([[left, 0], [right, 0], [right, 1], [left, 1.0]])
+        cell = shell(make.lifted(corners), np.array([[0, 1, 2, 3]]))
+        weights = compute_weights(sheet, cell, method="closest", maximum_distance=1.0)
+        mapped = transfer(sheet, cell, weights)
+        report = mapping_report(sheet, cell, weights, mapped, name="part", kind="structure")
+        # of the face that reaches beyond the cell, two of four corners lie over it
+        source = 1.0 + 0.5 * 3.0 if value == 1.0 else 0.5 * 1.0 + 3.0
+        assert report.fibre_mass_of_covered_sheet == pytest.approx(source, rel=1e-12)
+        assert report.fibre_mass_on_target == pytest.approx(1.9 * value, rel=1e-12)
+        assert report.conservation_error == pytest.approx(1.9 * value / source - 1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0])
+def test_an_inclined_face_gives_the_share_that_lies_over_the_cell(make, degrees):
+    """The share of the face itself, not of its projection."""
+    points, quads = make.grid(1, 1)
+    slope = np.tan(np.radians(degrees))
+    inclined = make.lifted(points) + [0.0, 0.0, 1.0] * (slope * points[:, :1])
+    sheet = read_sheet(make.forming_result(inclined, quads, areal_fibre_mass=0.6))
+    corners = np.array([[-0.1, -0.1], [0.4, -0.1], [0.4, 1.1], [-0.1, 1.1]])
+    cell = shell(make.lifted(corners), np.array([[0, 1, 2, 3]]))
+    weights = compute_weights(sheet, cell, maximum_distance=2.0)
+    np.testing.assert_allclose(weights.face_coverage, 0.4, rtol=1e-12)
+    np.testing.assert_allclose(weights.content, 0.4, rtol=1e-12)
+    content = content_of_sheet(sheet, weights, sheet.scalars["areal_fibre_mass"])
+    assert content == pytest.approx(0.4 * 0.6 / np.cos(np.radians(degrees)), rel=1e-12)

@@ -59,6 +59,27 @@ def test_key_changes_with_numba(package, monkeypatch):
     assert compile_cache.source_key() != before
 
 
+def test_key_changes_with_the_processor(package, monkeypatch):
+    """Kernels are compiled for its instructions: another one may not even run them."""
+    before = compile_cache.source_key()
+    monkeypatch.setattr(compile_cache, "_processor", lambda: "x86_64 another model")
+    assert compile_cache.source_key() != before
+
+
+@pytest.mark.skipif(not os.path.isfile("/proc/cpuinfo"), reason="needs /proc/cpuinfo")
+def test_the_processor_is_told_by_model_and_instructions():
+    with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
+        first = file.read().split("\n\n")[0]
+    described = compile_cache._processor()
+    values = dict(line.split(":", 1) for line in first.splitlines() if ":" in line)
+    told = [
+        value.strip()
+        for name, value in values.items()
+        if name.strip() in ("model name", "flags", "Features", "CPU part") and value.strip()
+    ]
+    assert told and all(value in described for value in told)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="cache folder of Linux")
 def test_numba_uses_the_folder_of_the_sources(tmp_path):
     code = "import lcmchain, numba; print(numba.config.CACHE_DIR)"
@@ -90,6 +111,17 @@ def test_falls_back_to_the_temporary_folder(tmp_path):
     folder = cache_folder_of_new_process(XDG_CACHE_HOME=str(blocked), TMPDIR=str(temporary))
     assert folder.startswith(str(temporary))
     assert os.access(folder, os.W_OK)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="cache folder of Linux")
+def test_user_without_a_home_gets_the_temporary_folder(tmp_path, monkeypatch):
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)  # as where there is no home
+    monkeypatch.setattr(compile_cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    folder = compile_cache._writable_folder("key")
+    assert folder == tmp_path / f"lcmchain-{os.getuid()}" / "key"
+    assert not (tmp_path / "~").exists()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="permissions of POSIX")

@@ -9,8 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import Polygon, points
 
-from lcmchain.blank import PATCH, build_blank, polygon_area
 from lcmchain.errors import InputError
+from lcmchain.mesh.blank import build_blank
+from lcmchain.mesh.numbering import PATCH
+from lcmchain.mesh.outline import polygon_area
 
 THICKNESS = 1.004e-3
 

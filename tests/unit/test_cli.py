@@ -93,8 +93,10 @@ def test_run_hands_everything_over(monkeypatch, scene_file, tmp_path, capsys):
     def run_scene(scene, out, *, threads, resume, progress):
         progress(0.5, 1.0, "forming")
         calls.append((scene.process.frames, out, threads, resume))
+        return types.SimpleNamespace(summary={"title": "dome"})
 
     stand_in(monkeypatch, "lcmchain.pipeline", run=run_scene)
+    monkeypatch.setattr(cli, "print_result", lambda *given: print(*given))
     out = tmp_path / "deep" / "results"
     code = exit_code(
         "run", scene_file, "--out", out, "--threads", 2, "--resume", "--set", "process.frames=5",
@@ -102,7 +104,7 @@ def test_run_hands_everything_over(monkeypatch, scene_file, tmp_path, capsys):
     )  # fmt: skip
     assert code == 0
     assert calls == [(5, out, 2, True)]
-    assert str(out) in capsys.readouterr().out
+    assert capsys.readouterr().out == f"{{'title': 'dome'}} {out}\n"
 
 
 @pytest.mark.parametrize(
@@ -258,8 +260,8 @@ def test_effects_follow_from_the_scene(scene_file):
 
 
 def test_estimated_step_is_the_time_of_a_wave_across_an_element(scene_file):
-    from lcmchain.blank import build_blank
     from lcmchain.check import estimate_run
+    from lcmchain.mesh.blank import build_blank
 
     scene = read_scene(scene_file, ["blank.edge_length=5 mm"])
     estimate = estimate_run(scene, build_blank(scene.blank, scene.material.thickness))

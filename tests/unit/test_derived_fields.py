@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lcmchain.blank import BlankMesh
 from lcmchain.fields.derived import derive_fields, face_area_vectors
 from lcmchain.fields.table import FIELD_OF_VARIABLE
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.scene import scene_from_text
 
 THICKNESS = 1.004e-3
@@ -18,13 +18,12 @@ FIBRE_FREE = ("thickness", "areal_fibre_mass", "shear_angle", "fibre_strain_1", 
 
 @pytest.fixture(scope="module")
 def md600():
-    from lcmchain.materials.fabric import Fabric
 
     scene = scene_from_text(
         '[process]\ntime = "1 ms"\n[blank]\nsize = ["4 mm", "4 mm"]\nedge_length = "1 mm"\n'
         '[material]\npreset = "MD600"\n'
     )
-    return Fabric.from_scene(scene.material)
+    return scene.material.build()
 
 
 def sheet(columns=4, rows=3, edge=0.005, *, triangles=False, fibre_angle=0.0):

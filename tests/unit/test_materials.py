@@ -45,7 +45,7 @@ preset = "MD600"
 
 
 def md600(entries="") -> Fabric:
-    return Fabric.from_scene(scene_from_text(SCENE.format(entries)).material)
+    return scene_from_text(SCENE.format(entries)).material.build()
 
 
 def strain(**components):

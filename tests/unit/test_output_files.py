@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from lcmchain.blank import build_blank
 from lcmchain.errors import InputError
 from lcmchain.fields import (
     FIELDS,
@@ -27,6 +26,7 @@ from lcmchain.fields import (
 )
 from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.ugrid import CONVENTIONS, FRAME_TIME, UgridMesh, frame_time, write_netcdf
+from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import scene_from_text
 
 # An outline with a slanted side, which leaves halved cells (triangles), and a title beyond ASCII.

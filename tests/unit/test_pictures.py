@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from lcmchain.blank import build_blank
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
+from lcmchain.mesh.blank import build_blank
 from lcmchain.report import draw_initial, draw_result
 from lcmchain.report.renderer import (
     axes_at,

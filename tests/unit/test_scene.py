@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import re
 import tomllib
 from pathlib import Path
 
@@ -11,6 +12,15 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from lcmchain.errors import InputError
+from lcmchain.quantities.units import (
+    ANGLE,
+    AREAL_MASS,
+    LENGTH,
+    STIFFNESS,
+    QuantityError,
+    parse_quantity,
+    split_row,
+)
 from lcmchain.scene import (
     Blank,
     FabricMaterial,
@@ -22,15 +32,6 @@ from lcmchain.scene import (
     scene_json_schema,
 )
 from lcmchain.scene.presets import MD600
-from lcmchain.scene.units import (
-    ANGLE,
-    AREAL_MASS,
-    LENGTH,
-    STIFFNESS,
-    QuantityError,
-    parse_quantity,
-    split_row,
-)
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -355,3 +356,25 @@ def test_json_schema_quantities_are_texts_with_an_example():
     assert len(found) > 40
     assert all(node["examples"] for node in found)
     assert '"null"' not in str(schema).replace("'", '"'), "TOML has no null"
+
+
+@pytest.mark.parametrize("angle", [5.0, 29.0, 31.0, 53.0, 85.0])
+def test_shear_stress_that_falls_anywhere_up_to_90_degrees_is_refused(angle):
+    """S = s0 E + s1 E² falls beyond E = -s0 / 2 s1 = ½ sin γ."""
+    slope = -1.0 / math.sin(math.radians(angle))
+    with pytest.raises(InputError, match="falling shear stress") as caught:
+        scene_from_text(SHEARED.format(slope=slope))
+    told = re.search(r"from a shear angle of ([\d.]+) deg", str(caught.value))
+    assert float(told[1]) == pytest.approx(angle, abs=0.5)
+
+
+def test_shear_stress_that_rises_up_to_90_degrees_is_taken():
+    scene = scene_from_text(SHEARED.format(slope=-0.999))
+    assert scene.material.membrane.shear_polynomial[1] == pytest.approx(-0.999e6)
+
+
+SHEARED = """
+process = {{ time = "1 ms" }}
+blank = {{ size = ["20 mm", "20 mm"], edge_length = "10 mm" }}
+material = {{ preset = "MD600", membrane = {{ shear_polynomial = "1 {slope:.9f} 0 0 0 MPa" }} }}
+"""

@@ -9,7 +9,7 @@ from lcmchain.elements.solid_shell.tangent import linearise, node_stiffness
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.model import assemble_sheet
-from lcmchain.scene.schema import Element
+from lcmchain.scene import Element
 from lcmchain.statics import (
     DirectorCouples,
     StaticProblem,

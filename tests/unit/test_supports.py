@@ -57,6 +57,23 @@ def test_a_sheet_carried_along_needs_mass_times_acceleration():
     np.testing.assert_allclose(sim.state.support_impulse[0], momentum, rtol=1e-9, atol=1e-15)
 
 
+def test_work_of_a_support_is_the_motion_and_the_weight_that_it_carries():
+    """½ m v² = W after every step, to round-off: gravity's part is in what the support does."""
+    lift = translation([0, 0, 1], lambda time: 0.1 * smooth(time))
+    sim = supported(SHEET, lambda X: [Support("hand", everywhere(X), motion=lift)], gravity=9.81)
+    mass, impulse = sim.model.nodes.mass.sum(), np.zeros(3)
+    dt = 0.5 * sim.critical_step()
+    for n in range(1, 301):
+        sim.advance_to(n * dt)
+        speed = sim.state.velocity[2].mean()
+        energy = sim.energy()
+        assert energy["external"] == pytest.approx(0.5 * mass * speed**2, rel=1e-8)
+        impulse += sim.state.support_force[0] * (dt if n > 1 else 0.5 * dt)
+        np.testing.assert_allclose(sim.state.support_impulse[0], impulse, rtol=1e-9, atol=1e-15)
+    carried = mass * (speed + 9.81 * 299.5 * dt)
+    np.testing.assert_allclose(impulse, [0.0, 0.0, carried], rtol=1e-9, atol=1e-9 * carried)
+
+
 def shear(time):
     gradient = np.eye(3, 4)
     gradient[0, 1] = 0.8 * smooth(time)

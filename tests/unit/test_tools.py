@@ -3,7 +3,7 @@
 import math
 import warnings
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Literal, get_args
 
 import meshio
 import numba
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from shapely import Point, Polygon
 
 from lcmchain.errors import InputError
-from lcmchain.scene.schema import Tool
+from lcmchain.scene import Tool
 from lcmchain.tools import (
     FIXED,
     GUIDED,
@@ -26,10 +26,29 @@ from lcmchain.tools import (
     signed_distance,
     tool_surface,
 )
-from lcmchain.tools.surface_mesh import BAND, build_distance_field, read_surface
+from lcmchain.tools.motion import Motion
+from lcmchain.tools.shapes import Shape
+from lcmchain.tools.surfaces.distance_field import BAND, build_distance_field
+from lcmchain.tools.surfaces.reading import read_surface
 
 HERE = Path(".")
-AT_REST = SimpleNamespace(type="fixed")
+
+
+def table_of_type(union, type, **entries):
+    """Table of a scene without its checks, so that the builders' own are seen."""
+    (kind,) = (
+        k
+        for k in get_args(get_args(union)[0])
+        if k.model_fields["type"].annotation == Literal[type]
+    )
+    return kind.model_construct(type=type, **entries)
+
+
+def motion_of(type, **entries):
+    return table_of_type(Motion, type, **entries)
+
+
+AT_REST = motion_of("fixed")
 
 SPHERE_CAPPED = {"type": "sphere_capped_punch", "radius": 0.075}
 HOLE_PLATE = {"type": "plate_with_hole", "hole_radius": 0.077, "fillet_radius": 0.01}
@@ -74,9 +93,9 @@ ANALYTIC = {
 
 
 def make_tool(shape, *, motion=AT_REST, position=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0)):
-    return SimpleNamespace(
+    return Tool.model_construct(
         name="tool",
-        shape=SimpleNamespace(**shape),
+        shape=table_of_type(Shape, **shape),
         position=position,
         axis=axis,
         motion=motion,
@@ -261,6 +280,15 @@ def test_no_point_falls_between_a_line_and_its_fillet():
             np.testing.assert_allclose(gaps(table, 0, where, 0.0), height, atol=1e-15)
 
 
+def test_every_registered_shape_is_tested_here():
+    registered = {
+        choice
+        for shape in get_args(get_args(Shape)[0])
+        for choice in get_args(shape.model_fields["type"].annotation)
+    }
+    assert registered == {shape["type"] for shape in ANALYTIC.values()} | {"surface_mesh"}
+
+
 # --- properties of every signed distance ----------------------------------------------------------
 
 
@@ -314,7 +342,7 @@ DIRECTION = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: np.linalg.no
 @given(axis=DIRECTION, position=st.tuples(*[st.floats(-0.5, 0.5)] * 3), travel=st.floats(-0.1, 0.1))
 def test_distance_moves_and_turns_with_the_tool(name, axis, position, travel):
     direction = np.array([2.0, -1.0, 2.0]) / 3.0
-    motion = SimpleNamespace(
+    motion = motion_of(
         type="stroke", direction=2.0 * direction, distance=1.0, profile="smooth", start=0.0, end=1.0
     )
     table = table_of(ANALYTIC[name], axis=axis, position=position, motion=motion)
@@ -374,7 +402,7 @@ def test_hot_function_counts_no_references():
 def test_every_scene_has_one_table_type(tmp_path):
     write_mesh(tmp_path / "tool.stl", *box_mesh())
     mesh = {"type": "surface_mesh", "file": "tool.stl", "length_unit": "m", "spacing": 0.01}
-    table = SimpleNamespace(type="table", direction=(0, 0, 1), times=(0, 1), travel=(0, 1))
+    table = motion_of(type="table", direction=(0, 0, 1), times=(0, 1), travel=(0, 1))
     scenes = [
         [],
         [make_tool(SPHERE_CAPPED)],
@@ -422,9 +450,15 @@ def test_wrong_profiles_are_named(points, radii, says):
 
 # --- motion ---------------------------------------------------------------------------------------
 
-SMOOTH_STROKE = SimpleNamespace(
-    type="stroke", direction=(0, 0, -2), distance=0.075, profile="smooth", start=0.01, end=None
-)
+SMOOTH_ENTRIES = {
+    "type": "stroke",
+    "direction": (0, 0, -2),
+    "distance": 0.075,
+    "profile": "smooth",
+    "start": 0.01,
+    "end": None,
+}
+SMOOTH_STROKE = motion_of(**SMOOTH_ENTRIES)
 
 
 def test_smooth_stroke_starts_and_ends_at_rest():
@@ -445,8 +479,8 @@ def test_smooth_stroke_starts_and_ends_at_rest():
     "motion",
     [
         SMOOTH_STROKE,
-        SimpleNamespace(**{**vars(SMOOTH_STROKE), "profile": "linear"}),
-        SimpleNamespace(
+        motion_of(**{**SMOOTH_ENTRIES, "profile": "linear"}),
+        motion_of(
             type="table", direction=(1, 0, 0), times=(0.01, 0.03, 0.04, 0.08), travel=(0, 1, -2, 3)
         ),
     ],
@@ -462,8 +496,8 @@ def test_velocity_is_the_rate_of_travel(motion):
 
 def test_tabulated_travel_passes_its_points():
     times, travel = (0.0, 0.01, 0.04), (0.0, 0.02, 0.05)
-    motion = SimpleNamespace(type="table", direction=(0, 0, 1), times=times, travel=travel)
-    other = SimpleNamespace(type="table", direction=(0, 0, 1), times=(0.0, 1.0), travel=(5.0, 6.0))
+    motion = motion_of(type="table", direction=(0, 0, 1), times=times, travel=travel)
+    other = motion_of(type="table", direction=(0, 0, 1), times=(0.0, 1.0), travel=(5.0, 6.0))
     tools = [make_tool(PUCK, motion=m) for m in (other, motion, AT_REST)]
     table = build_tool_table(tools, HERE, 0.1)
     for time, expected in zip(times, travel):
@@ -475,7 +509,7 @@ def test_tabulated_travel_passes_its_points():
 
 
 def test_guided_tool_data():
-    motion = SimpleNamespace(
+    motion = motion_of(
         type="guided",
         direction=(0, 3, -4),
         mass=1.7,
@@ -489,7 +523,7 @@ def test_guided_tool_data():
     assert (table.mass[0], table.force[0], table.damping[0]) == (1.7, 20.0, 5.0)
     assert table.gravity_along[0] == pytest.approx(0.8 * 9.81)
     assert prescribed_travel(table, 0, 0.05) == (0.0, 0.0)
-    motion.gravity = False
+    motion = motion.model_copy(update={"gravity": False})
     assert table_of(PUCK, motion=motion).gravity_along[0] == 0.0
 
 
@@ -512,11 +546,11 @@ def test_tools_of_a_scene_file():
         np.testing.assert_array_equal(gaps(table, i, points, 0.0), expected)
     assert [prescribed_travel(table, i, 0.1)[0] for i in range(4)] == [0.0, 0.075, 0.05, 0.0]
     assert table.gravity_along[3] == 9.81
+    assert table.motion_kind[:4].tolist() == [FIXED, PRESCRIBED, PRESCRIBED, GUIDED]
 
 
 def test_friction_of_a_tool_or_of_the_scene():
-    own, default = make_tool(PUCK), make_tool(PUCK)
-    own.friction = 0.3
+    own, default = make_tool(PUCK).model_copy(update={"friction": 0.3}), make_tool(PUCK)
     table = build_tool_table([own, default], HERE, 0.1, default_friction=0.157)
     assert table.friction.tolist() == [0.3, 0.157]
 
@@ -533,7 +567,7 @@ def test_friction_of_a_tool_or_of_the_scene():
 )
 def test_wrong_motions_are_named(changes, key):
     with pytest.raises(InputError) as error:
-        table_of(PUCK, motion=SimpleNamespace(**{**vars(SMOOTH_STROKE), **changes}))
+        table_of(PUCK, motion=motion_of(**{**SMOOTH_ENTRIES, **changes}))
     assert error.value.key == f'tools[0] "tool".{key}'
 
 

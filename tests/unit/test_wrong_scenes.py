@@ -422,8 +422,8 @@ def test_scene_that_cannot_start(name, folder, capsys):
 
 
 def test_touching_within_the_tolerance_is_no_overlap(folder):
-    from lcmchain.blank import build_blank
     from lcmchain.check import require_no_initial_overlap
+    from lcmchain.mesh.blank import build_blank
     from lcmchain.tools.table import build_tool_table
 
     (folder / "scene.toml").write_text(SCENE, encoding="utf-8")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.scene.schema import Element
+from lcmchain.scene import Element
 from lcmchain.verification.benchmarks.large_cantilever import END_SHEAR, end_shear, roll_up
 from lcmchain.verification.benchmarks.large_shells import (
     HEMISPHERE,

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from lcmchain.scene.schema import Element
+from lcmchain.scene import Element
 from lcmchain.verification.benchmarks import beams, plates, shells
 from lcmchain.verification.benchmarks.meshes import AS_PUBLISHED, NO_SHEAR_ROW
 from lcmchain.verification.benchmarks.patch import patch_test

@@ -13,8 +13,7 @@ from lcmchain.coupons.picture_frame import picture_frame
 from lcmchain.coupons.result import write_coupon
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf import read_forming
-from lcmchain.scene import scene_from_text
-from lcmchain.scene.schema import Element
+from lcmchain.scene import Element, scene_from_text
 
 SCENE = """
 process = { time = "1 s" }

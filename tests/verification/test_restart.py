@@ -100,7 +100,7 @@ def test_one_and_two_threads_give_the_same_bits(scene_file, plain, tmp_path):
     assert_same_bits(read_forming(tmp_path / "forming.nc"), plain)
 
 
-def test_resume_without_or_with_a_foreign_checkpoint_is_refused(scene_file, tmp_path):
+def test_resume_without_or_with_a_broken_checkpoint_is_refused(scene_file, tmp_path):
     done = subprocess.run(command(scene_file, tmp_path, "--resume"), capture_output=True, text=True)
     assert done.returncode == 2 and "no checkpoint" in done.stderr
 
@@ -134,6 +134,8 @@ def test_guard_stops_the_published_compaction_and_keeps_the_good_frames(tmp_path
     scene_file = tmp_path / "press.toml"
     scene_file.write_text(PRESS, encoding="utf-8")
     out = tmp_path / "out"
+    out.mkdir()
+    (out / "summary.json").write_text("of an earlier run", encoding="utf-8")
     done = subprocess.run(command(scene_file, out), capture_output=True, text=True)
     assert done.returncode == 1
     for part in ("element", "mm at", "ms (step", "Likely cause", "director", "normal"):

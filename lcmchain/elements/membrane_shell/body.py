@@ -20,7 +20,7 @@ from lcmchain.elements.membrane_shell.kernel import (
 from lcmchain.elements.membrane_shell.patch import TriangleGeometry, angle_shares, triangle_geometry
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
-from lcmchain.triangulation import TriangleMesh, triangulate
+from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 
 # Below this fraction of its initial area a triangle counts as collapsed: the fibres are sheared to
 # within 3 degrees of each other.

@@ -47,7 +47,7 @@ def triangle_geometry(mesh, bending_stiffness) -> TriangleGeometry:
 
     Parameters
     ----------
-    mesh : :class:`lcmchain.triangulation.TriangleMesh`.
+    mesh : :class:`lcmchain.mesh.triangulation.TriangleMesh`.
     bending_stiffness : (3,) stiffnesses of the curvatures 11, 22 and twice 12, in any unit. They
         enter at free edges only: there the missing node of the patch lies where it costs least
         energy, which is the condition of an edge without moments.

@@ -11,10 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from lcmchain.blank import BlankMesh
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, assemble_sheet
-from lcmchain.scene.schema import Element
+from lcmchain.scene import Element
 
 X, Y, Z = range(3)
 

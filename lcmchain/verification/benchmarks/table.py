@@ -9,7 +9,7 @@ from functools import partial
 
 from rich.table import Table
 
-from lcmchain.scene.schema import Element
+from lcmchain.scene import Element
 from lcmchain.verification.benchmarks import (
     beams,
     large_cantilever,

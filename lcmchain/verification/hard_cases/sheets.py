@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from lcmchain.blank import build_blank
 from lcmchain.effects.supports import Support
 from lcmchain.fields.derived import derive_fields
-from lcmchain.model import assemble_model, build_material
+from lcmchain.mesh.blank import build_blank
+from lcmchain.model import assemble_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools import build_tool_table
@@ -38,12 +38,12 @@ def simulation(
     text : of the scene.
     supports : gives them for the reference positions (node_count, 3) [m].
     shape : maps the flat blank's node positions to other reference positions.
-    perturbation, seed : of the nodes inside the blank, see :func:`lcmchain.blank.build_blank`.
+    perturbation, seed : of the nodes inside the blank, see :func:`lcmchain.mesh.blank.build_blank`.
     step_safety : replaces the scene's, which must not exceed 1.
     environment : entries of :class:`lcmchain.model.Environment` to replace.
     """
     scene = scene_from_text(text)
-    material = build_material(scene.material)
+    material = scene.material.build()
     blank = build_blank(scene.blank, material.thickness, perturbation=perturbation, seed=seed)
     if shape is not None:
         blank = replace(blank, node_positions=shape(blank.node_positions))

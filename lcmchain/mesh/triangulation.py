@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcmchain.blank import BlankMesh
+from lcmchain.mesh.blank import BlankMesh
 
 # Cells whose centre is nearer to a middle axis of the blank than this part of their size lie on it.
 ON_AXIS = 1e-6

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import StrictBool, ValidationInfo
 from pydantic_core import PydanticCustomError, core_schema
 
-from lcmchain.scene.units import (
+from lcmchain.quantities.units import (
     ANGLE,
     AREAL_MASS,
     DENSITY,

@@ -1,0 +1,79 @@
+"""What ``lcmchain run`` says at its end: numbers of ``summary.json``, warnings, where it lies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from lcmchain.commands.terminal import console, say, warn
+
+
+def print_result(summary: Mapping, folder: Path) -> None:
+    """Print what a run has left."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(
+        title=Text(summary["title"]), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False,
+        show_header=False,
+    )  # fmt: skip
+    table.add_column(overflow="fold")
+    table.add_column(overflow="fold")
+    for name, text in summary_rows(summary):
+        table.add_row(Text(name), Text(text))
+    console().print(table)
+    for warning in all_warnings(summary):
+        warn(warning)
+    say(f"Results in {folder}")
+
+
+def summary_rows(summary: Mapping) -> Iterator[tuple[str, str]]:
+    """Yield name and value, in words, of what matters first in a ``summary.json``."""
+    yield "shear angle", f"up to {math.degrees(summary['shear_angle_max_rad']):.1f} deg"
+    if "thickness_min_m" in summary:
+        low, high = 1e3 * summary["thickness_min_m"], 1e3 * summary["thickness_max_m"]
+        yield "thickness", f"{low:.3f} to {high:.3f} mm"
+    if "fibre_volume_fraction_max" in summary:
+        yield "fibre volume fraction", f"up to {summary['fibre_volume_fraction_max']:.3f}"
+    yield "fibre strain", f"up to {summary['fibre_strain_max']:.2%}"
+    if "punch_force_max_N" in summary:
+        yield "largest punch force", f"{summary['punch_force_max_N']:.4g} N"
+    yield (
+        "energy balance",
+        f"off by {summary['balance_error_max']:.2%} of the largest internal energy; kinetic "
+        f"{summary['kinetic_to_internal_end']:.2%} of the internal energy at the end",
+    )
+    yield "steps", f"{summary['step_count']:,}, limited by {_step_control(summary)}"
+    yield (
+        "time",
+        f"{summary['wall_s']:.3g} s on {summary['threads']} threads, "
+        f"{summary['compile_s']:.3g} s of compiling before",
+    )
+    for name, report in summary["mapping"].items():
+        yield f"mapping {name}", _mapping_text(report)
+
+
+def all_warnings(summary: Mapping) -> list[str]:
+    """Return the warnings of forming and of every mapping."""
+    mappings = summary["mapping"].items()
+    return [
+        *summary["warnings"],
+        *(f"{name}: {text}" for name, report in mappings for text in report.get("warnings", ())),
+    ]
+
+
+def _step_control(summary: Mapping) -> str:
+    causes = sorted(summary["step_control"].items(), key=lambda item: -item[1])
+    total = sum(summary["step_control"].values())
+    return ", ".join(f"{cause} ({count / total:.0%})" for cause, count in causes)
+
+
+def _mapping_text(report: Mapping) -> str:
+    if "error" in report:
+        return "failed"
+    return (
+        f"{report['cell_count']:,} cells, {report['target_coverage']:.1%} of the target and "
+        f"{report['source_coverage']:.1%} of the sheet covered"
+    )

@@ -1,0 +1,81 @@
+"""What decides the numbers of a forming run, as hashes: a saved state must not outlive any of it.
+
+Recorded as ``run_fingerprint`` in ``summary.json``, in checkpoints and in the saved states of
+forming units. It is not ``scene_sha256``, the hash of the text of a scene file, which a scene
+built in Python does not have and which says nothing about the files that a scene names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+from lcmchain.compile_cache import source_hash
+from lcmchain.errors import InputError
+
+# Tables of a scene that are applied to the saved frames, after forming; and its title.
+AFTER_FORMING = {"title", "output", "mapping", "permeability"}
+
+
+class Fingerprint(NamedTuple):
+    """Hashes of the parts that decide the numbers of a forming run.
+
+    scene : of the validated values, in SI; of a scene built in Python as of one from a file.
+    files : of the contents of the mesh files that its tools name.
+    sources : of the source files of lcmchain. A version would not tell two states of a
+        development install apart. Processor and numba may change the last bits and are left out.
+    """
+
+    scene: str
+    files: str
+    sources: str
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all parts."""
+        return hashlib.sha256(json.dumps(self).encode()).hexdigest()
+
+    def difference(self, other: Fingerprint) -> str:
+        """Say in words what differs from another run, empty if nothing does."""
+        words = {
+            "scene": "another scene (or other --set values)",
+            "files": "other contents of the mesh files of its tools",
+            "sources": "other source files of lcmchain",
+        }
+        mine, others = self._asdict(), other._asdict()
+        return " and ".join(text for part, text in words.items() if mine[part] != others[part])
+
+
+def run_fingerprint(scene) -> Fingerprint:
+    """Return the fingerprint of the forming run of a scene.
+
+    Entries that are applied to the saved frames (title, ``[output]``, ``[[mapping]]``,
+    ``[permeability]``) are left out: a finished forming run serves a changed mapping.
+
+    Raises
+    ------
+    InputError : a file that a tool names cannot be read.
+    """
+    values = scene.model_dump(mode="json", exclude=AFTER_FORMING)
+    return Fingerprint(
+        scene=hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest(),
+        files=_file_hash(scene),
+        sources=source_hash(),
+    )
+
+
+def _file_hash(scene) -> str:
+    digest = hashlib.sha256()
+    for tool in scene.tools:
+        name = getattr(tool.shape, "file", None)
+        if name is None:
+            continue
+        path = Path(scene.source.directory) / name
+        try:
+            with open(path, "rb") as file:
+                digest.update(hashlib.file_digest(file, "sha256").digest())
+        except OSError as error:
+            raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+    return digest.hexdigest()

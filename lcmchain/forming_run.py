@@ -1,0 +1,110 @@
+"""The forming stage: a simulation advanced from saved frame to saved frame, with checkpoints."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from lcmchain.errors import SimulationInterrupted
+from lcmchain.fingerprint import Fingerprint
+from lcmchain.scene import Scene
+from lcmchain.solver.checkpoint import Checkpoint, write_checkpoint
+from lcmchain.solver.simulation import Simulation, Snapshot
+
+# A checkpoint is written at every saved frame, and between frames after this time [s].
+CHECKPOINT_INTERVAL = 30.0
+
+Progress = Callable[[float, float, str], None]
+
+
+class FormingRun:
+    """Advances a simulation from frame to frame, with checkpoints on the way."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        fingerprint: Fingerprint,
+        simulation: Simulation,
+        folder: Path,
+        report: Progress,
+    ):
+        self.scene, self.fingerprint, self.simulation = scene, fingerprint, simulation
+        self.folder, self.report = folder, report
+        self.snapshots: list[Snapshot] = []
+        self._wall_before = 0.0
+        self._started = self._saved = time.perf_counter()
+        self._ended: float | None = None
+
+    @property
+    def wall_s(self) -> float:
+        """Time spent in the time loop, resumed parts included [s]."""
+        now = time.perf_counter() if self._ended is None else self._ended
+        return self._wall_before + now - self._started
+
+    def complete(self, checkpoint: Checkpoint | None = None) -> list[Snapshot]:
+        """Advance to the end of the process and return the saved frames."""
+        process = self.scene.process
+        self._started = self._saved = time.perf_counter()
+        if checkpoint is not None:
+            self.simulation.restore(checkpoint.state)
+            self.simulation.control.history.update(checkpoint.step_history)
+            self.snapshots = list(checkpoint.snapshots)
+            self._wall_before = checkpoint.wall_s
+        else:
+            self.snapshots = [self.simulation.snapshot()]
+        times = np.linspace(0.0, process.time, process.frames)
+        with _stop_requests() as self._stop:
+            for frame_time in times[len(self.snapshots) :]:
+                self.simulation.advance_to(float(frame_time), self._after_chunk)
+                snapshot = self.simulation.snapshot()
+                self.simulation.require_resolved(snapshot.energy)
+                self.snapshots.append(snapshot)
+                self._save()
+        self._ended = time.perf_counter()
+        return self.snapshots
+
+    def _after_chunk(self, simulation: Simulation) -> None:
+        self.report(simulation.time, self.scene.process.time, "forming")
+        if self._stop.is_set():
+            self._save()
+            raise SimulationInterrupted(
+                f"stopped at {1e3 * simulation.time:.4g} ms of {1e3 * self.scene.process.time:.4g} "
+                "ms; the same command with --resume goes on from here"
+            )
+        if time.perf_counter() - self._saved > CHECKPOINT_INTERVAL:
+            self._save()
+
+    def _save(self) -> None:
+        write_checkpoint(
+            self.folder,
+            Checkpoint(
+                self.fingerprint,
+                self.simulation.state,
+                self.snapshots,
+                self.wall_s,
+                self.simulation.control.history,
+            ),
+        )
+        self._saved = time.perf_counter()
+
+
+@contextmanager
+def _stop_requests() -> Iterator[threading.Event]:
+    """Turn Ctrl-C and SIGTERM into an event that is looked at between chunks of steps."""
+    event = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield event
+        return
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda *_: event.set()) for number in signals]
+    try:
+        yield event
+    finally:
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)

@@ -1,0 +1,181 @@
+"""Fabric that does not spring back all the way: hysteresis of compaction by a permanent set.
+
+A dry textile that was compacted keeps part of it: its fibres have slid and nested. Being compacted
+it obeys the law of :mod:`lcmchain.materials.fabric`; on the way back its strain is counted from a
+set, the share s of the largest compaction κ = min E33 so far,
+
+    S33 = C33(E') E',  E' = (E33 - s κ) / (1 - s)  for E33 < s κ,  E' = E33 - s κ  above,
+
+so that the curve starts where the loading has ended (E' = κ at E33 = κ) and reaches zero stress at
+the set. The stored energy is (1 - s) W33(E'), what is lost s W33(κ): together the work of the
+loading. One number is remembered, κ. The tangent is that of the way back also while κ grows, since
+small vibrations about a state go back and forth.
+
+Source: the phenomenon, Robitaille and Gauvin, "Compaction of textile reinforcements for composites
+manufacturing. II", Polymer Composites 19 (1998). The form is the simplest one that dissipates and
+is not fitted to tests: ``permanent_set`` has no default.
+
+This file is the example of the manual's page "Extending": a law with memory, added in one file.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from lcmchain.jit import equation
+from lcmchain.materials.fabric import (
+    Fabric,
+    FabricCompaction,
+    FabricLaw,
+    FabricMaterial,
+    compaction_stress_and_tangent,
+    compaction_tangent_curvature,
+    compaction_tangent_slope,
+    fabric_bending_stiffness,
+    shear_stress_and_tangent,
+    shear_tangent_curvature,
+    shear_tangent_slope,
+)
+from lcmchain.materials.law import (
+    Remembered,
+    bending_stiffness,
+    evolved_history,
+    implements,
+    membrane_response,
+    tangent_curvature,
+    tangent_slope,
+)
+from lcmchain.quantities.entry_types import Number, Range
+
+FabricWithSetLaw = NamedTuple(
+    "FabricWithSetLaw", [*FabricLaw.__annotations__.items(), ("permanent_set", float)]
+)
+FabricWithSetLaw.__doc__ = "Parameters of :class:`FabricLaw` and the share ``permanent_set``."
+FabricWithSetLaw.remembers = (
+    Remembered("largest_compaction_strain", "1", "normal strain E33 where the fabric was thinnest"),
+)
+
+
+@equation
+def strain_from_set(law, E33, history):
+    """Return E', its derivative with E33 for a given path, and the stiffening of the way back."""
+    above = E33 - law.permanent_set * min(E33, history[0])
+    stiffening = 1.0 / (1.0 - law.permanent_set) if above < 0.0 else 1.0
+    rate = stiffening if E33 > history[0] else 1.0
+    return stiffening * above, rate, stiffening
+
+
+@implements(membrane_response, FabricWithSetLaw)
+@equation
+def response(law, E, history):
+    strain, _, stiffening = strain_from_set(law, E[2], history)
+    S12, C12 = shear_stress_and_tangent(law, E[3])
+    S33, C33 = compaction_stress_and_tangent(law, strain)
+    S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
+    return S, (law.C11, law.C22, stiffening * C33, C12, law.C23, law.C13)
+
+
+@implements(tangent_slope, FabricWithSetLaw)
+@equation
+def slope(law, E, history):
+    strain, rate, stiffening = strain_from_set(law, E[2], history)
+    slope33 = stiffening * rate * compaction_tangent_slope(law, strain)
+    return (None, None, slope33, shear_tangent_slope(law, E[3]), None, None)
+
+
+@implements(tangent_curvature, FabricWithSetLaw)
+@equation
+def curvature(law, E, history):
+    strain, rate, stiffening = strain_from_set(law, E[2], history)
+    curvature33 = stiffening * rate * rate * compaction_tangent_curvature(law, strain)
+    return (None, None, curvature33, shear_tangent_curvature(law, E[3]), None, None)
+
+
+@implements(evolved_history, FabricWithSetLaw)
+@equation
+def evolved(law, E, history):
+    return (min(E[2], history[0]),)
+
+
+implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
+
+
+class FabricWithSet(Fabric):
+    """A fabric with a permanent set; ``permanent_set`` is its share of the most compaction."""
+
+    def __init__(self, law: FabricLaw, permanent_set: float, **sheet):
+        super().__init__(FabricWithSetLaw(*law, permanent_set), **sheet)
+
+    def stress_and_tangent(self, E):
+        S, C = super().stress_and_tangent(E)
+        C[..., 2, 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
+        return S, C
+
+    def tangent_slope(self, E):
+        slope = super().tangent_slope(E)
+        slope[..., 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
+        return slope
+
+    def tangent_curvature(self, E):
+        curvature = super().tangent_curvature(E)
+        curvature[..., 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
+        return curvature
+
+    def membrane_energy(self, E, history=None):
+        """Return W^M [J/m³], with the stored part of the compaction in place of W33(E33)."""
+        in_plane, compaction = np.array(E, dtype=float), np.zeros(np.shape(E))
+        compaction[..., 2], stiffening = self._strain_from_set(in_plane[..., 2], history)
+        in_plane[..., 2] = 0.0
+        return super().membrane_energy(in_plane) + super().membrane_energy(compaction) / stiffening
+
+    def dissipated_energy(self, history):
+        """Return s W33(κ) [J/m³]."""
+        most = np.zeros((*np.shape(history[0]), 6))
+        most[..., 2] = history[0]
+        return self.law.permanent_set * super().membrane_energy(most)
+
+    def compaction_pressure(self, thickness_stretch, history=None):
+        stretch = np.asarray(thickness_stretch, dtype=float)
+        strain, _ = self._strain_from_set(0.5 * (stretch**2 - 1.0), history)
+        stress, _ = self._compaction(strain)
+        return np.where(stress < 0.0, -stretch * stress, 0.0)
+
+    def _strain_from_set(self, E33, history=None):
+        """Return E' and the stiffening of the way back; without a history in first loading."""
+        most = np.minimum(E33, 0.0 if history is None else history[0])
+        above = E33 - self.law.permanent_set * most
+        stiffening = np.where(above < 0.0, 1.0 / (1.0 - self.law.permanent_set), 1.0)
+        return stiffening * above, stiffening
+
+
+# --- scene ----------------------------------------------------------------------------------------
+
+
+class CompactionWithSet(FabricCompaction):
+    """Compaction stiffness C33 = c0 exp(c1 |E33|^c2) (paper Eq. (23)), and what remains of it."""
+
+    permanent_set: Annotated[float, Number(0.3, Range(0.0, 1.0, (1.0,)))] = Field(
+        description="Share of the largest compaction strain that remains when the load is gone."
+    )
+
+
+class FabricWithSetMaterial(FabricMaterial):
+    """Fabric whose compaction leaves a permanent set."""
+
+    families: ClassVar[tuple[str, ...]] = ("solid-shell",)
+
+    law: Literal["fabric-with-set"] = "fabric-with-set"
+    compaction: CompactionWithSet
+
+    def build(self) -> FabricWithSet:
+        return FabricWithSet(
+            self.law_parameters(),
+            self.compaction.permanent_set,
+            thickness=self.thickness,
+            areal_mass=self.areal_mass,
+            fibre_density=self.fibre_density,
+            name=self.name,
+        )

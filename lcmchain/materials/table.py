@@ -1,0 +1,32 @@
+"""What the scene table of every material law offers beside its entries."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from lcmchain.materials.law import Material
+from lcmchain.quantities.scene_model import SceneModel
+
+
+class MaterialTable(SceneModel):
+    """Base of the tables that ``[material]`` can be: all have ``law``, ``name`` and ``thickness``.
+
+    families : types of elements that the law serves. has_fibres : whether it tells stiff fibres
+    from the rest.
+    """
+
+    families: ClassVar[tuple[str, ...]] = ("solid-shell",)
+    has_fibres: ClassVar[bool] = False
+
+    @classmethod
+    def law_name(cls) -> str:
+        """Return the ``law`` that chooses this table."""
+        return cls.model_fields["law"].default
+
+    def build(self) -> Material:
+        """Return the law with the constants of the sheet."""
+        raise NotImplementedError
+
+    def remarks(self) -> list[str]:
+        """Say what is allowed but probably not meant."""
+        return []

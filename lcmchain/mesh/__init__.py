@@ -1,0 +1,1 @@
+"""Meshes of the sheet: the blank inside its outline, and its triangulation."""

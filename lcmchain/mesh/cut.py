@@ -1,0 +1,254 @@
+"""Cut of the lattice with the outline, as in isosurface stuffing (Labelle & Shewchuk 2007).
+
+Wherever the outline cuts a lattice edge, one end of that edge is moved along it onto the outline,
+so that no edge crosses the outline any more; cells inside stay quadrilaterals, halved cells become
+triangles.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from shapely import Polygon, contains_xy
+
+from lcmchain.mesh.cells import cell_heights, corner_sines, piece_count
+from lcmchain.mesh.outline import cross
+
+# Relative to the pitch: closer than this a point lies on a lattice line or node.
+COINCIDENT = 1e-9
+
+# An inside node is pulled outwards over up to this part of a cut lattice edge; only beyond it the
+# outside node is pulled inwards. Above one half, because cells shorter than the pitch would reduce
+# the stable time step of the whole blank.
+INSIDE_REACH = 0.7
+
+# Outline vertices that turn by at least this angle get a node of their own.
+CORNER_ANGLE = math.radians(15.0)
+
+OUTSIDE, INSIDE, ON_OUTLINE = 0, 1, 2
+
+
+class Cells(NamedTuple):
+    """Lattice cells inside the outline, in fibre coordinates."""
+
+    positions: np.ndarray  # of all lattice nodes [m], shape (columns * rows, 2)
+    node_class: np.ndarray  # OUTSIDE, INSIDE or ON_OUTLINE, shape (columns * rows,)
+    row_count: int
+    faces: np.ndarray  # lattice nodes of the cells, triangles repeat the last, shape (cells, 4)
+    origin: np.ndarray  # lattice node at the lower left of the cells, shape (cells,)
+    area: float  # [m2]
+    piece_count: int  # pieces that hang together over edges
+    smallest_height: float  # of a cell, relative to the edge length
+    weakest: int  # cell with the smallest height
+
+
+class _CutEdges(NamedTuple):
+    """Lattice edges that the outline cuts, those along y first."""
+
+    low: np.ndarray  # lattice node before the cut, shape (cuts,)
+    high: np.ndarray  # lattice node behind it
+    part: np.ndarray  # of the edge that lies before the cut [1]
+    position: np.ndarray  # of the cut [m], shape (cuts, 2)
+
+
+def cut_lattice(
+    outline: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray, pitch: float
+) -> Cells:
+    """Cut the lattice with the outline and keep the cells inside.
+
+    Parameters
+    ----------
+    outline : vertices in fibre coordinates [m], shape (vertex_count, 2), anticlockwise.
+    x_lines, y_lines : coordinates of the lattice lines [m].
+    pitch : edge length of the cells [m].
+    """
+    outline = np.column_stack(
+        [
+            _pull_onto_lines(outline[:, 0], x_lines, pitch),
+            _pull_onto_lines(outline[:, 1], y_lines, pitch),
+        ]
+    )
+    column_count, row_count = len(x_lines), len(y_lines)
+    grid = np.meshgrid(x_lines, y_lines, indexing="ij")
+    positions = np.column_stack([part.ravel() for part in grid])
+
+    cuts, is_inside = _cut_edges(outline, x_lines, y_lines)
+    node_class = np.where(is_inside, INSIDE, OUTSIDE)
+    node_class[cuts.low[cuts.part < COINCIDENT]] = ON_OUTLINE
+    node_class[cuts.high[cuts.part > 1.0 - COINCIDENT]] = ON_OUTLINE
+    for corner in _corners(outline):
+        node = _nearest_node(corner, x_lines, y_lines)
+        node_class[node] = ON_OUTLINE
+        positions[node] = corner
+    _move_onto_outline(positions, node_class, cuts, is_inside)
+
+    faces, origin = _cells_inside(positions, node_class, column_count, row_count, outline, pitch)
+    corner = positions[faces]
+    heights = cell_heights(corner) / pitch
+    areas = 0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+    return Cells(
+        positions=positions,
+        node_class=node_class,
+        row_count=row_count,
+        faces=faces,
+        origin=origin,
+        area=math.fsum(areas),
+        piece_count=piece_count(faces),
+        smallest_height=float(heights.min(initial=np.inf)) if len(faces) else 0.0,
+        weakest=int(np.argmin(heights)) if len(faces) else -1,
+    )
+
+
+def _cut_edges(
+    outline: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray
+) -> tuple[_CutEdges, np.ndarray]:
+    """Lattice edges of both directions that the outline cuts, and which nodes lie inside."""
+    column_count, row_count = len(x_lines), len(y_lines)
+    columns, upper, y_cuts = _line_cuts(x_lines, y_lines, outline)
+    rows, right, x_cuts = _line_cuts(y_lines, x_lines, outline[:, ::-1])
+    low = np.concatenate([columns * row_count + upper - 1, (right - 1) * row_count + rows])
+    high = np.concatenate([columns * row_count + upper, right * row_count + rows])
+    part = np.concatenate(
+        [
+            (y_cuts - y_lines[upper - 1]) / (y_lines[upper] - y_lines[upper - 1]),
+            (x_cuts - x_lines[right - 1]) / (x_lines[right] - x_lines[right - 1]),
+        ]
+    )
+    position = np.column_stack(
+        [np.concatenate([x_lines[columns], x_cuts]), np.concatenate([y_cuts, y_lines[rows]])]
+    )
+    is_inside = _inside_by_parity(columns, upper, column_count, row_count)
+    return _CutEdges(low, high, part, position), is_inside
+
+
+def _move_onto_outline(
+    positions: np.ndarray, node_class: np.ndarray, cuts: _CutEdges, is_inside: np.ndarray
+) -> None:
+    """Move one end of every cut lattice edge onto the cut, in place."""
+    low, high = cuts.low, cuts.high
+    # An edge with one end on the outline needs no cut; one with both ends on the same side is
+    # cut twice, by a sliver narrower than the pitch, which cannot be resolved.
+    open_ = (
+        (node_class[low] != ON_OUTLINE)
+        & (node_class[high] != ON_OUTLINE)
+        & (is_inside[low] != is_inside[high])
+    )
+    low, high, part, position = (column[open_] for column in cuts)
+    from_inside = np.where(is_inside[low], part, 1.0 - part)
+    moves_inside = from_inside <= INSIDE_REACH
+    moved = np.where(moves_inside == is_inside[low], low, high)
+    reach = np.where(moves_inside, from_inside, 1.0 - from_inside)
+    # Of several cuts that a node could move to it takes the nearest; rounding removes noise from
+    # the ties of a 45 degree edge, which all go to the column's cut, listed first.
+    order = np.lexsort((np.arange(len(moved)), np.round(reach, 6), moved))
+    moved, position = moved[order], position[order]
+    first = np.ones(len(moved), dtype=bool)
+    first[1:] = moved[1:] != moved[:-1]
+    positions[moved[first]] = position[first]
+    node_class[moved[first]] = ON_OUTLINE
+
+
+def _pull_onto_lines(values: np.ndarray, lines: np.ndarray, pitch: float) -> np.ndarray:
+    """Remove the rounding noise of the rotation from vertices that lie on a lattice line."""
+    upper = np.clip(np.searchsorted(lines, values), 1, len(lines) - 1)
+    nearest = np.where(
+        values - lines[upper - 1] < lines[upper] - values, lines[upper - 1], lines[upper]
+    )
+    return np.where(np.abs(values - nearest) < COINCIDENT * pitch, nearest, values)
+
+
+def _line_cuts(
+    lines: np.ndarray, cross_lines: np.ndarray, outline: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cuts of the outline with lattice lines: line, number of the cross line above, coordinate.
+
+    A vertex on a line counts with the edge that lies above it only, so that the parity is right.
+    """
+    start, end = outline, np.roll(outline, -1, axis=0)
+    first = np.searchsorted(lines, np.minimum(start[:, 0], end[:, 0]))
+    last = np.searchsorted(lines, np.maximum(start[:, 0], end[:, 0]))
+    counts = last - first
+    edge = np.repeat(np.arange(len(outline)), counts)
+    line = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + first[edge]
+    run = end[edge, 0] - start[edge, 0]
+    value = start[edge, 1] + (lines[line] - start[edge, 0]) / run * (end[edge, 1] - start[edge, 1])
+    return line, np.searchsorted(cross_lines, value), value
+
+
+def _inside_by_parity(
+    columns: np.ndarray, upper: np.ndarray, column_count: int, row_count: int
+) -> np.ndarray:
+    """True for lattice nodes with an odd number of cuts above them in their column."""
+    cut_count = np.zeros((column_count, row_count), dtype=np.int64)
+    np.add.at(cut_count, (columns, upper), 1)
+    above = cut_count[:, ::-1].cumsum(axis=1)[:, ::-1] - cut_count
+    return (above % 2 == 1).ravel()
+
+
+def _corners(outline: np.ndarray) -> np.ndarray:
+    """Vertices of the outline that need a node of their own, the blunt ones first.
+
+    Where two corners want the same node the sharper one, being later, keeps it.
+    """
+    before = outline - np.roll(outline, 1, axis=0)
+    after = np.roll(outline, -1, axis=0) - outline
+    turn = np.abs(np.arctan2(cross(before, after), (before * after).sum(axis=1)))
+    order = np.argsort(turn, kind="stable")
+    return outline[order[turn[order] >= CORNER_ANGLE]]
+
+
+def _nearest_node(point: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray) -> int:
+    column = int(np.argmin(np.abs(x_lines - point[0])))
+    row = int(np.argmin(np.abs(y_lines - point[1])))
+    return column * len(y_lines) + row
+
+
+def _cells_inside(
+    positions: np.ndarray,
+    node_class: np.ndarray,
+    column_count: int,
+    row_count: int,
+    outline: np.ndarray,
+    pitch: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Whole and halved cells inside the outline, and the lattice node each one starts from."""
+    column, row = np.meshgrid(np.arange(column_count - 1), np.arange(row_count - 1), indexing="ij")
+    start = (column * row_count + row).ravel()
+    quads = np.column_stack([start, start + row_count, start + row_count + 1, start + 1])
+    quads = quads[(node_class[quads] != OUTSIDE).sum(axis=1) >= 3]
+    classes = node_class[quads]
+    outside_count = (classes == OUTSIDE).sum(axis=1)
+    on_count = (classes == ON_OUTLINE).sum(axis=1)
+
+    whole = outside_count == 0
+    # A node in the middle of a straight piece of the outline makes a whole cell a triangle.
+    sines = corner_sines(positions[quads])
+    flat_at = np.argmin(sines, axis=1)
+    flat = whole & (on_count >= 3) & (sines.min(axis=1) < 1e-6)
+    # One node outside: its neighbours lie on the outline, and the half beyond it is cut off.
+    left_out = np.where(flat, flat_at, np.argmin(classes, axis=1))
+    halved = flat | (outside_count == 1)
+    around = (left_out[:, np.newaxis] + np.array([3, 1, 2, 2])) % 4
+    triangles = np.take_along_axis(quads, around, axis=1)
+    neighbours = np.take_along_axis(classes, around[:, :2], axis=1)
+    halved &= (neighbours == ON_OUTLINE).all(axis=1)
+
+    faces = np.where(halved[:, np.newaxis], triangles, quads)
+    keep = halved | (whole & ~flat)
+    faces, origin = faces[keep], quads[keep, 0]
+
+    # With all nodes on the outline only the position tells whether the cell is inside.
+    doubtful = np.flatnonzero((node_class[faces] == ON_OUTLINE).all(axis=1))
+    if len(doubtful):
+        corner = positions[faces[doubtful]]
+        centre = (corner[:, 0] + corner[:, 1] + corner[:, 2]) / 3.0
+        quad = faces[doubtful, 2] != faces[doubtful, 3]
+        centre[quad] = corner[quad].mean(axis=1)
+        real = contains_xy(Polygon(outline), *centre.T) & (cell_heights(corner) > 1e-3 * pitch)
+        faces, origin = (
+            np.delete(faces, doubtful[~real], axis=0),
+            np.delete(origin, doubtful[~real]),
+        )
+    return faces, origin

@@ -1,0 +1,123 @@
+"""Outline of a blank: vertices, area, and what an outline must not do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+
+from lcmchain.errors import InputError
+
+MAXIMUM_ELEMENT_COUNT = 2_000_000
+
+
+def polygon_area(outline: np.ndarray) -> float:
+    """Area enclosed by a polygon [m2], positive when its vertices run anticlockwise.
+
+    Parameters
+    ----------
+    outline : vertices [m], shape (vertex_count, 2), not repeated at the end.
+    """
+    local = outline - outline[0]
+    return 0.5 * math.fsum(cross(local, np.roll(local, -1, axis=0)))
+
+
+def outline_of(blank_spec) -> tuple[np.ndarray, str]:
+    """Vertices of the blank, anticlockwise, and the scene key that gave them."""
+    if getattr(blank_spec, "outline", None) is None:
+        width, height = (float(length) for length in blank_spec.size)
+        if not (math.isfinite(width) and math.isfinite(height) and min(width, height) > 0.0):
+            raise InputError(f"must be positive, got {width:g} m x {height:g} m", key="blank.size")
+        x, y = 0.5 * width, 0.5 * height
+        return np.array([[-x, -y], [x, -y], [x, y], [-x, y]]), "blank.size"
+    key = "blank.outline"
+    outline = np.array(blank_spec.outline, dtype=float).reshape(-1, 2)
+    if not np.isfinite(outline).all():
+        raise InputError("has a coordinate that is not a finite number", key=key)
+    if len(outline) > 1 and np.array_equal(outline[0], outline[-1]):
+        outline = outline[:-1]  # written as a closed polygon
+    if len(outline) < 3:
+        raise InputError(f"needs at least three different points, got {len(outline)}", key=key)
+    _check_simple(outline, key)
+    if polygon_area(outline) < 0.0:
+        outline = outline[::-1]
+    return np.ascontiguousarray(outline), key
+
+
+def _check_simple(outline: np.ndarray, key: str) -> None:
+    """Raise InputError where the polygon repeats a point, touches or crosses itself."""
+    vertex_count = len(outline)
+    start, end = outline, np.roll(outline, -1, axis=0)
+    along = end - start
+    size = np.ptp(outline, axis=0).max()
+    lengths = np.hypot(*along.T)
+    if (lengths <= 1e-12 * size).any():
+        repeated = int(np.argmin(lengths))
+        raise InputError(
+            f"point {repeated + 2 if repeated + 1 < vertex_count else 1} repeats the point before "
+            f"it, {place(start[repeated])}; remove one of them",
+            key=key,
+        )
+    # Neighbouring edges share a point; they may only not fold back onto each other.
+    ahead = np.roll(along, -1, axis=0)
+    straight = np.abs(cross(along, ahead)) <= 1e-12 * lengths * np.roll(lengths, -1)
+    folded = straight & ((along * ahead).sum(axis=1) < 0.0)
+    fold = int(np.argmax(folded)) if folded.any() else vertex_count
+    edges = shapely.linestrings(np.stack([start, end], axis=1))
+    touching = shapely.STRtree(edges).query(edges, predicate="dwithin", distance=1e-12 * size).T
+    apart = np.diff(touching)[:, 0]
+    meeting = touching[(apart > 1) & (apart < vertex_count - 1)]
+    first, other = min(meeting.tolist(), default=(vertex_count, vertex_count))
+    if fold < vertex_count and fold <= first:
+        raise InputError(f"folds back onto itself at {place(end[fold])}", key=key)
+    if first < vertex_count:
+        raise InputError(
+            f"intersects itself: the edge from point {first + 1} {place(start[first])} meets "
+            f"the edge from point {other + 1} {place(start[other])}; give the points in the "
+            "order in which one walks around the blank",
+            key=key,
+        )
+
+
+def check_element_count(outline: np.ndarray, area: float, edge_length: float) -> None:
+    """Raise InputError where elements of an edge length [m] are too large or too many."""
+    key = "blank.edge_length"
+    along = np.roll(outline, -1, axis=0) - outline
+    normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, np.newaxis]
+    width = min(np.ptp(outline @ normal) for normal in normals)
+    if edge_length > width:
+        raise InputError(
+            f"{edge_length:g} m is larger than the blank, which is {width:g} m wide; "
+            f"choose {width / 10.0:.2g} m or less",
+            key=key,
+        )
+    if whole_number(width / edge_length) < 2:
+        raise InputError(
+            f"{edge_length:g} m leaves fewer than two elements across the blank, which is "
+            f"{width:g} m wide; choose {width / 10.0:.2g} m or less",
+            key=key,
+        )
+    estimate = area / edge_length**2
+    if estimate > MAXIMUM_ELEMENT_COUNT:
+        smallest = math.sqrt(area / MAXIMUM_ELEMENT_COUNT)
+        raise InputError(
+            f"{edge_length:g} m would make about {estimate:.2g} elements, more than the "
+            f"{MAXIMUM_ELEMENT_COUNT} that are allowed; choose {smallest:.2g} m or more",
+            key=key,
+        )
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross product of vectors in the plane, shape (..., 2)."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def whole_number(value: float) -> int:
+    """Nearest whole number, the upper one of two."""
+    return math.floor(value + 0.5)
+
+
+def place(point: np.ndarray) -> str:
+    """Point of the plane [m] as text in mm, for messages."""
+    return f"({1e3 * point[0]:.4g}, {1e3 * point[1]:.4g}) mm"

@@ -1,0 +1,38 @@
+"""Scene table of the meshes that receive the fields.
+
+It stands here and not in the package that maps: that package is built on the core, which holds the
+scene and never imports what is built on it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from lcmchain.quantities.entry_types import AbsentMeans, LengthUnit, Name, PositiveLength, Text
+from lcmchain.quantities.scene_model import SceneModel
+
+
+class MappingTarget(SceneModel):
+    """A mesh that receives thickness, fibre volume fraction and fibre directions."""
+
+    name: Annotated[str, Name("infiltration")] = Field(
+        description="Name of the target and of its files."
+    )
+    mesh: Annotated[str, Text("infiltration.vtu")] = Field(
+        description="Mesh file, relative to the scene file."
+    )
+    kind: Literal["infiltration", "structure"] = Field(
+        description="Surface cells for infiltration, solids (else shells) for structure."
+    )
+    method: Literal["overlap", "closest"] = Field(
+        default="overlap",
+        description="Weights from the overlap of cells and sheet, or of the closest place.",
+    )
+    maximum_distance: Annotated[
+        PositiveLength | None, AbsentMeans("one edge length of the sheet")
+    ] = Field(default=None, description="Farthest distance over which a value is taken.")
+    length_unit: Annotated[str, LengthUnit()] = Field(
+        default="m", description="Unit of the coordinates in the file."
+    )

@@ -1,0 +1,170 @@
+"""The scene: all tables of a scene file, put together, with the checks between them.
+
+Attribute names are the keys of the TOML file. All values are SI floats. Models built in Python
+take SI numbers or texts with units; a scene file must give physical quantities with units. The
+tables stand in the files that implement them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+
+from lcmchain.effects.contact import Contact
+from lcmchain.elements.families import SheetElement
+from lcmchain.elements.solid_shell.table import Element
+from lcmchain.materials.laws import TABLES, AnyMaterial
+from lcmchain.mesh.blank import Blank
+from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.mapping_target import MappingTarget
+from lcmchain.scene.output import Output
+from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.presets import fill_preset
+from lcmchain.scene.process import Process
+from lcmchain.tools.tool import Tool
+
+#: Text that takes back an optional table, for overrides: TOML has no null.
+NONE = "none"
+
+
+@dataclass(frozen=True)
+class SceneSource:
+    """Where a scene came from, and which of its values were given and which defaulted.
+
+    Parameters
+    ----------
+    path : the scene file, or None for a text or a scene built in Python.
+    directory : folder to which file names in the scene are relative.
+    text : text of the scene file; overrides stand at its end as comments.
+    sha256 : of that text; without overrides the same as of the file.
+    given, defaulted : dotted key and value as text, in the order of the tables.
+    """
+
+    path: Path | None
+    directory: Path
+    text: str
+    sha256: str
+    given: list[tuple[str, str]] = field(default_factory=list)
+    defaulted: list[tuple[str, str]] = field(default_factory=list)
+
+
+class Scene(SceneModel):
+    """Everything that one forming simulation needs, in SI units."""
+
+    title: Annotated[str, Text("Hemisphere with blank holder")] = Field(
+        default="untitled", description="Title of pictures and files."
+    )
+    process: Process
+    blank: Blank
+    material: AnyMaterial = Field(description="What the sheet is made of, and how it deforms.")
+    element: SheetElement = Field(
+        default_factory=Element,
+        description="Kind of element and its options; a name alone takes the defaults.",
+    )
+    contact: Contact = Field(default_factory=Contact)
+    tools: Annotated[
+        tuple[Tool, ...], Row("[[tools]] ... for each tool", entries="tables", units=False)
+    ] = ()
+    output: Output = Field(default_factory=Output)
+    mapping: Annotated[
+        tuple[MappingTarget, ...],
+        Row("[[mapping]] ... for each mesh", entries="tables", units=False),
+    ] = ()
+    permeability: Annotated[Permeability | None, AbsentMeans(NONE)] = Field(
+        default=None,
+        description="Law that turns fibre volume fraction and directions into permeability.",
+    )
+
+    _source: SceneSource | None = PrivateAttr(default=None)
+
+    @property
+    def source(self) -> SceneSource:
+        """Where the scene came from; empty for a scene built in Python."""
+        return self._source or SceneSource(None, Path.cwd(), "", "")
+
+    @field_validator("material", mode="before")
+    @classmethod
+    def _fill_preset(cls, value: Any) -> Any:
+        return fill_preset(value)
+
+    @field_validator("element", mode="before")
+    @classmethod
+    def _complete_element(cls, value: Any) -> Any:
+        """Take a name alone, and the solid-shell where options are given without a type."""
+        if isinstance(value, str):
+            return {"type": value}
+        if isinstance(value, dict) and "type" not in value:
+            return {"type": Element.model_fields["type"].default, **value}
+        return value
+
+    @field_validator("permeability", mode="before")
+    @classmethod
+    def _allow_none(cls, value: Any) -> Any:
+        return None if value == NONE else value
+
+    @field_validator("tools", "mapping")
+    @classmethod
+    def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
+        names = [item.name for item in items]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise wrong(
+                    f'has the name "{name}" twice, at [{names.index(name)}] and [{index}]; '
+                    "give each its own name"
+                )
+        return items
+
+    @field_validator("tools")
+    @classmethod
+    def _complete_tools(cls, tools: tuple[Tool, ...], info: ValidationInfo) -> tuple[Tool, ...]:
+        """Fill the tool entries whose default is another entry of the scene."""
+        contact, process = info.data.get("contact"), info.data.get("process")
+        if contact is None or process is None:
+            return tools  # their own errors are reported; nothing to fill from
+        return tuple(
+            tool.completed(contact.friction, process.time, key=f'[{index}] "{tool.name}"')
+            for index, tool in enumerate(tools)
+        )
+
+    @model_validator(mode="after")
+    def _check_scene(self) -> Self:
+        if self.permeability is not None and self.material.fibre_density is None:
+            raise wrong(
+                "is missing, but permeability needs the fibre volume fraction; give "
+                'fibre_density = "1810 kg/m^3" or leave [permeability] out',
+                field="material.fibre_density",
+            )
+        if self.element.type not in self.material.families:
+            raise wrong(self._law_of_no_use(), field="material.law")
+        if not self.element.has_thickness and self.permeability is not None:
+            raise wrong(
+                f'needs the thickness, which element = "{self.element.type}" does not predict; use '
+                'element = "solid-shell", or leave the entry out (on the command line: '
+                "--set permeability=none)",
+                field="permeability",
+            )
+        share = getattr(self.element, "fibre_hourglass", 1.0)
+        if share < 1.0 and not self.material.has_fibres:
+            raise wrong(
+                f'is {share:g}, but only law = "fabric" has fibres; leave it out',
+                field="element.fibre_hourglass",
+            )
+        if self.material.thickness > min(self.blank.extent):
+            raise wrong(
+                f"is {self.material.thickness * 1e3:g} mm, larger than the blank; check its unit",
+                field="material.thickness",
+            )
+        return self
+
+    def _law_of_no_use(self) -> str:
+        """Say that the elements do not know the law, and what does."""
+        element, law = self.element.type, self.material.law
+        known = [f'"{table.law_name()}"' for table in TABLES if element in table.families]
+        return (
+            f'is "{law}", but element = "{element}" knows the law {" and ".join(known)} only; use '
+            f'element = "{self.material.families[0]}"'
+        )

@@ -1,0 +1,117 @@
+"""The models of a scene at a location of a document: which table, which entry, which choices."""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from lcmchain.scene.scene import Scene
+
+#: What a table is without that entry; no other table has a form of this name.
+DEFAULT_FORM = "solid-shell"
+
+
+def model_at(location: Sequence[str | int], data: Any) -> type[BaseModel] | None:
+    """Model of the table at a location; None where there is none or its form is not chosen."""
+    models = models_of(annotation_at(location, data))
+    return _chosen(models, _value_at(location, data))
+
+
+def field_at(location: Sequence[str | int], data: Any) -> FieldInfo | None:
+    """Entry of a model at a location; None for an entry of a list, or where there is none."""
+    if not location or isinstance(location[-1], int):
+        return None
+    model = model_at(location[:-1], data)
+    return model.model_fields.get(location[-1]) if model else None
+
+
+def annotation_at(location: Sequence[str | int], data: Any) -> Any:
+    """Type of what stands at a location."""
+    annotation: Any = Scene
+    node = data
+    for step in location:
+        if isinstance(step, int):
+            annotation = next(_entries_of(annotation), None)
+            node = node[step] if isinstance(node, (list, tuple)) and step < len(node) else None
+        else:
+            model = _chosen(models_of(annotation), node)
+            model_field = model.model_fields.get(step) if model else None
+            annotation = model_field.annotation if model_field else None
+            node = node.get(step) if isinstance(node, dict) else None
+    return annotation
+
+
+def _value_at(location: Sequence[str | int], data: Any) -> Any:
+    for step in location:
+        try:
+            data = data[step]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return data
+
+
+def _chosen(models: list[type[BaseModel]], value: Any) -> type[BaseModel] | None:
+    if len(models) == 1:
+        return models[0]
+    if not isinstance(value, dict):
+        return None
+    tag = "fabric" if value.get("preset") else value.get("law", value.get("type", DEFAULT_FORM))
+    return next((model for model in models if tag in tags_of(model)), None)
+
+
+def inner_models(location: Sequence[str | int], data: Any) -> Iterator[tuple[str, type[BaseModel]]]:
+    """Tables inside the table at a location, each with its name."""
+    model = model_at(location, data)
+    for name, model_field in model.model_fields.items() if model else ():
+        inner = _chosen(models_of(model_field.annotation), _value_at((*location, name), data))
+        if inner is not None:
+            yield name, inner
+
+
+def models_of(annotation: Any) -> list[type[BaseModel]]:
+    """Models that a type allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    origin = typing.get_origin(annotation)
+    if origin is Annotated:
+        return models_of(typing.get_args(annotation)[0])
+    if origin in (Union, types.UnionType):
+        return [model for part in typing.get_args(annotation) for model in models_of(part)]
+    return []
+
+
+def _entries_of(annotation: Any) -> Iterator[Any]:
+    origin = typing.get_origin(annotation)
+    if origin is Annotated:
+        yield from _entries_of(typing.get_args(annotation)[0])
+    elif origin is tuple:
+        yield typing.get_args(annotation)[0]
+    elif origin in (Union, types.UnionType):
+        for part in typing.get_args(annotation):
+            yield from _entries_of(part)
+
+
+def choices_of(annotation: Any) -> tuple[str, ...]:
+    """Texts that a type allows."""
+    if typing.get_origin(annotation) is Literal:
+        return typing.get_args(annotation)
+    return tuple(choice for part in typing.get_args(annotation) for choice in choices_of(part))
+
+
+def tags_at(location: Sequence[str | int], data: Any) -> list[str]:
+    """Names of the forms that the table at a location may take."""
+    models = models_of(annotation_at(location, data))
+    return [tag for model in models for tag in tags_of(model)]
+
+
+def tags_of(model: type[BaseModel]) -> tuple[str, ...]:
+    """Names that choose a model among the forms of its table."""
+    for discriminator in ("law", "type"):
+        if discriminator in model.model_fields:
+            return choices_of(model.model_fields[discriminator].annotation)
+    return ()

@@ -1,0 +1,114 @@
+"""What ``summary.json`` says about a finished forming run; other reports take it from here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+from lcmchain import __version__
+from lcmchain.check import scene_effects
+from lcmchain.fields import field_summary
+from lcmchain.fields.summary import field_warnings
+
+# Above these a result is questionable, and the summary says so.
+LARGEST_BALANCE_ERROR = 0.01
+LARGEST_HOURGLASS_PART = 0.1
+LARGEST_KINETIC_PART_AT_END = 0.05
+LARGEST_PENETRATION = 1e-4
+
+
+def run_summary(
+    scene,
+    simulation,
+    snapshots: Sequence,
+    datasets: Mapping[str, xr.Dataset],
+    *,
+    run_fingerprint: str,
+    wall_s: float,
+    compile_s: float,
+    threads: int,
+    warnings: Sequence[str] = (),
+) -> dict:
+    """Return the content of ``summary.json`` before any mapping.
+
+    Parameters
+    ----------
+    scene : the scene; ``scene_sha256`` is the hash of its text, empty without one.
+    simulation : at the end of the process.
+    snapshots : of all frames, the last one at the end of the process.
+    datasets : groups of ``forming.nc`` made of them.
+    run_fingerprint : of :class:`lcmchain.fingerprint.Fingerprint`, all that decides the numbers.
+    wall_s, compile_s : time spent in the time loop and on compiling [s].
+    threads : of the compiled loops.
+    warnings : found while the model was built.
+    """
+    model, state = simulation.model, simulation.state
+    summary = {
+        "lcmchain_version": __version__,
+        "title": scene.title,
+        "scene_sha256": scene.source.sha256,
+        "run_fingerprint": run_fingerprint,
+        "element_count": model.element_count,
+        "node_count": model.node_count,
+        "step_count": state.step_count,
+        "process_time_s": scene.process.time,
+        "wall_s": wall_s,
+        "compile_s": compile_s,
+        "threads": threads,
+        "us_per_element_step": 1e6 * wall_s / (state.step_count * model.element_count),
+        "energy": snapshots[-1].energy,
+        **energy_measures([snapshot.energy for snapshot in snapshots]),
+        **field_summary(datasets),
+        "penetration_max_m": dict(
+            zip(model.tool_names, state.penetration_max.tolist(), strict=True)
+        ),
+        "step_control": dict(simulation.control.history),
+        "effects": [effect.name for effect in scene_effects(scene) if effect.active],
+    }
+    found = [*warnings, *field_warnings(datasets["/"]), *run_warnings(summary)]
+    return summary | {"warnings": found, "mapping": {}}
+
+
+def energy_measures(energies: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return how the energies of the frames compare with the internal one, hourglass included.
+
+    ``balance_error_max`` is relative to the largest internal energy of all frames, the kinetic
+    energy to the internal energy of its own frame. All are 0 where the sheet was never strained.
+    """
+    internal = np.array([energy["internal"] + energy["hourglass"] for energy in energies])
+    kinetic = np.array([energy["kinetic"] for energy in energies])
+    error = np.array([energy["balance_error"] for energy in energies])
+    strained = internal > 0.0
+    ratio = np.divide(kinetic, internal, out=np.zeros_like(kinetic), where=strained)
+    return {
+        "balance_error_max": float(np.abs(error).max() / internal.max()) if strained.any() else 0.0,
+        "kinetic_to_internal_max": float(ratio.max()),
+        "kinetic_to_internal_end": float(ratio[-1]),
+    }
+
+
+def run_warnings(summary: Mapping) -> list[str]:
+    """Say in words where the numbers of a summary make its result questionable."""
+    found = []
+    energy = summary["energy"]
+    if summary["balance_error_max"] > LARGEST_BALANCE_ERROR:
+        found.append(
+            f"the energy balance is off by {summary['balance_error_max']:.1%} of the largest "
+            "internal energy; lower process.step_safety, and leave element.cross_terms off"
+        )
+    if energy["hourglass"] > LARGEST_HOURGLASS_PART * energy["internal"]:
+        found.append(
+            f"the hourglass energy is {energy['hourglass'] / energy['internal']:.1%} of the "
+            "internal energy; use a smaller blank.edge_length"
+        )
+    if summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END:
+        found.append(
+            f"the sheet still moves at the end (kinetic {summary['kinetic_to_internal_end']:.1%} "
+            "of the internal energy); use a longer process.time or process.mass_damping"
+        )
+    for tool, depth in summary["penetration_max_m"].items():
+        if depth > LARGEST_PENETRATION:
+            found.append(f"nodes reached {1e3 * depth:.2f} mm into {tool}; raise contact.penalty")
+    return found

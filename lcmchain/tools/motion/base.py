@@ -1,0 +1,89 @@
+"""What every motion offers to the tool table, to checks and to the FMU; the kinds of motion."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from lcmchain.errors import InputError
+from lcmchain.quantities.scene_model import SceneModel
+
+#: Values of ToolTable.motion_kind.
+FIXED = 0
+PRESCRIBED = 1
+GUIDED = 2
+
+#: Values of ToolTable.stroke_profile.
+SMOOTH = 0
+LINEAR = 1
+TABULATED = 2
+
+STANDARD_GRAVITY = 9.81  # [m/s2], along -z
+
+
+class ToolMotion(SceneModel):
+    """Motion of a rigid tool along a fixed direction; sub-classes are tables of a scene."""
+
+    #: Value in ToolTable.motion_kind.
+    kind: ClassVar[int]
+
+    def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
+        """Entries of the motion in the tool table, see :meth:`columns`.
+
+        Parameters
+        ----------
+        axis : unit vector [3] of the tool's local z, the direction of a tool that never moves.
+        process_time : end [s] of a motion that does not say when it ends.
+        key : scene key of the motion, named in errors.
+
+        Raises
+        ------
+        InputError : a motion that is not one; names the entry.
+        """
+        raise NotImplementedError
+
+    def columns(self, direction: np.ndarray, **given: Any) -> dict[str, Any]:
+        """Entries of one tool in the motion columns of the tool table, zero where not given."""
+        return {
+            "motion_kind": self.kind,
+            "direction": direction,
+            "mass": 0.0,
+            "force": 0.0,
+            "damping": 0.0,
+            "ramp": 0.0,
+            "gravity_along": 0.0,
+            "stroke_profile": SMOOTH,
+            "stroke_distance": 0.0,
+            "stroke_start": 0.0,
+            "stroke_end": 1.0,
+            "table_times": np.zeros(0),
+            "table_travels": np.zeros(0),
+            **given,
+        }
+
+    def completed(self, process_time: float, *, key: str) -> Self:
+        """Fill the entries whose default is another entry of the scene; an error names the key."""
+        return self
+
+    @property
+    def moves(self) -> bool:
+        """Whether the tool is driven: by a prescribed travel or by a load."""
+        return False
+
+    def remarks(self, tool_name: str, process_time: float) -> list[str]:
+        """Say what is allowed but probably not meant, in a process of a duration [s]."""
+        return []
+
+
+def unit_direction(direction, key: str) -> np.ndarray:
+    """Scale the direction of a motion to length one."""
+    vector = np.array(direction, dtype=float)
+    length = math.hypot(*vector)
+    if vector.shape != (3,) or not 0.0 < length < math.inf:
+        raise InputError(
+            f"{direction} is not a direction; give three numbers, not all zero",
+            key=f"{key}.direction",
+        )
+    return vector / length

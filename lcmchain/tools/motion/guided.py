@@ -1,0 +1,89 @@
+"""Tool that slides on a guide under its weight, a force and the contact.
+
+Its equation of motion is integrated by the solver; the table holds its data.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lcmchain.errors import InputError
+from lcmchain.jit import equation
+from lcmchain.quantities.entry_types import (
+    Direction,
+    Force,
+    PositiveMass,
+    Switch,
+    TimeOrZero,
+    ViscousDamping,
+)
+from lcmchain.tools.motion.base import (
+    GUIDED,
+    STANDARD_GRAVITY,
+    ToolMotion,
+    unit_direction,
+)
+from lcmchain.tools.motion.smooth_step import smooth_step
+
+
+@equation
+def guided_load(table, tool, added_force, time):
+    """Load [N] on a guided tool along its direction: weight and forces, ramped up at the start."""
+    load = table.force[tool] + added_force + table.mass[tool] * table.gravity_along[tool]
+    if time < table.ramp[tool]:
+        return smooth_step(time / table.ramp[tool])[0] * load
+    return load
+
+
+class GuidedMotion(ToolMotion):
+    """The tool slides along a direction under its weight and a given force."""
+
+    kind: ClassVar[int] = GUIDED
+
+    type: Literal["guided"]
+    direction: Direction = Field(description="Positive direction of travel.")
+    mass: PositiveMass = Field(description="Mass of the tool.")
+    force: Force = Field(default="0 N", description="Constant force along the direction.")
+    gravity: Switch = Field(
+        default=True, description="Add the component of 9.81 m/s2 (0, 0, -1) along the direction."
+    )
+    damping: ViscousDamping = Field(default="0 N*s/m", description="Viscous damping of the travel.")
+    ramp: TimeOrZero = Field(
+        default="0 s",
+        description="Time over which weight and force come on smoothly; without it a tool laid on "
+        "the blank bounces with twice its load.",
+    )
+
+    @property
+    def load(self) -> float:
+        """Force along the direction of travel from weight and given force [N]."""
+        weight = -STANDARD_GRAVITY * self.mass * self.direction[2] if self.gravity else 0.0
+        return self.force + weight
+
+    def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
+        direction = unit_direction(self.direction, key)
+        if not self.mass > 0.0:
+            raise InputError(f"must be positive, is {self.mass:g} kg", key=f"{key}.mass")
+        return self.columns(
+            direction,
+            mass=self.mass,
+            force=self.force,
+            damping=self.damping,
+            ramp=self.ramp,
+            gravity_along=-STANDARD_GRAVITY * direction[2] if self.gravity else 0.0,
+        )
+
+    @property
+    def moves(self) -> bool:
+        return self.load != 0.0
+
+    def remarks(self, tool_name: str, process_time: float) -> list[str]:
+        if self.load < 0.0:
+            return [
+                f'the load on "{tool_name}" ({self.load:.3g} N) points against its '
+                "direction of travel"
+            ]
+        return []

@@ -1,0 +1,57 @@
+"""Surface mesh from a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lcmchain.quantities.entry_types import AbsentMeans, LengthUnit, PositiveLength, Text
+from lcmchain.quantities.units import length_factor
+from lcmchain.tools.distance import FIELD
+from lcmchain.tools.shapes.base import ToolShape, shape_entries
+from lcmchain.tools.surfaces.distance_field import build_distance_field
+from lcmchain.tools.surfaces.reading import read_surface
+
+
+class SurfaceMesh(ToolShape):
+    """Closed or open surface from a file, turned into a distance field."""
+
+    type: Literal["surface_mesh"]
+    file: Annotated[str, Text("punch.stl")] = Field(
+        description="STL or any mesh that meshio reads; relative to the scene file."
+    )
+    length_unit: Annotated[str, LengthUnit()] = Field(
+        description="Unit of the coordinates in the file."
+    )
+    spacing: Annotated[PositiveLength | None, AbsentMeans("automatic")] = Field(
+        default=None, description="Grid spacing of the distance field."
+    )
+
+    @property
+    def length_scale(self) -> float:
+        """Metres per unit of the file."""
+        return length_factor(self.length_unit)
+
+    def table_entries(self, directory: Path, *, key: str) -> dict[str, Any]:
+        surface = read_surface(Path(directory) / self.file, self.length_unit)
+        field = build_distance_field(surface, self.spacing, key=key)
+        return shape_entries(
+            FIELD,
+            spacing=field.spacing,
+            grid_origin=field.origin,
+            grid_shape=np.array(field.shape),
+            box=field.box,
+            coefficients=field.coefficients.ravel(),
+            far_bound=field.far_bound.ravel(),
+        )
+
+    def surface(self, directory: Path, reach: float, *, key: str) -> tuple[np.ndarray, np.ndarray]:
+        surface = read_surface(Path(directory) / self.file, self.length_unit)
+        return surface.points, surface.triangles
+
+    @property
+    def file_entries(self) -> tuple[str, ...]:
+        return ("file",)

@@ -1,0 +1,1 @@
+"""Tools given as surface meshes: reading, checking, and their distance field."""

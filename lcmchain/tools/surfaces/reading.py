@@ -1,0 +1,109 @@
+"""Reading of STL files and other surface meshes, with what is wrong with them."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from lcmchain.errors import InputError
+from lcmchain.quantities.units import QuantityError, length_factor
+from lcmchain.tools.surfaces.surface import Surface, edge_middle, edges, place_text, warn
+from lcmchain.tools.surfaces.welding import oriented, weld
+
+_TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
+
+
+def read_surface(file: Path, length_unit: str) -> Surface:
+    """Read the surface of a tool from an STL file or any mesh that meshio reads.
+
+    Vertices at the same place are welded, degenerate and repeated triangles dropped, and triangles
+    that are turned against their neighbours turned back, with a warning.
+
+    Parameters
+    ----------
+    file : path of the mesh.
+    length_unit : unit of its coordinates, for example "mm".
+
+    Raises
+    ------
+    InputError
+        if the file is absent, broken, empty, without surface cells, or cannot be oriented.
+    """
+    try:
+        scale = length_factor(length_unit)
+    except QuantityError as error:
+        raise InputError(f"length_unit of the tool's mesh: {error}", file=file) from None
+    points, triangles = read_triangles(Path(file))
+    points = points * scale
+    points, triangles = weld(points, triangles, file)
+    triangles = oriented(points, triangles, file)
+    edge_of_side, _, edge_use = edges(triangles)
+    surface = Surface(points, triangles, edge_of_side, edge_use, Path(file))
+    if surface.open_edge_count == 0:
+        a, b, c = (points[triangles[:, i]] for i in range(3))
+        if np.einsum("ij,ij->i", a, np.cross(b, c)).sum() < 0.0:
+            warn(
+                file,
+                "the normals of the closed surface point inwards, so that everything outside it "
+                "is solid; turn the normals if the tool is the inside",
+            )
+    if (edge_use > 2).any():
+        worst = edge_middle(surface, int(np.argmax(edge_use > 2)))
+        warn(
+            file,
+            f"{np.count_nonzero(edge_use > 2)} edges belong to more than two triangles, the first "
+            f"at {place_text(worst)}; inside and outside may be confused near them",
+        )
+    return surface
+
+
+def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    if not file.is_file():
+        raise InputError("there is no such file; the path is relative to the scene file", file=file)
+    if file.stat().st_size == 0:
+        raise InputError("the file is empty; export the tool's surface again", file=file)
+    import meshio
+
+    said = io.StringIO()  # meshio prints its complaints, and may leave by SystemExit
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                mesh = meshio.read(file)
+    except (Exception, SystemExit) as error:
+        reason = said.getvalue().strip() or str(error) or type(error).__name__
+        raise InputError(
+            f"cannot be read as a surface mesh ({' '.join(reason.split())}); "
+            "check that the file is complete and its ending names its format",
+            file=file,
+        ) from None
+    triangles = []
+    found = []
+    for block in mesh.cells:
+        cells = np.asarray(block.data)
+        found.append(block.type)
+        shape = block.type.rstrip("0123456789")
+        if shape == "polygon":
+            shape_rows = [(0, i, i + 1) for i in range(1, cells.shape[1] - 1)]
+        else:
+            shape_rows = _TRIANGULATION.get(shape, [])
+        triangles.extend(cells[:, row] for row in shape_rows)
+    if not triangles or sum(len(block) for block in triangles) == 0:
+        kinds = ", ".join(sorted(set(found))) or "no cells at all"
+        raise InputError(
+            f"holds no triangles or quadrilaterals ({kinds}); export the tool's surface",
+            file=file,
+        )
+    points = np.asarray(mesh.points, dtype=float)
+    if points.shape[1] != 3:
+        raise InputError("is a plane mesh; a tool needs points with x, y and z", file=file)
+    triangles = np.concatenate(triangles).astype(np.int64)
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise InputError("has triangles with vertices that do not exist; it is broken", file=file)
+    if not np.isfinite(points[np.unique(triangles)]).all():
+        raise InputError("has vertices that are not finite numbers; it is broken", file=file)
+    return points, triangles

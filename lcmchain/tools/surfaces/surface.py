@@ -1,0 +1,68 @@
+"""Triangles of a tool's surface and their edges."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+
+class ToolWarning(UserWarning):
+    """A tool that can be used, but not quite as it was given."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Welded, consistently oriented triangles of a tool; normals point into free space.
+
+    Parameters
+    ----------
+    points : vertices [m], shape [vertex_count, 3].
+    triangles : vertex indices, shape [triangle_count, 3].
+    edges : the edges of each triangle (0-1, 1-2, 2-0) as indices, shape [triangle_count, 3].
+    edge_use : number of triangles at each edge, shape [edge_count].
+    file : where it was read from.
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    edges: np.ndarray
+    edge_use: np.ndarray
+    file: Path
+
+    @property
+    def open_edge_count(self) -> int:
+        """Number of edges with a triangle on one side only; zero for a closed surface."""
+        return int(np.count_nonzero(self.edge_use == 1))
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit normals of the triangles, shape [triangle_count, 3]."""
+        a, b, c = (self.points[self.triangles[:, i]] for i in range(3))
+        normals = np.cross(b - a, c - a)
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def edges(triangles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edge index and direction (True: from the lower vertex) per triangle, and uses per edge."""
+    directed = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+    forward = directed[:, 0] < directed[:, 1]
+    _, edges, use = np.unique(
+        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    return edges.reshape(-1, 3), forward.reshape(-1, 3), use
+
+
+def edge_middle(surface: Surface, edge: int) -> np.ndarray:
+    t, i = np.argwhere(surface.edges == edge)[0]
+    return surface.points[surface.triangles[t, [i, (i + 1) % 3]]].mean(axis=0)
+
+
+def warn(file, message: str) -> None:
+    warnings.warn(ToolWarning(f"{file}: {message}"), stacklevel=3)
+
+
+def place_text(point) -> str:
+    return "({:.4g}, {:.4g}, {:.4g}) m".format(*point)

@@ -1,0 +1,40 @@
+"""The list of mutants fits the sources: every text stands where it is said to, once."""
+
+import ast
+from pathlib import Path
+from runpy import run_path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+MUTANTS = run_path(str(Path(__file__).with_name("run.py")))["read_mutants"]()
+
+pytestmark = pytest.mark.skipif(
+    not (ROOT / "pyproject.toml").is_file(), reason="needs the checkout, not only the tests"
+)
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
+def test_a_mutant_changes_one_place_and_names_tests_that_exist(mutant):
+    text = (ROOT / mutant.file).read_text(encoding="utf-8")
+    assert text.count(mutant.old) == 1, "adapt `old` to the present sources"
+    assert mutant.new != mutant.old and mutant.breaks
+    ast.parse(text.replace(mutant.old, mutant.new))
+    assert mutant.tests
+    for test in mutant.tests:
+        file, *name = test.split("::")
+        functions = {
+            node.name
+            for node in ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8")))
+            if isinstance(node, ast.FunctionDef)
+        }
+        assert {part.split("[")[0] for part in name} <= functions, test
+
+
+def test_there_are_enough_mutants_in_every_room():
+    assert len({mutant.name for mutant in MUTANTS}) == len(MUTANTS) >= 45
+    rooms = {mutant.file.rsplit("/", 1)[0] for mutant in MUTANTS}
+    assert rooms >= {
+        "lcmchain", "lcmchain/solver", "lcmchain/effects", "lcmchain/elements", "lcmchain/fields",
+        "lcmchain/materials", "lcmchain/scene", "lcmchain/tools", "mapping", "fmu", "coupling",
+    }  # fmt: skip

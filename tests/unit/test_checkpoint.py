@@ -1,0 +1,192 @@
+"""Checkpoints: only the run that wrote one may go on from it."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lcmchain import compile_cache, pipeline
+from lcmchain.errors import InputError
+from lcmchain.fingerprint import Fingerprint, run_fingerprint
+from lcmchain.model import build_model
+from lcmchain.scene import Scene, scene_from_text
+from lcmchain.solver.checkpoint import FILE_NAME, Checkpoint, read_checkpoint, write_checkpoint
+from lcmchain.solver.simulation import Snapshot
+from lcmchain.state import State
+
+TEXT = """
+title = "sheet on a block"
+process = { time = "10 ms" }
+blank = { size = ["20 mm", "20 mm"], edge_length = "10 mm", height = "20 mm" }
+material = { preset = "MD600" }
+
+[[tools]]
+name = "block"
+shape = { type = "surface_mesh", file = "block.stl", length_unit = "mm", spacing = "5 mm" }
+"""
+# the same without files, built in Python
+VALUES = {
+    "process": {"time": "10 ms"},
+    "blank": {"size": ["20 mm", "20 mm"], "edge_length": "10 mm"},
+    "material": {"preset": "MD600"},
+}
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    (tmp_path / "block.stl").write_text("solid block\n", encoding="utf-8")
+    return tmp_path / "scene.toml"
+
+
+def built(**changes):
+    return Scene.model_validate(VALUES | changes)
+
+
+def fingerprint_of(text, path):
+    return run_fingerprint(scene_from_text(text, path))
+
+
+# --- fingerprint ----------------------------------------------------------------------------------
+
+
+def test_what_decides_the_numbers_of_a_scene_is_in_its_fingerprint(scene_file):
+    known = fingerprint_of(TEXT, scene_file)
+    assert fingerprint_of(TEXT, scene_file) == known
+    for old, new in (
+        ('"10 ms"', '"11 ms"'),
+        ('["20 mm", "20 mm"]', '["20 mm", "20.000000001 mm"]'),
+        ('preset = "MD600"', 'preset = "MD600", thickness = "1.005 mm"'),
+        ('spacing = "5 mm"', 'spacing = "4 mm"'),
+    ):
+        other = fingerprint_of(TEXT.replace(old, new), scene_file)
+        assert other.scene != known.scene, new
+        assert (other.files, other.sources) == (known.files, known.sources)
+        assert other.sha256 != known.sha256
+        assert known.difference(other) == "another scene (or other --set values)"
+    assert known.difference(known) == ""
+
+
+def test_what_is_applied_after_forming_is_not(scene_file):
+    """So that a finished run serves a mended mapping."""
+    (scene_file.parent / "part.vtu").write_text("mesh", encoding="utf-8")
+    more = '[[mapping]]\nname = "part"\nmesh = "part.vtu"\nkind = "structure"\n'
+    changed = f"# a comment\n{TEXT}\n{more}[output]\npictures = false\n".replace("on a", "upon a")
+    assert fingerprint_of(changed, scene_file) == fingerprint_of(TEXT, scene_file)
+
+
+def test_scenes_built_in_python_have_fingerprints(scene_file):
+    assert built().source.sha256 == ""  # there is no text
+    assert run_fingerprint(built()) == run_fingerprint(built(process={"time": "0.01 s"}))
+    others = [
+        built(process={"time": "20 ms"}),
+        built(material={"preset": "MD600", "areal_mass": "601 g/m^2"}),
+        built(element={"compaction_strain": "director"}),
+    ]
+    assert len({run_fingerprint(scene).sha256 for scene in (built(), *others)}) == 4
+    text = "\n".join(TEXT.splitlines()[2:5]).replace(', height = "20 mm"', "")
+    assert run_fingerprint(built()) == fingerprint_of(text, scene_file)
+
+
+def test_contents_of_mesh_files_are_in_the_fingerprint(scene_file):
+    known = fingerprint_of(TEXT, scene_file)
+    mesh = scene_file.parent / "block.stl"
+    mesh.write_text("solid block \n", encoding="utf-8")
+    other = fingerprint_of(TEXT, scene_file)
+    assert other.scene == known.scene and other.sha256 != known.sha256
+    assert known.difference(other) == "other contents of the mesh files of its tools"
+    scene = scene_from_text(TEXT, scene_file)
+    mesh.unlink()
+    with pytest.raises(InputError, match="block.stl"):
+        run_fingerprint(scene)
+
+
+def test_sources_are_in_the_fingerprint(tmp_path, monkeypatch):
+    folder = tmp_path / "package"
+    folder.mkdir()
+    (folder / "physics.py").write_text("stress = 1\n", encoding="utf-8")
+    monkeypatch.setattr(compile_cache, "_package_folders", lambda: [folder])
+    known = run_fingerprint(built())
+    assert run_fingerprint(built()) == known
+    (folder / "physics.py").write_text("stress = 2\n", encoding="utf-8")
+    other = run_fingerprint(built())
+    assert known.difference(other) == "other source files of lcmchain"
+    assert known.sha256 != other.sha256
+
+
+# --- checkpoint -----------------------------------------------------------------------------------
+
+RUN = Fingerprint("scene", "files", "sources")
+
+
+@pytest.fixture(scope="module")
+def state():
+    state = State.at_rest(build_model(built()))
+    rng = np.random.default_rng(0)
+    for array in state.as_dict().values():
+        array[...] = rng.integers(1, 200, array.shape)
+    return state
+
+
+def checkpoint(state, fingerprint=RUN):
+    frames = [
+        Snapshot(
+            0.1 * k, np.full((18, 3), k), np.array([1.0 * k]), np.full((1, 3), 2.0 * k), {"a": k}
+        )
+        for k in range(3)
+    ]
+    return Checkpoint(fingerprint, state, frames, 12.5, {"contact stiffness": 7})
+
+
+def test_a_checkpoint_gives_back_what_was_written(state, tmp_path):
+    written = checkpoint(state)
+    write_checkpoint(tmp_path, written)
+    read = read_checkpoint(tmp_path, RUN)
+    for name, array in written.state.as_dict().items():
+        assert getattr(read.state, name).tobytes() == array.tobytes(), name
+    for one, other in zip(read.snapshots, written.snapshots, strict=True):
+        assert (one.time, one.energy) == (other.time, other.energy)
+        for name in ("position", "tool_travel", "tool_force"):
+            assert np.array_equal(getattr(one, name), getattr(other, name))
+    assert (read.fingerprint, read.wall_s) == (RUN, 12.5)
+    assert read.step_history == {"contact stiffness": 7}
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [("scene", "another scene"), ("files", "mesh files"), ("sources", "other source files")],
+)
+def test_a_foreign_checkpoint_is_refused(state, tmp_path, part, words):
+    write_checkpoint(tmp_path, checkpoint(state, RUN._replace(**{part: "foreign"})))
+    with pytest.raises(InputError, match=words) as caught:
+        read_checkpoint(tmp_path, RUN)
+    assert FILE_NAME in str(caught.value) and "--resume" in str(caught.value)
+
+
+def test_a_run_refuses_a_foreign_checkpoint_before_any_work(state, tmp_path, monkeypatch):
+    """Also where both scenes were built in Python and have no text."""
+    monkeypatch.setattr(pipeline, "Simulation", SimpleNamespace(from_scene=None))
+    write_checkpoint(tmp_path, checkpoint(state, run_fingerprint(built())))
+    other = built(process={"time": "20 ms"})
+    with pytest.raises(InputError, match="another scene"):
+        pipeline.run(other, tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("damage", ["text", "empty", "cut", "format", "entry"])
+def test_a_broken_checkpoint_is_refused(state, tmp_path, damage):
+    path = write_checkpoint(tmp_path, checkpoint(state))
+    with np.load(path) as data:
+        content = dict(data)
+    header = json.loads(str(content["header"]))
+    if damage in ("text", "empty", "cut"):
+        path.write_bytes(
+            {"text": b"no archive", "empty": b"", "cut": path.read_bytes()[:-30]}[damage]
+        )
+    else:
+        if damage == "format":
+            header["format"] = 2
+        else:
+            del header["fingerprint"]
+        np.savez(path, **content | {"header": np.array(json.dumps(header))})
+    with pytest.raises(InputError, match="no readable checkpoint"):
+        read_checkpoint(tmp_path, RUN)

@@ -1,0 +1,79 @@
+"""What ``lcmchain run`` says at its end."""
+
+from pathlib import Path
+
+import pytest
+
+from lcmchain.commands.run_report import all_warnings, print_result, summary_rows
+
+SUMMARY = {
+    "title": "dome [1]",
+    "shear_angle_max_rad": 0.5,
+    "thickness_min_m": 0.8123e-3,
+    "thickness_max_m": 1.0561e-3,
+    "fibre_volume_fraction_max": 0.4567,
+    "fibre_strain_max": 0.00123,
+    "punch_force_max_N": 123.456,
+    "balance_error_max": 0.00345,
+    "kinetic_to_internal_end": 0.0123,
+    "step_count": 12345,
+    "step_control": {"in-plane waves": 2345, "contact stiffness": 10000},
+    "wall_s": 12.34,
+    "compile_s": 5.67,
+    "threads": 2,
+    "warnings": ["the sheet [still] moves"],
+    "mapping": {
+        "part": {
+            "cell_count": 1200,
+            "target_coverage": 0.995,
+            "source_coverage": 0.64,
+            "warnings": ["3 cells reach beyond the edge"],
+        },
+        "other": {"error": "no sheet"},
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("shear angle", "up to 28.6 deg"),
+        ("thickness", "0.812 to 1.056 mm"),
+        ("fibre volume fraction", "up to 0.457"),
+        ("fibre strain", "up to 0.12%"),
+        ("largest punch force", "123.5 N"),
+        (
+            "energy balance",
+            "off by 0.34% of the largest internal energy; kinetic 1.23% of the internal energy at "
+            "the end",
+        ),
+        ("steps", "12,345, limited by contact stiffness (81%), in-plane waves (19%)"),
+        ("time", "12.3 s on 2 threads, 5.67 s of compiling before"),
+        ("mapping part", "1,200 cells, 99.5% of the target and 64.0% of the sheet covered"),
+        ("mapping other", "failed"),
+    ],
+)
+def test_rows_are_the_numbers_of_the_summary(name, text):
+    assert dict(summary_rows(SUMMARY))[name] == text
+
+
+def test_every_warning_is_said():
+    assert all_warnings(SUMMARY) == [
+        "the sheet [still] moves", "part: 3 cells reach beyond the edge"
+    ]  # fmt: skip
+
+
+def test_rows_of_what_a_result_does_not_have_are_left_out():
+    without = ("thickness_min_m", "fibre_volume_fraction_max", "punch_force_max_N")
+    names = dict(summary_rows({k: v for k, v in SUMMARY.items() if k not in without}))
+    assert not {"thickness", "fibre volume fraction", "largest punch force"} & set(names)
+    assert len(names) == len(dict(summary_rows(SUMMARY))) - 3
+
+
+def test_the_terminal_shows_rows_warnings_and_folder(capsys):
+    print_result(SUMMARY, Path("results/dome"))
+    printed = capsys.readouterr().out
+    assert printed.index("dome [1]") < printed.index("28.6 deg") < printed.index("Warning: ")
+    for warning in all_warnings(SUMMARY):
+        assert f"Warning: {warning}" in printed
+    assert printed.rstrip().endswith("Results in results/dome")

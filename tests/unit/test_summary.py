@@ -1,0 +1,194 @@
+"""Every entry of ``summary.json`` against values put in by hand."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lcmchain import __version__
+from lcmchain.fields import FrameSeries, build_datasets, field_summary
+from lcmchain.mesh.blank import build_blank
+from lcmchain.model import build_model
+from lcmchain.scene import scene_from_text
+from lcmchain.summary import energy_measures, run_summary, run_warnings
+
+SCENE = """
+title = "four elements"
+process = { time = "20 ms", frames = 3 }
+blank = { size = ["20 mm", "20 mm"], edge_length = "10 mm" }
+material = { preset = "MD600" }
+[[tools]]
+name = "die"
+shape = { type = "plate", side = "below" }
+[[tools]]
+name = "press"
+shape = { type = "plate", side = "above" }
+position = "0 0 2 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "1 mm" }
+"""
+AREA = 0.02**2
+# by frame, for two faces and again for the other two; the last frame does not hold the extrema
+FIELDS = {
+    "thickness": [[1.0e-3, 1.0e-3], [0.5e-3, 1.5e-3], [0.8e-3, 1.1e-3]],
+    "shear_angle": [[0.0, 0.0], [0.9, -0.9], [0.2, -0.5]],
+    "fibre_strain_1": [[0.0, 0.0], [0.1, -0.1], [0.001, -0.002]],
+    "fibre_strain_2": [[0.0, 0.0], [0.1, -0.1], [0.003, -0.004]],
+    "fibre_volume_fraction": [[0.33, 0.33], [0.8, 0.8], [0.4, 0.6]],
+    "areal_fibre_mass": [[0.6, 0.6], [0.6, 0.6], [0.6, 0.9]],
+}
+FORCES = {  # on each tool; the press is loaded most in the middle of its stroke
+    "die": [[0, 0, 0], [0, 0, -8.0], [0, 0, -9.0]],
+    "press": [[0, 0, 0], [2.0, 3.0, 6.0], [0, 0, 1.0]],
+}
+ENERGY_NAMES = "kinetic internal hourglass contact friction damping external balance_error".split()
+ENERGIES = [
+    dict(zip(ENERGY_NAMES, values))
+    for values in (
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.3, 1.0, 0.2, 0.1, 0.2, 0.3, 2.1, -0.06),
+        (0.1, 3.7, 0.3, 0.2, 0.4, 0.5, 5.2, 0.04),
+    )
+]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return scene_from_text(SCENE)
+
+
+def frame_series(scene, *, names=("die", "press"), travel=((0.0, 0.0), (0.0, 1.0), (0.0, 1.0))):
+    blank = build_blank(scene.blank, scene.material.thickness)
+    frames = FrameSeries(
+        time=np.array([0.0, 0.01, 0.02]),
+        positions=np.stack([blank.node_positions] * 3),
+        tool_travel=np.array(travel),
+        tool_force=np.array([FORCES["die"], FORCES["press"]], dtype=float).swapaxes(0, 1),
+        energy={name: np.array([e[name] for e in ENERGIES]) for name in ENERGIES[0]},
+        tool_names=names,
+    )
+    return blank, frames
+
+
+def datasets_of(scene, **options):
+    datasets = build_datasets(scene, *frame_series(scene, **options))
+    for name, values in FIELDS.items():
+        datasets["/"][name][...] = np.tile(values, 2)
+    return datasets
+
+
+@pytest.fixture
+def datasets(scene):
+    return datasets_of(scene)
+
+
+def summary_of(scene, datasets, energies=ENERGIES, **changes):
+    simulation = SimpleNamespace(
+        model=build_model(scene),
+        state=SimpleNamespace(step_count=1250, penetration_max=np.array([2e-5, 3e-5])),
+        control=SimpleNamespace(history={"in-plane stiffness": 1000, "contact stiffness": 250}),
+    )
+    given = {"run_fingerprint": "abc", "wall_s": 0.5, "compile_s": 7.5, "threads": 2} | changes
+    snapshots = [SimpleNamespace(energy=energy) for energy in energies]
+    return run_summary(scene, simulation, snapshots, datasets, **given)
+
+
+def test_every_entry(scene, datasets):
+    summary = summary_of(scene, datasets, warnings=["a hole was closed"])
+    effects = summary.pop("effects")
+    found = summary.pop("warnings")
+    expected = {
+        "lcmchain_version": __version__,
+        "title": "four elements",
+        "scene_sha256": scene.source.sha256,
+        "run_fingerprint": "abc",
+        "element_count": 4,
+        "node_count": 18,
+        "step_count": 1250,
+        "process_time_s": 0.02,
+        "wall_s": 0.5,
+        "compile_s": 7.5,
+        "threads": 2,
+        "us_per_element_step": 100.0,
+        "energy": ENERGIES[-1],
+        "balance_error_max": 0.06 / 4.0,
+        "kinetic_to_internal_max": 0.3 / 1.2,
+        "kinetic_to_internal_end": 0.1 / 4.0,
+        "thickness_min_m": 0.8e-3,
+        "thickness_max_m": 1.1e-3,
+        "shear_angle_max_rad": 0.5,
+        "fibre_strain_max": 0.004,
+        "fibre_volume_fraction_max": 0.6,
+        "fibre_mass_kg": 0.75 * AREA,
+        "fibre_mass_error": 0.25,
+        "punch_force_max_N": 7.0,
+        "penetration_max_m": {"die": 2e-5, "press": 3e-5},
+        "step_control": {"in-plane stiffness": 1000, "contact stiffness": 250},
+        "mapping": {},
+    }
+    assert set(summary) == set(expected)
+    for name, value in expected.items():
+        if isinstance(value, float):
+            assert summary[name] == pytest.approx(value, rel=1e-12), name
+        else:
+            assert summary[name] == value, name
+    assert {"compaction", "contact with die", "contact with press"} <= set(effects)
+    assert not {"gravity", "friction on die", "mass damping"} & set(effects)
+    assert found[0] == "a hole was closed"
+    assert len(found) == 2 and "energy balance is off by 1.5%" in found[1]
+    json.dumps(summary, allow_nan=False)
+
+
+@pytest.mark.parametrize("family", [1, 2])
+def test_the_largest_fibre_strain_is_that_of_either_family(datasets, family):
+    for name in ("fibre_strain_1", "fibre_strain_2"):
+        datasets["/"][name][...] = 0.0
+    datasets["/"][f"fibre_strain_{family}"][-1] = [0.002, -0.007, 0.0, 0.001]
+    assert field_summary(datasets)["fibre_strain_max"] == 0.007
+
+
+def test_frames_before_the_last_can_be_asked_for(datasets):
+    summary = field_summary(datasets, frame=1)
+    assert summary["thickness_min_m"] == 0.5e-3 and summary["shear_angle_max_rad"] == 0.9
+    assert summary["fibre_mass_error"] == pytest.approx(0.0, abs=1e-12)
+    assert summary["punch_force_max_N"] == pytest.approx(7.0)  # over all frames
+
+
+def test_the_punch_is_the_tool_of_that_name_or_the_one_that_travels_farthest(scene):
+    # backwards counts as well, and the way there, not the end
+    back = ((0.0, 0.0), (-2.0, 0.5), (0.0, 1.0))
+    for options, force in (
+        ({}, 7.0),
+        ({"names": ("punch", "press")}, 9.0),
+        ({"travel": back}, 9.0),
+        ({"travel": back, "names": ("die", "punch")}, 7.0),
+    ):
+        found = field_summary(datasets_of(scene, **options))
+        assert found["punch_force_max_N"] == pytest.approx(force), options
+
+
+def test_a_sheet_that_was_never_strained_has_no_ratios(scene, datasets):
+    still = [ENERGIES[0] | {"kinetic": 1.0}] * 3
+    assert set(energy_measures(still).values()) == {0.0}
+    assert summary_of(scene, datasets, still)["kinetic_to_internal_end"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"balance_error_max": 0.011}, "energy balance is off by 1.1%"),
+        ({"energy": {"hourglass": 0.11, "internal": 1.0}}, "hourglass energy is 11.0%"),
+        ({"kinetic_to_internal_end": 0.051}, "still moves at the end (kinetic 5.1%"),
+        ({"penetration_max_m": {"die": 1.1e-4, "press": 0.0}}, "reached 0.11 mm into die"),
+    ],
+)
+def test_what_makes_a_result_questionable_is_said(changes, words):
+    sound = {
+        "balance_error_max": 0.0099,
+        "energy": {"hourglass": 0.099, "internal": 1.0},
+        "kinetic_to_internal_end": 0.049,
+        "penetration_max_m": {"die": 0.99e-4, "press": 0.0},
+    }
+    assert run_warnings(sound) == []
+    (warning,) = run_warnings(sound | changes)
+    assert words in warning
