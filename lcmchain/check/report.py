@@ -88,7 +88,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
 
 def draw_start(path: Path, scene: Scene, blank: BlankMesh) -> None:
     """Draw blank, tools and initial fibre directions."""
-    from lcmchain.report.pictures import draw_initial
+    from lcmchain.report import draw_initial
     from lcmchain.tools.drawing import tool_surface
 
     # Infinite tools are shown a little beyond the blank, and as high as the blank is long.
