@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from lcmchain.commands.coupon import coupon_app
+from lcmchain.commands.docs import docs
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
 from lcmchain.commands.options import OutFolder, Overrides, SceneFile
@@ -192,6 +193,9 @@ def bench() -> None:
     table = run_bench()
     if table is not None:
         console().print(table)
+
+
+app.command()(docs)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -19,7 +19,7 @@ from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
 
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
-# start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres (README).
+# start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres.
 AUTOMATIC_PENALTY = 0.1
 
 

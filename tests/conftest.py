@@ -12,6 +12,21 @@ settings.register_profile("lcmchain", derandomize=True, deadline=None, database=
 settings.load_profile("lcmchain")
 
 
+@pytest.fixture(scope="session")
+def manual_table():
+    """Rows of all tables on a page of the manual, as lists of cells."""
+    import re
+
+    from lcmchain.manual.contents import read_page
+
+    def rows(topic: str) -> list[list[str]]:
+        lines = [line for line in read_page(topic).text.splitlines() if line.startswith("| ")]
+        cells = [re.split(r"(?<!\\)\|", line.strip()[1:-1]) for line in lines]
+        return [[cell.strip().replace("\\|", "|") for cell in row] for row in cells]
+
+    return rows
+
+
 def pytest_configure(config):
     # A checkout on sys.path has the folder lcmchain/ but not the packages beside it.
     if find_spec("lcmchain.mapping") is None:

@@ -394,7 +394,9 @@ class FabricMaterial(MaterialTable):
     preset: Annotated[Literal["MD600"] | None, AbsentMeans("")] = Field(
         default=None, description="Published fabric whose values fill all keys not given."
     )
-    name: Annotated[str, Text("MD600")] = "fabric"
+    name: Annotated[str, Text("MD600")] = Field(
+        default="fabric", description="Name of the fabric in reports."
+    )
     thickness: PositiveLength = Field(description="Thickness t0 of the unloaded fabric.")
     areal_mass: ArealMass = Field(description="Fibre mass per area.")
     fibre_density: Density = Field(description="Density of the fibres themselves.")

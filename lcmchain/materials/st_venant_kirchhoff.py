@@ -187,7 +187,9 @@ class IsotropicMaterial(SolidMaterial):
     """St. Venant-Kirchhoff isotropic sheet."""
 
     law: Literal["isotropic"] = "isotropic"
-    name: Annotated[str, Text("steel")] = "isotropic"
+    name: Annotated[str, Text("steel")] = Field(
+        default="isotropic", description="Name of the material in reports."
+    )
     young_modulus: Modulus = Field(description="Young's modulus E.")
     poisson_ratio: Annotated[float, Number(0.3, Range(-1.0, 0.5, (-1.0, 0.5)))] = Field(
         description="Poisson's ratio, above -1 and below 0.5."
@@ -202,16 +204,24 @@ class OrthotropicMaterial(SolidMaterial):
     """St. Venant-Kirchhoff orthotropic sheet in the axes of the fibres."""
 
     law: Literal["orthotropic"] = "orthotropic"
-    name: Annotated[str, Text("tape")] = "orthotropic"
-    E1: Modulus
-    E2: Modulus
-    E3: Modulus
-    nu12: Annotated[float, Number(0.3)]
-    nu13: Annotated[float, Number(0.3)]
-    nu23: Annotated[float, Number(0.3)]
-    G12: Modulus
-    G13: Modulus
-    G23: Modulus
+    name: Annotated[str, Text("tape")] = Field(
+        default="orthotropic", description="Name of the material in reports."
+    )
+    E1: Modulus = Field(description="Young's modulus along fibre direction 1.")
+    E2: Modulus = Field(description="Young's modulus along fibre direction 2.")
+    E3: Modulus = Field(description="Young's modulus along the normal.")
+    nu12: Annotated[float, Number(0.3)] = Field(
+        description="Poisson's ratio: strain -nu12 along 2 for a unit strain along 1."
+    )
+    nu13: Annotated[float, Number(0.3)] = Field(
+        description="Poisson's ratio: strain -nu13 along 3 for a unit strain along 1."
+    )
+    nu23: Annotated[float, Number(0.3)] = Field(
+        description="Poisson's ratio: strain -nu23 along 3 for a unit strain along 2."
+    )
+    G12: Modulus = Field(description="In-plane shear modulus.")
+    G13: Modulus = Field(description="Transverse shear modulus 13.")
+    G23: Modulus = Field(description="Transverse shear modulus 23.")
     bending_factor: Annotated[float, Number(1.0, POSITIVE)] = Field(
         default=1.0, description="C^B = factor * C^M."
     )
@@ -269,7 +279,9 @@ class StiffnessMaterial(SolidMaterial):
     """Sheet with given full membrane and bending stiffness matrices."""
 
     law: Literal["stiffness"] = "stiffness"
-    name: Annotated[str, Text("laminate")] = "stiffness"
+    name: Annotated[str, Text("laminate")] = Field(
+        default="stiffness", description="Name of the material in reports."
+    )
     membrane: StiffnessMatrix = Field(
         description="C^M, six rows in the order 11, 22, 33, 12, 23, 13, engineering shear."
     )

@@ -17,12 +17,19 @@ from lcmchain.quantities.scene_model import SceneModel
 class MappingTarget(SceneModel):
     """A mesh that receives thickness, fibre volume fraction and fibre directions."""
 
-    name: Annotated[str, Name("infiltration")]
+    name: Annotated[str, Name("infiltration")] = Field(
+        description="Name of the target and of its files."
+    )
     mesh: Annotated[str, Text("infiltration.vtu")] = Field(
         description="Mesh file, relative to the scene file."
     )
-    kind: Literal["infiltration", "structure"]
-    method: Literal["overlap", "closest"] = "overlap"
+    kind: Literal["infiltration", "structure"] = Field(
+        description="Surface cells for infiltration, solids (else shells) for structure."
+    )
+    method: Literal["overlap", "closest"] = Field(
+        default="overlap",
+        description="Weights from the overlap of cells and sheet, or of the closest place.",
+    )
     maximum_distance: Annotated[
         PositiveLength | None, AbsentMeans("one edge length of the sheet")
     ] = Field(default=None, description="Farthest distance over which a value is taken.")

@@ -18,15 +18,17 @@ class GebartPermeability(SceneModel):
     """Permeability of ordered fibres after Gebart."""
 
     law: Literal["gebart"]
-    fibre_radius: FibreRadius
-    packing: Literal["quadratic", "hexagonal"] = "quadratic"
+    fibre_radius: FibreRadius = Field(description="Radius of a single fibre.")
+    packing: Literal["quadratic", "hexagonal"] = Field(
+        default="quadratic", description="Arrangement of the fibres."
+    )
 
 
 class KozenyCarmanPermeability(SceneModel):
     """Kozeny-Carman permeability K = r²/(4 k) (1 - v)³/v² with one constant per direction."""
 
     law: Literal["kozeny_carman"]
-    fibre_radius: FibreRadius
+    fibre_radius: FibreRadius = Field(description="Radius of a single fibre.")
     k_along: Annotated[float, Number(0.6, POSITIVE)] = Field(
         description="Kozeny constant along the fibres, usually 0.5 to 0.7."
     )

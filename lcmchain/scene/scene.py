@@ -55,11 +55,16 @@ class SceneSource:
 class Scene(SceneModel):
     """Everything that one forming simulation needs, in SI units."""
 
-    title: Annotated[str, Text("Hemisphere with blank holder")] = "untitled"
+    title: Annotated[str, Text("Hemisphere with blank holder")] = Field(
+        default="untitled", description="Title of pictures and files."
+    )
     process: Process
     blank: Blank
-    material: AnyMaterial
-    element: SheetElement = Field(default_factory=Element)
+    material: AnyMaterial = Field(description="What the sheet is made of, and how it deforms.")
+    element: SheetElement = Field(
+        default_factory=Element,
+        description="Kind of element and its options; a name alone takes the defaults.",
+    )
     contact: Contact = Field(default_factory=Contact)
     tools: Annotated[
         tuple[Tool, ...], Row("[[tools]] ... for each tool", entries="tables", units=False)
@@ -69,7 +74,10 @@ class Scene(SceneModel):
         tuple[MappingTarget, ...],
         Row("[[mapping]] ... for each mesh", entries="tables", units=False),
     ] = ()
-    permeability: Annotated[Permeability | None, AbsentMeans(NONE)] = None
+    permeability: Annotated[Permeability | None, AbsentMeans(NONE)] = Field(
+        default=None,
+        description="Law that turns fibre volume fraction and directions into permeability.",
+    )
 
     _source: SceneSource | None = PrivateAttr(default=None)
 

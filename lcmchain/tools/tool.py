@@ -24,13 +24,15 @@ from lcmchain.tools.shapes import Shape
 class Tool(SceneModel):
     """A rigid tool: shape, place, motion, friction."""
 
-    name: Annotated[str, Name("punch")]
-    shape: Shape
+    name: Annotated[str, Name("punch")] = Field(
+        description="Name in reports, files and overrides, as in --set tools.punch.friction=0.2."
+    )
+    shape: Shape = Field(description="Surface of the tool.")
     position: Position = Field(
         default=("0 mm", "0 mm", "0 mm"), description="Place of the shape's local origin."
     )
     axis: Direction = Field(default=(0, 0, 1), description="Local z axis of the shape.")
-    motion: Motion = Field(default_factory=FixedMotion)
+    motion: Motion = Field(default_factory=FixedMotion, description="How the tool moves.")
     friction: Annotated[FrictionCoefficient | None, AbsentMeans("contact.friction")] = Field(
         default=None, description="Coulomb friction coefficient; default contact.friction."
     )

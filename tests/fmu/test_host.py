@@ -13,7 +13,7 @@ STEP = 5e-4
 
 
 def python_library() -> Path:
-    """The shared library of this Python, as the README names it."""
+    """The shared library of this Python, as the manual names it (fmu)."""
     return Path(sysconfig.get_config_var("LIBDIR") or "", sysconfig.get_config_var("INSTSONAME"))
 
 

@@ -52,6 +52,7 @@ RANK_OF_CORE = {
     "forming_run": 7,
     "summary": 7,
     "pipeline": 7,
+    "manual": 7,
     "__main__": 8,
     "commands": 8,
     "cli": 8,
@@ -237,6 +238,19 @@ def test_wheel_works_outside_the_checkout(tmp_path):
         for file in (site / "lcmchain").rglob("*.py")
     }
     assert packed == modules
+    manual = ROOT / "lcmchain" / "manual"
+    pages = {
+        file.relative_to(manual).as_posix()
+        for file in manual.rglob("*")
+        if file.is_file() and "__pycache__" not in file.parts
+    }
+    packed_manual = site / "lcmchain" / "manual"
+    assert {
+        file.relative_to(packed_manual).as_posix()
+        for file in packed_manual.rglob("*")
+        if file.is_file()
+    } == pages
+    assert any(page.endswith(".png") for page in pages)
 
     code = f"""
 import importlib, pathlib

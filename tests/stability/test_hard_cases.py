@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from lcmchain.cli import main
 from lcmchain.errors import InputError
 from lcmchain.verification.hard_cases import CASES, CaseResult, Report, run_cases
 from lcmchain.verification.hard_cases.case import HardCase
+from lcmchain.verification.hard_cases.report import limit_text
 
 # a case that loses its decorator, or its import, would otherwise go unnoticed
 DEMANDED = {
@@ -34,15 +37,50 @@ def test_the_list_is_complete():
     assert set(CASES) == DEMANDED
 
 
+def require_kept_in_manual(name: str, results: list[CaseResult], table: list[list[str]]) -> None:
+    """Every criterion stands with its limit in the manual's table of the full version.
+
+    Numbers before the limit may differ, as they do between the fast and the full version.
+    """
+
+    def criterion(text: str) -> str:
+        words, sign, limit = re.fullmatch(r"(.*?)(?: ([≤≥]) (.*))?", text).groups()
+        numbers = r"[\d,.]+(?:e[+-]?\d+)?"
+        return re.sub(numbers, "#", words) + (f" {sign} {limit}" if sign else "")
+
+    kept, case = set(), ""
+    for row in table[1:]:
+        case = row[0].replace(" ", "_") or case
+        if case == name:
+            kept.add(criterion(row[1]))
+    found = {criterion(f"{result.criterion} {limit_text(result)}".strip()) for result in results}
+    assert found <= kept, "run `lcmchain verify hard-cases --full --out FILE.md`"
+
+
 @pytest.mark.parametrize("name", CASES)
-def test_hard_case(name):
-    require_criteria(CASES[name].run(full=False))
+def test_hard_case(name, manual_table):
+    results = CASES[name].run(full=False)
+    require_criteria(results)
+    require_kept_in_manual(name, results, manual_table("hard-case-table"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_hard_case_in_full(name):
     require_criteria(CASES[name].run(full=True))
+
+
+def test_a_criterion_that_the_manual_does_not_know_is_seen():
+    table = [["case"], ["some case", "error in 20 steps ≤ 2 %"], ["", "guard's words"]]
+    known = CaseResult("some_case", "error in 10 steps", 1.0, 2.0, "%")
+    guard = CaseResult("some_case", "guard's words", 1.0, 1.0, text="stopped")
+    require_kept_in_manual("some_case", [known, guard], table)
+    for other in (
+        CaseResult("some_case", "error in 10 steps", 1.0, 3.0, "%"),
+        CaseResult("some_case", "error in 10 cycles", 1.0, 2.0, "%"),
+    ):
+        with pytest.raises(AssertionError):
+            require_kept_in_manual("some_case", [other], table)
 
 
 # --- the list and its table -----------------------------------------------------------------------

@@ -124,3 +124,22 @@ def test_tables_show_every_result(results):
     assert shown.count(": ") == len(results)
     assert all(f"{r.mesh}: {r.normalised:.3f}" in shown for r in results)
     assert all(row[0] in report.markdown() for row in report.linear_rows())
+
+
+def test_the_table_of_the_manual_is_that_of_these_results(results, manual_table):
+    """Problems, references, meshes, and values to 0.002; it holds finer meshes as well."""
+    kept = {(row[0], row[1]): row[2].split(", ") for row in manual_table("benchmark-table")}
+    for name, reference, by_mesh in Report(full=False, results=results).linear_rows():
+        cells = dict(cell.split(": ") for cell in kept[name, reference])
+        for entry in by_mesh.split(", "):
+            mesh, value = entry.split(": ")
+            now, before = value.split(), cells[mesh].split()
+            assert now[1:] == before[1:], f"{name}, {mesh}"
+            assert float(now[0]) == pytest.approx(float(before[0]), abs=2e-3), f"{name}, {mesh}"
+    full = linear_benchmarks(64)
+    assert sum(len(kept[row[0], row[1]]) for row in _linear_rows(manual_table)) == len(full)
+
+
+def _linear_rows(manual_table):
+    rows = manual_table("benchmark-table")
+    return [row for row in rows if len(row) == 3 and row[0] != "problem"]

@@ -3,8 +3,8 @@
 The strain E11^ζ = κ h λ of a strip bent to the curvature κ (h half the thickness, λ its stretch)
 has the energy ½ C11^B (κ h λ)²/3 per volume. It is balanced by the compaction stress:
 S33 = -C11^B (κ h)²/3. On the die fillet of the hemisphere (10 mm) this alone takes off 13 % of
-MD600. Freely bent to radii below about 14 mm, such a strip localises its bending in kinks (README,
-Limits).
+MD600. Freely bent to radii below about 14 mm, such a strip localises its bending in kinks (manual:
+limits).
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ Rotation-free instead of S3R with rotations because the paper's solver needs a r
 and a step size that goes with it, for degrees of freedom that carry a bending stiffness 1e-3 of the
 membrane's; here all nodes have the translations, masses, contact and stable step of the
 solid-shell's. The normal stays normal: there is no transverse shear, which stiffens tight bends of
-a fabric (examples/hemisphere_2d_3d), and κ = h·n counts sin θ/l for a turn θ over the length l.
+a fabric (manual: membrane-shell), and κ = h·n counts sin θ/l for a turn θ over the length l.
 
 It has no thickness direction: neither thickness nor what follows from it is predicted.
 

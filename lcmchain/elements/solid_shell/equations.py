@@ -192,7 +192,7 @@ def normal_compaction(a1, a2, a3, inverse_height):
     """Return E33 = ½((a3·n)²/h² − 1) and its gradients with respect to a1, a2, a3.
 
     n is the unit normal of a1 × a2 and h the reference value of a3·n. The published E33 measures
-    the director's length instead and lets it tilt under pressure (README, "Compaction strain").
+    the director's length instead and lets it tilt under pressure (manual: departures).
     """
     c = cross(a1, a2)
     r = 1.0 / dot(c, c)

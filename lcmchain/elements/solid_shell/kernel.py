@@ -185,7 +185,7 @@ def hourglass_tangent_stress(slope, x, e):
 
     The hourglass energy (V/6)(E^ξ:C(E⁰):E^ξ + E^η:C(E⁰):E^η) of Eq. (16) depends on E⁰ through the
     tangent of Eq. (18). The paper leaves that derivative out; then the element has no potential and
-    feeds energy to a sheet that is compacted and warped at once (README, "Hourglass energy").
+    feeds energy to a sheet that is compacted and warped at once (manual: departures).
     """
     return (
         slope_stress(slope[0], x[0], e[0]),

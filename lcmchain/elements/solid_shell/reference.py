@@ -18,7 +18,7 @@ TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
 
 @dataclass(frozen=True)
 class ElementOptions:
-    """Choices of the element that the paper leaves open or that benchmarks need (README)."""
+    """Choices of the element where paper or benchmarks need one (manual: departures)."""
 
     integration_points: int = 3
     compaction_strain: str = "normal"

@@ -45,7 +45,7 @@ class GuidedMotion(ToolMotion):
 
     type: Literal["guided"]
     direction: Direction = Field(description="Positive direction of travel.")
-    mass: PositiveMass
+    mass: PositiveMass = Field(description="Mass of the tool.")
     force: Force = Field(default="0 N", description="Constant force along the direction.")
     gravity: Switch = Field(
         default=True, description="Add the component of 9.81 m/s2 (0, 0, -1) along the direction."

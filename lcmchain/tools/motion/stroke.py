@@ -50,13 +50,15 @@ class StrokeMotion(ToolMotion):
     kind: ClassVar[int] = PRESCRIBED
 
     type: Literal["stroke"]
-    direction: Direction
-    distance: PositiveLength
+    direction: Direction = Field(description="Direction of travel; scaled to length one.")
+    distance: PositiveLength = Field(description="Travel at the end of the stroke.")
     profile: Literal["smooth", "linear"] = Field(
         default="smooth", description="Smooth: starts and ends without velocity and acceleration."
     )
-    start: TimeOrZero = Field(default="0 s")
-    end: Annotated[PositiveTime | None, AbsentMeans("process.time")] = None
+    start: TimeOrZero = Field(default="0 s", description="Time at which the stroke starts.")
+    end: Annotated[PositiveTime | None, AbsentMeans("process.time")] = Field(
+        default=None, description="Time at which the stroke ends."
+    )
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
@@ -42,9 +42,13 @@ class TableMotion(ToolMotion):
     kind: ClassVar[int] = PRESCRIBED
 
     type: Literal["table"]
-    direction: Direction
-    times: Annotated[tuple[TimeOrZero, ...], Row('"0 10 20 ms"', minimum_count=2, entries="times")]
-    travel: Annotated[tuple[Length, ...], Row('"0 5 20 mm"', minimum_count=2, entries="lengths")]
+    direction: Direction = Field(description="Direction of travel; scaled to length one.")
+    times: Annotated[
+        tuple[TimeOrZero, ...], Row('"0 10 20 ms"', minimum_count=2, entries="times")
+    ] = Field(description="Times of the table, increasing.")
+    travel: Annotated[
+        tuple[Length, ...], Row('"0 5 20 mm"', minimum_count=2, entries="lengths")
+    ] = Field(description="Travel at these times, from 0; linear in between.")
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Literal
 
+from pydantic import Field
+
 from lcmchain.quantities.entry_types import AcuteAngle, LengthOrZero
 from lcmchain.tools.profile_corners import build_profile
 from lcmchain.tools.profiles import Profile
@@ -15,8 +17,8 @@ class Cone(ProfileShape):
     """Cone with a spherical tip; the tip's pole is at the origin and points to local -z."""
 
     type: Literal["cone"]
-    half_angle: AcuteAngle
-    tip_radius: LengthOrZero
+    half_angle: AcuteAngle = Field(description="Angle between axis and surface.")
+    tip_radius: LengthOrZero = Field(description="Radius of the spherical tip; 0 is sharp.")
 
     def profile(self, *, key: str) -> Profile:
         radius, angle = self.tip_radius, self.half_angle

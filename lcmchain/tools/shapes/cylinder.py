@@ -16,9 +16,13 @@ class Cylinder(ProfileShape):
     """Cylinder about local z: infinite (a roller), or from z = 0 to z = length."""
 
     type: Literal["cylinder"]
-    radius: PositiveLength
-    edge_radius: LengthOrZero = Field(default="0 mm")
-    length: Annotated[PositiveLength | None, AbsentMeans("infinite")] = None
+    radius: PositiveLength = Field(description="Radius of the cylinder.")
+    edge_radius: LengthOrZero = Field(
+        default="0 mm", description="Radius of the rounded edges at both ends; 0 is sharp."
+    )
+    length: Annotated[PositiveLength | None, AbsentMeans("infinite")] = Field(
+        default=None, description="Length along local z."
+    )
 
     @model_validator(mode="after")
     def _check_edges(self) -> Self:

@@ -20,7 +20,7 @@ class GivenProfile(ProfileShape):
         Row(
             '[["0 mm", "0 mm"], ["50 mm", "0 mm"]]', minimum_count=2, entries="points", units=False
         ),
-    ]
+    ] = Field(description="Corner points of the profile, in order.")
     fillet_radii: Annotated[
         tuple[LengthOrZero, ...], Row('["0 mm", "5 mm", "0 mm"]', entries="radii")
     ] = Field(default=(), description="Fillet radius at each point; left out, all are sharp.")

@@ -17,8 +17,8 @@ class PlateWithHole(ProfileShape):
     """Infinite plane z = 0 with a round hole along local z whose edge is rounded."""
 
     type: Literal["plate_with_hole"]
-    hole_radius: PositiveLength
-    fillet_radius: LengthOrZero
+    hole_radius: PositiveLength = Field(description="Radius of the hole below its rounded edge.")
+    fillet_radius: LengthOrZero = Field(description="Radius of the rounded edge; 0 is sharp.")
     side: Side = Field(description="Side of the plane that is solid.")
 
     def profile(self, *, key: str) -> Profile:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from lcmchain.quantities.entry_types import PositiveLength
 from lcmchain.tools.profile_corners import build_profile
 from lcmchain.tools.profiles import Profile
@@ -14,7 +16,7 @@ class SphereCappedPunch(ProfileShape):
     """Cylinder with a spherical end; the pole is at the origin and points to local -z."""
 
     type: Literal["sphere_capped_punch"]
-    radius: PositiveLength
+    radius: PositiveLength = Field(description="Radius of cylinder and sphere.")
 
     def profile(self, *, key: str) -> Profile:
         radius = self.radius

@@ -102,32 +102,40 @@ class Report:
     def tables(self) -> list[Table]:
         """Return the tables for the terminal."""
         tables = []
-        for title, heading, rows in self._sections():
-            table = Table(*heading, title=title, title_justify="left")
+        for title, meaning, columns, rows in self._sections():
+            table = Table(*columns, title=f"{title}. {meaning}", title_justify="left")
             for row in rows:
                 table.add_row(*row)
             tables.append(table)
         return tables
 
     def markdown(self) -> str:
-        """Return the tables as Markdown."""
-        lines = []
-        for title, heading, rows in self._sections():
-            lines += [title, "", f"| {' | '.join(heading)} |", "|---" * len(heading) + "|"]
+        """Return the tables as a page of Markdown."""
+        option = " --full" if self.full else ""
+        lines = [
+            "# Benchmark table",
+            "",
+            f"Written by `lcmchain verify benchmarks{option} --out FILE.md`.",
+            "",
+        ]
+        for title, meaning, columns, rows in self._sections():
+            lines += [f"## {title}", "", f"{meaning}.", ""]
+            lines += [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
             lines += [f"| {' | '.join(row)} |" for row in rows] + [""]
         return "\n".join(lines)
 
     def _sections(self):
         kind = "full" if self.full else "fast"
         yield (
-            f"Linear benchmarks, {kind} version ({self.wall_s:.0f} s in all). Value over reference "
-            "by mesh; in brackets that of an independent implementation",
+            f"Linear benchmarks, {kind} version",
+            "Value over reference by mesh; in brackets that of an independent implementation "
+            f"({self.wall_s:.0f} s for all benchmarks)",
             ("problem", "reference", "value / reference"),
             self.linear_rows(),
         )
         yield (
-            "Large deformation. Deviation at the last load, and the largest on the way, over the "
-            "largest reference",
+            "Large deformation",
+            "Deviation at the last load, and the largest on the way, over the largest reference",
             ("problem", "mesh", "reference", "at the last load", "largest"),
             self.large_rows(),
         )

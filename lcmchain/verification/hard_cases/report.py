@@ -51,8 +51,18 @@ class Report:
         return table
 
     def markdown(self) -> str:
-        """Return the table as Markdown."""
-        lines = [self._title(), "", f"| {' | '.join(COLUMNS)} |", "|---|---|---|---:|---|"]
+        """Return the table as a page of Markdown."""
+        option = " --full" if self.full else ""
+        lines = [
+            "# Hard case table",
+            "",
+            f"Written by `lcmchain verify hard-cases{option} --out FILE.md`.",
+            "",
+            f"{self._title()}.",
+            "",
+            f"| {' | '.join(COLUMNS)} |",
+            "|---|---|---|---:|---|",
+        ]
         for row in self.rows():
             lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |")
         return "\n".join(lines) + "\n"

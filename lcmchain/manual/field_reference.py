@@ -1,0 +1,29 @@
+"""The page of the result's fields, from the field table."""
+
+from __future__ import annotations
+
+from lcmchain.fields.table import FIELDS, Field
+from lcmchain.manual.tables import code, markdown_table
+
+HEAD = """# Fields
+
+Every field of `forming.nc`, `forming.vtu` and the files of mapped meshes, with its unit and its
+definition. A vector stands as three scalars that end in `_x`, `_y` and `_z`. A result holds the
+fields that its element and its scene define: the 2D approach has no thickness, and permeabilities
+need a `[permeability]` table. How the files are built is said in
+[Run and check](run.md#what-comes-out).
+"""
+
+
+def field_page() -> str:
+    """Return the page as Markdown."""
+    parts = [HEAD]
+    for location, title in (("face", "Fields of the faces"), ("node", "Fields of the nodes")):
+        rows = [_row(field) for field in FIELDS.values() if field.location == location]
+        parts += [f"## {title}\n", markdown_table(("field", "unit", "meaning"), rows)]
+    return "\n".join(parts)
+
+
+def _row(field: Field) -> tuple[str, str, str]:
+    name = code(field.name) + (" (vector)" if field.is_vector else "")
+    return name, field.units, field.meaning
