@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.errors import InputError
 
@@ -80,7 +81,9 @@ class PrincipalPermeabilities(NamedTuple):
     direction_3: np.ndarray
 
 
-def gebart(fibre_volume_fraction, fibre_radius: float, packing: str = "quadratic"):
+def gebart(
+    fibre_volume_fraction: ArrayLike, fibre_radius: float, packing: str = "quadratic"
+) -> tuple[np.ndarray, np.ndarray]:
     """Permeability along and across aligned fibres [m2] after Gebart.
 
     Along: exact duct flow in form; across: lubrication in the gaps between neighbouring fibres,
@@ -100,7 +103,9 @@ def gebart(fibre_volume_fraction, fibre_radius: float, packing: str = "quadratic
     return along, across
 
 
-def kozeny_carman(fibre_volume_fraction, fibre_radius: float, kozeny_constant: float):
+def kozeny_carman(
+    fibre_volume_fraction: ArrayLike, fibre_radius: float, kozeny_constant: float
+) -> np.ndarray:
     """Permeability of a fibre bed [m2] after Kozeny and Carman: r² (1 - v)³ / (4 k v²).
 
     Holds for 0 < v < 1 as a fit; across the fibres it misses that the flow stops where fibres
@@ -116,7 +121,7 @@ def kozeny_carman(fibre_volume_fraction, fibre_radius: float, kozeny_constant: f
 
 
 def aligned_permeabilities(
-    law: PermeabilityLaw, fibre_volume_fraction, *, out_of_range: str = "raise"
+    law: PermeabilityLaw, fibre_volume_fraction: ArrayLike, *, out_of_range: str = "raise"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Permeability along and across aligned fibres [m2].
 

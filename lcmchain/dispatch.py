@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import functools
 import inspect
+from collections.abc import Callable
+from typing import Any
 
 from numba import types
 from numba.extending import overload
@@ -16,17 +18,17 @@ from lcmchain.compile_cache import key_cache_by_file
 from lcmchain.jit import INLINED
 
 
-def required(stub):
+def required(stub: Callable[..., Any]) -> Callable[..., Any]:
     """Make a function that every class must implement; ``stub`` gives its name and arguments."""
     return _by_class(stub, None)
 
 
-def optional(stub):
+def optional(stub: Callable[..., Any]) -> Callable[..., Any]:
     """Make a function as :func:`required` does; ``stub`` answers for classes that do not."""
     return _by_class(stub, stub)
 
 
-def implements(function, chosen_class: type):
+def implements(function: Callable[..., Any], chosen_class: type) -> Callable[[Any], Any]:
     """Register the decorated compiled function as the answer of a class.
 
     Code outside this package gets compiled kernels of its own on disk, keyed by its file.
@@ -49,7 +51,7 @@ def implements(function, chosen_class: type):
     return register
 
 
-def is_implemented(function, chosen_class: type) -> bool:
+def is_implemented(function: Callable[..., Any], chosen_class: type) -> bool:
     """Tell whether a class answers a function itself."""
     return chosen_class in function.implementations
 

@@ -5,8 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from lcmchain.errors import InputError
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+    from rich.console import Console
 
 
 @contextmanager
@@ -55,7 +60,7 @@ def quantity(option: str, text: str, dimension: str | None = None) -> float:
     return value
 
 
-def require_choice(option: str, value: str, model) -> None:
+def require_choice(option: str, value: str, model: type[BaseModel]) -> None:
     """Refuse a value that the field of a scene table named like the option does not know."""
     from typing import get_args
 
@@ -64,7 +69,7 @@ def require_choice(option: str, value: str, model) -> None:
         raise InputError(f'"{value}" must be one of {", ".join(choices)}', key=option)
 
 
-def console(*, stderr: bool = False):
+def console(*, stderr: bool = False) -> Console:
     """Return the terminal."""
     from rich.console import Console
 

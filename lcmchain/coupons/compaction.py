@@ -16,6 +16,7 @@ from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import Progress, require_solid_shell
 from lcmchain.fields.derived import derive_fields
+from lcmchain.materials.law import Material
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
@@ -31,7 +32,7 @@ COMPARED_AT = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.4)  # pressures [MPa]
 
 
 def compaction(
-    material,
+    material: Material,
     element: Element | None = None,
     *,
     pressure: float = 1.5e6,

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 
 from lcmchain.report.style import RC, headline, new_figure, save
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @contextmanager
@@ -23,7 +27,7 @@ def two_panels(path: Path, title: str, subtitle: str) -> Iterator[tuple]:
         save(figure, path)
 
 
-def finish(axis) -> None:
+def finish(axis: Axes) -> None:
     """Grid, open frame, and an ordinate from zero."""
     axis.grid(True, color="#e4e7ea", lw=0.6)
     axis.set_axisbelow(True)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
@@ -59,7 +60,9 @@ class SupportTable(NamedTuple):
     slope: np.ndarray
 
 
-def translation(direction, travel: Callable[[float], float]) -> Callable[[float], np.ndarray]:
+def translation(
+    direction: ArrayLike, travel: Callable[[float], float]
+) -> Callable[[float], np.ndarray]:
     """Return the motion of a grip that travels by ``travel(time)`` [m] along ``direction``."""
     along = np.asarray(direction, dtype=float)
     along = along / np.linalg.norm(along)

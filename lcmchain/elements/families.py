@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -20,6 +20,6 @@ FAMILIES: dict[str, type[Body]] = {
 SheetElement = Annotated[Element | MembraneShellElement, Field(discriminator="type")]
 
 
-def family_of(element) -> type[Body]:
+def family_of(element: Any) -> type[Body]:
     """Return the family that a scene's ``element`` table (or the like) chooses by its ``type``."""
     return FAMILIES[element.type]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -13,6 +14,9 @@ from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.identification.result import SHOWN_UNITS, Identification, Panel, Parameter
 from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 def write_identification(result: Identification, folder: Path) -> tuple[Path, Path, Path]:
@@ -75,7 +79,7 @@ def as_json(result: Identification) -> dict:
     }
 
 
-def tables(result: Identification):
+def tables(result: Identification) -> list[Table]:
     """Return rich tables: what was used, and the parameters with their intervals."""
     from rich.table import Table
 

@@ -20,9 +20,10 @@ This file is the example of the manual's page "Extending": a law with memory, ad
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from lcmchain.jit import equation
@@ -106,38 +107,40 @@ implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
 class FabricWithSet(Fabric):
     """A fabric with a permanent set; ``permanent_set`` is its share of the most compaction."""
 
-    def __init__(self, law: FabricLaw, permanent_set: float, **sheet):
+    def __init__(self, law: FabricLaw, permanent_set: float, **sheet: Any) -> None:
         super().__init__(FabricWithSetLaw(*law, permanent_set), **sheet)
 
-    def stress_and_tangent(self, E):
+    def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         S, C = super().stress_and_tangent(E)
         C[..., 2, 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
         return S, C
 
-    def tangent_slope(self, E):
+    def tangent_slope(self, E: ArrayLike) -> np.ndarray:
         slope = super().tangent_slope(E)
         slope[..., 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
         return slope
 
-    def tangent_curvature(self, E):
+    def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
         curvature = super().tangent_curvature(E)
         curvature[..., 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
         return curvature
 
-    def membrane_energy(self, E, history=None):
+    def membrane_energy(self, E: ArrayLike, history: np.ndarray | None = None) -> np.ndarray:
         """Return W^M [J/m³], with the stored part of the compaction in place of W33(E33)."""
         in_plane, compaction = np.array(E, dtype=float), np.zeros(np.shape(E))
         compaction[..., 2], stiffening = self._strain_from_set(in_plane[..., 2], history)
         in_plane[..., 2] = 0.0
         return super().membrane_energy(in_plane) + super().membrane_energy(compaction) / stiffening
 
-    def dissipated_energy(self, history):
+    def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
         """Return s W33(κ) [J/m³]."""
         most = np.zeros((*np.shape(history[0]), 6))
         most[..., 2] = history[0]
         return self.law.permanent_set * super().membrane_energy(most)
 
-    def compaction_pressure(self, thickness_stretch, history=None):
+    def compaction_pressure(
+        self, thickness_stretch: ArrayLike, history: np.ndarray | None = None
+    ) -> np.ndarray:
         stretch = np.asarray(thickness_stretch, dtype=float)
         strain, _ = self._strain_from_set(0.5 * (stretch**2 - 1.0), history)
         stress, _ = self._compaction(strain)

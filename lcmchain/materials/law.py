@@ -55,12 +55,12 @@ class Remembered(NamedTuple):
     meaning: str
 
 
-def remembered(law) -> tuple[Remembered, ...]:
+def remembered(law: Any) -> tuple[Remembered, ...]:
     """Return what the law remembers, nothing for one without memory."""
     return getattr(law, "remembers", ())
 
 
-def history_count(law) -> int:
+def history_count(law: Any) -> int:
     """Return how many numbers per element the law remembers."""
     return len(remembered(law))
 
@@ -109,7 +109,7 @@ def plane_bending_stiffness(law):
     """Return the moduli (C11^B, C22^B, C12^B) of the curvatures, for the 2D approach."""
 
 
-def serves_planes(law) -> bool:
+def serves_planes(law: Any) -> bool:
     """Tell whether a law answers for sheets without thickness."""
     return is_implemented(plane_response, type(law))
 
@@ -147,7 +147,7 @@ _STORERS = (_store0, _store1, _store2, _store3)
 MOST_HISTORY = len(_STORERS) - 1
 
 
-def load_history(law, data, i, stride):
+def load_history(law: Any, data: np.ndarray, i: int, stride: int) -> tuple:
     """Return the history at ``data[i + k * stride]`` as a tuple."""
     return _LOADERS[history_count(law)](law, data, i, stride)
 
@@ -157,7 +157,7 @@ def _choose_loader(law, data, i, stride):
     return _LOADERS[history_count(law.instance_class)]
 
 
-def store_history(law, values, data, i, stride):
+def store_history(law: Any, values: tuple, data: np.ndarray, i: int, stride: int) -> None:
     """Write what :func:`load_history` reads."""
     _STORERS[history_count(law)](law, values, data, i, stride)
 

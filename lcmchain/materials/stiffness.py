@@ -5,13 +5,16 @@ Which of the two is decided by its type, when a kernel is compiled.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from numba import types
 from numba.extending import overload
 
 from lcmchain.jit import equation
 
 
-def by_structure(diagonal, full):
+def by_structure(diagonal: Callable[..., Any], full: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function that is ``diagonal`` or ``full`` after its first argument, a stiffness.
 
     Both are compiled functions with the same options.

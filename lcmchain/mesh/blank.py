@@ -184,7 +184,7 @@ class BlankMesh:
 
 
 def build_blank(
-    blank_spec, thickness: float, *, perturbation: float = 0.0, seed: int = 0
+    blank_spec: Blank, thickness: float, *, perturbation: float = 0.0, seed: int = 0
 ) -> BlankMesh:
     """Mesh a flat blank along its fibres.
 

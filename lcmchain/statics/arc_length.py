@@ -7,6 +7,7 @@ The arc is measured by the displacements (cylindrical constraint: Crisfield, Com
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -73,7 +74,9 @@ def trace(
 class NewtonOnArc(Newton):
     """Newton's method with the load factor as an unknown, at a given arc length."""
 
-    def correct_on_arc(self, start, factor, first_step, length, previous) -> StepResult:
+    def correct_on_arc(
+        self, start: np.ndarray, factor: float, first_step: Any, length: float, previous: Any
+    ) -> StepResult:
         """Find equilibrium at the arc length ``length`` from the equilibrium ``start``.
 
         Without a length the step of the load factor is ``first_step``. ``previous`` is the change

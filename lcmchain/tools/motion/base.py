@@ -6,6 +6,7 @@ import math
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.errors import InputError
 from lcmchain.quantities.scene_model import SceneModel
@@ -77,7 +78,7 @@ class ToolMotion(SceneModel):
         return []
 
 
-def unit_direction(direction, key: str) -> np.ndarray:
+def unit_direction(direction: ArrayLike, key: str) -> np.ndarray:
     """Scale the direction of a motion to length one."""
     vector = np.array(direction, dtype=float)
     length = math.hypot(*vector)

@@ -8,10 +8,13 @@ Abaqus, 16x16 for the quarter of the hemisphere and 48x48 for the octant of the 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
+from lcmchain.scene import Element
 from lcmchain.statics import StaticProblem, solve
+from lcmchain.statics.steps import StaticStep
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,
@@ -59,7 +62,11 @@ PINCHED_CYLINDER_MBDYN = np.array(
 
 
 def hemisphere(
-    count: int = 16, element=AS_PUBLISHED, *, table=HEMISPHERE, on_step=None
+    count: int = 16,
+    element: Element = AS_PUBLISHED,
+    *,
+    table: np.ndarray = HEMISPHERE,
+    on_step: Callable[[StaticStep], None] | None = None,
 ) -> CurveResult:
     """Hemisphere with an 18° hole under alternating radial forces of 400 at the equator."""
     mesh = hemisphere_quarter(10.0, 0.04, math.radians(18.0), count, count)
@@ -91,7 +98,11 @@ def hemisphere(
 
 
 def pinched_cylinder(
-    count: int = 48, element=AS_PUBLISHED, *, table=PINCHED_CYLINDER, on_step=None
+    count: int = 48,
+    element: Element = AS_PUBLISHED,
+    *,
+    table: np.ndarray = PINCHED_CYLINDER,
+    on_step: Callable[[StaticStep], None] | None = None,
 ) -> CurveResult:
     """Cylinder with rigid end diaphragms under two opposite forces of 12000."""
     mesh = cylinder_sector(100.0, 100.0, 1.0, 0.5 * math.pi, count, count)

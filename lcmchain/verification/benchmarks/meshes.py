@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.mesh.blank import BlankMesh
@@ -47,7 +48,7 @@ class Sheet:
     def mesh(self) -> str:
         return f"{self.grid.shape[0] - 1}x{self.grid.shape[1] - 1}"
 
-    def nodes(self, pairs) -> np.ndarray:
+    def nodes(self, pairs: ArrayLike) -> np.ndarray:
         """Return the bottom nodes, then the top nodes, of pairs."""
         pairs = np.ravel(pairs)
         return np.concatenate([pairs, pairs + self.blank.pair_count])
@@ -63,7 +64,7 @@ class Sheet:
             mask[np.ix_(components, self.nodes(pairs))] = True
         return mask
 
-    def edge_load(self, pairs, force) -> np.ndarray:
+    def edge_load(self, pairs: np.ndarray, force: ArrayLike) -> np.ndarray:
         """Return nodal forces of a total ``force`` (3,) spread evenly over an edge, both faces."""
         middle = self.blank.mid_surface_positions[pairs]
         length = np.linalg.norm(np.diff(middle, axis=0), axis=1)
@@ -72,13 +73,13 @@ class Sheet:
         share[1:] += 0.5 * length
         return self.pair_loads(pairs, np.outer(share / share.sum(), force))
 
-    def pair_loads(self, pairs, forces) -> np.ndarray:
+    def pair_loads(self, pairs: ArrayLike, forces: ArrayLike) -> np.ndarray:
         """Return nodal forces of ``forces`` (n, 3) on pairs, halved over the two faces."""
         loads = np.zeros((3, self.blank.node_count))
         np.add.at(loads.T, self.nodes(pairs), np.tile(0.5 * np.atleast_2d(forces), (2, 1)))
         return loads
 
-    def middle(self, displacement, pair) -> np.ndarray:
+    def middle(self, displacement: np.ndarray, pair: ArrayLike) -> np.ndarray:
         """Return the displacement (..., 3) of the mid-surface at pairs."""
         n = self.blank.pair_count
         return 0.5 * (displacement[:, pair] + displacement[:, np.asarray(pair) + n]).T
@@ -96,7 +97,15 @@ def sheet(middle: np.ndarray, normal: np.ndarray, thickness: float) -> Sheet:
                       thickness, grid)  # fmt: skip
 
 
-def from_quads(middle, normal, quads, thickness, grid, *, fibre=None) -> Sheet:
+def from_quads(
+    middle: np.ndarray,
+    normal: np.ndarray,
+    quads: np.ndarray,
+    thickness: float,
+    grid: np.ndarray | None,
+    *,
+    fibre: ArrayLike | None = None,
+) -> Sheet:
     """Mesh a sheet from quadrilaterals of its mid-surface.
 
     The first material axis is the direction of ``fibre`` (3,), by default that of the elements'

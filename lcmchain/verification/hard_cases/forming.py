@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ def hemisphere(
     fillet: float | None = None,
     holder: bool = True,
     element: str = "",
-    **mesh,
+    **mesh: Any,
 ) -> Simulation:
     """Return the main job at half its size: blank 150 mm, punch of 37.5 mm.
 
@@ -65,7 +66,7 @@ def hemisphere(
 class Formed:
     """A run of :func:`hemisphere` to its end, with what is compared."""
 
-    def __init__(self, sim: Simulation, time: float):
+    def __init__(self, sim: Simulation, time: float) -> None:
         self.sim, energies = sim, []
         for part in np.linspace(0.0, 1.0, 21)[1:]:
             sim.advance_to(float(part * time))
