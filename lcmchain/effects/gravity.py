@@ -1,7 +1,7 @@
 """Gravity: the weight of the sheets.
 
 Adds: a force -m g along z on every node. A guided tool has a weight of its own
-(:mod:`lcmchain.effects.guided_tools`).
+(:mod:`lcmchain.effects.tool_motion`).
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 6.2.
 Stability limit: none.
 Scene: ``process.gravity``.

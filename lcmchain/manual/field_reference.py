@@ -10,8 +10,8 @@ HEAD = """# Fields
 Every field of `forming.nc`, `forming.vtu` and the files of mapped meshes, with its unit and its
 definition. A vector stands as three scalars that end in `_x`, `_y` and `_z`. A result holds the
 fields that its element and its scene define: the 2D approach has no thickness, and permeabilities
-need a `[permeability]` table. How the files are built is said in
-[Run and check](run.md#what-comes-out).
+need a `[permeability]` table; a law with memory adds what it remembers, under its own names. How
+the files are built is said in [Run and check](run.md#what-comes-out).
 """
 
 

@@ -1,0 +1,94 @@
+"""A law in a file of the user: found by its type, and never taken for an older one."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+LAW = '''
+from typing import NamedTuple
+
+from lcmchain.jit import equation
+from lcmchain.materials.law import bending_stiffness, implements, membrane_response
+
+
+class Spring(NamedTuple):
+    """One modulus for every strain [Pa]."""
+
+    modulus: float
+
+
+@implements(membrane_response, Spring)
+@equation
+def response(law, E, history):
+    k = FACTOR * law.modulus
+    return (k * E[0], k * E[1], k * E[2], k * E[3], k * E[4], k * E[5]), (k, k, k, k, k, k)
+
+
+@implements(bending_stiffness, Spring)
+@equation
+def bending(law):
+    k = law.modulus
+    return (k, k, k, k, k, k)
+'''
+EVALUATE = """
+import json
+import numpy as np
+{import_law}
+from lcmchain.elements.solid_shell.reference import ElementOptions
+from lcmchain.verification import random_elements as make
+
+material = make.md600()
+if {use_law}:
+    material.law = Spring(1e6)
+X = make.CUBE * np.array([2.5e-3, 2.5e-3, 0.5e-3])
+model = make.separate_elements(X[None], np.array([[1.0, 0.0, 0.0]]), material, ElementOptions())
+x = X * np.array([1.01, 1.0, 1.0])
+force = make.corner_forces(model, make.positions_of(x[None]))
+from lcmchain.elements.solid_shell.kernel import solid_shell_forces
+stats = solid_shell_forces.stats
+print(json.dumps([float(force[0, 1, 0]), len(stats.cache_hits), len(stats.cache_misses)]))
+"""
+
+
+@pytest.fixture
+def evaluate(tmp_path):
+    """Evaluate the force on a corner in a fresh process: (force, cache hits, cache misses)."""
+    cache = tmp_path / "cache"
+
+    def call(law=None):
+        code = EVALUATE.format(
+            import_law="from spring import Spring" if law else "", use_law=law is not None
+        )
+        if law:
+            (tmp_path / "spring.py").write_text(law, encoding="utf-8")
+        environment = os.environ | {
+            "NUMBA_CACHE_DIR": str(cache),
+            "PYTHONPATH": str(tmp_path),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True, text=True, env=environment, cwd=tmp_path, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return call
+
+
+def test_kernels_follow_the_file_of_a_law_outside_the_package(evaluate):
+    own, _, misses = evaluate()
+    assert misses == 1
+    # a run without the law must not need its file to read the cache, before and after
+    force, _, misses = evaluate(LAW.replace("FACTOR", "1.0"))
+    assert misses == 1 and force > 0.0
+    assert evaluate(LAW.replace("FACTOR", "1.0")) == [force, 1, 0]
+    changed, _, misses = evaluate(LAW.replace("FACTOR", "3.0"))
+    assert misses == 1 and changed == pytest.approx(3.0 * force, rel=1e-9)
+    assert evaluate() == [own, 1, 0]

@@ -1,0 +1,252 @@
+"""A model of several bodies: laws and families beside each other, ranges, and their files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+import vtk
+import xugrid
+
+from lcmchain.elements.solid_shell.reference import ElementOptions
+from lcmchain.fields import FrameSeries, model_datasets, read_group, write_forming_netcdf
+from lcmchain.mesh.blank import build_blank
+from lcmchain.mesh.triangulation import triangulate
+from lcmchain.model import Sheet, assemble_bodies
+from lcmchain.scene import Contact, Element, MembraneShellElement, Process, scene_from_text
+from lcmchain.solver.simulation import Simulation
+from lcmchain.tools.table import build_tool_table
+
+SCENE = """
+title = "two sheets"
+process = {{ time = "1 ms", frames = 3, gravity = true }}
+blank = {{ size = ["20 mm", "10 mm"], edge_length = "5 mm", height = "{height} mm" }}
+contact = {{ penalty = "20 N/mm^3" }}
+
+[material]
+{material}
+
+[[tools]]
+name = "lower"
+shape = {{ type = "plate", side = "below" }}
+
+[[tools]]
+name = "upper"
+shape = {{ type = "plate", side = "above" }}
+position = "0 0 1.004 mm"
+motion = {{ type = "stroke", direction = [0, 0, -1], distance = "0.2 mm", profile = "linear" }}
+"""
+FABRIC = 'preset = "MD600"'
+WITH_SET = 'law = "fabric-with-set"\npreset = "MD600"\ncompaction.permanent_set = 0.4'
+RUBBER = """law = "isotropic"
+name = "rubber"
+thickness = "1.004 mm"
+density = "1100 kg/m^3"
+young_modulus = "2 MPa"
+poisson_ratio = 0.4"""
+STEP = 1e-6
+
+
+def scene(material=FABRIC, height=0.502):
+    return scene_from_text(SCENE.format(material=material, height=height))
+
+
+def sheet(name, material, element=None, shift=0.0):
+    """A sheet of the scene's blank, moved along x."""
+    the_scene = scene(material)
+    mesh = build_blank(the_scene.blank, the_scene.material.thickness)
+    mesh = replace(mesh, node_positions=mesh.node_positions + [shift, 0.0, 0.0])
+    element = element or Element()
+    if element.type == "membrane-shell":
+        mesh = triangulate(mesh)
+    return Sheet(name, mesh, the_scene.material.build(), element)
+
+
+def simulation(*sheets):
+    the_scene = scene()
+    model = assemble_bodies(
+        sheets,
+        tools=build_tool_table(the_scene.tools, None, the_scene.process.time),
+        tool_names=[tool.name for tool in the_scene.tools],
+        contact=the_scene.contact,
+        process=the_scene.process,
+    )
+    return Simulation(model)
+
+
+def advanced(sim, count=400):
+    """The simulation after steps of one size, so that bodies do not meet through the step."""
+    for _ in range(count // 20):
+        sim.prepare_steps()
+        sim.make_steps(20, STEP)
+    return sim
+
+
+SHEETS = {
+    "two laws": [sheet("fabric", FABRIC), sheet("rubber", RUBBER, shift=0.1)],
+    "with and without memory": [sheet("set", WITH_SET), sheet("fabric", FABRIC, shift=0.1)],
+    "two families": [
+        sheet("solid", FABRIC),
+        sheet("flat", FABRIC, MembraneShellElement(), shift=0.1),
+    ],
+    "one law twice": [sheet("left", FABRIC), sheet("right", FABRIC, shift=0.1)],
+}
+
+
+@pytest.mark.parametrize("case", SHEETS)
+def test_each_body_moves_as_it_does_alone(case):
+    """Bit for bit: bodies that do not touch share the arrays and nothing else."""
+    together = advanced(simulation(*SHEETS[case]))
+    moved = np.abs(together.state.velocity).max(axis=0)
+    for body, own in zip(together.model.bodies, SHEETS[case], strict=True):
+        alone = advanced(simulation(own))
+        nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
+        assert moved[nodes].max() > 1e-3
+        for name in ("position", "velocity"):
+            np.testing.assert_array_equal(
+                getattr(together.state, name)[:, nodes], getattr(alone.state, name), err_msg=name
+            )
+        np.testing.assert_array_equal(
+            together.model.history_of(body, together.state.history), alone.state.history
+        )
+
+
+def test_energies_and_tool_forces_are_those_of_all_bodies():
+    sheets = SHEETS["two laws"]
+    together = advanced(simulation(*sheets))
+    alone = [advanced(simulation(own)) for own in sheets]
+    np.testing.assert_allclose(
+        together.state.tool_force, sum(sim.state.tool_force for sim in alone), rtol=1e-12
+    )
+    energies = together.energy()
+    for name, value in energies.items():
+        total = sum(sim.energy()[name] for sim in alone)
+        assert value == pytest.approx(total, rel=1e-9, abs=1e-12 * energies["external"])
+    assert abs(energies["balance_error"]) < 0.02 * energies["external"]
+
+
+def test_the_stiffest_body_sets_the_step_and_is_named():
+    sheets = SHEETS["two laws"]
+    together = simulation(*sheets)
+    steps = [simulation(own).critical_step() for own in sheets]
+    assert together.critical_step() == min(steps) == steps[0]
+    together.prepare_steps()
+    assert together.model.body_of_element(together.control.element).name == "fabric"
+    backwards = simulation(sheet("rubber", RUBBER), sheet("fabric", FABRIC, shift=0.1))
+    backwards.prepare_steps()
+    assert backwards.control.element >= backwards.model.bodies[1].first_element
+    assert backwards.model.body_of_element(backwards.control.element).name == "fabric"
+
+
+def test_ranges_follow_each_other_without_gaps():
+    model = simulation(*SHEETS["two families"]).model
+    first, second = model.bodies
+    assert (first.first_node, first.first_element) == (0, 0)
+    assert (second.first_node, second.first_element) == (
+        first.mesh.node_count, first.mesh.element_count
+    )  # fmt: skip
+    assert model.placed[0].last_force == model.placed[1].first_force
+    assert model.corner_force_size > model.placed[1].last_force
+    assert model.node_count == first.mesh.node_count + second.mesh.node_count
+    assert model.element_at(second.first_node) >= second.first_element
+    with pytest.raises(ValueError, match="several bodies \\(solid, flat\\)"):
+        _ = model.blank
+
+
+def test_an_unsound_element_names_its_body():
+    from lcmchain.errors import SimulationError
+
+    sim = simulation(*SHEETS["two laws"])
+    body = sim.model.bodies[1]
+    sim.state.position[2, body.first_node :] = 0.0
+    with pytest.raises(SimulationError, match="element 0 is inverted .* of rubber at"):
+        sim.require_sound()
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The file of three sheets after some steps, and their simulation."""
+    sim = simulation(
+        sheet("fabric", FABRIC),
+        sheet("set", WITH_SET, shift=0.1),
+        sheet("flat", FABRIC, MembraneShellElement(), shift=0.2),
+    )
+    snapshots = [sim.snapshot()]
+    advanced(sim)
+    snapshots.append(sim.snapshot())
+    frames = FrameSeries.from_snapshots(snapshots, sim.model.tool_names)
+    path = tmp_path_factory.mktemp("bodies") / "forming.nc"
+    write_forming_netcdf(path, model_datasets(scene(), sim.model, frames))
+    return path, sim
+
+
+def opened(path, group="/"):
+    return read_group(path, group)
+
+
+def test_every_body_is_a_mesh_in_a_group_of_its_own(written):
+    path, sim = written
+    for body in sim.model.bodies:
+        grid = xugrid.Ugrid2d.from_dataset(opened(path, body.name), body.name)
+        assert grid.n_face == body.mesh.element_count
+        group = opened(path, body.name)
+        assert group.attrs["material"] == body.material.name
+        assert group["shear_angle"].dims == ("frame", f"{body.name}_face")
+        assert ("thickness" in group) == (body.name != "flat")
+        assert ("largest_compaction_strain" in group) == (body.name == "set")
+    for name in ("fabric", "set"):
+        solid = opened(path, f"{name}/solid")
+        assert solid.sizes["solid_volume"] == opened(path, name).sizes[f"{name}_face"]
+    with h5py.File(path) as file:
+        assert "solid" in file["fabric"] and "solid" not in file["flat"]
+
+
+def test_the_root_holds_all_sheets_together(written):
+    path, sim = written
+    root = opened(path)
+    counts = [body.mesh.element_count for body in sim.model.bodies]
+    np.testing.assert_array_equal(root["body"], np.repeat([0, 1, 2], counts))
+    assert root["body"].attrs["flag_meanings"] == "fabric set flat"
+    start = 0
+    for body, count in zip(sim.model.bodies, counts, strict=True):
+        own = opened(path, body.name)
+        part = root["areal_fibre_mass"][:, start : start + count]
+        np.testing.assert_array_equal(part, own["areal_fibre_mass"])
+        start += count
+    assert np.isnan(root["thickness"][:, -counts[-1] :]).all()
+    assert np.isfinite(root["thickness"][:, : -counts[-1]]).all()
+    grid = xugrid.Ugrid2d.from_dataset(root, "sheet")
+    area = sum(body.mesh.element_areas.sum() for body in sim.model.bodies)
+    assert grid.area.sum() == pytest.approx(area, rel=0.05)
+
+
+def test_vtk_reads_the_root_mesh(written):
+    path, sim = written
+    reader = vtk.vtkNetCDFUGRIDReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    assert reader.GetOutput().GetNumberOfCells() == sim.model.element_count
+
+
+def test_a_model_of_one_body_writes_the_file_of_one_sheet():
+    sim = simulation(sheet("any name", FABRIC))
+    frames = FrameSeries.from_snapshots([sim.snapshot()], sim.model.tool_names)
+    assert set(model_datasets(scene(), sim.model, frames)) == {"/", "/solid", "/history"}
+
+
+def test_choices_of_the_element_are_those_of_each_body():
+    director = ElementOptions(compaction_strain="director")
+    model = assemble_bodies(
+        [sheet("a", FABRIC), sheet("b", FABRIC, director, shift=0.1)],
+        tools=build_tool_table((), None, 1.0),
+        tool_names=(),
+        contact=Contact(),
+        process=Process(time="1 s"),
+    )
+    options = [body.data.options.director for body in model.bodies]
+    assert options == [None, True]
