@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lcmchain.errors import InputError
+from lcmchain.scene.permeability import Permeability
 
 LAWS = ("gebart", "kozeny_carman")
 
@@ -121,7 +122,10 @@ def kozeny_carman(
 
 
 def aligned_permeabilities(
-    law: PermeabilityLaw, fibre_volume_fraction: ArrayLike, *, out_of_range: str = "raise"
+    law: PermeabilityLaw | Permeability,
+    fibre_volume_fraction: ArrayLike,
+    *,
+    out_of_range: str = "raise",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Permeability along and across aligned fibres [m2].
 
@@ -156,7 +160,7 @@ def aligned_permeabilities(
 
 
 def principal_permeabilities(
-    law: PermeabilityLaw,
+    law: PermeabilityLaw | Permeability,
     fibre_volume_fraction: np.ndarray,
     fibre_direction_1: np.ndarray,
     fibre_direction_2: np.ndarray,
@@ -201,7 +205,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.where(length > 0.0, length, np.nan)[:, None]
 
 
-def _as_law(law) -> PermeabilityLaw:
+def _as_law(law: PermeabilityLaw | Permeability) -> PermeabilityLaw:
     if isinstance(law, PermeabilityLaw):
         return law
     names = ("law", "fibre_radius", "packing", "k_along", "k_across")

@@ -8,7 +8,7 @@ import hashlib
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
@@ -31,7 +31,7 @@ from lcmchain.fmu.variables import Group, Kind, Variable, forming_variables, quo
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.scene import Scene, read_scene
-from lcmchain.solver.simulation import Simulation
+from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.state import State
 from lcmchain.threads import use_threads
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
@@ -102,10 +102,10 @@ class FormingSlave(Fmi2Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self._simulation: Simulation | None = None
+        self._simulation: Simulation = None  # type: ignore[assignment]  # until initialization
         self._critical_step = 0.0
         self._start_time = 0.0
-        self._frames = ()
+        self._frames: tuple[Snapshot, ...] = ()
         self._failure = ""
         try:
             self._load(Path(self.resources))
@@ -155,7 +155,7 @@ class FormingSlave(Fmi2Slave):
             index = self._range[variable.name].start
             self._settable[index] = True
             if variable.kind is Kind.STRING:
-                self._texts[index] = variable.start
+                self._texts[index] = str(variable.start)
             else:
                 self._values[index] = variable.start
         self._stale = set(Group)
@@ -334,7 +334,7 @@ class FormingSlave(Fmi2Slave):
         """Compute the outputs of a group for the present state; 0 before initialization."""
         if group not in self._stale or self._simulation is None:
             return
-        compute = {
+        compute: dict[Group, Callable[[], Mapping[str, Any]]] = {
             Group.TOOLS: self._tool_outputs,
             Group.ENERGY: self._energy_outputs,
             Group.FIELDS: self._field_outputs,

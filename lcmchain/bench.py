@@ -68,7 +68,9 @@ class Measurement:
     most: float
 
 
-def measure(name: str, threads: int, element_steps: int, work: Callable[[], None]) -> Measurement:
+def measure(
+    name: str, threads: int | None, element_steps: int, work: Callable[[], None]
+) -> Measurement:
     """Time ``work``, which makes ``element_steps`` element steps, ``REPETITIONS`` times."""
     used = use_threads(threads)
     work()

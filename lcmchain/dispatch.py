@@ -28,7 +28,7 @@ def optional(stub: Callable[..., Any]) -> Callable[..., Any]:
     return _by_class(stub, stub)
 
 
-def implements(function: Callable[..., Any], chosen_class: type) -> Callable[[Any], Any]:
+def implements(function: Any, chosen_class: type) -> Callable[[Any], Any]:
     """Register the decorated compiled function as the answer of a class.
 
     Code outside this package gets compiled kernels of its own on disk, keyed by its file.
@@ -51,13 +51,13 @@ def implements(function: Callable[..., Any], chosen_class: type) -> Callable[[An
     return register
 
 
-def is_implemented(function: Callable[..., Any], chosen_class: type) -> bool:
+def is_implemented(function: Any, chosen_class: type) -> bool:
     """Tell whether a class answers a function itself."""
     return chosen_class in function.implementations
 
 
 def _by_class(stub, default):
-    implementations = {}
+    implementations: dict[type, Any] = {}
 
     def find(chosen_class):
         found = implementations.get(chosen_class, default)
@@ -77,7 +77,7 @@ def _by_class(stub, default):
         found = find(first.instance_class)
         return getattr(found, "py_func", found)
 
-    function.implementations = implementations
+    function.implementations = implementations  # type: ignore[attr-defined]
     # the arguments carry the names that the implementation gives them: no comparison of names
     overload(function, jit_options=INLINED, strict=False)(choose)
     return function

@@ -17,10 +17,10 @@ FLOATING_POINT = {"contract", "nsz"}
 
 # Options of a function that is inlined into the lane loop of a kernel. NumPy's error model keeps
 # divisions free of the branch that would stop vectorisation.
-INLINED = {"error_model": "numpy", "fastmath": FLOATING_POINT, "forceinline": True}
+INLINED: Any = {"error_model": "numpy", "fastmath": FLOATING_POINT, "forceinline": True}
 
 # Functions that keep compiled code on disk.
-_cached = []
+_cached: list[Dispatcher] = []
 
 
 def equation(function: Callable[..., Any]) -> Dispatcher:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from rich.console import Console
 
+    from lcmchain.quantities.units import Dimension
+
 
 @contextmanager
 def progress_bar() -> Iterator:
@@ -44,7 +46,7 @@ def length_of(option: str, text: str) -> float:
     return quantity(option, text, LENGTH)
 
 
-def quantity(option: str, text: str, dimension: str | None = None) -> float:
+def quantity(option: str, text: str, dimension: Dimension | None = None) -> float:
     """Return a positive quantity in SI; by default a length, pressure or angle as the option."""
     from lcmchain.quantities.units import ANGLE, LENGTH, PRESSURE, QuantityError, parse_quantity
 

@@ -20,8 +20,8 @@ def two_panels(path: Path, title: str, subtitle: str) -> Iterator[tuple]:
     """Yield the two axes of a figure that is saved at the end."""
     with matplotlib.rc_context(RC):
         figure = new_figure(9.6, 3.9)
-        left = figure.add_axes([0.07, 0.135, 0.40, 0.67])
-        right = figure.add_axes([0.56, 0.135, 0.40, 0.67])
+        left = figure.add_axes((0.07, 0.135, 0.40, 0.67))
+        right = figure.add_axes((0.56, 0.135, 0.40, 0.67))
         yield left, right
         headline(figure, title, subtitle)
         save(figure, path)

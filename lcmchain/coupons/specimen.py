@@ -11,6 +11,7 @@ from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
 from lcmchain.materials.law import Material
+from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene
@@ -59,7 +60,7 @@ class Recording(NamedTuple):
         return {name: np.array([s.energy[name] for s in self.snapshots]) for name in names}
 
 
-def require_fabric(material: Material) -> None:
+def require_fabric(material: AnyMaterial) -> None:
     """Refuse materials of which the analytic solution of a coupon knows nothing.
 
     Raises

@@ -97,7 +97,7 @@ def build_supports(
         for component in support.components:
             free["xyz".index(component), support.nodes] = 0.0
         rest = np.eye(3, 4)
-        motion = support.motion or (lambda time, rest=rest: rest)
+        motion = support.motion or (lambda time, rest=rest: rest)  # type: ignore[misc]
         affine[group] = [motion(time) for time in times]
         if not np.allclose(affine[group, 0], rest, rtol=0.0, atol=1e-12):
             raise InputError(f"the motion of {support.name} does not start in the reference")

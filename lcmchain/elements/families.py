@@ -13,7 +13,9 @@ from lcmchain.elements.solid_shell.body import SolidShellBody
 from lcmchain.elements.solid_shell.table import Element
 
 FAMILIES: dict[str, type[Body]] = {
-    family.type: family for family in (SolidShellBody, MembraneShellBody)
+    # both are frozen: mypy misses the right to set what a Body has
+    family.type: family  # type: ignore[misc]
+    for family in (SolidShellBody, MembraneShellBody)
 }
 
 #: The entry ``element``.

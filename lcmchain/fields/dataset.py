@@ -60,7 +60,10 @@ class SheetFrames:
     def of_body(cls, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
         """Return the part of a body of the model."""
         nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
-        past = [body.element_history(model.history_of(body, values)) for values in frames.history]
+        past = [
+            body.element_history(model.history_of(body, values))
+            for values in frames.history  # type: ignore[union-attr]
+        ]
         return cls(
             body.mesh,
             body.material,
@@ -279,7 +282,7 @@ def _global_attributes(scene, material: Material | None) -> dict[str, Any]:
 
 
 def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
-    volumes = sheet.mesh.volumes.astype(np.int32)
+    volumes = sheet.mesh.volumes.astype(np.int32)  # type: ignore[union-attr]
     mesh = SOLID_MESH
     variables = {
         **mesh.topology(

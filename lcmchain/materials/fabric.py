@@ -351,7 +351,9 @@ class FabricMembrane(SceneModel):
     def _check_shear_law(self) -> Self:
         # S12 ~ C12(E) E with E = sin(shear angle) / 2: monotone up to 90 deg means d(C12 E)/dE > 0.
         strain = np.linspace(0.0, 0.5, 2001)
-        tangent = sum((k + 1) * s * strain**k for k, s in enumerate(self.shear_polynomial))
+        tangent: np.ndarray = sum(
+            (k + 1) * s * strain**k for k, s in enumerate(self.shear_polynomial)
+        )  # type: ignore[assignment]
         if tangent.min() <= 0.0:
             first = float(strain[np.argmax(tangent <= 0.0)])
             angle = math.degrees(math.asin(min(1.0, 2 * first)))
@@ -444,7 +446,7 @@ class FabricMaterial(MaterialTable):
         """
         m, c, b = self.membrane, self.compaction, self.bending
         f = 1.0 if m.shear_convention == "engineering" else 0.5
-        law = FabricLaw(
+        law = FabricLaw(  # type: ignore[call-arg]
             m.C11, m.C22, f * m.C23, f * m.C13,
             *(f * s for s in m.shear_polynomial),
             c.c0, c.c1, c.c2,

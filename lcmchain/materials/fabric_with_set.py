@@ -52,10 +52,11 @@ from lcmchain.materials.law import (
 from lcmchain.quantities.entry_types import Number, Range
 
 FabricWithSetLaw = NamedTuple(
-    "FabricWithSetLaw", [*FabricLaw.__annotations__.items(), ("permanent_set", float)]
+    "FabricWithSetLaw",
+    [*FabricLaw.__annotations__.items(), ("permanent_set", float)],  # type: ignore[misc]
 )
 FabricWithSetLaw.__doc__ = "Parameters of :class:`FabricLaw` and the share ``permanent_set``."
-FabricWithSetLaw.remembers = (
+FabricWithSetLaw.remembers = (  # type: ignore[attr-defined]
     Remembered("largest_compaction_strain", "1", "normal strain E33 where the fabric was thinnest"),
 )
 
@@ -107,8 +108,10 @@ implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
 class FabricWithSet(Fabric):
     """A fabric with a permanent set; ``permanent_set`` is its share of the most compaction."""
 
+    law: Any  # of class FabricWithSetLaw
+
     def __init__(self, law: FabricLaw, permanent_set: float, **sheet: Any) -> None:
-        super().__init__(FabricWithSetLaw(*law, permanent_set), **sheet)
+        super().__init__(FabricWithSetLaw(*law, permanent_set), **sheet)  # type: ignore[arg-type, call-arg]
 
     def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         S, C = super().stress_and_tangent(E)
@@ -170,7 +173,7 @@ class FabricWithSetMaterial(FabricMaterial):
 
     families: ClassVar[tuple[str, ...]] = ("solid-shell",)
 
-    law: Literal["fabric-with-set"] = "fabric-with-set"
+    law: Literal["fabric-with-set"] = "fabric-with-set"  # type: ignore[assignment]
     compaction: CompactionWithSet
 
     def build(self) -> FabricWithSet:

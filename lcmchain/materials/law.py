@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba.extending import overload
+from numpy.typing import ArrayLike
 
 from lcmchain.dispatch import implements, is_implemented, optional, required
 from lcmchain.jit import INLINED
@@ -188,7 +189,9 @@ class Material(Protocol):
     fibre_density: float | None
     is_diagonal: bool
     constant_tangent: bool
-    couples_thickness: bool
+
+    @property
+    def couples_thickness(self) -> bool: ...
 
     def stress_and_tangent(self, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return S^M (..., 6) and C^M (..., 6, 6) of centre strains E (..., 6), first loading."""
@@ -208,13 +211,17 @@ class Material(Protocol):
         history : (history_count, ...), of a law with memory.
         """
 
-    def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return the energy density [J/m³] that a law with memory has dissipated so far."""
-
     def compaction_pressure(
-        self, thickness_stretch: np.ndarray, history: np.ndarray | None = None
+        self, thickness_stretch: ArrayLike, history: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the tool pressure p = λ |S33| [Pa] of plate-to-plate compaction; 0 if thicker."""
 
     def wave_stiffness(self) -> tuple[float, float]:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
+
+
+class MaterialWithMemory(Material, Protocol):
+    """What a :class:`Material` offers too if its law remembers anything."""
+
+    def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
+        """Return the energy density [J/m³] that a law with memory has dissipated so far."""

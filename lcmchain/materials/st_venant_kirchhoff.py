@@ -201,7 +201,7 @@ class SolidMaterial(MaterialTable):
             thickness=self.thickness,
             density=self.density,
             fibre_density=self.fibre_density,
-            name=self.name,
+            name=self.name,  # type: ignore[attr-defined]
         )
 
 
@@ -316,7 +316,7 @@ class StiffnessMaterial(SolidMaterial):
         difference = np.abs(matrix - matrix.T)
         if difference.max() > 1e-9 * np.abs(matrix).max():
             row, column = np.unravel_index(np.argmax(difference), difference.shape)
-            row, column = int(min(row, column)), int(max(row, column))
+            row, column = int(min(row, column)), int(max(row, column))  # type: ignore[assignment]
             raise wrong(
                 f"is not symmetric: entry [{row}][{column}] is {matrix[row, column] * 1e-6:g} MPa, "
                 f"entry [{column}][{row}] is {matrix[column, row] * 1e-6:g} MPa"

@@ -35,7 +35,7 @@ MOST_FACES_WITH_EDGES = 30_000
 def axes_at(figure: Figure, x: float, y: float, width: float, height: float) -> Axes:
     """Return axes at a place of the figure; all in inches from its lower left corner."""
     w, h = figure.get_size_inches()
-    return figure.add_axes([x / w, y / h, width / w, height / h])
+    return figure.add_axes((x / w, y / h, width / w, height / h))
 
 
 # --- surfaces and lines ---------------------------------------------------------------------------
@@ -100,7 +100,11 @@ def draw_mesh(
     width = width if len(corners) <= MOST_FACES_WITH_EDGES else 0.0
     axis.add_collection(
         PolyCollection(
-            view.on_screen(corners), facecolors=face, edgecolors=edge, linewidths=width, **more
+            view.on_screen(corners),  # type: ignore[arg-type]
+            facecolors=face,
+            edgecolors=edge,
+            linewidths=width,
+            **more,
         )
     )
 
@@ -112,7 +116,7 @@ def draw_hatches(axis: Axes, corners: np.ndarray, view: View, pattern: str) -> N
     if len(corners):
         axis.add_collection(
             PolyCollection(
-                view.on_screen(corners), facecolors="none", edgecolors="0.35", hatch=pattern,
+                view.on_screen(corners), facecolors="none", edgecolors="0.35", hatch=pattern,  # type: ignore[arg-type]
                 linewidths=0.0,
             )
         )  # fmt: skip
@@ -125,7 +129,7 @@ def draw_segments(
     from matplotlib.collections import LineCollection
 
     axis.add_collection(
-        LineCollection(view.on_screen(segments), colors=colour, linewidths=width, **more)
+        LineCollection(view.on_screen(segments), colors=colour, linewidths=width, **more)  # type: ignore[arg-type]
     )
 
 
@@ -235,13 +239,14 @@ def draw_triad(axis: Axes, view: View) -> None:
         axis.annotate(
             "",
             xy=origin + tip,
-            xytext=origin,
+            xytext=origin,  # type: ignore[arg-type]
             xycoords="axes fraction",
             arrowprops={"arrowstyle": "-|>", "lw": 0.9, "color": INK, "mutation_scale": 7,
                         "shrinkA": 0, "shrinkB": 0},
         )  # fmt: skip
+        x, y = origin + 1.38 * tip
         axis.text(
-            *(origin + 1.38 * tip), label, transform=axis.transAxes, ha="center", va="center",
+            x, y, label, transform=axis.transAxes, ha="center", va="center",
             fontsize=8, style="italic",
         )  # fmt: skip
 

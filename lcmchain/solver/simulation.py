@@ -283,7 +283,7 @@ class Simulation:
 
     def _bind(self) -> None:
         self._scratch = Scratch.zeros(self.model)
-        self._arrays = Arrays(*self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict())
+        self._arrays = Arrays(*self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict())  # type: ignore[call-arg]
 
     def _advance(self, step_count: int, step: float) -> None:
         model = self.model

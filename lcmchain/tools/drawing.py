@@ -38,7 +38,7 @@ def tool_surface(tool: Tool, directory: Path, extent: ArrayLike) -> tuple[np.nda
 
 
 def clip_to_box(
-    points: ArrayLike, faces: ArrayLike, box: ArrayLike
+    points: ArrayLike, faces: ArrayLike, box: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Cut triangles at the planes of a box (corners as rows, shape [2, 3]) and keep the inside."""
     corners = np.asarray(points, dtype=float)[np.asarray(faces, dtype=int)]

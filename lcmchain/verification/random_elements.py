@@ -194,9 +194,7 @@ def difference_tangent(
     """Derivative (24, 24) of an element's forces (8, 3) by central differences of fourth order."""
     K = np.zeros((24, 24))
     for i in range(24):
-        dx = np.zeros(24)
-        dx[i] = step
-        dx = dx.reshape(8, 3)
+        dx = step * np.eye(24)[i].reshape(8, 3)
         near = evaluate(nodes + dx).force - evaluate(nodes - dx).force
         far = evaluate(nodes + 2 * dx).force - evaluate(nodes - 2 * dx).force
         K[:, i] = ((8 * near - far) / (12 * step)).ravel()

@@ -63,7 +63,7 @@ def elastica_with_tip_slope(tip_slope: float, point_count: int = 201) -> Elastic
     def level(_, state):
         return state[0]
 
-    level.terminal = True
+    level.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
         slopes, (0.0, 1e3), (tip_slope, 0.0, 0.0, 0.0), method="DOP853", events=level,
         dense_output=True, rtol=1e-11, atol=1e-13,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from lcmchain.elements.solid_shell.geometry import (
 from lcmchain.elements.solid_shell.kernel import Options, SolidShellData
 from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows
 from lcmchain.errors import InputError
-from lcmchain.materials.law import Material
+from lcmchain.materials.law import Material, MaterialWithMemory
 from lcmchain.mesh.blank import BlankMesh
 
 CORNERS = 8
@@ -39,7 +39,7 @@ class SolidShellBody:
     """Solid-shells of one material; see :class:`lcmchain.elements.family.Body`."""
 
     name: str
-    mesh: object
+    mesh: BlankMesh
     material: Material
     geometry: ReferenceGeometry
     data: SolidShellData
@@ -139,7 +139,8 @@ class SolidShellBody:
     def dissipated_energy(self, history: np.ndarray) -> float:
         if not history.size:
             return 0.0
-        density = self.material.dissipated_energy(self.element_history(history))
+        material = cast(MaterialWithMemory, self.material)
+        density = material.dissipated_energy(self.element_history(history))
         return float((density * self.geometry.volume).sum())
 
     def highest_frequency(

@@ -128,7 +128,7 @@ class ReferenceElement:
         f = self.options.fibre_hourglass if self.material.is_diagonal else 1.0
         C_hg = C_M * np.array([f, f, 1.0, 1.0, 1.0, 1.0])[:, None]
         hourglass_energy = 0.0
-        for term, weight, C in (
+        for term, weight, C in (  # type: ignore[assignment]
             ("xi", 1.0 / 3.0, C_hg),
             ("eta", 1.0 / 3.0, C_hg),
             ("eta_zeta", 1.0 / 9.0, C_B),

@@ -111,7 +111,7 @@ def pinched_cylinder(
     held = mesh.held((grid[-1], [Y]), (grid[:, -1], [X]), (grid[:, 0], [Z]))
     # the diaphragm holds the mid-surface: held faces would clamp its large rotation at the end
     diaphragm = np.zeros((3, mesh.blank.pair_count), dtype=bool)
-    diaphragm[np.ix_([X, Z], grid[0])] = True
+    diaphragm[np.ix_(np.array([X, Z]), grid[0])] = True
     loads = mesh.pair_loads([grid[-1, -1]], [0.0, 0.0, -3000.0])
     problem = StaticProblem(model=model, held=held, held_middle=diaphragm, forces=loads)
     history = solve(problem, table[:, 0], on_step=on_step)

@@ -5,7 +5,6 @@ Benchmarks come in any consistent units; nothing here is in SI.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,11 +37,11 @@ def variant(element: Element) -> str:
 class Sheet:
     """A sheet of N1 x N2 elements.
 
-    blank : the mesh; grid : (N1 + 1, N2 + 1) pair numbers, None for an unstructured patch.
+    blank : the mesh; grid : (N1 + 1, N2 + 1) pair numbers, empty for an unstructured patch.
     """
 
     blank: BlankMesh
-    grid: np.ndarray | None
+    grid: np.ndarray
 
     @property
     def mesh(self) -> str:
@@ -57,11 +56,11 @@ class Sheet:
     def nothing_held(self) -> np.ndarray:
         return np.zeros((3, self.blank.node_count), dtype=bool)
 
-    def held(self, *supports: tuple[Sequence[int], Sequence[int]]) -> np.ndarray:
+    def held(self, *supports: tuple[ArrayLike, ArrayLike]) -> np.ndarray:
         """Return the mask (3, node_count) that holds (pairs, components) on both faces."""
         mask = self.nothing_held.copy()
         for pairs, components in supports:
-            mask[np.ix_(components, self.nodes(pairs))] = True
+            mask[np.ix_(np.asarray(components), self.nodes(pairs))] = True
         return mask
 
     def edge_load(self, pairs: np.ndarray, force: ArrayLike) -> np.ndarray:
@@ -71,7 +70,7 @@ class Sheet:
         share = np.zeros(len(pairs))
         share[:-1] += 0.5 * length
         share[1:] += 0.5 * length
-        return self.pair_loads(pairs, np.outer(share / share.sum(), force))
+        return self.pair_loads(pairs, np.outer(share / share.sum(), np.asarray(force)))
 
     def pair_loads(self, pairs: ArrayLike, forces: ArrayLike) -> np.ndarray:
         """Return nodal forces of ``forces`` (n, 3) on pairs, halved over the two faces."""
@@ -81,8 +80,9 @@ class Sheet:
 
     def middle(self, displacement: np.ndarray, pair: ArrayLike) -> np.ndarray:
         """Return the displacement (..., 3) of the mid-surface at pairs."""
-        n = self.blank.pair_count
-        return 0.5 * (displacement[:, pair] + displacement[:, np.asarray(pair) + n]).T
+        pair = np.asarray(pair)
+        top = pair + self.blank.pair_count
+        return 0.5 * (displacement[:, pair] + displacement[:, top]).T
 
 
 def sheet(middle: np.ndarray, normal: np.ndarray, thickness: float) -> Sheet:
@@ -99,10 +99,10 @@ def sheet(middle: np.ndarray, normal: np.ndarray, thickness: float) -> Sheet:
 
 def from_quads(
     middle: np.ndarray,
-    normal: np.ndarray,
+    normal: ArrayLike,
     quads: np.ndarray,
     thickness: float,
-    grid: np.ndarray | None,
+    grid: np.ndarray,
     *,
     fibre: ArrayLike | None = None,
 ) -> Sheet:
@@ -139,7 +139,7 @@ def isotropic_model(
     return assemble_sheet(mesh.blank, material, element)
 
 
-def parameters(*counts: int) -> list[np.ndarray]:
+def parameters(*counts: int) -> tuple[np.ndarray, ...]:
     """Return grids of parameters from 0 to 1, one per count of elements."""
     return np.meshgrid(*(np.linspace(0.0, 1.0, count + 1) for count in counts), indexing="ij")
 

@@ -36,7 +36,9 @@ def patch_test(kind: str, element: Element = AS_PUBLISHED) -> BenchmarkResult:
     the plate at their lower nodes only: the thickness is free.
     """
     middle = np.column_stack([POINTS, np.zeros(len(POINTS))])
-    mesh = from_quads(middle, [0.0, 0.0, 1.0], QUADS, THICKNESS, None, fibre=[1.0, 0.0, 0.0])
+    mesh = from_quads(
+        middle, [0.0, 0.0, 1.0], QUADS, THICKNESS, np.empty((0, 0), int), fibre=[1.0, 0.0, 0.0]
+    )
     model = isotropic_model(mesh, 1e6, 0.25, element)
     x, y, z = mesh.blank.node_positions.T
     field = np.stack([1e-3 * (x + y / 2), 1e-3 * (y + x / 2), np.zeros_like(x)])

@@ -29,7 +29,7 @@ EXPECTED = {
 
 
 def clamped_plate(
-    load: str, slenderness: float, count: int, element: Element = AS_PUBLISHED
+    load: str, slenderness: int, count: int, element: Element = AS_PUBLISHED
 ) -> BenchmarkResult:
     """Deflection of the centre under a central force ("point") or a pressure ("uniform")."""
     length, E, nu = 100.0, 1e7, 0.3

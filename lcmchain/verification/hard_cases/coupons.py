@@ -109,7 +109,7 @@ def bias_extension(name: str, full: bool) -> Iterator[CaseResult]:
     yield CaseResult(
         name,
         "centre angle against inextensible fibres at 40 mm",
-        math.degrees(abs(followed)),
+        math.degrees(abs(followed)),  # type: ignore[arg-type]
         2.0,
         "°",
     )

@@ -111,7 +111,7 @@ def fast_punch(name: str, full: bool) -> Iterator[CaseResult]:
     deepest = 1e3 * float(formed.sim.state.penetration_max.max())
     blind = hemisphere(time=time)
     blind.prepare_steps()
-    blind.find_contact = lambda: None
+    blind.find_contact = lambda: None  # type: ignore[method-assign]
     message = stopped(lambda: blind.advance_to(time))
     inside = max(
         -gaps(blind.model.tools, tool, blind.state.position.T, blind.state.tool_travel[tool]).min()
@@ -183,7 +183,7 @@ def coarse_mesh(name: str, full: bool) -> Iterator[CaseResult]:
         yield guarded(
             name,
             f"{edge:g} mm elements on 5 mm fillets: ends in the guard's words",
-            lambda edge=edge: _form_in_frames(hemisphere(time=time, edge=edge, fillet=5.0), time),
+            lambda edge=edge: _form_in_frames(hemisphere(time=time, edge=edge, fillet=5.0), time),  # type: ignore[misc]
             "hourglass",
             "blank.edge_length",
         )

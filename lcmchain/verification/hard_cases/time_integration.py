@@ -115,7 +115,7 @@ def million_steps(name: str, full: bool) -> Iterator[CaseResult]:
 
 
 def kicked_drift(
-    shape: Callable[[np.ndarray], np.ndarray], safety: float, steps: int, **mesh: Any
+    shape: Callable[[np.ndarray], np.ndarray] | None, safety: float, steps: int, **mesh: Any
 ) -> float:
     """Return the energy drift [%] of a free sheet with random velocities at a part of the step."""
     sim = simulation(
@@ -222,7 +222,7 @@ def estimated_step(name: str, full: bool) -> Iterator[CaseResult]:
     must never be longer than the true one (from the eigenvalues of the tangent), which no safety
     factor could repair, and not much shorter, which would waste time.
     """
-    ratios = {}
+    ratios: dict[str, list[np.ndarray]] = {}
     rng = np.random.default_rng(0)
     for family, references, x, material in random_families(rng, 500 if full else 100):
         bound, true = make.bounds_and_frequencies(references, x, material)
@@ -235,7 +235,7 @@ def estimated_step(name: str, full: bool) -> Iterator[CaseResult]:
         float(every.max()),
         1.0 + 1e-6,
     )
-    worst = min(means, key=means.get)
+    worst = min(means, key=means.__getitem__)
     yield CaseResult(
         name,
         f"mean of estimated over true step, worst family ({worst})",
