@@ -146,7 +146,8 @@ class Copy:
             return "out of time"
         if code == 0:
             return "SURVIVED"
-        failed = re.search(r"^FAILED \S*?([^/\s]+\.py::\S+)", printed, re.M)
+        # ERROR with the name of a test: in a fixture; without one: nothing could be collected
+        failed = re.search(r"^(?:FAILED|ERROR) \S*?([^/\s]+\.py::\S+)", printed, re.M)
         if code != 1 or failed is None:
             return "NO TEST RAN: " + " ".join(printed.split()[-30:])
         return failed[1]

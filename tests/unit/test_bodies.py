@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -250,3 +252,16 @@ def test_choices_of_the_element_are_those_of_each_body():
     )
     options = [body.data.options.director for body in model.bodies]
     assert options == [None, True]
+
+
+def test_the_example_of_two_sheets(tmp_path, capsys):
+    """Both at 0.704 mm under pressure; released, one keeps its set."""
+    example = Path(__file__).resolve().parents[2] / "examples" / "two_sheets" / "form.py"
+    runpy.run_path(str(example))["main"](tmp_path)
+    lines = capsys.readouterr().out.splitlines()
+    rows = {words[0]: [float(w) for w in words[1:]] for words in map(str.split, lines[1:3])}
+    pressed, released = 0.704, 1.004
+    kept = released * np.sqrt(1.0 + 0.3 * ((pressed / released) ** 2 - 1.0))
+    assert rows["fabric"] == pytest.approx([pressed, released], abs=2e-3)
+    assert rows["with_set"] == pytest.approx([pressed, kept], abs=3e-3)
+    assert set(read_group(tmp_path / "forming.nc", "with_set").data_vars) > {"thickness"}

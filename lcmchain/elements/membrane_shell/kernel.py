@@ -183,7 +183,6 @@ def deformation(u, gradient, weights):
     return a1, a2, cross(a1, a2), h
 
 
-@routine
 def membrane_shell_state(body, positions, strain, area_ratio, bending_energy):
     """Write strains, current over initial area, and the stored energy of bending.
 

@@ -15,7 +15,7 @@ from lcmchain.elements.solid_shell.kernel import (
     stresses,
 )
 from lcmchain.elements.vectors import cross, dot
-from lcmchain.jit import equation, kernel, routine
+from lcmchain.jit import equation, kernel
 from lcmchain.materials.law import load_history
 from lcmchain.materials.stiffness import product
 
@@ -57,7 +57,6 @@ def gather(position, nodes, corner):
                 corner[(3 * c + d) * LANES + lane] = position[d, nodes[c * LANES + lane]]
 
 
-@routine
 def strain_energies(body, positions, history, centre_strain, bending_energy, hourglass_energy):
     """Write the centre strain and the stored energies of bending and hourglass terms.
 

@@ -306,7 +306,6 @@ def spectral_radius_bound(norms, weight, image):
     return bound
 
 
-@routine
 def frequency_bounds(body, positions, history, omega2, controlling_mode):
     """Write the bound of ω² [1/s²] of every element, and the mode (0 ... 6) that moves most.
 
