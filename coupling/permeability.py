@@ -13,8 +13,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.errors import InputError
+from lcmchain.scene.permeability import Permeability
 
 LAWS = ("gebart", "kozeny_carman")
 
@@ -80,7 +82,9 @@ class PrincipalPermeabilities(NamedTuple):
     direction_3: np.ndarray
 
 
-def gebart(fibre_volume_fraction, fibre_radius: float, packing: str = "quadratic"):
+def gebart(
+    fibre_volume_fraction: ArrayLike, fibre_radius: float, packing: str = "quadratic"
+) -> tuple[np.ndarray, np.ndarray]:
     """Permeability along and across aligned fibres [m2] after Gebart.
 
     Along: exact duct flow in form; across: lubrication in the gaps between neighbouring fibres,
@@ -100,7 +104,9 @@ def gebart(fibre_volume_fraction, fibre_radius: float, packing: str = "quadratic
     return along, across
 
 
-def kozeny_carman(fibre_volume_fraction, fibre_radius: float, kozeny_constant: float):
+def kozeny_carman(
+    fibre_volume_fraction: ArrayLike, fibre_radius: float, kozeny_constant: float
+) -> np.ndarray:
     """Permeability of a fibre bed [m2] after Kozeny and Carman: r² (1 - v)³ / (4 k v²).
 
     Holds for 0 < v < 1 as a fit; across the fibres it misses that the flow stops where fibres
@@ -116,7 +122,10 @@ def kozeny_carman(fibre_volume_fraction, fibre_radius: float, kozeny_constant: f
 
 
 def aligned_permeabilities(
-    law: PermeabilityLaw, fibre_volume_fraction, *, out_of_range: str = "raise"
+    law: PermeabilityLaw | Permeability,
+    fibre_volume_fraction: ArrayLike,
+    *,
+    out_of_range: str = "raise",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Permeability along and across aligned fibres [m2].
 
@@ -151,7 +160,7 @@ def aligned_permeabilities(
 
 
 def principal_permeabilities(
-    law: PermeabilityLaw,
+    law: PermeabilityLaw | Permeability,
     fibre_volume_fraction: np.ndarray,
     fibre_direction_1: np.ndarray,
     fibre_direction_2: np.ndarray,
@@ -196,7 +205,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.where(length > 0.0, length, np.nan)[:, None]
 
 
-def _as_law(law) -> PermeabilityLaw:
+def _as_law(law: PermeabilityLaw | Permeability) -> PermeabilityLaw:
     if isinstance(law, PermeabilityLaw):
         return law
     names = ("law", "fibre_radius", "packing", "k_along", "k_across")

@@ -97,7 +97,7 @@ def _stage_scene(scene: Scene, folder: Path) -> list[str]:
     """Copy the scene and the files that it names; return the overrides that name moved files."""
     folder.mkdir()
     (folder / "scene.toml").write_text(scene.source.text, encoding="utf-8")
-    overrides = []
+    overrides: list[str] = []
     for key, value in _named_files(scene):
         place = PurePath(value)
         if place.is_absolute() or ".." in place.parts or place == PurePath("scene.toml"):

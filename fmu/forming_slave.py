@@ -8,8 +8,9 @@ import hashlib
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from uuid import NAMESPACE_URL, uuid5
 from xml.etree.ElementTree import Element
 from zipfile import BadZipFile
@@ -28,8 +29,9 @@ from lcmchain.fmu.model_description import complete, scalar_variables
 from lcmchain.fmu.saved_state import SavedState
 from lcmchain.fmu.variables import Group, Kind, Variable, forming_variables, quoted
 from lcmchain.mesh.blank import build_blank
+from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.scene import Scene, read_scene
-from lcmchain.solver.simulation import Simulation
+from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.state import State
 from lcmchain.threads import use_threads
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
@@ -43,12 +45,12 @@ CLOCK_TOLERANCE = 1e-9
 TRAVEL_TOLERANCE = 1e-6
 
 
-def sheet_mesh(scene: Scene):
+def sheet_mesh(scene: Scene) -> SheetMesh:
     """Return the mesh whose elements a unit counts: that of the model of the scene."""
     return family_of(scene.element).mesh_of(build_blank(scene.blank, scene.material.thickness))
 
 
-def variables_of(scene: Scene, mesh) -> tuple[Variable, ...]:
+def variables_of(scene: Scene, mesh: SheetMesh) -> tuple[Variable, ...]:
     """Return the interface of the unit that forms a scene on its :func:`sheet_mesh`."""
     tools = [(tool.name, tool.motion.kind) for tool in scene.tools]
     has_thickness = scene.element.type == "solid-shell"
@@ -98,12 +100,12 @@ class FormingSlave(Fmi2Slave):
     author = "lcmchain"
     version = __version__
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self._simulation: Simulation | None = None
+        self._simulation: Simulation = None  # type: ignore[assignment]  # until initialization
         self._critical_step = 0.0
         self._start_time = 0.0
-        self._frames = ()
+        self._frames: tuple[Snapshot, ...] = ()
         self._failure = ""
         try:
             self._load(Path(self.resources))
@@ -153,14 +155,14 @@ class FormingSlave(Fmi2Slave):
             index = self._range[variable.name].start
             self._settable[index] = True
             if variable.kind is Kind.STRING:
-                self._texts[index] = variable.start
+                self._texts[index] = str(variable.start)
             else:
                 self._values[index] = variable.start
         self._stale = set(Group)
 
     # --- model description ------------------------------------------------------------------------
 
-    def to_xml(self, model_options=None) -> Element:
+    def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description of the unit."""
         for scalar in scalar_variables(self._variables):
             self.register_variable(scalar, nested=False)
@@ -172,7 +174,9 @@ class FormingSlave(Fmi2Slave):
     # --- course of a simulation -------------------------------------------------------------------
 
     @_reported
-    def setup_experiment(self, start_time: float, stop_time=None, tolerance=None) -> None:
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ) -> None:
         """Note when the process starts."""
         self._start_time = float(start_time)
 
@@ -330,7 +334,7 @@ class FormingSlave(Fmi2Slave):
         """Compute the outputs of a group for the present state; 0 before initialization."""
         if group not in self._stale or self._simulation is None:
             return
-        compute = {
+        compute: dict[Group, Callable[[], Mapping[str, Any]]] = {
             Group.TOOLS: self._tool_outputs,
             Group.ENERGY: self._energy_outputs,
             Group.FIELDS: self._field_outputs,

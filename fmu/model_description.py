@@ -58,15 +58,15 @@ def complete(root: Element, variables: Sequence[Variable]) -> None:
             unit = SubElement(definitions, "Unit", {"name": name})
             SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
     # The schema wants them right after the kind of the unit.
-    root.insert(list(root).index(root.find("CoSimulation")) + 1, definitions)
+    root.insert(list(root).index(next(root.iter("CoSimulation"))) + 1, definitions)
 
     units = [variable.unit for variable in variables for _ in variable.scalars()]
-    for element, unit in zip(root.find("ModelVariables"), units, strict=True):
-        if unit is not None:
-            element[0].set("unit", unit)
+    for element, unit_name in zip(next(root.iter("ModelVariables")), units, strict=True):
+        if unit_name is not None:
+            element[0].set("unit", unit_name)
 
-    structure = root.find("ModelStructure")
-    outputs = structure.find("Outputs")
+    structure = next(root.iter("ModelStructure"))
+    outputs = next(structure.iter("Outputs"))
     initial = SubElement(structure, "InitialUnknowns")
     for unknown in outputs:
         unknown.set("dependencies", "")

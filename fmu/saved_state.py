@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class SavedState:
             "frame_time": [frame.time for frame in self.frames],
             "frame_energy": [frame.energy for frame in self.frames],
         }
-        arrays = {"header": np.array(json.dumps(header))}
+        arrays: dict[str, Any] = {"header": np.array(json.dumps(header))}
         if self.state is not None:
             arrays |= {f"state_{name}": array for name, array in self.state.as_dict().items()}
         for number, frame in enumerate(self.frames):

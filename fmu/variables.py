@@ -198,7 +198,7 @@ def forming_variables(
     inputs, outputs = [], []
     for tool, motion_kind in tools:
         prefix = quoted(tool)
-        entries = () if motion_kind == FIXED else MOTION_INPUTS
+        entries: tuple[tuple, ...] = () if motion_kind == FIXED else MOTION_INPUTS
         entries += FORCE_INPUTS if motion_kind == GUIDED else ()
         for suffix, kind, variability, unit, start, text in entries:
             name, description = f"{prefix}.{suffix}", text.format(tool=tool)
@@ -210,7 +210,7 @@ def forming_variables(
         _output(name, unit, Group.FIELDS, text, element_count) for name, unit, text in FIELD_OUTPUTS
     ]
     variables = (*PARAMETERS, *inputs, *outputs, *scalars, STEP_COUNT, *fields)
-    left_out = () if has_fibre_volume_fraction else ("fibre_volume_fraction",)
+    left_out: tuple[str, ...] = () if has_fibre_volume_fraction else ("fibre_volume_fraction",)
     left_out += () if has_thickness else ("thickness",)
     return tuple(v for v in variables if not v.name.startswith(left_out))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from lcmchain.compile_cache import use_source_keyed_cache
 
 __version__ = "0.1.0"
@@ -20,7 +22,7 @@ _HOME_OF_NAME = {
 }
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
     if name not in _HOME_OF_NAME:
         raise AttributeError(f"module 'lcmchain' has no attribute {name!r}")
     from importlib import import_module

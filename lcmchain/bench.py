@@ -12,6 +12,7 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from rich.table import Table
@@ -67,7 +68,9 @@ class Measurement:
     most: float
 
 
-def measure(name: str, threads: int, element_steps: int, work: Callable[[], None]) -> Measurement:
+def measure(
+    name: str, threads: int | None, element_steps: int, work: Callable[[], None]
+) -> Measurement:
     """Time ``work``, which makes ``element_steps`` element steps, ``REPETITIONS`` times."""
     used = use_threads(threads)
     work()
@@ -86,7 +89,7 @@ def repeated_forces(data, position, corner_force, history, count):
         internal_forces(data, position, corner_force, history)
 
 
-def kernel_work(simulation: Simulation, data) -> Callable[[], None]:
+def kernel_work(simulation: Simulation, data: Any) -> Callable[[], None]:
     """Return ``KERNEL_CALLS`` evaluations of the internal forces at the present positions.
 
     ``data`` are the constants of the body: those of the simulation's, or others of the same mesh.

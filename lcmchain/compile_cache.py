@@ -60,9 +60,9 @@ def key_cache_by_file(file: str | Path, module: str) -> None:
     from lcmchain.jit import move_cache
 
     content = Path(file).read_bytes() if Path(file).is_file() else str(file).encode()
-    present = Path(numba.config.CACHE_DIR or os.environ["NUMBA_CACHE_DIR"])
+    present = Path(numba.config.CACHE_DIR or os.environ["NUMBA_CACHE_DIR"])  # type: ignore[attr-defined]
     digest = hashlib.blake2b(f"{present}\0{file}\0{module}\0".encode() + content, digest_size=5)
-    numba.config.CACHE_DIR = str(present / f"with-{digest.hexdigest()}")
+    numba.config.CACHE_DIR = str(present / f"with-{digest.hexdigest()}")  # type: ignore[attr-defined]
     move_cache()
 
 

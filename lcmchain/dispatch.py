@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import functools
 import inspect
+from collections.abc import Callable
+from typing import Any
 
 from numba import types
 from numba.extending import overload
@@ -16,17 +18,17 @@ from lcmchain.compile_cache import key_cache_by_file
 from lcmchain.jit import INLINED
 
 
-def required(stub):
+def required(stub: Callable[..., Any]) -> Callable[..., Any]:
     """Make a function that every class must implement; ``stub`` gives its name and arguments."""
     return _by_class(stub, None)
 
 
-def optional(stub):
+def optional(stub: Callable[..., Any]) -> Callable[..., Any]:
     """Make a function as :func:`required` does; ``stub`` answers for classes that do not."""
     return _by_class(stub, stub)
 
 
-def implements(function, chosen_class: type):
+def implements(function: Any, chosen_class: type) -> Callable[[Any], Any]:
     """Register the decorated compiled function as the answer of a class.
 
     Code outside this package gets compiled kernels of its own on disk, keyed by its file.
@@ -49,13 +51,13 @@ def implements(function, chosen_class: type):
     return register
 
 
-def is_implemented(function, chosen_class: type) -> bool:
+def is_implemented(function: Any, chosen_class: type) -> bool:
     """Tell whether a class answers a function itself."""
     return chosen_class in function.implementations
 
 
 def _by_class(stub, default):
-    implementations = {}
+    implementations: dict[type, Any] = {}
 
     def find(chosen_class):
         found = implementations.get(chosen_class, default)
@@ -75,7 +77,7 @@ def _by_class(stub, default):
         found = find(first.instance_class)
         return getattr(found, "py_func", found)
 
-    function.implementations = implementations
+    function.implementations = implementations  # type: ignore[attr-defined]
     # the arguments carry the names that the implementation gives them: no comparison of names
     overload(function, jit_options=INLINED, strict=False)(choose)
     return function

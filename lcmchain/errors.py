@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 
 class LcmchainError(Exception):
@@ -23,7 +24,9 @@ class InputError(LcmchainError):
 
     exit_code = 2
 
-    def __init__(self, message: str, *, key: str | None = None, file: str | Path | None = None):
+    def __init__(
+        self, message: str, *, key: str | None = None, file: str | Path | None = None
+    ) -> None:
         self.key = key
         self.file = None if file is None else str(file)
         self.message = message
@@ -49,6 +52,6 @@ class MappingError(InputError):
     ``result`` is the :class:`lcmchain.pipeline.Result` of the run: its files are complete.
     """
 
-    def __init__(self, message: str, result):
+    def __init__(self, message: str, result: Any) -> None:
         self.result = result
         super().__init__(message)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lcmchain.compile_cache import source_hash
 from lcmchain.errors import InputError
@@ -48,7 +48,7 @@ class Fingerprint(NamedTuple):
         return " and ".join(text for part, text in words.items() if mine[part] != others[part])
 
 
-def run_fingerprint(scene) -> Fingerprint:
+def run_fingerprint(scene: Any) -> Fingerprint:
     """Return the fingerprint of the forming run of a scene.
 
     Entries that are applied to the saved frames (title, ``[output]``, ``[[mapping]]``,

@@ -33,7 +33,7 @@ class FormingRun:
         simulation: Simulation,
         folder: Path,
         report: Progress,
-    ):
+    ) -> None:
         self.scene, self.fingerprint, self.simulation = scene, fingerprint, simulation
         self.folder, self.report = folder, report
         self.snapshots: list[Snapshot] = []

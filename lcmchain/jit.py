@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from numba import njit
+from numba.core.dispatcher import Dispatcher
 
 from lcmchain.threads import load_threading_library
 
@@ -13,28 +17,28 @@ FLOATING_POINT = {"contract", "nsz"}
 
 # Options of a function that is inlined into the lane loop of a kernel. NumPy's error model keeps
 # divisions free of the branch that would stop vectorisation.
-INLINED = {"error_model": "numpy", "fastmath": FLOATING_POINT, "forceinline": True}
+INLINED: Any = {"error_model": "numpy", "fastmath": FLOATING_POINT, "forceinline": True}
 
 # Functions that keep compiled code on disk.
-_cached = []
+_cached: list[Dispatcher] = []
 
 
-def equation(function):
+def equation(function: Callable[..., Any]) -> Dispatcher:
     """Compile a small scalar function that is inlined into the lane loop of a kernel."""
     return _compiled(function, **INLINED)
 
 
-def strict_equation(function):
+def strict_equation(function: Callable[..., Any]) -> Dispatcher:
     """Compile like :func:`equation`, but with every operation rounded exactly as written."""
     return _compiled(function, error_model="numpy", forceinline=True)
 
 
-def routine(function):
+def routine(function: Callable[..., Any]) -> Dispatcher:
     """Compile a serial function that kernels or other routines call."""
     return _compiled(function, error_model="numpy", fastmath=FLOATING_POINT)
 
 
-def kernel(function):
+def kernel(function: Callable[..., Any]) -> Dispatcher:
     """Compile a loop over blocks of elements or chunks of nodes, parallel over the blocks."""
     return _compiled(
         function, error_model="numpy", fastmath=FLOATING_POINT, parallel=True, nogil=True

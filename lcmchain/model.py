@@ -13,7 +13,7 @@ from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
 from lcmchain.materials.law import Material, history_count
-from lcmchain.mesh.blank import build_blank
+from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.scene import Contact, Element, Process
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
@@ -123,7 +123,7 @@ class Model:
         return self.bodies[0]
 
     @property
-    def blank(self):
+    def blank(self) -> Any:
         """Undeformed mesh of the only body."""
         return self.body.mesh
 
@@ -133,7 +133,7 @@ class Model:
         return self.body.material
 
     @property
-    def geometry(self):
+    def geometry(self) -> Any:
         """Reference geometry of the only body."""
         return self.body.geometry
 
@@ -153,7 +153,9 @@ class Model:
         return body.first_element + int(np.flatnonzero(here)[0])
 
 
-def build_model(scene, supports: Callable[[Any], Sequence[Support]] = lambda mesh: ()) -> Model:
+def build_model(
+    scene: Any, supports: Callable[[Any], Sequence[Support]] = lambda mesh: ()
+) -> Model:
     """Build the model of a scene.
 
     Parameters
@@ -178,7 +180,7 @@ def build_model(scene, supports: Callable[[Any], Sequence[Support]] = lambda mes
     )
 
 
-def assemble_model(mesh, material, element, **others) -> Model:
+def assemble_model(mesh: Any, material: Material, element: Any, **others: Any) -> Model:
     """Build the model of one sheet; ``others`` as for :func:`assemble_bodies`."""
     return assemble_bodies([Sheet("sheet", mesh, material, element)], **others)
 
@@ -188,8 +190,8 @@ def assemble_bodies(
     *,
     tools: ToolTable,
     tool_names: Sequence[str],
-    contact,
-    process,
+    contact: Any,
+    process: Any,
     supports: Sequence[Support] = (),
 ) -> Model:
     """Build the model of sheets that share tools and time, but do not touch each other.
@@ -250,7 +252,7 @@ def assemble_bodies(
     )
 
 
-def assemble_sheet(blank, material, element=None) -> Model:
+def assemble_sheet(blank: BlankMesh, material: Material, element: Any = None) -> Model:
     """Build the model of a sheet without tools, for statics and vibrations.
 
     ``element`` holds the choices of a scene's ``[element]`` table; the defaults are the scene's.

@@ -25,6 +25,7 @@ from lcmchain.fields import (
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
 from lcmchain.scene import Scene
+from lcmchain.scene.permeability import Permeability
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_summary
@@ -70,7 +71,7 @@ def run(
     SimulationInterrupted : the user stopped the run; a checkpoint was left.
     """
     folder = Path(out)
-    report = progress or (lambda completed, total, text="": None)
+    report = progress or (lambda completed, total, text="": None)  # type: ignore[misc]
     thread_count = use_threads(threads)
     fingerprint = run_fingerprint(scene)
     checkpoint = read_checkpoint(folder, fingerprint) if resume else None
@@ -136,7 +137,7 @@ def _write_fields(
     frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
     datasets = model_datasets(scene, model, frames)
     if scene.permeability is not None and model.material.fibre_density is not None:
-        datasets = add_face_variables(datasets, _permeabilities(scene, datasets["/"]))
+        datasets = add_face_variables(datasets, _permeabilities(scene.permeability, datasets["/"]))
     write_forming_netcdf(folder / "forming.nc", datasets)
     if scene.output.vtu:
         write_vtu(folder / "forming.vtu", datasets)
@@ -144,7 +145,9 @@ def _write_fields(
     return datasets
 
 
-def _permeabilities(scene: Scene, sheet: xr.Dataset) -> dict[str, np.ndarray]:
+def _permeabilities(
+    law: Permeability, sheet: xr.Dataset
+) -> dict[str, tuple[np.ndarray, dict[str, str]]]:
     from lcmchain.coupling.permeability import principal_permeabilities
 
     def vectors(name):
@@ -152,7 +155,7 @@ def _permeabilities(scene: Scene, sheet: xr.Dataset) -> dict[str, np.ndarray]:
 
     fraction = sheet["fibre_volume_fraction"].values
     result = principal_permeabilities(
-        scene.permeability,
+        law,
         fraction.ravel(),
         vectors("fibre_direction_1").reshape(-1, 3),
         vectors("fibre_direction_2").reshape(-1, 3),
@@ -161,7 +164,7 @@ def _permeabilities(scene: Scene, sheet: xr.Dataset) -> dict[str, np.ndarray]:
     return {
         f"permeability_{i}": (
             getattr(result, f"k{i}").reshape(fraction.shape),
-            {"units": "m2", "long_name": f"principal permeability {i} ({scene.permeability.law})"},
+            {"units": "m2", "long_name": f"principal permeability {i} ({law.law})"},
         )
         for i in (1, 2, 3)
     }

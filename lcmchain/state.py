@@ -8,8 +8,8 @@ to :class:`State` is allocated, handed to the loop, saved and restored; one adde
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any, Self
+from dataclasses import Field, dataclass, field, fields
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -81,6 +81,8 @@ def sizes(model: Model) -> dict[str, int]:
 
 class _Arrays:
     """Arrays by name, as declared by :func:`entry`."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     @classmethod
     def names(cls) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -12,6 +13,10 @@ from lcmchain.check import run_effects
 from lcmchain.fields import field_summary
 from lcmchain.fields.summary import field_warnings
 
+if TYPE_CHECKING:
+    from lcmchain.scene import Scene
+    from lcmchain.solver.simulation import Simulation
+
 # Above these a result is questionable, and the summary says so.
 LARGEST_BALANCE_ERROR = 0.01
 LARGEST_HOURGLASS_PART = 0.1
@@ -20,8 +25,8 @@ LARGEST_PENETRATION = 1e-4
 
 
 def run_summary(
-    scene,
-    simulation,
+    scene: Scene,
+    simulation: Simulation,
     snapshots: Sequence,
     datasets: Mapping[str, xr.Dataset],
     *,

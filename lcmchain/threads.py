@@ -23,7 +23,7 @@ def use_threads(count: int | None) -> int:
     """Set the number of threads of all compiled loops (default: all cores) and return it."""
     import numba
 
-    available = numba.config.NUMBA_NUM_THREADS
+    available = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
     count = min(count or available, available)
     numba.set_num_threads(count)
     return count

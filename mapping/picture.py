@@ -27,7 +27,7 @@ from lcmchain.report.shown import SHOWN, Shown, colour_scale
 from lcmchain.report.style import FAINT, FIBRE_COLOURS, RC, headline, new_figure, save
 from lcmchain.report.view import FROM_ABOVE, View, boundary_edges, hangs_down, oblique
 
-SOLID_FACES = {
+SOLID_FACES: dict[str, list[tuple[int, ...]]] = {
     "tetra": [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)],
     "pyramid": [(0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)],
     "wedge": [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)],
@@ -164,16 +164,16 @@ def _skin(target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
     """Corners (F, 4, 3) [m] and cells (F,) of what is seen: cells of a shell, skin of a solid."""
     if not target.is_solid:
         return target.surface.corners, np.arange(target.cell_count)
-    faces, owners = [], []
+    parts, cell_numbers = [], []
     first = 0
     for name, cells in target.blocks:
         nodes = cells[:, : corner_count(name)]
         for face in SOLID_FACES[base_type(name)]:
             closed = [*face, face[-1]][:4]
-            faces.append(nodes[:, closed])
-            owners.append(first + np.arange(len(cells)))
+            parts.append(nodes[:, closed])
+            cell_numbers.append(first + np.arange(len(cells)))
         first += len(cells)
-    faces, owners = np.concatenate(faces), np.concatenate(owners)
+    faces, owners = np.concatenate(parts), np.concatenate(cell_numbers)
     _, number, count = np.unique(
         np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True
     )
@@ -200,7 +200,7 @@ def _draw_row(figure, axes, bar, row: _Row, meshes: tuple[_Drawn, _Drawn]) -> No
                 draw_hatches(axis, marked, row.view, pattern)
         fit_axis(axis, everything, 0.02)
         axis.set_axis_off()
-    if from_above:
+    if row.fibres is not None:
         for axis, mesh, families in zip(axes, meshes, row.fibres):
             _draw_families(axis, mesh, families)
         axes[0].legend(loc="upper right", bbox_to_anchor=(1.0, 1.03), ncols=2)

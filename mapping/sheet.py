@@ -96,7 +96,7 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
 
     face_dimension = mesh.get("face_dimension") or dataset[mesh["face_node_connectivity"]].dims[0]
     fields = {
-        key: np.asarray(variable.values, dtype=float)
+        str(key): np.asarray(variable.values, dtype=float)
         for key, variable in dataset.data_vars.items()
         if variable.dims == (face_dimension,) and variable.dtype.kind == "f"
     }

@@ -161,7 +161,9 @@ class TargetMesh:
         )
 
 
-def section(corners, edges, origin, normal) -> np.ndarray:
+def section(
+    corners: np.ndarray, edges: np.ndarray, origin: np.ndarray, normal: np.ndarray
+) -> np.ndarray:
     """Section of a convex solid by a plane [m], shape (K, 3), ordered about the normal."""
     height = (corners - origin) @ normal
     a, b = edges[:, 0], edges[:, 1]

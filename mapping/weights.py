@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -107,7 +108,9 @@ class MappingWeights:
 
     def save(self, path: Path | str) -> None:
         """Store as a compressed NumPy archive (``.npz``), complete or not at all."""
-        arrays = {entry.name: np.asarray(getattr(self, entry.name)) for entry in fields(self)}
+        arrays: dict[str, Any] = {
+            entry.name: np.asarray(getattr(self, entry.name)) for entry in fields(self)
+        }
         with replacing(path) as temporary, open(temporary, "wb") as file:
             np.savez_compressed(file, format=FORMAT, **arrays)
 

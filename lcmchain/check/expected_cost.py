@@ -39,7 +39,7 @@ def estimate_run(model: Model) -> Estimate:
     thickness, and from the automatic contact stiffness. Compaction and a given
     ``contact.penalty`` may shorten it during a run.
     """
-    steps = {}
+    steps: dict[str, float] = {}
     for body in model.bodies:
         in_plane, normal = body.material.wave_stiffness()
         speed = math.sqrt(in_plane / body.material.density)
@@ -47,7 +47,7 @@ def estimate_run(model: Model) -> Estimate:
         if body.mesh.has_thickness:
             speed = math.sqrt(normal / body.material.density)
             _keep_least(steps, "waves over the thickness", body.material.thickness / speed)
-    controlled_by = min(steps, key=steps.get)
+    controlled_by = min(steps, key=steps.__getitem__)
     critical_step = steps[controlled_by] * _contact_share(model)
     step_count = math.ceil(model.process_time / (critical_step * model.step_safety))
     per_step = sum(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -26,21 +26,20 @@ NoiseFloor = Annotated[
 ]
 
 
-def _size(option: str, default: str):
-    help_text = f"With unit; default {default}."
-    return Annotated[str | None, typer.Option(option, metavar="SIZE", help=help_text)]
+def _size(option: str, default: str) -> Any:
+    return typer.Option(option, metavar="SIZE", help=f"With unit; default {default}.")
 
 
-FabricThickness = _size("--thickness", "1.004 mm (MD600)")
-ArealMass = _size("--areal-mass", "600 g/m^2 (MD600)")
+FabricThickness = Annotated[str | None, _size("--thickness", "1.004 mm (MD600)")]
+ArealMass = Annotated[str | None, _size("--areal-mass", "600 g/m^2 (MD600)")]
 
 
 @identify_app.command("shear")
 def identify_shear(
     data: CouponFile,
     out: CouponFolder = None,
-    length: _size("--length", "320 mm") = None,
-    width: _size("--width", "160 mm") = None,
+    length: Annotated[str | None, _size("--length", "320 mm")] = None,
+    width: Annotated[str | None, _size("--width", "160 mm")] = None,
     thickness: FabricThickness = None,
     method: Annotated[
         str, typer.Option(help="force: fit the force; recursion: Eq. (22); printed: as printed.")
@@ -67,7 +66,7 @@ def identify_compaction(
     out: CouponFolder = None,
     thickness: FabricThickness = None,
     areal_mass: ArealMass = None,
-    fibre_density: _size("--fibre-density", "1810 kg/m^3 (MD600)") = None,
+    fibre_density: Annotated[str | None, _size("--fibre-density", "1810 kg/m^3 (MD600)")] = None,
     noise_floor: NoiseFloor = 0.001,
 ) -> None:
     """Compaction law from plate-to-plate tests: thickness, pressure."""
@@ -85,7 +84,7 @@ def identify_bending(
     out: CouponFolder = None,
     thickness: FabricThickness = None,
     areal_mass: ArealMass = None,
-    angle: _size("--angle", "41.5 deg") = None,
+    angle: Annotated[str | None, _size("--angle", "41.5 deg")] = None,
     off_axis: Annotated[
         str, typer.Option(help="Strips off the fibres: free-strip (narrow) or cylindrical (wide).")
     ] = "free-strip",

@@ -5,8 +5,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from lcmchain.errors import InputError
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+    from rich.console import Console
+
+    from lcmchain.quantities.units import Dimension
 
 
 @contextmanager
@@ -39,7 +46,7 @@ def length_of(option: str, text: str) -> float:
     return quantity(option, text, LENGTH)
 
 
-def quantity(option: str, text: str, dimension: str | None = None) -> float:
+def quantity(option: str, text: str, dimension: Dimension | None = None) -> float:
     """Return a positive quantity in SI; by default a length, pressure or angle as the option."""
     from lcmchain.quantities.units import ANGLE, LENGTH, PRESSURE, QuantityError, parse_quantity
 
@@ -55,7 +62,7 @@ def quantity(option: str, text: str, dimension: str | None = None) -> float:
     return value
 
 
-def require_choice(option: str, value: str, model) -> None:
+def require_choice(option: str, value: str, model: type[BaseModel]) -> None:
     """Refuse a value that the field of a scene table named like the option does not know."""
     from typing import get_args
 
@@ -64,7 +71,7 @@ def require_choice(option: str, value: str, model) -> None:
         raise InputError(f'"{value}" must be one of {", ".join(choices)}', key=option)
 
 
-def console(*, stderr: bool = False):
+def console(*, stderr: bool = False) -> Console:
     """Return the terminal."""
     from rich.console import Console
 

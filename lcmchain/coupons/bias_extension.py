@@ -25,6 +25,7 @@ from lcmchain.coupons.specimen import (
 )
 from lcmchain.effects.supports import Support, translation
 from lcmchain.fields import FrameSeries, build_datasets
+from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
 
@@ -39,7 +40,7 @@ COMPARED_AT = 0.03  # displacement up to which the pin-jointed net holds (paper,
 
 
 def bias_extension(
-    material,
+    material: FabricMaterial,
     element: Element | None = None,
     *,
     length: float = 0.32,

@@ -31,6 +31,7 @@ from lcmchain.coupons.specimen import (
     require_solid_shell,
 )
 from lcmchain.errors import SimulationError
+from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
@@ -60,7 +61,7 @@ class Strip(NamedTuple):
 
 
 def cantilever(
-    material,
+    material: FabricMaterial,
     element: Element | None = None,
     *,
     orientations: Sequence[float] = ORIENTATIONS,
@@ -125,8 +126,8 @@ def cantilever(
 
 
 def bent_strip(
-    material, element: Element, orientation: float, *, overhang: float, width: float,
-    edge_length: float, gravity: float = STANDARD_GRAVITY,
+    material: FabricMaterial, element: Element, orientation: float, *, overhang: float,
+    width: float, edge_length: float, gravity: float = STANDARD_GRAVITY,
 ) -> Strip:  # fmt: skip
     """Return the equilibrium of a strip clamped level at one end.
 

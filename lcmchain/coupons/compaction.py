@@ -16,6 +16,7 @@ from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import Progress, require_solid_shell
 from lcmchain.fields.derived import derive_fields
+from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
@@ -31,7 +32,7 @@ COMPARED_AT = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.4)  # pressures [MPa]
 
 
 def compaction(
-    material,
+    material: FabricMaterial,
     element: Element | None = None,
     *,
     pressure: float = 1.5e6,
@@ -98,8 +99,8 @@ def compaction(
         "law pressure [MPa]": 1e-6 * expected,
     }
     comparisons = [
-        Comparison(
-            f"pressure at {at:g} MPa", "MPa", *(1e-6 * _at(1e6 * at, expected, v)
+        Comparison(  # type: ignore[call-arg]
+            f"pressure at {at:g} MPa", "MPa", *(1e-6 * _at(1e6 * at, expected, v)  # type: ignore[arg-type]
             for v in (p, expected)), "λ|S33| at the same thickness",
         )
         for at in COMPARED_AT
@@ -111,8 +112,8 @@ def compaction(
         experiment = power_law_pressure(t, *measured_law, solid_height)
         curves["measured pressure, Eq. (24) [MPa]"] = 1e-6 * experiment
         comparisons += [
-            Comparison(
-                f"pressure at {at:g} MPa", "MPa", *(1e-6 * _at(1e6 * at, experiment, v)
+            Comparison(  # type: ignore[call-arg]
+                f"pressure at {at:g} MPa", "MPa", *(1e-6 * _at(1e6 * at, experiment, v)  # type: ignore[arg-type]
                 for v in (p, experiment)), "experiment, Eq. (24)",
             )
             for at in COMPARED_AT

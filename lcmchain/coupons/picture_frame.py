@@ -24,6 +24,7 @@ from lcmchain.coupons.specimen import (
 )
 from lcmchain.effects.supports import Support
 from lcmchain.fields import FrameSeries, build_datasets
+from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
 
@@ -35,7 +36,7 @@ COMPARED_AT = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)  # shear angles [deg]
 
 
 def picture_frame(
-    material,
+    material: FabricMaterial,
     element: Element | None = None,
     *,
     side: float = 0.2,

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -66,6 +66,7 @@ class CouponResult:
     def table(self) -> Table:
         """Return the comparisons as a table for the terminal."""
         table = Table(title=f"{self.name}: {', '.join(self.settings.values())}")
+        justify: Literal["left", "right"]
         for heading in ("quantity", "simulated", "reference", "difference", "", "reference from"):
             justify = "left" if heading in ("quantity", "reference from") else "right"
             table.add_column(heading, justify=justify)

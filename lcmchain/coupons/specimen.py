@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
+from lcmchain.materials.law import Material
+from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene
@@ -58,7 +60,7 @@ class Recording(NamedTuple):
         return {name: np.array([s.energy[name] for s in self.snapshots]) for name in names}
 
 
-def require_fabric(material) -> None:
+def require_fabric(material: AnyMaterial) -> None:
     """Refuse materials of which the analytic solution of a coupon knows nothing.
 
     Raises
@@ -73,7 +75,7 @@ def require_fabric(material) -> None:
         )
 
 
-def require_solid_shell(element) -> None:
+def require_solid_shell(element: Any) -> None:
     """Refuse elements without a thickness direction, which only the explicit solver knows.
 
     Raises
@@ -106,7 +108,9 @@ def record(
     return simulation, Recording(snapshots, np.array(impulse), np.array(work))
 
 
-def mean_field(simulation: Simulation, snapshots, name: str, mask: np.ndarray) -> np.ndarray:
+def mean_field(
+    simulation: Simulation, snapshots: Sequence[Snapshot], name: str, mask: np.ndarray
+) -> np.ndarray:
     """Return the mean of the size of a face field over the elements in ``mask``, (T,)."""
     model = simulation.model
     return np.array(
@@ -122,7 +126,7 @@ def element_centres(blank: BlankMesh) -> np.ndarray:
     return blank.node_positions[blank.elements].mean(axis=1)
 
 
-def shear_stress_of(material) -> Callable[[np.ndarray], np.ndarray]:
+def shear_stress_of(material: Material) -> Callable[[np.ndarray], np.ndarray]:
     """Return S12(γ) [Pa] of pure shear for a material law."""
 
     def shear_stress(shear_angle):

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
@@ -59,7 +60,9 @@ class SupportTable(NamedTuple):
     slope: np.ndarray
 
 
-def translation(direction, travel: Callable[[float], float]) -> Callable[[float], np.ndarray]:
+def translation(
+    direction: ArrayLike, travel: Callable[[float], float]
+) -> Callable[[float], np.ndarray]:
     """Return the motion of a grip that travels by ``travel(time)`` [m] along ``direction``."""
     along = np.asarray(direction, dtype=float)
     along = along / np.linalg.norm(along)
@@ -94,7 +97,7 @@ def build_supports(
         for component in support.components:
             free["xyz".index(component), support.nodes] = 0.0
         rest = np.eye(3, 4)
-        motion = support.motion or (lambda time, rest=rest: rest)
+        motion = support.motion or (lambda time, rest=rest: rest)  # type: ignore[misc]
         affine[group] = [motion(time) for time in times]
         if not np.allclose(affine[group, 0], rest, rtol=0.0, atol=1e-12):
             raise InputError(f"the motion of {support.name} does not start in the reference")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -13,13 +13,15 @@ from lcmchain.elements.solid_shell.body import SolidShellBody
 from lcmchain.elements.solid_shell.table import Element
 
 FAMILIES: dict[str, type[Body]] = {
-    family.type: family for family in (SolidShellBody, MembraneShellBody)
+    # both are frozen: mypy misses the right to set what a Body has
+    family.type: family  # type: ignore[misc]
+    for family in (SolidShellBody, MembraneShellBody)
 }
 
 #: The entry ``element``.
 SheetElement = Annotated[Element | MembraneShellElement, Field(discriminator="type")]
 
 
-def family_of(element) -> type[Body]:
+def family_of(element: Any) -> type[Body]:
     """Return the family that a scene's ``element`` table (or the like) chooses by its ``type``."""
     return FAMILIES[element.type]

@@ -15,6 +15,7 @@ import numpy as np
 
 from lcmchain.dispatch import required
 from lcmchain.materials.law import Material
+from lcmchain.mesh.blank import BlankMesh
 
 
 @required
@@ -71,12 +72,18 @@ class Body(Protocol):
     hourglass_tells: bool
 
     @staticmethod
-    def mesh_of(blank) -> Any:
+    def mesh_of(blank: BlankMesh) -> Any:
         """Return the mesh that this family makes of a blank."""
 
     @classmethod
     def build(
-        cls, name: str, mesh, material: Material, choices, first_node: int, first_element: int
+        cls,
+        name: str,
+        mesh: Any,
+        material: Material,
+        choices: Any,
+        first_node: int,
+        first_element: int,
     ) -> Body:
         """Build the body of a mesh; ``choices`` is the scene's element table."""
 

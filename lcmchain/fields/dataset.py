@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -26,6 +26,11 @@ from lcmchain.fields.ugrid import (
 from lcmchain.materials.law import Material, Remembered, remembered
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
+if TYPE_CHECKING:
+    from lcmchain.elements.family import Body
+    from lcmchain.model import Model
+    from lcmchain.scene import Scene
+
 SHEET, SOLID, HISTORY = ROOT, "/solid", "/history"
 SHEET_MESH = UgridMesh("sheet")
 SOLID_MESH = UgridMesh("solid", topology_dimension=3)
@@ -35,6 +40,7 @@ NO_THICKNESS = (
     'element = "membrane-shell" predicts no thickness, and therefore no fibre volume fraction, no '
     "compaction pressure and no permeability"
 )
+
 
 @dataclass(frozen=True)
 class SheetFrames:
@@ -51,10 +57,13 @@ class SheetFrames:
     remembered: tuple[Remembered, ...] = ()
 
     @classmethod
-    def of_body(cls, model, body, frames: FrameSeries) -> SheetFrames:
+    def of_body(cls, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
         """Return the part of a body of the model."""
         nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
-        past = [body.element_history(model.history_of(body, values)) for values in frames.history]
+        past = [
+            body.element_history(model.history_of(body, values))
+            for values in frames.history  # type: ignore[union-attr]
+        ]
         return cls(
             body.mesh,
             body.material,
@@ -83,7 +92,7 @@ class SheetFrames:
 
 
 def build_datasets(
-    scene, blank: SheetMesh, frames: FrameSeries, *, material=None
+    scene: Scene, blank: SheetMesh, frames: FrameSeries, *, material: Material | None = None
 ) -> dict[str, xr.Dataset]:
     """Turn the saved frames of one sheet into the groups of ``forming.nc``.
 
@@ -113,7 +122,7 @@ def build_datasets(
     return _one_sheet(scene, sheet, frames) | {HISTORY: _history(frames)}
 
 
-def model_datasets(scene, model, frames: FrameSeries) -> dict[str, xr.Dataset]:
+def model_datasets(scene: Scene, model: Model, frames: FrameSeries) -> dict[str, xr.Dataset]:
     """Turn the saved frames of a model into the groups of ``forming.nc``.
 
     One body: as :func:`build_datasets`. Several: body ``b`` has the group ``"/b"`` with its
@@ -273,7 +282,7 @@ def _global_attributes(scene, material: Material | None) -> dict[str, Any]:
 
 
 def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
-    volumes = sheet.mesh.volumes.astype(np.int32)
+    volumes = sheet.mesh.volumes.astype(np.int32)  # type: ignore[union-attr]
     mesh = SOLID_MESH
     variables = {
         **mesh.topology(

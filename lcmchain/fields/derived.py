@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lcmchain.materials.law import Material
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
 
 def derive_fields(
-    mesh: SheetMesh, material, positions: np.ndarray, history: np.ndarray | None = None
+    mesh: SheetMesh, material: Material, positions: np.ndarray, history: np.ndarray | None = None
 ) -> dict[str, np.ndarray]:
     """Derive the state of the textile in every element from the positions of the nodes.
 

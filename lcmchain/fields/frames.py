@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from lcmchain.solver.simulation import Snapshot
 
 
 @dataclass
@@ -47,7 +51,9 @@ class FrameSeries:
                 raise ValueError(f"energy {name} has the shape {np.shape(values)}, not {(frames,)}")
 
     @classmethod
-    def from_snapshots(cls, snapshots, tool_names: tuple[str, ...]) -> FrameSeries:
+    def from_snapshots(
+        cls, snapshots: Sequence[Snapshot], tool_names: tuple[str, ...]
+    ) -> FrameSeries:
         """Return the snapshots of a simulation as arrays over frames."""
         shape = len(snapshots), len(tool_names)
         return cls(

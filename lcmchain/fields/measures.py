@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from lcmchain.fields.sheet import (
@@ -20,17 +22,17 @@ AREA = 0.02  # edge of the areas over which shear angles are averaged [m]
 LOCAL_AREAS = {"A rim, largest shear": (3, 3), "B flange": (1, 4), "C dome": (5, 5)}
 
 
-def root_mean_square(values) -> float:
+def root_mean_square(values: ArrayLike) -> float:
     return float(np.sqrt(np.mean(np.asarray(values) ** 2)))
 
 
-def outline_nodes(sheet) -> np.ndarray:
+def outline_nodes(sheet: xr.Dataset) -> np.ndarray:
     """Return the nodes on the outline of a blank that is a centred rectangle."""
     reference = reference_positions(sheet)[:, :2]
     return np.flatnonzero((np.abs(reference) > np.abs(reference).max(axis=0) - 1e-6).any(axis=1))
 
 
-def draw_in(sheet) -> float:
+def draw_in(sheet: xr.Dataset) -> float:
     """Return how far the middles of the blank's sides have moved inwards, on average [m]."""
     reference, formed = reference_positions(sheet), sheet_positions(sheet)
     half = reference[:, :2].max()
@@ -42,7 +44,7 @@ def draw_in(sheet) -> float:
     return float(np.mean(depths))
 
 
-def contour(sheet) -> np.ndarray:
+def contour(sheet: xr.Dataset) -> np.ndarray:
     """Return the formed outline of a centred rectangle, in order and from above, (n, 2) [m]."""
     nodes = outline_nodes(sheet)
     reference = reference_positions(sheet)[nodes]
@@ -50,7 +52,7 @@ def contour(sheet) -> np.ndarray:
     return sheet_positions(sheet)[nodes[around], :2]
 
 
-def contour_distances(sheet, other) -> np.ndarray:
+def contour_distances(sheet: xr.Dataset, other: xr.Dataset) -> np.ndarray:
     """Return the distances [m] of the nodes of either contour from the other contour."""
     one, two = contour(sheet), contour(other)
     return np.concatenate([_distances_to_polygon(one, two), _distances_to_polygon(two, one)])
@@ -64,7 +66,7 @@ def _distances_to_polygon(points: np.ndarray, corners: np.ndarray) -> np.ndarray
     return np.linalg.norm(relative - nearest, axis=2).min(axis=1)
 
 
-def mirror_difference(sheet, axis: int) -> dict[str, float]:
+def mirror_difference(sheet: xr.Dataset, axis: int) -> dict[str, float]:
     """Return how far a result is from its mirror image along ``axis`` (0: x, 1: y).
 
     ``contour`` [m] largest in-plane distance of outline nodes; ``thickness`` [m], where the result
@@ -88,7 +90,7 @@ def mirror_difference(sheet, axis: int) -> dict[str, float]:
     return difference
 
 
-def flange_and_pole(sheet) -> tuple[np.ndarray, np.ndarray]:
+def flange_and_pole(sheet: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Return masks of the faces in the flat flange and at the pole of the hemisphere.
 
     The flat flange: level within 2 degrees, farther than ``FLANGE_RADIUS`` from the axis, and not
@@ -104,7 +106,7 @@ def flange_and_pole(sheet) -> tuple[np.ndarray, np.ndarray]:
     return level & (radius > FLANGE_RADIUS) & ~outline, radius < 0.01
 
 
-def area_mean_shear(sheet, size: float = AREA) -> dict[tuple[int, int], float]:
+def area_mean_shear(sheet: xr.Dataset, size: float = AREA) -> dict[tuple[int, int], float]:
     """Return shear angles [rad] averaged over squares of ``size`` [m] of the reference."""
     centres = face_centres(sheet, formed=False)[:, :2]
     cells = np.floor((centres - centres.min()) / size + 1e-9).astype(int)
@@ -124,7 +126,7 @@ def symmetric_mean(areas: dict[tuple[int, int], float], place: tuple[int, int]) 
     return float(np.mean([abs(areas[image]) for image in turned]))
 
 
-def field_differences(sheet, other) -> dict[str, float]:
+def field_differences(sheet: xr.Dataset, other: xr.Dataset) -> dict[str, float]:
     """Return root-mean-square differences over the sheet of two results on the same mesh."""
     thickness, other_thickness = (s["thickness"].values[-1] for s in (sheet, other))
     shear, other_shear = (s["shear_angle"].values[-1] for s in (sheet, other))

@@ -45,7 +45,7 @@ def sheet_areas(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
     return np.linalg.norm(face_area_vectors(corners), axis=-1)
 
 
-def face_centres(sheet, *, formed: bool) -> np.ndarray:
+def face_centres(sheet: xr.Dataset, *, formed: bool) -> np.ndarray:
     """Return the centres of the faces, (face_count, 3) [m], formed or in the reference."""
     positions = sheet_positions(sheet) if formed else reference_positions(sheet)
     faces = sheet_faces(sheet)

@@ -215,7 +215,7 @@ def _strip_curves(fit: Fit, per_stiffness: float, off_axis: str) -> list[Band]:
     angle = np.linspace(0.0, 0.5 * np.pi, 91)
 
     def stiffness(theta, assumption):
-        return per_stiffness * strip_stiffness(*np.exp(theta), angle, assumption)
+        return per_stiffness * strip_stiffness(*np.exp(theta), angle, assumption)  # type: ignore[call-arg]
 
     curves = []
     for assumption in ASSUMPTIONS:

@@ -153,7 +153,7 @@ def _fit_power_law(data: CouponData, solid_height: float, floor: float) -> Fit:
     ln_fraction = np.log(solid_height / thickness[usable])
     slope, intercept = np.polyfit(np.log(pressure[usable] / 1e3), ln_fraction, 1)
     return fit_nonlinear(
-        lambda theta: power_law_pressure(thickness, *np.exp(theta), solid_height),
+        lambda theta: power_law_pressure(thickness, *np.exp(theta), solid_height),  # type: ignore[call-arg]
         np.array([intercept, math.log(max(slope, 1e-3))]), pressure, floor,
     )  # fmt: skip
 

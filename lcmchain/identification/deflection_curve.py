@@ -10,7 +10,9 @@ from scipy.optimize import least_squares
 from lcmchain.coupons.analytic import elastica_with_tip_slope
 
 
-def fit_deflection_curve(x, y, areal_weight):
+def fit_deflection_curve(
+    x: np.ndarray, y: np.ndarray, areal_weight: float
+) -> tuple[float, float, tuple[np.ndarray, np.ndarray]]:
     """Fit the heavy elastica to points of a deflection curve whose last point is the tip.
 
     The distance of the points from the curve is least (total least squares: x and y carry

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import matplotlib
 import numpy as np
@@ -14,6 +15,9 @@ from lcmchain.atomic import replacing
 from lcmchain.identification.result import SHOWN_UNITS, Identification, Panel, Parameter
 from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
 
 def write_identification(result: Identification, folder: Path) -> tuple[Path, Path, Path]:
     """Write ``parameters.toml``, ``fit.png`` and ``identification.json``; return their paths.
@@ -22,7 +26,7 @@ def write_identification(result: Identification, folder: Path) -> tuple[Path, Pa
     ------
     InputError : the folder cannot be written.
     """
-    paths = tuple(folder / name for name in ("parameters.toml", "fit.png", "identification.json"))
+    paths = (folder / "parameters.toml", folder / "fit.png", folder / "identification.json")
     with replacing(paths[0]) as temporary:
         temporary.write_text(scene_snippet(result), encoding="utf-8")
     draw_fit(paths[1], result)
@@ -75,7 +79,7 @@ def as_json(result: Identification) -> dict:
     }
 
 
-def tables(result: Identification):
+def tables(result: Identification) -> tuple[Table, Table]:
     """Return rich tables: what was used, and the parameters with their intervals."""
     from rich.table import Table
 
@@ -88,8 +92,11 @@ def tables(result: Identification):
     used.add_row("noise", result.noise_model, "")
     used.add_row("intervals", result.interval_method, "")
     found = Table(title=fit_text(result), title_justify="left")
-    for heading, justify in (("parameter", "left"), ("value", "right"), ("unit", "left"),
-                             ("95 % interval", "right"), ("", "left")):  # fmt: skip
+    columns: tuple[tuple[str, Literal["left", "right"]], ...] = (
+        ("parameter", "left"), ("value", "right"), ("unit", "left"), ("95 % interval", "right"),
+        ("", "left"),
+    )  # fmt: skip
+    for heading, justify in columns:
         found.add_column(heading, justify=justify)
     for p in (*result.parameters, *result.derived):
         unit, factor = SHOWN_UNITS[p.unit]

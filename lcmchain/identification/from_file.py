@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from lcmchain.coupons.analytic import BiasExtension, load_parameter_at_chord_angle
 from lcmchain.errors import InputError
@@ -19,6 +20,7 @@ from lcmchain.quantities.units import (
     AREAL_MASS,
     DENSITY,
     LENGTH,
+    Dimension,
     QuantityError,
     parse_quantity,
 )
@@ -26,7 +28,7 @@ from lcmchain.scene.presets import MD600
 from lcmchain.tools.motion import STANDARD_GRAVITY
 
 #: Size -> dimension, default and where the default comes from.
-SIZES = {
+SIZES: dict[str, tuple[Dimension, Any, str]] = {
     "length": (LENGTH, "320 mm", "default, paper section 3.2.1"),
     "width": (LENGTH, "160 mm", "default, paper section 3.2.1"),
     "thickness": (LENGTH, MD600["thickness"], "default, MD600"),

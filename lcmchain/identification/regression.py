@@ -131,7 +131,7 @@ def fit_linear(
         weighted = design / scale[:, None]
         parameters = _solve(weighted, data / scale)
         constrained = at_least is not None and bool(np.any(at_least[0] @ parameters < at_least[1]))
-        if constrained:
+        if at_least is not None and constrained:
             parameters = _solve_bounded(weighted, data / scale, *at_least)
         previous, scale = scale, scale_of(parameters)
         if np.max(np.abs(scale / previous - 1.0)) < 1e-9:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -125,7 +126,9 @@ def mega_pascal(*values: float) -> str:
     return " ".join(f"{value * 1e-6:.10g}" for value in values) + " MPa"
 
 
-def general_warnings(parameters, residuals: np.ndarray, group: np.ndarray) -> list[str]:
+def general_warnings(
+    parameters: Sequence[Parameter], residuals: np.ndarray, group: np.ndarray
+) -> list[str]:
     """Return what any fit can be warned of: loose parameters, residuals that are not noise."""
     found = []
     loose = [p.name for p in parameters if not p.is_determined]

@@ -104,6 +104,7 @@ def identify_shear(
 
     fit_once = fit_force if method == "force" else fit_stress
     free, fit = fit_once(force), fit_once(force, rising)
+    spread: _LinearSpread | _BootstrapSpread
     if method == "force":
         spread = _LinearSpread(free)
     else:
@@ -203,7 +204,7 @@ def force_design(specimen: BiasExtension, angle: np.ndarray, factor: float) -> n
     """Return the force [N] per unit of each coefficient, shape [point_count, 5]."""
     return np.stack(
         [
-            specimen.force(angle, lambda g, k=k: factor * shear_strain(g) ** (k + 1))
+            specimen.force(angle, lambda g, k=k: factor * shear_strain(g) ** (k + 1))  # type: ignore[misc]
             for k in range(COEFFICIENT_COUNT)
         ],
         axis=-1,

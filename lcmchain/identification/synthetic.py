@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.atomic import replacing
 from lcmchain.coupons.analytic import (
@@ -34,7 +35,7 @@ def noisy(values: np.ndarray, noise: float, seed: int) -> np.ndarray:
     return values * (1.0 + noise * np.random.default_rng(seed).standard_normal(np.shape(values)))
 
 
-def shear_stress(fabric: Fabric, shear_angle):
+def shear_stress(fabric: Fabric, shear_angle: ArrayLike) -> np.ndarray:
     """Return S12 [Pa] of a fabric law in pure shear by an angle [rad]."""
     angle = np.asarray(shear_angle)
     strain = np.zeros((*angle.shape, 6))
@@ -43,26 +44,39 @@ def shear_stress(fabric: Fabric, shear_angle):
 
 
 def bias_extension_curve(
-    fabric: Fabric, specimen: BiasExtension, displacement, *, noise: float = 0.0, seed: int = 0
+    fabric: Fabric,
+    specimen: BiasExtension,
+    displacement: ArrayLike,
+    *,
+    noise: float = 0.0,
+    seed: int = 0,
 ) -> np.ndarray:
     """Return the machine force [N] at displacements [m]."""
     angle = specimen.shear_angle(displacement)
     return noisy(specimen.force(angle, lambda g: shear_stress(fabric, g)), noise, seed)
 
 
-def compaction_curve(fabric: Fabric, thickness, *, noise: float = 0.0, seed: int = 0) -> np.ndarray:
+def compaction_curve(
+    fabric: Fabric, thickness: ArrayLike, *, noise: float = 0.0, seed: int = 0
+) -> np.ndarray:
     """Return the pressure [Pa] of plate-to-plate compaction at thicknesses [m]."""
     return noisy(fabric.compaction_pressure(np.asarray(thickness) / fabric.thickness), noise, seed)
 
 
 def power_law_curve(
-    thickness, A: float, B: float, solid_height: float, *, noise: float = 0.0, seed: int = 0
+    thickness: ArrayLike,
+    A: float,
+    B: float,
+    solid_height: float,
+    *,
+    noise: float = 0.0,
+    seed: int = 0,
 ) -> np.ndarray:
     """Return the pressure [Pa] of the experimental compaction law, Eq. (24)."""
     return noisy(power_law_pressure(thickness, A, B, solid_height), noise, seed)
 
 
-def strip_bending_stiffness(fabric: Fabric, orientation, assumption: str):
+def strip_bending_stiffness(fabric: Fabric, orientation: ArrayLike, assumption: str) -> np.ndarray:
     """Return the bending stiffness per width [N m] of a strip cut at an angle [rad]."""
     law = fabric.law
     stiffness = strip_stiffness(law.B11, law.B22, law.B12, orientation, assumption)
@@ -71,7 +85,7 @@ def strip_bending_stiffness(fabric: Fabric, orientation, assumption: str):
 
 def cantilever_overhangs(
     fabric: Fabric,
-    orientation,
+    orientation: ArrayLike,
     *,
     areal_weight: float,
     angle: float = CANTILEVER_ANGLE,

@@ -11,6 +11,7 @@ import math
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from lcmchain.jit import equation
@@ -206,7 +207,15 @@ class Fabric:
     constant_tangent = False
     couples_thickness = False
 
-    def __init__(self, law: FabricLaw, *, thickness, areal_mass, fibre_density, name="fabric"):
+    def __init__(
+        self,
+        law: FabricLaw,
+        *,
+        thickness: float,
+        areal_mass: float,
+        fibre_density: float | None,
+        name: str = "fabric",
+    ) -> None:
         self.law = law
         self.thickness = thickness
         self.areal_mass = areal_mass
@@ -214,7 +223,7 @@ class Fabric:
         self.fibre_density = fibre_density
         self.name = name
 
-    def stress_and_tangent(self, E):
+    def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Return S^M (..., 6) and the tangent C^M (..., 6, 6) for strains E (..., 6).
 
         Plain NumPy, written separately from the compiled law so that each checks the other.
@@ -235,7 +244,7 @@ class Fabric:
         S[..., 2], C[..., 2, 2] = self._compaction(E[..., 2])
         return S, C
 
-    def tangent_slope(self, E):
+    def tangent_slope(self, E: ArrayLike) -> np.ndarray:
         """Return dC_ii/dE_i (..., 6) of the diagonal tangent C^M; only 12 and 33 are not zero."""
         E = np.asarray(E)
         law = self.law
@@ -253,7 +262,7 @@ class Fabric:
         )  # fmt: skip
         return slope
 
-    def tangent_curvature(self, E):
+    def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
         """Return d²C_ii/dE_i² (..., 6) of the diagonal tangent C^M; only 12 and 33 are not zero."""
         E = np.asarray(E)
         law = self.law
@@ -274,7 +283,7 @@ class Fabric:
         curvature[..., 2] *= np.where(compressed, cubic, 0.0)
         return curvature
 
-    def bending_matrix(self):
+    def bending_matrix(self) -> np.ndarray:
         """Return C^B (6, 6), Eq. (25)."""
         law = self.law
         return np.diag([law.B11, law.B22, law.B33, law.B12, law.B23, law.B13])
@@ -285,7 +294,7 @@ class Fabric:
         modulus = law.c0 * np.exp(exponent)
         return modulus * E33, modulus * (1.0 + law.c2 * exponent)
 
-    def membrane_energy(self, E, history=None):
+    def membrane_energy(self, E: ArrayLike, history: np.ndarray | None = None) -> np.ndarray:
         """Return the stored energy density W^M [J/m³] of the centre strain E (..., 6)."""
         E = np.asarray(E)
         law = self.law
@@ -305,13 +314,15 @@ class Fabric:
         compaction = np.sum(0.5 * E33 * weights * stress, axis=-1)
         return linear + shear + compaction
 
-    def compaction_pressure(self, thickness_stretch, history=None):
+    def compaction_pressure(
+        self, thickness_stretch: ArrayLike, history: np.ndarray | None = None
+    ) -> np.ndarray:
         """Return the tool pressure p = λ |S33| [Pa] of plate-to-plate compaction; 0 if thicker."""
         stretch = np.asarray(thickness_stretch, dtype=float)
         stress, _ = self._compaction(0.5 * (stretch**2 - 1.0))
         return np.where(stretch < 1.0, -stretch * stress, 0.0)
 
-    def wave_stiffness(self):
+    def wave_stiffness(self) -> tuple[float, float]:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
         law = self.law
         return max(law.C11, law.C22, law.B11, law.B22), max(law.c0, law.B33)
@@ -340,7 +351,9 @@ class FabricMembrane(SceneModel):
     def _check_shear_law(self) -> Self:
         # S12 ~ C12(E) E with E = sin(shear angle) / 2: monotone up to 90 deg means d(C12 E)/dE > 0.
         strain = np.linspace(0.0, 0.5, 2001)
-        tangent = sum((k + 1) * s * strain**k for k, s in enumerate(self.shear_polynomial))
+        tangent: np.ndarray = sum(
+            (k + 1) * s * strain**k for k, s in enumerate(self.shear_polynomial)
+        )  # type: ignore[assignment]
         if tangent.min() <= 0.0:
             first = float(strain[np.argmax(tangent <= 0.0)])
             angle = math.degrees(math.asin(min(1.0, 2 * first)))
@@ -433,7 +446,7 @@ class FabricMaterial(MaterialTable):
         """
         m, c, b = self.membrane, self.compaction, self.bending
         f = 1.0 if m.shear_convention == "engineering" else 0.5
-        law = FabricLaw(
+        law = FabricLaw(  # type: ignore[call-arg]
             m.C11, m.C22, f * m.C23, f * m.C13,
             *(f * s for s in m.shear_polynomial),
             c.c0, c.c1, c.c2,

@@ -20,9 +20,10 @@ This file is the example of the manual's page "Extending": a law with memory, ad
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from lcmchain.jit import equation
@@ -51,10 +52,11 @@ from lcmchain.materials.law import (
 from lcmchain.quantities.entry_types import Number, Range
 
 FabricWithSetLaw = NamedTuple(
-    "FabricWithSetLaw", [*FabricLaw.__annotations__.items(), ("permanent_set", float)]
+    "FabricWithSetLaw",
+    [*FabricLaw.__annotations__.items(), ("permanent_set", float)],  # type: ignore[misc]
 )
 FabricWithSetLaw.__doc__ = "Parameters of :class:`FabricLaw` and the share ``permanent_set``."
-FabricWithSetLaw.remembers = (
+FabricWithSetLaw.remembers = (  # type: ignore[attr-defined]
     Remembered("largest_compaction_strain", "1", "normal strain E33 where the fabric was thinnest"),
 )
 
@@ -106,38 +108,42 @@ implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
 class FabricWithSet(Fabric):
     """A fabric with a permanent set; ``permanent_set`` is its share of the most compaction."""
 
-    def __init__(self, law: FabricLaw, permanent_set: float, **sheet):
-        super().__init__(FabricWithSetLaw(*law, permanent_set), **sheet)
+    law: Any  # of class FabricWithSetLaw
 
-    def stress_and_tangent(self, E):
+    def __init__(self, law: FabricLaw, permanent_set: float, **sheet: Any) -> None:
+        super().__init__(FabricWithSetLaw(*law, permanent_set), **sheet)  # type: ignore[arg-type, call-arg]
+
+    def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         S, C = super().stress_and_tangent(E)
         C[..., 2, 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
         return S, C
 
-    def tangent_slope(self, E):
+    def tangent_slope(self, E: ArrayLike) -> np.ndarray:
         slope = super().tangent_slope(E)
         slope[..., 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
         return slope
 
-    def tangent_curvature(self, E):
+    def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
         curvature = super().tangent_curvature(E)
         curvature[..., 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
         return curvature
 
-    def membrane_energy(self, E, history=None):
+    def membrane_energy(self, E: ArrayLike, history: np.ndarray | None = None) -> np.ndarray:
         """Return W^M [J/m³], with the stored part of the compaction in place of W33(E33)."""
         in_plane, compaction = np.array(E, dtype=float), np.zeros(np.shape(E))
         compaction[..., 2], stiffening = self._strain_from_set(in_plane[..., 2], history)
         in_plane[..., 2] = 0.0
         return super().membrane_energy(in_plane) + super().membrane_energy(compaction) / stiffening
 
-    def dissipated_energy(self, history):
+    def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
         """Return s W33(κ) [J/m³]."""
         most = np.zeros((*np.shape(history[0]), 6))
         most[..., 2] = history[0]
         return self.law.permanent_set * super().membrane_energy(most)
 
-    def compaction_pressure(self, thickness_stretch, history=None):
+    def compaction_pressure(
+        self, thickness_stretch: ArrayLike, history: np.ndarray | None = None
+    ) -> np.ndarray:
         stretch = np.asarray(thickness_stretch, dtype=float)
         strain, _ = self._strain_from_set(0.5 * (stretch**2 - 1.0), history)
         stress, _ = self._compaction(strain)
@@ -167,7 +173,7 @@ class FabricWithSetMaterial(FabricMaterial):
 
     families: ClassVar[tuple[str, ...]] = ("solid-shell",)
 
-    law: Literal["fabric-with-set"] = "fabric-with-set"
+    law: Literal["fabric-with-set"] = "fabric-with-set"  # type: ignore[assignment]
     compaction: CompactionWithSet
 
     def build(self) -> FabricWithSet:

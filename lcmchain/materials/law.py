@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba.extending import overload
+from numpy.typing import ArrayLike
 
 from lcmchain.dispatch import implements, is_implemented, optional, required
 from lcmchain.jit import INLINED
@@ -55,12 +56,12 @@ class Remembered(NamedTuple):
     meaning: str
 
 
-def remembered(law) -> tuple[Remembered, ...]:
+def remembered(law: Any) -> tuple[Remembered, ...]:
     """Return what the law remembers, nothing for one without memory."""
     return getattr(law, "remembers", ())
 
 
-def history_count(law) -> int:
+def history_count(law: Any) -> int:
     """Return how many numbers per element the law remembers."""
     return len(remembered(law))
 
@@ -109,7 +110,7 @@ def plane_bending_stiffness(law):
     """Return the moduli (C11^B, C22^B, C12^B) of the curvatures, for the 2D approach."""
 
 
-def serves_planes(law) -> bool:
+def serves_planes(law: Any) -> bool:
     """Tell whether a law answers for sheets without thickness."""
     return is_implemented(plane_response, type(law))
 
@@ -147,7 +148,7 @@ _STORERS = (_store0, _store1, _store2, _store3)
 MOST_HISTORY = len(_STORERS) - 1
 
 
-def load_history(law, data, i, stride):
+def load_history(law: Any, data: np.ndarray, i: int, stride: int) -> tuple:
     """Return the history at ``data[i + k * stride]`` as a tuple."""
     return _LOADERS[history_count(law)](law, data, i, stride)
 
@@ -157,7 +158,7 @@ def _choose_loader(law, data, i, stride):
     return _LOADERS[history_count(law.instance_class)]
 
 
-def store_history(law, values, data, i, stride):
+def store_history(law: Any, values: tuple, data: np.ndarray, i: int, stride: int) -> None:
     """Write what :func:`load_history` reads."""
     _STORERS[history_count(law)](law, values, data, i, stride)
 
@@ -188,7 +189,9 @@ class Material(Protocol):
     fibre_density: float | None
     is_diagonal: bool
     constant_tangent: bool
-    couples_thickness: bool
+
+    @property
+    def couples_thickness(self) -> bool: ...
 
     def stress_and_tangent(self, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return S^M (..., 6) and C^M (..., 6, 6) of centre strains E (..., 6), first loading."""
@@ -208,13 +211,17 @@ class Material(Protocol):
         history : (history_count, ...), of a law with memory.
         """
 
-    def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return the energy density [J/m³] that a law with memory has dissipated so far."""
-
     def compaction_pressure(
-        self, thickness_stretch: np.ndarray, history: np.ndarray | None = None
+        self, thickness_stretch: ArrayLike, history: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the tool pressure p = λ |S33| [Pa] of plate-to-plate compaction; 0 if thicker."""
 
     def wave_stiffness(self) -> tuple[float, float]:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
+
+
+class MaterialWithMemory(Material, Protocol):
+    """What a :class:`Material` offers too if its law remembers anything."""
+
+    def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
+        """Return the energy density [J/m³] that a law with memory has dissipated so far."""

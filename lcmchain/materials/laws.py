@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from functools import reduce
-from operator import or_
-from typing import Annotated
+from typing import Annotated, get_args
 
 from pydantic import Field
 
@@ -15,14 +13,16 @@ from lcmchain.materials.st_venant_kirchhoff import (
     OrthotropicMaterial,
     StiffnessMaterial,
 )
-
-TABLES = (
-    FabricMaterial,
-    FabricWithSetMaterial,
-    IsotropicMaterial,
-    OrthotropicMaterial,
-    StiffnessMaterial,
-)
+from lcmchain.materials.table import MaterialTable
 
 #: The table ``[material]``.
-AnyMaterial = Annotated[reduce(or_, TABLES), Field(discriminator="law")]
+AnyMaterial = Annotated[
+    FabricMaterial
+    | FabricWithSetMaterial
+    | IsotropicMaterial
+    | OrthotropicMaterial
+    | StiffnessMaterial,
+    Field(discriminator="law"),
+]
+
+TABLES: tuple[type[MaterialTable], ...] = get_args(get_args(AnyMaterial)[0])

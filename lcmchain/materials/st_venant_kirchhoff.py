@@ -11,6 +11,7 @@ import math
 from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 
 from lcmchain.jit import equation
@@ -75,7 +76,17 @@ def isotropic_stiffness(young_modulus: float, poisson_ratio: float) -> np.ndarra
     return C
 
 
-def orthotropic_stiffness(E1, E2, E3, nu12, nu13, nu23, G12, G13, G23) -> np.ndarray:
+def orthotropic_stiffness(
+    E1: float,
+    E2: float,
+    E3: float,
+    nu12: float,
+    nu13: float,
+    nu23: float,
+    G12: float,
+    G13: float,
+    G23: float,
+) -> np.ndarray:
     """Return the orthotropic stiffness (6, 6) [Pa] from engineering constants, nu_ij/E_i."""
     compliance = np.zeros((6, 6))
     compliance[:3, :3] = [
@@ -100,7 +111,16 @@ class StVenantKirchhoff:
     is_diagonal = False
     constant_tangent = True
 
-    def __init__(self, membrane, bending=None, *, thickness, density, fibre_density=None, name=""):
+    def __init__(
+        self,
+        membrane: ArrayLike,
+        bending: ArrayLike | None = None,
+        *,
+        thickness: float,
+        density: float,
+        fibre_density: float | None = None,
+        name: str = "",
+    ) -> None:
         self.C_membrane = np.array(membrane, dtype=float)
         self.C_bending = np.array(membrane if bending is None else bending, dtype=float)
         self.thickness = thickness
@@ -110,20 +130,20 @@ class StVenantKirchhoff:
         self.name = name
         self.law = StiffnessLaw(self.C_membrane.ravel(), self.C_bending.ravel())
 
-    def stress_and_tangent(self, E):
+    def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Return S^M (..., 6) and C^M broadcast to (..., 6, 6)."""
         E = np.asarray(E)
         return E @ self.C_membrane, np.broadcast_to(self.C_membrane, (*E.shape, 6))
 
-    def tangent_slope(self, E):
+    def tangent_slope(self, E: ArrayLike) -> np.ndarray:
         """Return dC_ii/dE_i (..., 6): zero."""
         return np.zeros_like(np.asarray(E))
 
-    def tangent_curvature(self, E):
+    def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
         """Return d²C_ii/dE_i² (..., 6): zero."""
         return np.zeros_like(np.asarray(E))
 
-    def bending_matrix(self):
+    def bending_matrix(self) -> np.ndarray:
         """Return C^B (6, 6)."""
         return self.C_bending
 
@@ -132,18 +152,20 @@ class StVenantKirchhoff:
         """Whether other strains than 33 that are linear in ζ cause a stress 33."""
         return bool(self.C_bending[2, [0, 1, 3, 4, 5]].any())
 
-    def membrane_energy(self, E, history=None):
+    def membrane_energy(self, E: ArrayLike, history: np.ndarray | None = None) -> np.ndarray:
         """Return the stored energy density W^M [J/m³] of the centre strain E (..., 6)."""
         E = np.asarray(E)
         return 0.5 * np.einsum("...i,ij,...j->...", E, self.C_membrane, E)
 
-    def compaction_pressure(self, thickness_stretch, history=None):
+    def compaction_pressure(
+        self, thickness_stretch: ArrayLike, history: np.ndarray | None = None
+    ) -> np.ndarray:
         """Return p = λ |S33| [Pa] of compaction without lateral strain; 0 when thicker."""
         stretch = np.asarray(thickness_stretch, dtype=float)
         stress33 = self.C_membrane[2, 2] * 0.5 * (stretch**2 - 1.0)
         return np.where(stretch < 1.0, -stretch * stress33, 0.0)
 
-    def wave_stiffness(self):
+    def wave_stiffness(self) -> tuple[float, float]:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
         diagonal = np.maximum(np.diag(self.C_membrane), np.diag(self.C_bending))
         return float(max(diagonal[0], diagonal[1])), float(diagonal[2])
@@ -179,7 +201,7 @@ class SolidMaterial(MaterialTable):
             thickness=self.thickness,
             density=self.density,
             fibre_density=self.fibre_density,
-            name=self.name,
+            name=self.name,  # type: ignore[attr-defined]
         )
 
 
@@ -294,7 +316,7 @@ class StiffnessMaterial(SolidMaterial):
         difference = np.abs(matrix - matrix.T)
         if difference.max() > 1e-9 * np.abs(matrix).max():
             row, column = np.unravel_index(np.argmax(difference), difference.shape)
-            row, column = int(min(row, column)), int(max(row, column))
+            row, column = int(min(row, column)), int(max(row, column))  # type: ignore[assignment]
             raise wrong(
                 f"is not symmetric: entry [{row}][{column}] is {matrix[row, column] * 1e-6:g} MPa, "
                 f"entry [{column}][{row}] is {matrix[column, row] * 1e-6:g} MPa"

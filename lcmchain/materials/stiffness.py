@@ -5,13 +5,17 @@ Which of the two is decided by its type, when a kernel is compiled.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from numba import types
+from numba.core.dispatcher import Dispatcher
 from numba.extending import overload
 
 from lcmchain.jit import equation
 
 
-def by_structure(diagonal, full):
+def by_structure(diagonal: Dispatcher, full: Dispatcher) -> Callable[..., Any]:
     """Return a function that is ``diagonal`` or ``full`` after its first argument, a stiffness.
 
     Both are compiled functions with the same options.
@@ -24,7 +28,7 @@ def by_structure(diagonal, full):
         chosen = full if isinstance(C.dtype, types.BaseTuple) else diagonal
         return chosen.py_func
 
-    options = {k: v for k, v in diagonal.targetoptions.items() if k != "nopython"}
+    options: Any = {k: v for k, v in diagonal.targetoptions.items() if k != "nopython"}
     overload(function, jit_options=options, strict=False)(choose)
     return function
 

@@ -58,11 +58,11 @@ class Blank(SceneModel):
         AbsentMeans(""),
     ] = Field(default=None, description="Corner points [x, y] of a polygonal blank, in order.")
     edge_length: PositiveLength = Field(description="Edge length of the elements.")
-    fibre_angle: Angle = Field(
+    fibre_angle: Angle = Field(  # type: ignore[assignment]
         default="0 deg",
         description="Angle from x to fibre direction 1; fibre direction 2 lies 90 deg further.",
     )
-    height: Length = Field(default="0 mm", description="z coordinate of the mid-surface.")
+    height: Length = Field(default="0 mm", description="z coordinate of the mid-surface.")  # type: ignore[assignment]
 
     @model_validator(mode="after")
     def _check_shape(self) -> Self:
@@ -85,7 +85,7 @@ class Blank(SceneModel):
         """Width along x and height along y of the bounding box [m]."""
         if self.size is not None:
             return self.size
-        x, y = zip(*self.outline)
+        x, y = zip(*self.outline)  # type: ignore[misc]
         return max(x) - min(x), max(y) - min(y)
 
 
@@ -184,7 +184,7 @@ class BlankMesh:
 
 
 def build_blank(
-    blank_spec, thickness: float, *, perturbation: float = 0.0, seed: int = 0
+    blank_spec: Blank, thickness: float, *, perturbation: float = 0.0, seed: int = 0
 ) -> BlankMesh:
     """Mesh a flat blank along its fibres.
 

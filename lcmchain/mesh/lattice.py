@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -29,13 +30,14 @@ def best_lattice(outline: np.ndarray, edge_length: float) -> Cells:
     pitch = _pitch_fitting_diagonals(outline, edge_length)
     if pitch is not None:
         lines = [_uniform_lines(outline[:, axis], outline[0, axis], pitch) for axis in range(2)]
-        return cut_lattice(outline, *lines, pitch)
+        return cut_lattice(outline, *lines, pitch)  # type: ignore[arg-type, call-arg]
 
     anchors = [_aligned_edges(outline, axis, edge_length) for axis in range(2)]
     quick = area / edge_length**2 > 100_000
     steps = (0.0, 0.5) if quick else (0.0, 0.5, 0.2, 0.4, 0.6, 0.8)
     shifts = product(*((0.0,) if len(anchor) else steps for anchor in anchors))
-    best = best_rank = None
+    best: Any = None
+    best_rank: Any = None
     for shift in sorted(shifts, key=lambda pair: sum(part not in (0.0, 0.5) for part in pair)):
         lines = []
         for axis in range(2):
@@ -47,7 +49,7 @@ def best_lattice(outline: np.ndarray, edge_length: float) -> Cells:
                 lines.append(
                     _uniform_lines(values, middle + shift[axis] * edge_length, edge_length)
                 )
-        cells = cut_lattice(outline, *lines, edge_length)
+        cells = cut_lattice(outline, *lines, edge_length)  # type: ignore[arg-type, call-arg]
         missing = abs(cells.area - area) / area
         missing = 0.0 if missing < 1e-9 else missing
         rank = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import shapely
@@ -23,7 +24,7 @@ def polygon_area(outline: np.ndarray) -> float:
     return 0.5 * math.fsum(cross(local, np.roll(local, -1, axis=0)))
 
 
-def outline_of(blank_spec) -> tuple[np.ndarray, str]:
+def outline_of(blank_spec: Any) -> tuple[np.ndarray, str]:
     """Vertices of the blank, anticlockwise, and the scene key that gave them."""
     if getattr(blank_spec, "outline", None) is None:
         width, height = (float(length) for length in blank_spec.size)

@@ -234,7 +234,8 @@ class UnitVector:
         length = math.hypot(*vector)
         if length < 1e-300:
             raise wrong(f"has no direction because it is zero; for example {self.example_text}")
-        return tuple(component / length for component in vector)
+        x, y, z = vector
+        return x / length, y / length, z / length
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -34,11 +35,13 @@ def draw_energy(path: Path | str, history: xr.Dataset, title: str = "") -> None:
     factor, unit = (1e3, "mJ") if largest < 1.0 else (1.0, "J")
     with matplotlib.rc_context(RC):
         figure = new_figure(7.2, 5.4)
-        top = figure.add_axes([0.105, 0.42, 0.66, 0.455])
-        ratios = figure.add_axes([0.105, 0.095, 0.66, 0.26], sharex=top)
+        top = figure.add_axes((0.105, 0.42, 0.66, 0.455))
+        ratios = figure.add_axes((0.105, 0.095, 0.66, 0.26), sharex=top)
         colours = iter(SERIES)
         for name, values in parts.items():
-            style = {"color": INK, "ls": "--"} if name == WORK else {"color": next(colours, INK)}
+            style: dict[str, Any] = (
+                {"color": INK, "ls": "--"} if name == WORK else {"color": next(colours, INK)}
+            )
             label = "external work" if name == WORK else name.replace("_", " ")
             top.plot(time, factor * values, lw=1.5, label=label, **style)
         top.set_ylabel(f"energy [{unit}]")
@@ -63,12 +66,12 @@ def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
     punch = punch_index(history)
     with matplotlib.rc_context(RC):
         figure = new_figure(9.6, 3.9)
-        left = figure.add_axes([0.07, 0.135, 0.40, 0.67])
-        right = figure.add_axes([0.545, 0.135, 0.395, 0.67])
+        left = figure.add_axes((0.07, 0.135, 0.40, 0.67))
+        right = figure.add_axes((0.545, 0.135, 0.395, 0.67))
         second = right.twinx()
         for tool, name in enumerate(names):
             colour = SERIES[tool % len(SERIES)]
-            line = {"color": colour, "lw": 1.9 if tool == punch else 1.2}
+            line: dict[str, Any] = {"color": colour, "lw": 1.9 if tool == punch else 1.2}
             left.plot(travel[:, punch], force[:, tool], label=name, **line)
             right.plot(time, force[:, tool], **line)
             if np.ptp(travel[:, tool]) > 0.0:

@@ -8,6 +8,7 @@ catch.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,21 +22,27 @@ from lcmchain.report.view import (
     painting_order,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+    from matplotlib.typing import ColorType
+
 # Above this number of faces their edges would cover the colours.
 MOST_FACES_WITH_EDGES = 30_000
 
 
-def axes_at(figure, x: float, y: float, width: float, height: float):
+def axes_at(figure: Figure, x: float, y: float, width: float, height: float) -> Axes:
     """Return axes at a place of the figure; all in inches from its lower left corner."""
     w, h = figure.get_size_inches()
-    return figure.add_axes([x / w, y / h, width / w, height / h])
+    return figure.add_axes((x / w, y / h, width / w, height / h))
 
 
 # --- surfaces and lines ---------------------------------------------------------------------------
 
 
 def draw_facets(
-    axis,
+    axis: Axes,
     corners: np.ndarray,
     view: View,
     colours: np.ndarray,
@@ -84,41 +91,56 @@ def _as_facets(corners: np.ndarray) -> list[int]:
     return [0, 1, 1, 0] if corners.shape[1] == 4 else [0, 1, 1]
 
 
-def draw_mesh(axis, corners: np.ndarray, view: View, *, face: str, edge: str, width: float, **more):
+def draw_mesh(
+    axis: Axes, corners: np.ndarray, view: View, *, face: str, edge: str, width: float, **more: Any
+) -> None:
     """Draw facets (F, K, 3) that carry no values: one colour, thin edges while there are few."""
     from matplotlib.collections import PolyCollection
 
     width = width if len(corners) <= MOST_FACES_WITH_EDGES else 0.0
     axis.add_collection(
         PolyCollection(
-            view.on_screen(corners), facecolors=face, edgecolors=edge, linewidths=width, **more
+            view.on_screen(corners),  # type: ignore[arg-type]
+            facecolors=face,
+            edgecolors=edge,
+            linewidths=width,
+            **more,
         )
     )
 
 
-def draw_hatches(axis, corners: np.ndarray, view: View, pattern: str) -> None:
+def draw_hatches(axis: Axes, corners: np.ndarray, view: View, pattern: str) -> None:
     """Hatch facets (F, K, 3) that are painted already."""
     from matplotlib.collections import PolyCollection
 
     if len(corners):
         axis.add_collection(
             PolyCollection(
-                view.on_screen(corners), facecolors="none", edgecolors="0.35", hatch=pattern,
+                view.on_screen(corners), facecolors="none", edgecolors="0.35", hatch=pattern,  # type: ignore[arg-type]
                 linewidths=0.0,
             )
         )  # fmt: skip
 
 
-def draw_segments(axis, segments: np.ndarray, view: View, colour, width: float, **more) -> None:
+def draw_segments(
+    axis: Axes, segments: np.ndarray, view: View, colour: ColorType, width: float, **more: Any
+) -> None:
     """Draw segments (S, 2, 3), such as the lines that describe a surface."""
     from matplotlib.collections import LineCollection
 
     axis.add_collection(
-        LineCollection(view.on_screen(segments), colors=colour, linewidths=width, **more)
+        LineCollection(view.on_screen(segments), colors=colour, linewidths=width, **more)  # type: ignore[arg-type]
     )
 
 
-def draw_silhouette(axis, points, triangles, view: View, colour, **more) -> None:
+def draw_silhouette(
+    axis: Axes,
+    points: np.ndarray,
+    triangles: np.ndarray,
+    view: View,
+    colour: ColorType,
+    **more: Any,
+) -> None:
     """Tint what a surface covers: twice where a closed one has a front and a back."""
     from matplotlib.patches import PathPatch
 
@@ -138,7 +160,16 @@ def _joined(corners: np.ndarray):
     return DrawnPath(vertices, np.tile(np.array(codes, dtype=np.uint8), count))
 
 
-def draw_outline(axis, points, rim, label: str, *, colour=FAINT, width=0.8, style=(0, (5, 4))):
+def draw_outline(
+    axis: Axes,
+    points: np.ndarray,
+    rim: np.ndarray,
+    label: str,
+    *,
+    colour: ColorType = FAINT,
+    width: float = 0.8,
+    style: Any = (0, (5, 4)),
+) -> None:
     """Draw the rim of a sheet as seen from above: one line for the legend, dashes run on."""
     from matplotlib.collections import LineCollection
 
@@ -148,7 +179,13 @@ def draw_outline(axis, points, rim, label: str, *, colour=FAINT, width=0.8, styl
 
 
 def draw_fibres(
-    axis, places: np.ndarray, direction: np.ndarray, length: float, colour, *, arrows: bool
+    axis: Axes,
+    places: np.ndarray,
+    direction: np.ndarray,
+    length: float,
+    colour: ColorType,
+    *,
+    arrows: bool,
 ) -> None:
     """Draw a fibre family from above: arrows, or segments for directions without a sense.
 
@@ -193,7 +230,7 @@ def even_places(centres: np.ndarray, across: int = 11) -> tuple[np.ndarray, np.n
 # --- around them ----------------------------------------------------------------------------------
 
 
-def draw_triad(axis, view: View) -> None:
+def draw_triad(axis: Axes, view: View) -> None:
     """Draw the directions of the axes in the lower left corner."""
     origin, length = np.array([0.075, 0.1]), 0.055
     box = axis.get_window_extent()
@@ -202,19 +239,26 @@ def draw_triad(axis, view: View) -> None:
         axis.annotate(
             "",
             xy=origin + tip,
-            xytext=origin,
+            xytext=origin,  # type: ignore[arg-type]
             xycoords="axes fraction",
             arrowprops={"arrowstyle": "-|>", "lw": 0.9, "color": INK, "mutation_scale": 7,
                         "shrinkA": 0, "shrinkB": 0},
         )  # fmt: skip
+        x, y = origin + 1.38 * tip
         axis.text(
-            *(origin + 1.38 * tip), label, transform=axis.transAxes, ha="center", va="center",
+            x, y, label, transform=axis.transAxes, ha="center", va="center",
             fontsize=8, style="italic",
         )  # fmt: skip
 
 
 def draw_colour_bar(
-    figure, axis, colours, values: np.ndarray | Sequence, shown: Shown, *, extremes: bool = True
+    figure: Figure,
+    axis: Axes,
+    colours: ScalarMappable,
+    values: np.ndarray | Sequence,
+    shown: Shown,
+    *,
+    extremes: bool = True,
 ) -> None:
     """Fill an axis with the bar of a colour scale: arrows where values lie beyond its ends.
 
@@ -236,7 +280,7 @@ def draw_colour_bar(
             axis.text(-0.2, y, label, transform=axis.transAxes, fontsize=8, va=va)
 
 
-def fit_axis(axis, shown: np.ndarray, margin: float) -> None:
+def fit_axis(axis: Axes, shown: np.ndarray, margin: float) -> None:
     """Give an axis equal scales that just hold the points shown (P, 2)."""
     low, high = shown.min(axis=0), shown.max(axis=0)
     pad = margin * (high - low).max()
@@ -245,7 +289,7 @@ def fit_axis(axis, shown: np.ndarray, margin: float) -> None:
     axis.set_ylim(low[1] - pad, high[1] + pad)
 
 
-def label_axes(axis, x: str, y: str) -> None:
+def label_axes(axis: Axes, x: str, y: str) -> None:
     axis.set_xlabel(x, labelpad=2)
     axis.set_ylabel(y, labelpad=2)
     axis.tick_params(length=2.5, pad=2)

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.cm import ScalarMappable
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ SHOWN = (
 PERCENTILES = (0.2, 99.8)
 
 
-def colour_scale(values: np.ndarray, shown: Shown):
+def colour_scale(values: np.ndarray, shown: Shown) -> ScalarMappable:
     """Return the colours of values in the unit shown; a few outliers do not flatten the rest."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize

@@ -58,10 +58,10 @@ def draw_initial(
 
     with matplotlib.rc_context(RC):
         figure = new_figure(11.6, 7.6)
-        oblique_axis = figure.add_axes([0.015, 0.355, 0.51, 0.53])
-        map_axis = figure.add_axes([0.575, 0.39, 0.39, 0.49])
-        cut_axis = figure.add_axes([0.06, 0.07, 0.44, 0.225])
-        gap_axis = figure.add_axes([0.575, 0.07, 0.39, 0.225])
+        oblique_axis = figure.add_axes((0.015, 0.355, 0.51, 0.53))
+        map_axis = figure.add_axes((0.575, 0.39, 0.39, 0.49))
+        cut_axis = figure.add_axes((0.06, 0.07, 0.44, 0.225))
+        gap_axis = figure.add_axes((0.575, 0.07, 0.39, 0.225))
         _draw_start(oblique_axis, points, faces, rim, shapes)
         _draw_fibres(map_axis, blank, points, faces, rim, shapes)
         middle = round(0.5 * (low[1] + high[1]), 6) + 0.0  # no minus zero in the title
@@ -147,7 +147,7 @@ def _draw_section(axis, points, rim, thickness, shapes, y) -> None:
         if len(triangles):
             segments = section(vertices, triangles, y)
             axis.add_collection(
-                LineCollection(segments, colors=colour, linewidths=1.4, capstyle="round", zorder=3)
+                LineCollection(segments, colors=colour, linewidths=1.4, capstyle="round", zorder=3)  # type: ignore[arg-type]
             )
     ends = points[rim]
     crossing = (ends[:, 0, 1] >= y) != (ends[:, 1, 1] >= y)

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from lcmchain.atomic import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DPI = 200
 INK = "#22272e"
@@ -13,7 +17,7 @@ FIBRE_COLOURS = ("#1f5fa8", "#d1572a")
 #: Distinct for the common kinds of colour blindness (Okabe and Ito).
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f")
 
-RC = {
+RC: dict[Any, Any] = {
     "font.size": 8.5,
     "axes.titlesize": 9.0,
     "axes.labelsize": 8.5,
@@ -33,7 +37,7 @@ RC = {
 }
 
 
-def new_figure(width: float, height: float):
+def new_figure(width: float, height: float) -> Figure:
     """Return a figure [inches] that needs no display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -43,7 +47,7 @@ def new_figure(width: float, height: float):
     return figure
 
 
-def save(figure, path: Path | str) -> None:
+def save(figure: Figure, path: Path | str) -> None:
     """Write a figure as PNG.
 
     Raises
@@ -54,7 +58,7 @@ def save(figure, path: Path | str) -> None:
         figure.savefig(temporary, format="png", dpi=DPI)
 
 
-def headline(figure, title: str, subtitle: str) -> None:
+def headline(figure: Figure, title: str, subtitle: str) -> None:
     """Put title and subtitle at the upper left."""
     width, height = figure.get_size_inches()
     figure.text(0.3 / width, 1.0 - 0.17 / height, title, fontsize=12, weight="bold", va="top")

@@ -134,7 +134,7 @@ def _message(details: Any, location: tuple[str | int, ...], data: Any) -> str:
         choices = choices_of(model_field.annotation) if model_field else ()
         return _choice_message(details["input"], choices)
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        choices = tags_at(location, data)
+        choices = tuple(tags_at(location, data))
         if kind == "union_tag_invalid":
             return _choice_message(details["input"].get(DISCRIMINATORS[name]), choices)
         preset = ' (or preset = "MD600")' if name == "material" else ""

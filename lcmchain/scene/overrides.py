@@ -45,7 +45,7 @@ def parse_value(text: str) -> Any:
 
 def _assign(data: dict[str, Any], key: str, value: Any) -> None:
     node: Any = data
-    steps = _steps(key)
+    steps: list[Any] = _steps(key)
     for position, step in enumerate(steps):
         last = position == len(steps) - 1
         if isinstance(node, list):

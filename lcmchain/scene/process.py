@@ -17,7 +17,7 @@ class Process(SceneModel):
     frames: Annotated[int, Number(21, Range(2, 100_000), whole=True)] = Field(
         default=21, description="Saved frames, including the start."
     )
-    mass_damping: Rate = Field(default="0 1/s", description="Mass-proportional damping.")
+    mass_damping: Rate = Field(default="0 1/s", description="Mass-proportional damping.")  # type: ignore[assignment]
     gravity: Switch = Field(default=False, description="9.81 m/s2 along -z on the blank.")
     step_safety: Annotated[float, Number(0.9, Range(0.0, 1.0, (0.0,)))] = Field(
         default=0.9, description="Fraction of the critical time step that is used."

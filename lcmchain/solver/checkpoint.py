@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -44,7 +45,9 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
         "times": [s.time for s in checkpoint.snapshots],
         "energies": [s.energy for s in checkpoint.snapshots],
     }
-    arrays = {f"state_{name}": array for name, array in checkpoint.state.as_dict().items()}
+    arrays: dict[str, Any] = {
+        f"state_{name}": array for name, array in checkpoint.state.as_dict().items()
+    }
     for name in checkpoint.snapshots[0].arrays:
         arrays[f"frame_{name}"] = np.array([s.arrays[name] for s in checkpoint.snapshots])
     path = Path(folder) / FILE_NAME

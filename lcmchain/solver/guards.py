@@ -43,7 +43,7 @@ def require_sound(model: Model, state: State, body: Body, condition: np.ndarray)
 
     def tools_near(nodes: np.ndarray) -> list[str]:
         near = state.near[:, nodes + body.first_node].any(axis=1)
-        return [name for name, there in zip(model.tool_names, near, strict=True) if there]
+        return [name for name, there in zip(model.tool_names, near, strict=True) if there]  # type: ignore[arg-type]
 
     found = body.unsound(condition, tools_near)
     if found is None:

@@ -10,7 +10,7 @@ Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1, with a var
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import literal_unroll, prange
@@ -43,7 +43,7 @@ from lcmchain.tools.distance import signed_distance
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 
 #: What the loop reads and writes: constants of the nodes, state, and scratch arrays.
-Arrays = NamedTuple(
+Arrays: Any = NamedTuple(  # type: ignore[misc]
     "Arrays",
     [(name, np.ndarray) for name in (*NodeData._fields, *State.names(), *Scratch.names())],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -96,14 +97,14 @@ class Simulation:
     model : constants; state : start, at rest in the reference when omitted.
     """
 
-    def __init__(self, model: Model, state: State | None = None):
+    def __init__(self, model: Model, state: State | None = None) -> None:
         self.model = model
         self.state = state or State.at_rest(model)
         self.control = StepControl()
         self._bind()
 
     @classmethod
-    def from_scene(cls, scene) -> Simulation:
+    def from_scene(cls, scene: Any) -> Simulation:
         """Build the simulation of a scene."""
         return cls(build_model(scene))
 
@@ -155,7 +156,7 @@ class Simulation:
         self._advance(0, 1.0)
         self.restore(before)
 
-    def advance_to(self, time: float, on_chunk: Callable[[Simulation], None] | None = None):
+    def advance_to(self, time: float, on_chunk: Callable[[Simulation], None] | None = None) -> None:
         """Advance to ``time`` [s] exactly; call ``on_chunk`` after every chunk of steps.
 
         Raises
@@ -282,9 +283,7 @@ class Simulation:
 
     def _bind(self) -> None:
         self._scratch = Scratch.zeros(self.model)
-        self._arrays = Arrays(
-            *self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict()
-        )
+        self._arrays = Arrays(*self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict())  # type: ignore[call-arg]
 
     def _advance(self, step_count: int, step: float) -> None:
         model = self.model

@@ -44,8 +44,9 @@ def trace(
     """
     newton = NewtonOnArc(problem, force_tolerance)
     factor, displacement = 0.0, np.zeros((3, problem.model.node_count))
-    history = []
-    length = previous = None
+    history: list[StaticStep] = []
+    length: float | None = None
+    previous: np.ndarray | None = None
     while len(history) < maximum_steps:
         result = newton.correct_on_arc(displacement, factor, first_step, length, previous)
         if length is None:
@@ -73,7 +74,14 @@ def trace(
 class NewtonOnArc(Newton):
     """Newton's method with the load factor as an unknown, at a given arc length."""
 
-    def correct_on_arc(self, start, factor, first_step, length, previous) -> StepResult:
+    def correct_on_arc(
+        self,
+        start: np.ndarray,
+        factor: float,
+        first_step: float,
+        length: float | None,
+        previous: np.ndarray | None,
+    ) -> StepResult:
         """Find equilibrium at the arc length ``length`` from the equilibrium ``start``.
 
         Without a length the step of the load factor is ``first_step``. ``previous`` is the change
@@ -95,17 +103,17 @@ class NewtonOnArc(Newton):
             if change is None:
                 step = first_step
                 if length is not None:
-                    step = length / np.linalg.norm(along)
+                    step = length / float(np.linalg.norm(along))
                     step *= np.sign(previous @ along) if previous is not None else 1.0
                 else:
-                    length = abs(step) * np.linalg.norm(along)
+                    length = abs(step) * float(np.linalg.norm(along))
                 correction, energy = step * along, abs(step * step * (along @ load))
                 change = correction
             else:
                 residual, _ = self._out_of_balance(displacement, factor)
                 right = system.reduce(residual)
                 towards = factors.solve(right)
-                miss = 0.5 * (change @ change - length**2)
+                miss = 0.5 * (change @ change - length**2)  # type: ignore[operator]
                 step = -(miss + change @ towards) / (change @ along)
                 correction = towards + step * along
                 energy = abs(correction @ (right + step * load))
@@ -121,7 +129,14 @@ class NewtonOnArc(Newton):
                 if previous is not None and change @ previous < 0.0:
                     return self._failed(displacement, factor, iteration, "turned back", length)
                 return StepResult(
-                    True, factor, displacement, iteration, relative, "", change, length
+                    True,
+                    factor,
+                    displacement,
+                    iteration,
+                    relative,
+                    "",
+                    change,
+                    length,  # type: ignore[arg-type]
                 )
             resultants = self._extrapolated(state, move)
         return self._failed(displacement, start_factor, iteration, "no convergence", length)

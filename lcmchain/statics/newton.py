@@ -48,7 +48,7 @@ class StepResult(NamedTuple):
 class Newton:
     """Newton's method with extrapolated stress resultants, at a given load factor."""
 
-    def __init__(self, problem: StaticProblem, force_tolerance: float):
+    def __init__(self, problem: StaticProblem, force_tolerance: float) -> None:
         self.problem = problem
         self.force_tolerance = force_tolerance
         self.size = float(np.ptp(problem.model.blank.node_positions, axis=0).max())
@@ -58,7 +58,7 @@ class Newton:
         self.negligible_force = NEGLIGIBLE_STRAIN * stiffness * section
         self.system = PairSystem(problem.model, problem.held, problem.held_middle)
 
-    def correct(self, displacement, factor, next_factor) -> StepResult:
+    def correct(self, displacement: np.ndarray, factor: float, next_factor: float) -> StepResult:
         """Find equilibrium at ``next_factor`` from the equilibrium ``displacement``."""
         system = self.system
         support_motion = (next_factor - factor) * self.problem.prescribed

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.sparse import csc_matrix, diags_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from lcmchain.elements.solid_shell.tangent import PAIR_MODES, node_stiffness
 from lcmchain.model import Model
@@ -24,7 +24,9 @@ class PairSystem:
     remains.
     """
 
-    def __init__(self, model: Model, held: np.ndarray, held_middle: np.ndarray | None = None):
+    def __init__(
+        self, model: Model, held: np.ndarray, held_middle: np.ndarray | None = None
+    ) -> None:
         self.model = model
         n = self.pair_count = model.blank.pair_count
         geometry = model.geometry
@@ -60,7 +62,11 @@ class PairSystem:
         values = np.concatenate([np.ones(unknowns), s * sign])
         self.Z = csc_matrix((values, (rows, columns)), shape=(size, unknowns))
 
-    def assemble(self, mode_stiffness, load_stiffness=None):
+    def assemble(
+        self,
+        mode_stiffness: np.ndarray,
+        load_stiffness: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> csc_matrix:
         """Return the tangent (6 pairs, 6 pairs) in (m, q)."""
         K = node_stiffness(mode_stiffness, self.basis)
         data = np.bincount(self._slot, weights=K.ravel(), minlength=len(self._row))
@@ -75,11 +81,11 @@ class PairSystem:
             matrix = matrix + csc_matrix((values, (rows, columns)), shape=matrix.shape)
         return matrix
 
-    def reduced(self, K):
+    def reduced(self, K: csc_matrix) -> csc_matrix:
         """Return the tangent of the unknowns."""
         return (self.Z.T @ K @ self.Z).tocsc()
 
-    def factorise(self, K):
+    def factorise(self, K: csc_matrix) -> SuperLU:
         """Return the LU factors of the unknowns' tangent; RuntimeError if it is singular."""
         # the pattern is symmetric and the diagonal large: pivots may stay on it
         return splu(
@@ -89,13 +95,13 @@ class PairSystem:
             options={"SymmetricMode": True},
         )
 
-    def reduced_product(self, K, displacement):
+    def reduced_product(self, K: csc_matrix, displacement: np.ndarray) -> np.ndarray:
         """Return the unknowns' part of K times a nodal displacement (3, node_count)."""
         if not displacement.any():
             return np.zeros(self.Z.shape[1])
         return self.Z.T @ (K @ self._from_nodes(displacement))
 
-    def reduced_mass(self, mass):
+    def reduced_mass(self, mass: np.ndarray) -> csc_matrix:
         """Return the mass matrix of the unknowns of lumped nodal masses (node_count,)."""
         n, s = self.pair_count, self.scale
         bottom, top = np.repeat(mass[:n], 3), np.repeat(mass[n:], 3)
@@ -104,19 +110,19 @@ class PairSystem:
         M = diags_array([own, cross, cross], offsets=[0, 3 * n, -3 * n])
         return (self.Z.T @ M @ self.Z).tocsc()
 
-    def reduce(self, forces):
+    def reduce(self, forces: np.ndarray) -> np.ndarray:
         """Return the generalised forces of nodal ones (3, node_count)."""
         n = self.pair_count
         bottom, top = forces[:, :n].T, forces[:, n:].T
         both = np.concatenate([bottom + top, self.scale * (top - bottom)])
         return self.Z.T @ both.ravel()
 
-    def expand(self, unknowns):
+    def expand(self, unknowns: np.ndarray) -> np.ndarray:
         """Return the nodal displacement (3, node_count) of the unknowns."""
         m, q = (self.Z @ unknowns).reshape(2, -1, 3)
         return np.concatenate([m - self.scale * q, m + self.scale * q]).T
 
-    def modes(self, displacement):
+    def modes(self, displacement: np.ndarray) -> np.ndarray:
         """Return the change (E, 21) of the mode vectors with a nodal displacement."""
         both = self._from_nodes(displacement).reshape(-1, 3)
         modes = np.einsum("kn,end->ekd", self.basis, both[self.model.blank.elements])

@@ -73,7 +73,7 @@ class StaticProblem:
     held_middle: np.ndarray | None = None
     dead_forces: np.ndarray = field(init=False, repr=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         shape = (3, self.model.node_count)
         for name in ("held", "forces", "displacements"):
             value = getattr(self, name)
@@ -122,7 +122,7 @@ class StaticProblem:
         return forces
 
 
-def require_supports(model: Model, held: np.ndarray, held_middle=None) -> None:
+def require_supports(model: Model, held: np.ndarray, held_middle: np.ndarray | None = None) -> None:
     """Require that no rigid motion leaves all held components in place.
 
     Raises

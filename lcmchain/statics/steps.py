@@ -34,7 +34,7 @@ class StaticStep(NamedTuple):
 
 def solve(
     problem: StaticProblem,
-    load_factors: Sequence[float],
+    load_factors: Sequence[float] | np.ndarray,
     *,
     first_step: float | None = None,
     largest_step: float | None = None,

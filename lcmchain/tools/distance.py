@@ -8,6 +8,7 @@ distance, a unit vector that points into free space.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -23,7 +24,7 @@ FIELD = 3
 
 # Reading an array out of the table would count a reference up and down: with every array of the
 # table, more work than the distance. These functions keep no array, so they need no counting.
-_UNCOUNTED = {
+_UNCOUNTED: Any = {
     "error_model": "numpy",
     "fastmath": FLOATING_POINT,
     "cache": True,

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.tools.tool import Tool
 
 
-def tool_surface(tool: Tool, directory: Path, extent) -> tuple[np.ndarray, np.ndarray]:
+def tool_surface(tool: Tool, directory: Path, extent: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Triangulate the surface of a scene tool where it stands at travel 0.
 
     Parameters
@@ -36,7 +37,9 @@ def tool_surface(tool: Tool, directory: Path, extent) -> tuple[np.ndarray, np.nd
     return clip_to_box(points, faces, box)
 
 
-def clip_to_box(points, faces, box) -> tuple[np.ndarray, np.ndarray]:
+def clip_to_box(
+    points: ArrayLike, faces: ArrayLike, box: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Cut triangles at the planes of a box (corners as rows, shape [2, 3]) and keep the inside."""
     corners = np.asarray(points, dtype=float)[np.asarray(faces, dtype=int)]
     for axis in range(3):

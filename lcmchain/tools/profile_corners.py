@@ -163,8 +163,9 @@ def _pieces(corners, radii, closed, start_infinite, end_infinite, key) -> list[L
 
     pieces: list[Line | Arc] = []
     for i in range(count):
-        if arcs[i] is not None:
-            pieces.append(arcs[i])
+        here = arcs[i]
+        if here is not None:
+            pieces.append(here)
         j = (i + 1) % count
         if j == 0 and not closed:
             break
@@ -181,8 +182,9 @@ def _pieces(corners, radii, closed, start_infinite, end_infinite, key) -> list[L
                 f"{needed:g} m; reduce the radius",
                 key=f"{key}.fillet_radii[{worst}]",
             )
-        start = corners[i] if arcs[i] is None else arcs[i].end
-        end = corners[j] if arcs[j] is None else arcs[j].start
+        there = arcs[j]
+        start = corners[i] if here is None else here.end
+        end = corners[j] if there is None else there.start
         if unlimited:
             # The fillet may begin beyond the given point, which only fixes the direction.
             tx = (corners[j][0] - corners[i][0]) / available

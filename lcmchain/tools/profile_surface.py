@@ -31,7 +31,7 @@ def _revolved(profile: Profile, reach: float) -> tuple[np.ndarray, np.ndarray]:
     curve = profile.polyline(_polyline_reach(profile, reach))
     angle = np.linspace(0.0, 2.0 * math.pi, CIRCUMFERENCE, endpoint=False)
     ring = np.stack((np.cos(angle), np.sin(angle)), axis=1)
-    points = np.empty((len(curve), CIRCUMFERENCE, 3))
+    points: np.ndarray = np.empty((len(curve), CIRCUMFERENCE, 3))
     points[:, :, :2] = curve[:, None, :1] * ring
     points[:, :, 2] = curve[:, None, 1]
     points = points.reshape(-1, 3)
@@ -41,7 +41,7 @@ def _revolved(profile: Profile, reach: float) -> tuple[np.ndarray, np.ndarray]:
 
 def _extruded(profile: Profile, reach: float) -> tuple[np.ndarray, np.ndarray]:
     curve = profile.polyline(_polyline_reach(profile, reach))
-    points = np.empty((len(curve), 2, 3))
+    points: np.ndarray = np.empty((len(curve), 2, 3))
     points[:, :, 0] = curve[:, None, 0]
     points[:, :, 1] = (-reach, reach)
     points[:, :, 2] = curve[:, None, 1]

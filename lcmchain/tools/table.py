@@ -73,7 +73,7 @@ class ToolTable(NamedTuple):
 
 def build_tool_table(
     tools: Sequence[Tool],
-    directory: Path,
+    directory: Path | None,
     process_time: float,
     *,
     default_friction: float = 0.0,
@@ -99,7 +99,8 @@ def build_tool_table(
     """
     keys = [f'tools[{i}] "{tool.name}"' for i, tool in enumerate(tools)]
     shapes = [
-        tool.shape.table_entries(directory, key=f"{key}.shape") for tool, key in zip(tools, keys)
+        tool.shape.table_entries(directory, key=f"{key}.shape")  # type: ignore[arg-type]
+        for tool, key in zip(tools, keys)
     ]
     axes = [tool.local_axes(key=f"{key}.axis") for tool, key in zip(tools, keys)]
     motions = [

@@ -28,7 +28,7 @@ class Tool(SceneModel):
         description="Name in reports, files and overrides, as in --set tools.punch.friction=0.2."
     )
     shape: Shape = Field(description="Surface of the tool.")
-    position: Position = Field(
+    position: Position = Field(  # type: ignore[assignment]
         default=("0 mm", "0 mm", "0 mm"), description="Place of the shape's local origin."
     )
     axis: Direction = Field(default=(0, 0, 1), description="Local z axis of the shape.")

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.elements.blocks import from_blocks
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.frequency import frequency_bounds
 from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.materials.fabric import Fabric, FabricLaw
+from lcmchain.materials.law import Material
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.model import assemble_model
+from lcmchain.model import Model, assemble_model
 from lcmchain.tools import build_tool_table
 
 MPA = 1e6
@@ -29,7 +33,7 @@ CUBE = np.array(
 ).astype(float)  # fmt: skip
 
 
-def md600(**changes) -> Fabric:
+def md600(**changes: float) -> Fabric:
     """MD600 of the paper's Tables B.1-B.3 (engineering shear); ``changes`` in Pa."""
     law = FabricLaw(
         C11=1000 * MPA, C22=1000 * MPA, C23=0.1 * MPA, C13=0.1 * MPA,
@@ -41,12 +45,14 @@ def md600(**changes) -> Fabric:
     return Fabric(law, thickness=THICKNESS, areal_mass=0.6, fibre_density=1810.0)
 
 
-def isotropic(poisson_ratio=0.3, young_modulus=70e9, thickness=THICKNESS) -> StVenantKirchhoff:
+def isotropic(
+    poisson_ratio: float = 0.3, young_modulus: float = 70e9, thickness: float = THICKNESS
+) -> StVenantKirchhoff:
     C = isotropic_stiffness(young_modulus, poisson_ratio)
     return StVenantKirchhoff(C, thickness=thickness, density=2700.0)
 
 
-def coupled(rng, *, equal=False) -> StVenantKirchhoff:
+def coupled(rng: np.random.Generator, *, equal: bool = False) -> StVenantKirchhoff:
     """A material with full, symmetric positive definite C^M and C^B."""
     A, B = rng.normal(size=(2, 6, 6))
     membrane = (A @ A.T + np.eye(6)) * MPA
@@ -54,7 +60,7 @@ def coupled(rng, *, equal=False) -> StVenantKirchhoff:
     return StVenantKirchhoff(membrane, bending, thickness=THICKNESS, density=600.0)
 
 
-def rotation(rng) -> np.ndarray:
+def rotation(rng: np.random.Generator) -> np.ndarray:
     """A random rotation matrix, uniform over all of them."""
     q = rng.normal(size=4)
     w, x, y, z = q / np.linalg.norm(q)
@@ -67,7 +73,13 @@ def rotation(rng) -> np.ndarray:
     )
 
 
-def flat_reference(rng, *, aligned=False, edge=EDGE, thickness=THICKNESS):
+def flat_reference(
+    rng: np.random.Generator,
+    *,
+    aligned: bool = False,
+    edge: float = EDGE,
+    thickness: float = THICKNESS,
+) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (8, 3) of a parallelogram of constant thickness in space, and a fibre direction."""
     lengths = edge * rng.uniform(0.7, 1.4, 2)
     skew = 0.0 if aligned else rng.uniform(-0.5, 0.5)
@@ -78,7 +90,13 @@ def flat_reference(rng, *, aligned=False, edge=EDGE, thickness=THICKNESS):
     return 0.5 * CUBE @ shape.T @ turn.T + rng.normal(size=3) * 0.1, fibre
 
 
-def curved_reference(rng, *, warp=0.12, edge=EDGE, thickness=THICKNESS):
+def curved_reference(
+    rng: np.random.Generator,
+    *,
+    warp: float = 0.12,
+    edge: float = EDGE,
+    thickness: float = THICKNESS,
+) -> tuple[np.ndarray, np.ndarray]:
     """As :func:`flat_reference`, with every node moved by up to ``warp`` of the sizes."""
     nodes, fibre = flat_reference(rng, edge=edge, thickness=thickness)
     size = np.array([edge, edge, thickness]) * warp
@@ -86,7 +104,7 @@ def curved_reference(rng, *, warp=0.12, edge=EDGE, thickness=THICKNESS):
     return nodes + rng.uniform(-1.0, 1.0, (8, 3)) * size @ frame, fibre
 
 
-def material_frame(nodes, fibre):
+def material_frame(nodes: np.ndarray, fibre: np.ndarray) -> np.ndarray:
     """Rows: fibre direction, in-plane normal to it, sheet normal (of the mean plane)."""
     a1, a2 = CUBE[:, 0] @ nodes, CUBE[:, 1] @ nodes
     e3 = np.cross(a1, a2)
@@ -96,7 +114,16 @@ def material_frame(nodes, fibre):
     return np.array([e1, np.cross(e3, e1), e3])
 
 
-def deformed(rng, nodes, fibre, *, gradient=None, warp=0.1, stretch=0.1, rotated=True):
+def deformed(
+    rng: np.random.Generator,
+    nodes: np.ndarray,
+    fibre: np.ndarray,
+    *,
+    gradient: np.ndarray | None = None,
+    warp: float = 0.1,
+    stretch: float = 0.1,
+    rotated: bool = True,
+) -> np.ndarray:
     """Nodes after a homogeneous deformation in material axes, warping, rotation, translation.
 
     ``gradient`` (3, 3) defaults to a random one of size ``stretch``; ``warp`` is relative to the
@@ -112,7 +139,7 @@ def deformed(rng, nodes, fibre, *, gradient=None, warp=0.1, stretch=0.1, rotated
     return local @ turn.T + rng.normal(size=3) * 0.1
 
 
-def sheared(angle, compaction=1.0, stretch=1.0):
+def sheared(angle: float, compaction: float = 1.0, stretch: float = 1.0) -> np.ndarray:
     """Gradient that closes the fibres by ``angle``, compacts, and stretches fibre 1."""
     half = 0.5 * angle
     a1 = stretch * np.array([np.cos(half), np.sin(half), 0.0])
@@ -120,7 +147,9 @@ def sheared(angle, compaction=1.0, stretch=1.0):
     return np.stack([a1, a2, [0.0, 0.0, compaction]], axis=1)
 
 
-def separate_elements(nodes, fibres, material, options):
+def separate_elements(
+    nodes: ArrayLike, fibres: ArrayLike, material: Material, options: Any
+) -> Model:
     """Model of elements (E, 8, 3) that share no node, and no tools."""
     nodes = np.asarray(nodes)
     count = len(nodes)
@@ -141,12 +170,14 @@ def separate_elements(nodes, fibres, material, options):
     )
 
 
-def positions_of(nodes):
+def positions_of(nodes: ArrayLike) -> np.ndarray:
     """Node positions (3, 8 E) of separate elements (E, 8, 3)."""
     return np.ascontiguousarray(np.reshape(nodes, (-1, 3)).T)
 
 
-def corner_forces(model, positions, history=None):
+def corner_forces(
+    model: Model, positions: np.ndarray, history: np.ndarray | None = None
+) -> np.ndarray:
     """Return the internal forces (E, corners, 3) [N] of the kernel; ``history`` goes on."""
     body = model.body
     corner_force = np.full(model.corner_force_size, np.nan)
@@ -157,20 +188,25 @@ def corner_forces(model, positions, history=None):
     return from_blocks(whole, rows, model.element_count).reshape(model.element_count, -1, 3)
 
 
-def difference_tangent(evaluate, nodes, step):
+def difference_tangent(
+    evaluate: Callable[[np.ndarray], Any], nodes: np.ndarray, step: float
+) -> np.ndarray:
     """Derivative (24, 24) of an element's forces (8, 3) by central differences of fourth order."""
     K = np.zeros((24, 24))
     for i in range(24):
-        dx = np.zeros(24)
-        dx[i] = step
-        dx = dx.reshape(8, 3)
+        dx = step * np.eye(24)[i].reshape(8, 3)
         near = evaluate(nodes + dx).force - evaluate(nodes - dx).force
         far = evaluate(nodes + 2 * dx).force - evaluate(nodes - 2 * dx).force
         K[:, i] = ((8 * near - far) / (12 * step)).ravel()
     return K
 
 
-def bounds_and_frequencies(references, x, material, options=None):
+def bounds_and_frequencies(
+    references: Sequence[tuple[np.ndarray, np.ndarray]],
+    x: ArrayLike,
+    material: Material,
+    options: Any = None,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return bound and true highest frequency [1/s] of elements (E, 8, 3) deformed to ``x``."""
     X, fibres = map(np.array, zip(*references, strict=True))
     x = np.array(x)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.errors import InputError
 
@@ -17,7 +18,7 @@ from lcmchain.errors import InputError
 ShearStress = Callable[[np.ndarray], np.ndarray]
 
 
-def shear_strain(shear_angle):
+def shear_strain(shear_angle: ArrayLike) -> np.ndarray:
     """Return the Green-Lagrange strain E12 = sin(γ)/2 of pure shear (tensor component)."""
     return 0.5 * np.sin(shear_angle)
 
@@ -44,7 +45,7 @@ class BiasExtension:
     width: float
     thickness: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if min(self.length, self.width, self.thickness) <= 0.0:
             raise InputError("length, width and thickness of the specimen must be positive")
         if self.length < 2.0 * self.width * (1.0 - 1e-9):
@@ -69,22 +70,22 @@ class BiasExtension:
         w = self.width
         return 0.5 * w**2, w**2, 0.5 * w * (2.0 * self.length - 3.0 * w)
 
-    def shear_angle(self, displacement):
+    def shear_angle(self, displacement: ArrayLike) -> np.ndarray:
         """Return the shear angle of zone C [rad] at a displacement [m], 0 to 90°."""
         ratio = (self.gauge + np.asarray(displacement)) / (math.sqrt(2.0) * self.gauge)
         return 0.5 * np.pi - 2.0 * np.arccos(np.clip(ratio, -1.0, 1.0))
 
-    def displacement(self, shear_angle):
+    def displacement(self, shear_angle: ArrayLike) -> np.ndarray:
         """Return the displacement [m] at which zone C has this shear angle [rad]."""
         half = 0.5 * np.asarray(shear_angle)
         return self.gauge * (np.cos(half) + np.sin(half) - 1.0)
 
-    def displacement_slope(self, shear_angle):
+    def displacement_slope(self, shear_angle: ArrayLike) -> np.ndarray:
         """Return du/dγ [m/rad]."""
         half = 0.5 * np.asarray(shear_angle)
         return 0.5 * self.gauge * (np.cos(half) - np.sin(half))
 
-    def force(self, shear_angle, shear_stress: ShearStress):
+    def force(self, shear_angle: ArrayLike, shear_stress: ShearStress) -> np.ndarray:
         """Return the machine force [N] of a shear law at shear angles of zone C [rad]."""
         angle = np.asarray(shear_angle)
         _, half_sheared, sheared = self.zone_areas
@@ -92,7 +93,9 @@ class BiasExtension:
         power += 0.5 * half_sheared * shear_stress(0.5 * angle) * np.cos(0.5 * angle)
         return self.thickness * power / self.displacement_slope(angle)
 
-    def shear_stress_from_force(self, force: ShearStress, shear_angle, *, linear_below, share=1.0):
+    def shear_stress_from_force(
+        self, force: ShearStress, shear_angle: ArrayLike, *, linear_below: float, share: float = 1.0
+    ) -> np.ndarray:
         """Return S12 [Pa] at shear angles [rad] from the force, by the recursion of Eq. (22).
 
         Each value needs the one at half the angle. Below ``linear_below`` the stress is taken as
@@ -136,23 +139,23 @@ class PictureFrame:
     side: float
     thickness: float
 
-    def shear_angle(self, displacement):
+    def shear_angle(self, displacement: ArrayLike) -> np.ndarray:
         """Return the shear angle [rad] at a displacement of the corner along the diagonal [m]."""
         cosine = 1.0 / math.sqrt(2.0) + np.asarray(displacement) / (2.0 * self.side)
         return 0.5 * np.pi - 2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))
 
-    def displacement(self, shear_angle):
+    def displacement(self, shear_angle: ArrayLike) -> np.ndarray:
         """Return the displacement of the corner along the diagonal [m]."""
         half_opening = 0.25 * np.pi - 0.5 * np.asarray(shear_angle)
         return 2.0 * self.side * (np.cos(half_opening) - 1.0 / math.sqrt(2.0))
 
-    def force(self, shear_angle, shear_stress: ShearStress):
+    def force(self, shear_angle: ArrayLike, shear_stress: ShearStress) -> np.ndarray:
         """Return the force along the diagonal [N]."""
         angle = np.asarray(shear_angle)
         half_opening = 0.25 * np.pi - 0.5 * angle
         shear_flow = self.thickness * shear_stress(angle)
         return self.side * shear_flow * np.cos(angle) / np.sin(half_opening)
 
-    def edge_shear_force(self, shear_angle, shear_stress: ShearStress):
+    def edge_shear_force(self, shear_angle: ArrayLike, shear_stress: ShearStress) -> np.ndarray:
         """Return the shear force along a side of the frame [N]: L t0 S12 exactly."""
         return self.side * self.thickness * shear_stress(np.asarray(shear_angle))

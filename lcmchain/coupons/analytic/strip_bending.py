@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -62,7 +63,7 @@ def elastica_with_tip_slope(tip_slope: float, point_count: int = 201) -> Elastic
     def level(_, state):
         return state[0]
 
-    level.terminal = True
+    level.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
         slopes, (0.0, 1e3), (tip_slope, 0.0, 0.0, 0.0), method="DOP853", events=level,
         dense_output=True, rtol=1e-11, atol=1e-13,
@@ -119,7 +120,9 @@ def _tip_slope(mismatch) -> float:
     return slope(root)
 
 
-def bending_stiffness_from_overhang(overhang, areal_weight, angle=CANTILEVER_ANGLE):
+def bending_stiffness_from_overhang(
+    overhang: ArrayLike, areal_weight: float, angle: ArrayLike = CANTILEVER_ANGLE
+) -> np.ndarray:
     """Return the bending stiffness per width D = w L³ / Λ [N m] of a cantilever test.
 
     Parameters
@@ -132,18 +135,22 @@ def bending_stiffness_from_overhang(overhang, areal_weight, angle=CANTILEVER_ANG
     return areal_weight * np.asarray(overhang) ** 3 / factor
 
 
-def overhang_at_angle(bending_stiffness, areal_weight, angle=CANTILEVER_ANGLE):
+def overhang_at_angle(
+    bending_stiffness: ArrayLike, areal_weight: float, angle: ArrayLike = CANTILEVER_ANGLE
+) -> np.ndarray:
     """Return the overhang [m] at which the tip is seen at this chord angle [rad]."""
     factor = np.vectorize(load_parameter_at_chord_angle, otypes=[float])(angle)
     return np.cbrt(factor * np.asarray(bending_stiffness) / areal_weight)
 
 
-def bending_length(bending_stiffness, areal_weight):
+def bending_length(bending_stiffness: ArrayLike, areal_weight: float) -> np.ndarray:
     """Return Peirce's bending length (D/w)^(1/3) [m]."""
     return np.cbrt(np.asarray(bending_stiffness) / areal_weight)
 
 
-def strip_stiffness(C11, C22, C12, orientation, assumption: str):
+def strip_stiffness(
+    C11: float, C22: float, C12: float, orientation: ArrayLike, assumption: str
+) -> np.ndarray:
     """Return the stiffness [Pa] against bending along a strip cut at an angle to fibre 1.
 
     The bending stiffness per width is this times t³/12. C12 acts on the engineering twist, as

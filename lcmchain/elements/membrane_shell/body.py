@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from lcmchain.elements.membrane_shell.kernel import (
 from lcmchain.elements.membrane_shell.patch import TriangleGeometry, angle_shares, triangle_geometry
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 
 # Below this fraction of its initial area a triangle counts as collapsed: the fibres are sheared to
@@ -44,12 +46,18 @@ class MembraneShellBody:
     CAUSES = ("in-plane stiffness", "bending stiffness")
 
     @staticmethod
-    def mesh_of(blank) -> TriangleMesh:
+    def mesh_of(blank: BlankMesh) -> TriangleMesh:
         return triangulate(blank)
 
     @classmethod
     def build(
-        cls, name: str, mesh, material: Material, choices, first_node: int, first_element: int
+        cls,
+        name: str,
+        mesh: TriangleMesh,
+        material: Material,
+        choices: Any,
+        first_node: int,
+        first_element: int,
     ) -> MembraneShellBody:
         """Build the body; the family has no choices.
 

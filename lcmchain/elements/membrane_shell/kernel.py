@@ -183,7 +183,13 @@ def deformation(u, gradient, weights):
     return a1, a2, cross(a1, a2), h
 
 
-def membrane_shell_state(body, positions, strain, area_ratio, bending_energy):
+def membrane_shell_state(
+    body: MembraneShellData,
+    positions: np.ndarray,
+    strain: np.ndarray,
+    area_ratio: np.ndarray,
+    bending_energy: np.ndarray,
+) -> None:
     """Write strains, current over initial area, and the stored energy of bending.
 
     Parameters

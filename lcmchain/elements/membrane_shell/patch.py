@@ -12,8 +12,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.errors import InputError
+from lcmchain.mesh.triangulation import TriangleMesh
 
 CORNERS = 3
 PATCH_NODES = 6
@@ -42,7 +44,7 @@ class TriangleGeometry(NamedTuple):
     area: np.ndarray
 
 
-def triangle_geometry(mesh, bending_stiffness) -> TriangleGeometry:
+def triangle_geometry(mesh: TriangleMesh, bending_stiffness: ArrayLike) -> TriangleGeometry:
     """Return gradients and curvature weights of the triangles of a flat mesh.
 
     Parameters
@@ -86,7 +88,7 @@ def neighbours_across(triangles: np.ndarray) -> np.ndarray:
     return result.reshape(-1, 3)
 
 
-def patch_positions(mesh, nodes: np.ndarray) -> np.ndarray:
+def patch_positions(mesh: TriangleMesh, nodes: np.ndarray) -> np.ndarray:
     """Return the patch's nodes in fibre axes about the first corner, (E, 6, 2) [m].
 
     A neighbour that is missing is taken as the triangle's own image, turned by 180 degrees about

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 
@@ -21,7 +22,8 @@ from lcmchain.elements.solid_shell.geometry import (
 from lcmchain.elements.solid_shell.kernel import Options, SolidShellData
 from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows
 from lcmchain.errors import InputError
-from lcmchain.materials.law import Material
+from lcmchain.materials.law import Material, MaterialWithMemory
+from lcmchain.mesh.blank import BlankMesh
 
 CORNERS = 8
 # The in-plane frequency changes slowly: its bound is renewed every so many chunks of steps, unless
@@ -37,7 +39,7 @@ class SolidShellBody:
     """Solid-shells of one material; see :class:`lcmchain.elements.family.Body`."""
 
     name: str
-    mesh: object
+    mesh: BlankMesh
     material: Material
     geometry: ReferenceGeometry
     data: SolidShellData
@@ -48,12 +50,18 @@ class SolidShellBody:
     contact_offset = 0.0  # the nodes lie on the faces
 
     @staticmethod
-    def mesh_of(blank):
+    def mesh_of(blank: BlankMesh) -> BlankMesh:
         return blank
 
     @classmethod
     def build(
-        cls, name: str, mesh, material: Material, choices, first_node: int, first_element: int
+        cls,
+        name: str,
+        mesh: BlankMesh,
+        material: Material,
+        choices: Any,
+        first_node: int,
+        first_element: int,
     ) -> SolidShellBody:
         """Build the body; ``choices`` is the scene's element table or the like.
 
@@ -131,7 +139,8 @@ class SolidShellBody:
     def dissipated_energy(self, history: np.ndarray) -> float:
         if not history.size:
             return 0.0
-        density = self.material.dissipated_energy(self.element_history(history))
+        material = cast(MaterialWithMemory, self.material)
+        density = material.dissipated_energy(self.element_history(history))
         return float((density * self.geometry.volume).sum())
 
     def highest_frequency(
@@ -209,7 +218,7 @@ class SolidShellBody:
         return np.bincount(corners, weights=weights, minlength=self.mesh.node_count)
 
 
-def kernel_options(material: Material, choices, *, flat: bool) -> Options:
+def kernel_options(material: Material, choices: Any, *, flat: bool) -> Options:
     """Choose the effects of the element: what material and reference geometry call for."""
     conservative = choices.hourglass == "conservative" and not material.constant_tangent
     return Options(

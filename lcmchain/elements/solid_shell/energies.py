@@ -9,6 +9,7 @@ from numba import prange
 
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import (
+    SolidShellData,
     element_stress,
     load_component,
     mode_vectors,
@@ -57,7 +58,14 @@ def gather(position, nodes, corner):
                 corner[(3 * c + d) * LANES + lane] = position[d, nodes[c * LANES + lane]]
 
 
-def strain_energies(body, positions, history, centre_strain, bending_energy, hourglass_energy):
+def strain_energies(
+    body: SolidShellData,
+    positions: np.ndarray,
+    history: np.ndarray,
+    centre_strain: np.ndarray,
+    bending_energy: np.ndarray,
+    hourglass_energy: np.ndarray,
+) -> None:
     """Write the centre strain and the stored energies of bending and hourglass terms.
 
     Parameters

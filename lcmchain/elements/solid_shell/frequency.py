@@ -18,7 +18,12 @@ import numpy as np
 from numba import prange
 
 from lcmchain.elements.blocks import LANES
-from lcmchain.elements.solid_shell.kernel import element_stress, load_component, mode_vectors
+from lcmchain.elements.solid_shell.kernel import (
+    SolidShellData,
+    element_stress,
+    load_component,
+    mode_vectors,
+)
 from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel, routine
@@ -306,7 +311,13 @@ def spectral_radius_bound(norms, weight, image):
     return bound
 
 
-def frequency_bounds(body, positions, history, omega2, controlling_mode):
+def frequency_bounds(
+    body: SolidShellData,
+    positions: np.ndarray,
+    history: np.ndarray,
+    omega2: np.ndarray,
+    controlling_mode: np.ndarray,
+) -> None:
     """Write the bound of ω² [1/s²] of every element, and the mode (0 ... 6) that moves most.
 
     Parameters

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcmchain.elements.solid_shell.geometry import MODES, reference_geometry
+from lcmchain.materials.law import Material
 
 TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
 
@@ -50,7 +51,13 @@ class ReferenceElement:
     options : element options.
     """
 
-    def __init__(self, nodes, fibre_direction, material, options: ElementOptions | None = None):
+    def __init__(
+        self,
+        nodes: np.ndarray,
+        fibre_direction: np.ndarray,
+        material: Material,
+        options: ElementOptions | None = None,
+    ) -> None:
         self.material = material
         self.options = options or ElementOptions()
         geometry = reference_geometry(np.asarray(nodes)[None], np.asarray(fibre_direction)[None])
@@ -121,7 +128,7 @@ class ReferenceElement:
         f = self.options.fibre_hourglass if self.material.is_diagonal else 1.0
         C_hg = C_M * np.array([f, f, 1.0, 1.0, 1.0, 1.0])[:, None]
         hourglass_energy = 0.0
-        for term, weight, C in (
+        for term, weight, C in (  # type: ignore[assignment]
             ("xi", 1.0 / 3.0, C_hg),
             ("eta", 1.0 / 3.0, C_hg),
             ("eta_zeta", 1.0 / 9.0, C_B),

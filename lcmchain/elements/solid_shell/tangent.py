@@ -16,7 +16,7 @@ Plain NumPy over blocks of elements, written separately from the compiled kernel
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,7 +67,9 @@ class Linearisation(NamedTuple):
     resultant_gradient: np.ndarray
 
 
-def linearise(model, displacement, resultants=None) -> Linearisation:
+def linearise(
+    model: Any, displacement: np.ndarray, resultants: np.ndarray | None = None
+) -> Linearisation:
     """Linearise the internal forces of all elements of a model about a displacement.
 
     Parameters
@@ -230,7 +232,9 @@ def _resultants(model, E):
     return R, D
 
 
-def normal_compaction(a, height):
+def normal_compaction(
+    a: np.ndarray, height: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return E33 = ½(t²/h² - 1) (E,) of the normal thickness, its gradient and its Hessian.
 
     ``a`` (E, 3, 3) are a1, a2, a3 and t = a3·(a1 x a2)/|a1 x a2|; the gradient is (E, 9), the

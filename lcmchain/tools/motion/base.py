@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -77,7 +78,7 @@ class ToolMotion(SceneModel):
         return []
 
 
-def unit_direction(direction, key: str) -> np.ndarray:
+def unit_direction(direction: Sequence[float] | np.ndarray, key: str) -> np.ndarray:
     """Scale the direction of a motion to length one."""
     vector = np.array(direction, dtype=float)
     length = math.hypot(*vector)

@@ -46,12 +46,12 @@ class GuidedMotion(ToolMotion):
     type: Literal["guided"]
     direction: Direction = Field(description="Positive direction of travel.")
     mass: PositiveMass = Field(description="Mass of the tool.")
-    force: Force = Field(default="0 N", description="Constant force along the direction.")
+    force: Force = Field(default="0 N", description="Constant force along the direction.")  # type: ignore[assignment]
     gravity: Switch = Field(
         default=True, description="Add the component of 9.81 m/s2 (0, 0, -1) along the direction."
     )
-    damping: ViscousDamping = Field(default="0 N*s/m", description="Viscous damping of the travel.")
-    ramp: TimeOrZero = Field(
+    damping: ViscousDamping = Field(default="0 N*s/m", description="Viscous damping of the travel.")  # type: ignore[assignment]
+    ramp: TimeOrZero = Field(  # type: ignore[assignment]
         default="0 s",
         description="Time over which weight and force come on smoothly; without it a tool laid on "
         "the blank bounces with twice its load.",

@@ -55,7 +55,7 @@ class StrokeMotion(ToolMotion):
     profile: Literal["smooth", "linear"] = Field(
         default="smooth", description="Smooth: starts and ends without velocity and acceleration."
     )
-    start: TimeOrZero = Field(default="0 s", description="Time at which the stroke starts.")
+    start: TimeOrZero = Field(default="0 s", description="Time at which the stroke starts.")  # type: ignore[assignment]
     end: Annotated[PositiveTime | None, AbsentMeans("process.time")] = Field(
         default=None, description="Time at which the stroke ends."
     )

@@ -17,7 +17,7 @@ class Cylinder(ProfileShape):
 
     type: Literal["cylinder"]
     radius: PositiveLength = Field(description="Radius of the cylinder.")
-    edge_radius: LengthOrZero = Field(
+    edge_radius: LengthOrZero = Field(  # type: ignore[assignment]
         default="0 mm", description="Radius of the rounded edges at both ends; 0 is sharp."
     )
     length: Annotated[PositiveLength | None, AbsentMeans("infinite")] = Field(

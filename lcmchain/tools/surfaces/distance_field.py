@@ -176,9 +176,7 @@ def _spline_coefficients(distance, valid) -> np.ndarray:
     """Quadratic B-spline coefficients f - f''/8, which reproduce quadratic functions exactly."""
     coefficients = distance.copy()
     for axis in range(3):
-        inner = [slice(None)] * 3
-        inner[axis] = slice(1, -1)
-        inner = tuple(inner)
+        inner = tuple(slice(1, -1) if other == axis else slice(None) for other in range(3))
         before = _shifted(_shifted(distance, axis)[0], axis)[0]
         after = _shifted(_shifted(distance, axis)[1], axis)[1]
         complete = valid[inner].copy()

@@ -81,7 +81,7 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
             "check that the file is complete and its ending names its format",
             file=file,
         ) from None
-    triangles = []
+    parts: list[np.ndarray] = []
     found = []
     for block in mesh.cells:
         cells = np.asarray(block.data)
@@ -91,8 +91,8 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
             shape_rows = [(0, i, i + 1) for i in range(1, cells.shape[1] - 1)]
         else:
             shape_rows = _TRIANGULATION.get(shape, [])
-        triangles.extend(cells[:, row] for row in shape_rows)
-    if not triangles or sum(len(block) for block in triangles) == 0:
+        parts.extend(cells[:, row] for row in shape_rows)
+    if not parts or sum(len(part) for part in parts) == 0:
         kinds = ", ".join(sorted(set(found))) or "no cells at all"
         raise InputError(
             f"holds no triangles or quadrilaterals ({kinds}); export the tool's surface",
@@ -101,7 +101,7 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
     points = np.asarray(mesh.points, dtype=float)
     if points.shape[1] != 3:
         raise InputError("is a plane mesh; a tool needs points with x, y and z", file=file)
-    triangles = np.concatenate(triangles).astype(np.int64)
+    triangles = np.concatenate(parts).astype(np.int64)
     if triangles.min() < 0 or triangles.max() >= len(points):
         raise InputError("has triangles with vertices that do not exist; it is broken", file=file)
     if not np.isfinite(points[np.unique(triangles)]).all():

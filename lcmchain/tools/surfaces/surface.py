@@ -45,7 +45,7 @@ class Surface:
         return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def edges(triangles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Edge index and direction (True: from the lower vertex) per triangle, and uses per edge."""
     directed = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2)
     forward = directed[:, 0] < directed[:, 1]
@@ -60,9 +60,9 @@ def edge_middle(surface: Surface, edge: int) -> np.ndarray:
     return surface.points[surface.triangles[t, [i, (i + 1) % 3]]].mean(axis=0)
 
 
-def warn(file, message: str) -> None:
+def warn(file: Path, message: str) -> None:
     warnings.warn(ToolWarning(f"{file}: {message}"), stacklevel=3)
 
 
-def place_text(point) -> str:
+def place_text(point: np.ndarray) -> str:
     return "({:.4g}, {:.4g}, {:.4g}) m".format(*point)

@@ -6,6 +6,8 @@ limit apart, and orient without telling a surface that has one side only.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -18,7 +20,7 @@ from lcmchain.tools.surfaces.surface import edges, place_text, warn
 WELD = 1e-6
 
 
-def weld(points, triangles, file) -> tuple[np.ndarray, np.ndarray]:
+def weld(points: np.ndarray, triangles: np.ndarray, file: Path) -> tuple[np.ndarray, np.ndarray]:
     """Join vertices at the same place; drop triangles without area and repeated ones."""
     used, triangles = np.unique(triangles, return_inverse=True)
     points = points[used]
@@ -55,7 +57,7 @@ def weld(points, triangles, file) -> tuple[np.ndarray, np.ndarray]:
     return points, np.ascontiguousarray(triangles[kept])
 
 
-def oriented(points, triangles, file) -> np.ndarray:
+def oriented(points: np.ndarray, triangles: np.ndarray, file: Path) -> np.ndarray:
     """Turn triangles so that all that share an edge agree, keeping the side of the larger area."""
     edge, forward, use = edges(triangles)
     order = np.argsort(edge.ravel(), kind="stable")

@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 
+from lcmchain.scene import Element
 from lcmchain.statics import StaticProblem, linear_frequencies, linear_solution
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
+    Sheet,
     X,
     Y,
     Z,
@@ -54,7 +56,7 @@ TWISTED = {
 }
 
 
-def straight_beam(shape: str, n1: int, n2: int):
+def straight_beam(shape: str, n1: int, n2: int) -> Sheet:
     """Mesh the straight beam with elements of a ``shape``: distorted ones have edges at 45°."""
     if shape == "rectangle":
         return rectangle(LENGTH, DEPTH, THICKNESS, n1, n2)
@@ -67,7 +69,7 @@ def straight_beam(shape: str, n1: int, n2: int):
 
 
 def straight_cantilever(
-    load: str, shape: str = "rectangle", n1: int = 6, n2: int = 1, element=AS_PUBLISHED
+    load: str, shape: str = "rectangle", n1: int = 6, n2: int = 1, element: Element = AS_PUBLISHED
 ) -> BenchmarkResult:
     """Slender beam under a unit load or couple at its tip."""
     mesh = straight_beam(shape, n1, n2)
@@ -94,7 +96,9 @@ def straight_cantilever(
     )
 
 
-def twisted_beam(thickness: str, load: str, n1: int, element=AS_PUBLISHED) -> BenchmarkResult:
+def twisted_beam(
+    thickness: str, load: str, n1: int, element: Element = AS_PUBLISHED
+) -> BenchmarkResult:
     """Beam twisted by 90° under a tip load along (in-plane) or across its width at the tip."""
     t, P = {"thick": (0.32, 1.0), "thin": (0.0032, 1e-6)}[thickness]
     mesh = twisted_strip(12.0, 1.1, t, 0.5 * math.pi, n1, n1 // 6)
@@ -115,7 +119,7 @@ def twisted_beam(thickness: str, load: str, n1: int, element=AS_PUBLISHED) -> Be
     )
 
 
-def cantilever_frequency(n1: int = 16, element=AS_PUBLISHED) -> BenchmarkResult:
+def cantilever_frequency(n1: int = 16, element: Element = AS_PUBLISHED) -> BenchmarkResult:
     """Lowest bending frequency [Hz] of a slender cantilever against beam theory."""
     E, length, thickness, density = 1.2e6, 10.0, 0.1, 3.1314e-4
     mesh = rectangle(length, 1.0, thickness, n1, 1)

@@ -6,9 +6,13 @@ Elements in Analysis and Design 40 (2004) 1551-1569.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
+from lcmchain.scene import Element
 from lcmchain.statics import DirectorCouples, StaticProblem, solve
+from lcmchain.statics.steps import StaticStep
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,
@@ -34,7 +38,12 @@ END_SHEAR = np.array(
 )  # fmt: skip
 
 
-def end_shear(n1: int = 16, element=AS_PUBLISHED, *, on_step=None) -> CurveResult:
+def end_shear(
+    n1: int = 16,
+    element: Element = AS_PUBLISHED,
+    *,
+    on_step: Callable[[StaticStep], None] | None = None,
+) -> CurveResult:
     """Cantilever of length 10 under a dead force 4 EI/L² across its end."""
     length = 10.0
     mesh = rectangle(length, WIDTH, THICKNESS, n1, 1)
@@ -56,7 +65,13 @@ def end_shear(n1: int = 16, element=AS_PUBLISHED, *, on_step=None) -> CurveResul
     )
 
 
-def roll_up(n1: int = 16, load_factors=None, element=AS_PUBLISHED, *, on_step=None) -> CurveResult:
+def roll_up(
+    n1: int = 16,
+    load_factors: Sequence[float] | np.ndarray | None = None,
+    element: Element = AS_PUBLISHED,
+    *,
+    on_step: Callable[[StaticStep], None] | None = None,
+) -> CurveResult:
     """Cantilever of length 12 that an end moment 2πEI/L rolls up to a full circle."""
     length = 12.0
     mesh = rectangle(length, WIDTH, THICKNESS, n1, 1)

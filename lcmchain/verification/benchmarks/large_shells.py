@@ -8,10 +8,13 @@ Abaqus, 16x16 for the quarter of the hemisphere and 48x48 for the octant of the 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
+from lcmchain.scene import Element
 from lcmchain.statics import StaticProblem, solve
+from lcmchain.statics.steps import StaticStep
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,
@@ -59,7 +62,11 @@ PINCHED_CYLINDER_MBDYN = np.array(
 
 
 def hemisphere(
-    count: int = 16, element=AS_PUBLISHED, *, table=HEMISPHERE, on_step=None
+    count: int = 16,
+    element: Element = AS_PUBLISHED,
+    *,
+    table: np.ndarray = HEMISPHERE,
+    on_step: Callable[[StaticStep], None] | None = None,
 ) -> CurveResult:
     """Hemisphere with an 18° hole under alternating radial forces of 400 at the equator."""
     mesh = hemisphere_quarter(10.0, 0.04, math.radians(18.0), count, count)
@@ -91,7 +98,11 @@ def hemisphere(
 
 
 def pinched_cylinder(
-    count: int = 48, element=AS_PUBLISHED, *, table=PINCHED_CYLINDER, on_step=None
+    count: int = 48,
+    element: Element = AS_PUBLISHED,
+    *,
+    table: np.ndarray = PINCHED_CYLINDER,
+    on_step: Callable[[StaticStep], None] | None = None,
 ) -> CurveResult:
     """Cylinder with rigid end diaphragms under two opposite forces of 12000."""
     mesh = cylinder_sector(100.0, 100.0, 1.0, 0.5 * math.pi, count, count)
@@ -100,7 +111,7 @@ def pinched_cylinder(
     held = mesh.held((grid[-1], [Y]), (grid[:, -1], [X]), (grid[:, 0], [Z]))
     # the diaphragm holds the mid-surface: held faces would clamp its large rotation at the end
     diaphragm = np.zeros((3, mesh.blank.pair_count), dtype=bool)
-    diaphragm[np.ix_([X, Z], grid[0])] = True
+    diaphragm[np.ix_(np.array([X, Z]), grid[0])] = True
     loads = mesh.pair_loads([grid[-1, -1]], [0.0, 0.0, -3000.0])
     problem = StaticProblem(model=model, held=held, held_middle=diaphragm, forces=loads)
     history = solve(problem, table[:, 0], on_step=on_step)

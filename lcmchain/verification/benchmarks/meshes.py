@@ -5,11 +5,11 @@ Benchmarks come in any consistent units; nothing here is in SI.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.mesh.blank import BlankMesh
@@ -37,17 +37,17 @@ def variant(element: Element) -> str:
 class Sheet:
     """A sheet of N1 x N2 elements.
 
-    blank : the mesh; grid : (N1 + 1, N2 + 1) pair numbers, None for an unstructured patch.
+    blank : the mesh; grid : (N1 + 1, N2 + 1) pair numbers, empty for an unstructured patch.
     """
 
     blank: BlankMesh
-    grid: np.ndarray | None
+    grid: np.ndarray
 
     @property
     def mesh(self) -> str:
         return f"{self.grid.shape[0] - 1}x{self.grid.shape[1] - 1}"
 
-    def nodes(self, pairs) -> np.ndarray:
+    def nodes(self, pairs: ArrayLike) -> np.ndarray:
         """Return the bottom nodes, then the top nodes, of pairs."""
         pairs = np.ravel(pairs)
         return np.concatenate([pairs, pairs + self.blank.pair_count])
@@ -56,32 +56,33 @@ class Sheet:
     def nothing_held(self) -> np.ndarray:
         return np.zeros((3, self.blank.node_count), dtype=bool)
 
-    def held(self, *supports: tuple[Sequence[int], Sequence[int]]) -> np.ndarray:
+    def held(self, *supports: tuple[ArrayLike, ArrayLike]) -> np.ndarray:
         """Return the mask (3, node_count) that holds (pairs, components) on both faces."""
         mask = self.nothing_held.copy()
         for pairs, components in supports:
-            mask[np.ix_(components, self.nodes(pairs))] = True
+            mask[np.ix_(np.asarray(components), self.nodes(pairs))] = True
         return mask
 
-    def edge_load(self, pairs, force) -> np.ndarray:
+    def edge_load(self, pairs: np.ndarray, force: ArrayLike) -> np.ndarray:
         """Return nodal forces of a total ``force`` (3,) spread evenly over an edge, both faces."""
         middle = self.blank.mid_surface_positions[pairs]
         length = np.linalg.norm(np.diff(middle, axis=0), axis=1)
         share = np.zeros(len(pairs))
         share[:-1] += 0.5 * length
         share[1:] += 0.5 * length
-        return self.pair_loads(pairs, np.outer(share / share.sum(), force))
+        return self.pair_loads(pairs, np.outer(share / share.sum(), np.asarray(force)))
 
-    def pair_loads(self, pairs, forces) -> np.ndarray:
+    def pair_loads(self, pairs: ArrayLike, forces: ArrayLike) -> np.ndarray:
         """Return nodal forces of ``forces`` (n, 3) on pairs, halved over the two faces."""
         loads = np.zeros((3, self.blank.node_count))
         np.add.at(loads.T, self.nodes(pairs), np.tile(0.5 * np.atleast_2d(forces), (2, 1)))
         return loads
 
-    def middle(self, displacement, pair) -> np.ndarray:
+    def middle(self, displacement: np.ndarray, pair: ArrayLike) -> np.ndarray:
         """Return the displacement (..., 3) of the mid-surface at pairs."""
-        n = self.blank.pair_count
-        return 0.5 * (displacement[:, pair] + displacement[:, np.asarray(pair) + n]).T
+        pair = np.asarray(pair)
+        top = pair + self.blank.pair_count
+        return 0.5 * (displacement[:, pair] + displacement[:, top]).T
 
 
 def sheet(middle: np.ndarray, normal: np.ndarray, thickness: float) -> Sheet:
@@ -96,7 +97,15 @@ def sheet(middle: np.ndarray, normal: np.ndarray, thickness: float) -> Sheet:
                       thickness, grid)  # fmt: skip
 
 
-def from_quads(middle, normal, quads, thickness, grid, *, fibre=None) -> Sheet:
+def from_quads(
+    middle: np.ndarray,
+    normal: ArrayLike,
+    quads: np.ndarray,
+    thickness: float,
+    grid: np.ndarray,
+    *,
+    fibre: ArrayLike | None = None,
+) -> Sheet:
     """Mesh a sheet from quadrilaterals of its mid-surface.
 
     The first material axis is the direction of ``fibre`` (3,), by default that of the elements'
@@ -130,7 +139,7 @@ def isotropic_model(
     return assemble_sheet(mesh.blank, material, element)
 
 
-def parameters(*counts: int) -> list[np.ndarray]:
+def parameters(*counts: int) -> tuple[np.ndarray, ...]:
     """Return grids of parameters from 0 to 1, one per count of elements."""
     return np.meshgrid(*(np.linspace(0.0, 1.0, count + 1) for count in counts), indexing="ij")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.elements.solid_shell.tangent import linearise
+from lcmchain.scene import Element
 from lcmchain.statics import PairSystem, StaticProblem, linear_solution
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
@@ -28,14 +29,16 @@ QUADS = np.array([[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7], [4, 5,
 OUTER = np.arange(4)
 
 
-def patch_test(kind: str, element=AS_PUBLISHED) -> BenchmarkResult:
+def patch_test(kind: str, element: Element = AS_PUBLISHED) -> BenchmarkResult:
     """Stress component that is farthest from the constant one, "membrane" or "bending".
 
     The displacement of a constant strain or curvature is prescribed at the outer corners, normal to
     the plate at their lower nodes only: the thickness is free.
     """
     middle = np.column_stack([POINTS, np.zeros(len(POINTS))])
-    mesh = from_quads(middle, [0.0, 0.0, 1.0], QUADS, THICKNESS, None, fibre=[1.0, 0.0, 0.0])
+    mesh = from_quads(
+        middle, [0.0, 0.0, 1.0], QUADS, THICKNESS, np.empty((0, 0), int), fibre=[1.0, 0.0, 0.0]
+    )
     model = isotropic_model(mesh, 1e6, 0.25, element)
     x, y, z = mesh.blank.node_positions.T
     field = np.stack([1e-3 * (x + y / 2), 1e-3 * (y + x / 2), np.zeros_like(x)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lcmchain.scene import Element
 from lcmchain.statics import StaticProblem, linear_solution
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
@@ -27,7 +28,9 @@ EXPECTED = {
 }
 
 
-def clamped_plate(load: str, slenderness: float, count: int, element=AS_PUBLISHED):
+def clamped_plate(
+    load: str, slenderness: int, count: int, element: Element = AS_PUBLISHED
+) -> BenchmarkResult:
     """Deflection of the centre under a central force ("point") or a pressure ("uniform")."""
     length, E, nu = 100.0, 1e7, 0.3
     thickness = length / slenderness

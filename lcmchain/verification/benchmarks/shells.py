@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from lcmchain.scene import Element
 from lcmchain.statics import StaticProblem, linear_solution
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
@@ -28,7 +29,7 @@ PINCHED_CYLINDER = {4: 0.379, 8: 0.745, 16: 0.927, 32: 0.987}
 HEMISPHERE = {4: 1.031, 8: 0.995, 16: 0.990, 32: 0.993}
 
 
-def scordelis_lo(count: int, element=AS_PUBLISHED) -> BenchmarkResult:
+def scordelis_lo(count: int, element: Element = AS_PUBLISHED) -> BenchmarkResult:
     """Roof under its own weight on end diaphragms; sag of the free edge at midspan."""
     mesh = cylinder_sector(25.0, 25.0, 0.25, math.radians(40.0), count, count)
     model = isotropic_model(mesh, 4.32e8, 0.0, element)
@@ -48,7 +49,7 @@ def scordelis_lo(count: int, element=AS_PUBLISHED) -> BenchmarkResult:
     )
 
 
-def pinched_cylinder(count: int, element=AS_PUBLISHED) -> BenchmarkResult:
+def pinched_cylinder(count: int, element: Element = AS_PUBLISHED) -> BenchmarkResult:
     """Cylinder with end diaphragms between two opposite forces; deflection under the force."""
     mesh = cylinder_sector(300.0, 300.0, 3.0, 0.5 * math.pi, count, count)
     model = isotropic_model(mesh, 3e6, 0.3, element)
@@ -66,7 +67,7 @@ def pinched_cylinder(count: int, element=AS_PUBLISHED) -> BenchmarkResult:
     )
 
 
-def hemisphere(count: int, element=AS_PUBLISHED) -> BenchmarkResult:
+def hemisphere(count: int, element: Element = AS_PUBLISHED) -> BenchmarkResult:
     """Hemisphere with an 18° hole under alternating radial forces at the equator."""
     mesh = hemisphere_quarter(10.0, 0.04, math.radians(18.0), count, count)
     model = isotropic_model(mesh, 6.825e7, 0.3, element)

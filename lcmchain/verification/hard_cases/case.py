@@ -59,6 +59,10 @@ THEMES = (
 )
 
 
+#: What a case does: (name, full) -> results.
+CaseFunction = Callable[[str, bool], Iterable[CaseResult]]
+
+
 @dataclass(frozen=True)
 class HardCase:
     """A case of the list: ``run(full)`` returns its results; ``reduced`` says what fast leaves out.
@@ -68,7 +72,7 @@ class HardCase:
 
     name: str
     theme: str
-    function: Callable[[str, bool], Iterable[CaseResult]]
+    function: CaseFunction
     reduced: str
 
     def run(self, full: bool = False) -> list[CaseResult]:
@@ -78,7 +82,9 @@ class HardCase:
 CASES: dict[str, HardCase] = {}
 
 
-def hard_case(name: str, theme: str, *, reduced: str = ""):
+def hard_case(
+    name: str, theme: str, *, reduced: str = ""
+) -> Callable[[CaseFunction], CaseFunction]:
     """Put the decorated function ``(name, full) -> results`` on the list."""
 
     def add(function):

@@ -33,8 +33,15 @@ def to_and_fro(travel: float, time: float) -> str:
     )
 
 
-def between_plates(motion: str, time: float, *, friction=0.0, penalty="1000 N/mm^3", element="",
-                   perturbation=0.0) -> Simulation:  # fmt: skip
+def between_plates(
+    motion: str,
+    time: float,
+    *,
+    friction: float = 0.0,
+    penalty: str = "1000 N/mm^3",
+    element: str = "",
+    perturbation: float = 0.0,
+) -> Simulation:
     """Return a sheet of 4 x 4 elements between plates, its nodes shifted at random in the plane."""
     sim = simulation(
         f"""

@@ -77,8 +77,8 @@ def fillets(name: str, full: bool) -> Iterator[CaseResult]:
         balance, thinnest, deepest = 0.0, 1.0, 0.0
         for radius in (2.0, 5.0, 10.0):
             sim = wiped(radius, edge, stroke(35.0), time)
-            errors = []
-            sim.advance_to(time, lambda sim, errors=errors: errors.append(sim.energy()))
+            errors: list[dict[str, float]] = []
+            sim.advance_to(time, lambda sim, errors=errors: errors.append(sim.energy()))  # type: ignore[misc]
             work = max(abs(energy["external"]) for energy in errors)
             worst = max(abs(energy["balance_error"]) for energy in errors)
             balance = max(balance, worst / work)

@@ -28,8 +28,16 @@ class BiasExtension:
     γ = π/2 - 2 arccos((D + u)/(√2 D)) at the travel u.
     """
 
-    def __init__(self, material: str, travel: float, time: float, *, size=(0.32, 0.16), edge=5e-3,
-                 damping: float = 200.0):  # fmt: skip
+    def __init__(
+        self,
+        material: str,
+        travel: float,
+        time: float,
+        *,
+        size: tuple[float, float] = (0.32, 0.16),
+        edge: float = 5e-3,
+        damping: float = 200.0,
+    ) -> None:
         self.length, self.width = size
         self.travel, self.time = travel, time
         a, b = 0.5e3 * self.length, 0.5e3 * self.width
@@ -101,7 +109,7 @@ def bias_extension(name: str, full: bool) -> Iterator[CaseResult]:
     yield CaseResult(
         name,
         "centre angle against inextensible fibres at 40 mm",
-        math.degrees(abs(followed)),
+        math.degrees(abs(followed)),  # type: ignore[arg-type]
         2.0,
         "°",
     )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy.optimize import brentq
 
 from lcmchain.effects.supports import Support
+from lcmchain.solver.simulation import Simulation
 from lcmchain.verification.hard_cases.case import CaseResult, hard_case, stopped
 from lcmchain.verification.hard_cases.sheets import (
     MD600,
@@ -77,7 +78,7 @@ def slenderness(name: str, full: bool) -> Iterator[CaseResult]:
         )
 
 
-def first_return(sim, weight: np.ndarray, expected: float) -> float:
+def first_return(sim: Simulation, weight: np.ndarray, expected: float) -> float:
     """Return the time [s] at which the weighted deflection changes its sign."""
     start = sim.model.blank.node_positions[:, 2]
     before = None
@@ -120,7 +121,7 @@ def taper(name: str, full: bool) -> Iterator[CaseResult]:
     )
 
 
-def skewed(degrees: float):
+def skewed(degrees: float) -> Callable[[np.ndarray], np.ndarray]:
     slope = math.tan(math.radians(degrees))
     return lambda X: X + np.column_stack([slope * X[:, 1], 0.0 * X[:, 1], 0.0 * X[:, 1]])
 
@@ -135,7 +136,10 @@ def trapezoids(X: np.ndarray) -> np.ndarray:
     return moved
 
 
-def bent_energy_ratio(shape, thickness3=None) -> float:
+def bent_energy_ratio(
+    shape: Callable[[np.ndarray], np.ndarray],
+    thickness3: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> float:
     """Return the energy of a strip bent by a small κ along x over the exact one.
 
     ``thickness3`` is (t/t0)³ as a function of x, 1 by default.
@@ -175,7 +179,9 @@ def catenary(length: float, span: float) -> tuple[float, float]:
 LIMP_SPAN, LIMP_LENGTH, LIMP_CLOSING = 0.16, 0.2, 0.3
 
 
-def limp_strip(supports, element: str = ""):
+def limp_strip(
+    supports: Callable[[np.ndarray], Sequence[Support]], element: str = ""
+) -> Simulation:
     """Return a strip of MD600 with a millionth of its bending stiffness, under gravity."""
     bending = {
         "C11": 38.0615, "C22": 43.0668, "C33": 0.1, "C12": 4.2123, "C23": 0.1, "C13": 0.1,
@@ -194,7 +200,7 @@ def limp_strip(supports, element: str = ""):
     )
 
 
-def approaching_clamp(side: float, turning: bool = True):
+def approaching_clamp(side: float, turning: bool = True) -> Callable[[float], np.ndarray]:
     """Return the motion of an end that closes the span and turns with the catenary's slope."""
 
     def motion(time):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ def hemisphere(
     fillet: float | None = None,
     holder: bool = True,
     element: str = "",
-    **mesh,
+    **mesh: Any,
 ) -> Simulation:
     """Return the main job at half its size: blank 150 mm, punch of 37.5 mm.
 
@@ -65,7 +66,7 @@ def hemisphere(
 class Formed:
     """A run of :func:`hemisphere` to its end, with what is compared."""
 
-    def __init__(self, sim: Simulation, time: float):
+    def __init__(self, sim: Simulation, time: float) -> None:
         self.sim, energies = sim, []
         for part in np.linspace(0.0, 1.0, 21)[1:]:
             sim.advance_to(float(part * time))
@@ -110,7 +111,7 @@ def fast_punch(name: str, full: bool) -> Iterator[CaseResult]:
     deepest = 1e3 * float(formed.sim.state.penetration_max.max())
     blind = hemisphere(time=time)
     blind.prepare_steps()
-    blind.find_contact = lambda: None
+    blind.find_contact = lambda: None  # type: ignore[method-assign]
     message = stopped(lambda: blind.advance_to(time))
     inside = max(
         -gaps(blind.model.tools, tool, blind.state.position.T, blind.state.tool_travel[tool]).min()
@@ -182,7 +183,7 @@ def coarse_mesh(name: str, full: bool) -> Iterator[CaseResult]:
         yield guarded(
             name,
             f"{edge:g} mm elements on 5 mm fillets: ends in the guard's words",
-            lambda edge=edge: _form_in_frames(hemisphere(time=time, edge=edge, fillet=5.0), time),
+            lambda edge=edge: _form_in_frames(hemisphere(time=time, edge=edge, fillet=5.0), time),  # type: ignore[misc]
             "hourglass",
             "blank.edge_length",
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ def simulation(
     perturbation: float = 0.0,
     seed: int = 0,
     step_safety: float | None = None,
-    **environment,
+    **environment: Any,
 ) -> Simulation:
     """Return the simulation of a scene with what a scene file cannot say.
 

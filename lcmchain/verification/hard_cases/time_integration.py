@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from lcmchain.effects.supports import Support
+from lcmchain.materials.law import Material
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, orthotropic_stiffness
 from lcmchain.state import EXTERNAL
 from lcmchain.verification import random_elements as make
@@ -112,7 +114,9 @@ def million_steps(name: str, full: bool) -> Iterator[CaseResult]:
 # --- the stable step ------------------------------------------------------------------------------
 
 
-def kicked_drift(shape, safety: float, steps: int, **mesh) -> float:
+def kicked_drift(
+    shape: Callable[[np.ndarray], np.ndarray] | None, safety: float, steps: int, **mesh: Any
+) -> float:
     """Return the energy drift [%] of a free sheet with random velocities at a part of the step."""
     sim = simulation(
         f"""
@@ -170,7 +174,9 @@ def beyond_critical(name: str, full: bool) -> Iterator[CaseResult]:
     )
 
 
-def random_families(rng, count: int):
+def random_families(
+    rng: np.random.Generator, count: int
+) -> Iterator[tuple[str, list, list, Material]]:
     """Yield (name, references, deformed nodes, material): ``count`` elements of each family."""
 
     def references(thickness=make.THICKNESS):
@@ -216,7 +222,7 @@ def estimated_step(name: str, full: bool) -> Iterator[CaseResult]:
     must never be longer than the true one (from the eigenvalues of the tangent), which no safety
     factor could repair, and not much shorter, which would waste time.
     """
-    ratios = {}
+    ratios: dict[str, list[np.ndarray]] = {}
     rng = np.random.default_rng(0)
     for family, references, x, material in random_families(rng, 500 if full else 100):
         bound, true = make.bounds_and_frequencies(references, x, material)
@@ -229,7 +235,7 @@ def estimated_step(name: str, full: bool) -> Iterator[CaseResult]:
         float(every.max()),
         1.0 + 1e-6,
     )
-    worst = min(means, key=means.get)
+    worst = min(means, key=means.__getitem__)
     yield CaseResult(
         name,
         f"mean of estimated over true step, worst family ({worst})",
