@@ -91,15 +91,21 @@ class _Arrays:
     @classmethod
     def zeros(cls, model: Model) -> Self:
         """Return all arrays with zeros."""
-        size = sizes(model)
         return cls(
-            **{
-                f.name: np.zeros(
-                    [size[name] for name in f.metadata["shape"]], dtype=f.metadata["dtype"]
-                )
-                for f in fields(cls)
-            }
+            **{name: np.zeros(*declared) for name, declared in cls.shapes_and_types(model).items()}
         )
+
+    @classmethod
+    def shapes_and_types(cls, model: Model) -> dict[str, tuple[tuple[int, ...], np.dtype]]:
+        """Return shape and type of every array by its name."""
+        size = sizes(model)
+        return {
+            f.name: (
+                tuple(size[name] for name in f.metadata["shape"]),
+                np.dtype(f.metadata["dtype"]),
+            )
+            for f in fields(cls)
+        }
 
     def as_dict(self) -> dict[str, np.ndarray]:
         """Return the arrays by name (not copied)."""
@@ -201,12 +207,12 @@ class State(_Arrays):
         ------
         InputError : they are those of another model.
         """
-        for name, expected in State.zeros(model).as_dict().items():
+        for name, (shape, dtype) in self.shapes_and_types(model).items():
             found = getattr(self, name)
-            if found.shape != expected.shape or found.dtype != expected.dtype:
+            if (found.shape, found.dtype) != (shape, dtype):
                 raise InputError(
                     f"the saved state belongs to another model: {name} is {found.dtype} "
-                    f"{found.shape} instead of {expected.dtype} {expected.shape}"
+                    f"{found.shape} instead of {dtype} {shape}"
                 )
 
     @property

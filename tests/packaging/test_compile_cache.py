@@ -1,5 +1,6 @@
 """Compiled kernels are kept per state of the sources, never shared between two states."""
 
+import json
 import os
 import subprocess
 import sys
@@ -143,3 +144,57 @@ def test_caches_unused_for_a_month_are_removed(tmp_path):
         os.utime(folder, (long_ago, long_ago))
     compile_cache._remove_stale_siblings(present)
     assert sorted(tmp_path.iterdir()) == sorted([present, recent, foreign])
+
+
+COMPILED = """
+import json, sys
+from numba.core import event
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
+
+class Names(event.Listener):
+    names = []
+    def on_start(self, event): self.names.append(event.data["dispatcher"].py_func.__name__)
+    def on_end(self, event): pass
+
+scene = scene_from_text(open(sys.argv[1]).read(), overrides=sys.argv[2:])
+with event.install_listener("numba:compile", Names()):
+    Simulation.from_scene(scene).compile()
+print(json.dumps(sorted(set(Names.names))))
+"""
+
+
+@pytest.mark.slow
+def test_a_second_scene_compiles_only_what_no_scene_had_before(tmp_path):
+    """Numbers compile nothing; an effect compiles what depends on it, once."""
+    (tmp_path / "scene.toml").write_text(
+        """
+        process = { time = "1 ms" }
+        blank = { size = ["20 mm", "20 mm"], edge_length = "5 mm", height = "0.502 mm" }
+        material = { preset = "MD600" }
+        tools = [{ name = "die", shape = { type = "plate", side = "below" } }]
+        """,
+        encoding="utf-8",
+    )
+
+    def compiled(*overrides):
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
+        command = [sys.executable, "-c", COMPILED, str(tmp_path / "scene.toml"), *overrides]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+        return set(json.loads(done.stdout))
+
+    first = compiled()
+    assert {"advance", "element_forces", "move_nodes", "find_near_nodes"} <= first
+    assert compiled() == set()
+    numbers = (
+        'blank.size=["40 mm", "30 mm"]', "process.mass_damping=10 1/s", "process.gravity=true",
+        "contact.friction=0.3", "element.integration_points=2", "element.fibre_hourglass=0.5",
+        "element.cross_terms=true", "material.thickness=2 mm",
+    )  # fmt: skip
+    assert compiled(*numbers) == set()
+    published = ("element.compaction_strain=director", "element.hourglass=published")
+    second = compiled(*published)
+    assert {"advance", "element_forces"} <= second
+    assert not {"move_nodes", "find_near_nodes", "thickness_stretches"} & second
+    assert compiled(*published) == compiled(*numbers) == set()
