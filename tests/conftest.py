@@ -2,6 +2,7 @@
 
 import os
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -25,6 +26,24 @@ def manual_table():
         return [[cell.strip().replace("\\|", "|") for cell in row] for row in cells]
 
     return rows
+
+
+# Files with the most work, of compiler and solver, first: two workers then end at about the same
+# time. A file stays with one worker, which keeps what its fixtures have computed and compiled.
+FOLDER = Path(__file__).parent
+LONG_FILES = (
+    "verification/test_restart.py",
+    "stability/test_hard_cases.py",
+    "effects/test_contract.py",
+    "elements/test_frequency_bound.py",
+    "verification/test_hemisphere_holder.py",
+    "elements/test_kernel.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    rank = {FOLDER / part: i for i, part in enumerate(LONG_FILES)}
+    items.sort(key=lambda item: rank.get(item.path, len(rank)))
 
 
 def pytest_configure(config):
