@@ -1,15 +1,15 @@
 """What a material law gives to the elements, and how kernels find it.
 
-A law is a NamedTuple of its parameters [SI]. All of them have one type, numbers or arrays: a
-parallel loop takes no mixed tuples. The file of a law says how each function of the protocol below
-is computed, with the decorator ``implements``; a kernel that is compiled for a law calls that
-law's own functions, which are inlined. Nothing else in the program needs to know the law.
+A law is a flat NamedTuple of its parameters, numbers or arrays [SI]: a parallel loop takes no
+nested tuples. The file of a law says how each function of the protocol below is computed, with the
+decorator ``implements``; a kernel that is compiled for a law calls that law's own functions, which
+are inlined. Nothing else in the program needs to know the law.
 
 Strains and stresses are Green-Lagrange and second Piola-Kirchhoff in the reference fibre axes,
 Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness is a tuple of six
 moduli where it is diagonal, else of six rows (:mod:`lcmchain.materials.stiffness`).
 
-A law with memory lists in ``remembers`` numbers that every element keeps, zero at the start.
+A law with memory lists in ``remembers`` up to three numbers that each element keeps, zero at first.
 Kernels hand them to the law as a tuple, as they were after the last step. What the law answers for
 a strain holds for the end of a step that leads there; :func:`evolved_history` gives the numbers
 then.
@@ -30,6 +30,7 @@ from lcmchain.dispatch import implements, is_implemented, optional, required
 from lcmchain.jit import INLINED
 
 __all__ = [
+    "MOST_HISTORY",
     "Material",
     "bending_stiffness",
     "evolved_history",

@@ -61,7 +61,8 @@ class StaticProblem:
 
     Raises
     ------
-    InputError : arrays that do not fit the model, or supports that let the sheet move rigidly.
+    InputError : arrays that do not fit the model, supports that let the sheet move rigidly, or a
+        law with memory.
     """
 
     model: Model
@@ -74,6 +75,12 @@ class StaticProblem:
     dead_forces: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        if self.model.history_size:
+            raise InputError(
+                f'"{self.model.material.name}" has a law with memory, which the static solver does '
+                "not follow; use the explicit solver, or a law without",
+                key="material.law",
+            )
         shape = (3, self.model.node_count)
         for name in ("held", "forces", "displacements"):
             value = getattr(self, name)

@@ -33,7 +33,8 @@ ROOT = Path(__file__).resolve().parents[2]
 MUTANTS = Path(__file__).with_name("mutants.toml")
 # Folders of the checkout that are packages inside lcmchain once installed.
 OUTER = ("mapping", "coupling", "fmu")
-COMPILED = re.compile(r"^@(njit|kernel|equation|strict_equation|overload|vectorize)\b", re.M)
+DECORATORS = "njit|kernel|routine|equation|strict_equation|overload|vectorize"
+COMPILED = re.compile(rf"^@({DECORATORS})\b", re.M)
 TIME_LIMIT = 900.0  # of the tests of one mutant [s]; an endless loop is noticed too
 
 

@@ -263,17 +263,16 @@ def test_effects_follow_from_the_scene(scene_file):
 
 def test_estimated_step_is_the_time_of_a_wave_across_an_element(scene_file):
     from lcmchain.check import estimate_run
-    from lcmchain.mesh.blank import build_blank
+    from lcmchain.model import build_model
 
-    scene = read_scene(scene_file, ["blank.edge_length=5 mm"])
-    estimate = estimate_run(scene, build_blank(scene.blank, scene.material.thickness))
+    estimate = estimate_run(build_model(read_scene(scene_file, ["blank.edge_length=5 mm"])))
     share = 1.1**-0.5  # contact as stiff as a tenth of the element
     assert estimate.critical_step == pytest.approx(3.87e-6 * share, abs=0.01e-6)
     assert estimate.step_count == pytest.approx(0.02 / (0.9 * 3.87e-6 * share), rel=0.01)
     assert estimate.controlled_by == "in-plane waves"
     thin = read_scene(scene_file, ["material.thickness=0.05 mm", "blank.height=0 mm",
                                    "material.areal_mass=30 g/m^2"])  # fmt: skip
-    estimate = estimate_run(thin, build_blank(thin.blank, thin.material.thickness))
+    estimate = estimate_run(build_model(thin))
     assert estimate.critical_step == pytest.approx(share * 0.05e-3 / (0.1563e6 / 600.0) ** 0.5)
     assert estimate.controlled_by == "waves over the thickness"
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
 
+from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, derive_fields, model_datasets
 from lcmchain.materials.fabric_with_set import FabricWithSetLaw
 from lcmchain.materials.law import (
+    Remembered,
     evolved_history,
     history_count,
     load_history,
@@ -17,9 +19,12 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
+from lcmchain.mesh.blank import build_blank
+from lcmchain.model import assemble_sheet
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State
+from lcmchain.statics import StaticProblem
 
 SET = 0.3
 THICKNESS = 1.004e-3
@@ -230,3 +235,20 @@ def test_the_history_is_a_field_of_the_result(cycle):
     E33 = 0.5 * ((sheet["thickness"] / THICKNESS) ** 2 - 1.0)
     np.testing.assert_allclose(most[:21], E33[:21].clip(max=0.0), rtol=0.05, atol=2e-3)
     np.testing.assert_array_equal(np.diff(most, axis=0).max() <= 0.0, True)
+
+
+def test_the_static_solver_says_that_it_knows_no_memory(material):
+    the_scene = scene()
+    model = assemble_sheet(build_blank(the_scene.blank, THICKNESS), material)
+    with pytest.raises(InputError, match="material.law: .* has a law with memory"):
+        StaticProblem(model=model, held=np.ones((3, model.node_count), dtype=bool))
+
+
+def test_a_law_that_remembers_too_much_is_refused(material):
+    class Elephant(FabricWithSetLaw):
+        remembers = tuple(Remembered(f"m{i}", "1", "more") for i in range(4))
+
+    heavy = scene().material.build()
+    heavy.law = Elephant(*heavy.law)
+    with pytest.raises(InputError, match="remembers 4 numbers per element"):
+        assemble_sheet(build_blank(scene().blank, THICKNESS), heavy)

@@ -22,7 +22,7 @@ from lcmchain.elements.solid_shell.geometry import (
 from lcmchain.elements.solid_shell.kernel import Options, SolidShellData
 from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows
 from lcmchain.errors import InputError
-from lcmchain.materials.law import Material, MaterialWithMemory
+from lcmchain.materials.law import MOST_HISTORY, Material, MaterialWithMemory, history_count
 from lcmchain.mesh.blank import BlankMesh
 
 CORNERS = 8
@@ -67,8 +67,15 @@ class SolidShellBody:
 
         Raises
         ------
-        InputError : elements without volume, or an option that the material does not know.
+        InputError : elements without volume, an option that the material does not know, or a law
+            that remembers more than kernels hold.
         """
+        if history_count(material.law) > MOST_HISTORY:
+            raise InputError(
+                f"the law of {material.name} remembers {history_count(material.law)} numbers per "
+                f"element; kernels hold up to {MOST_HISTORY}",
+                key="material.law",
+            )
         if choices.fibre_hourglass != 1.0 and not material.is_diagonal:
             raise InputError(
                 f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
