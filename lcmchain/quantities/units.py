@@ -131,6 +131,8 @@ def length_factor(unit_text: str) -> float:
 
 def _parse_unit(unit_text: str, dimension: Dimension, needed: str):
     try:
+        if set(unit_text) & set("[]{}"):  # pint drops a closing one with Python 3.13's tokenizer
+            raise ValueError(unit_text)
         return _registry().parse_units(unit_text)
     # pint reports a malformed expression in many ways (tokenizer, syntax, scaling factor, operand).
     except Exception:
