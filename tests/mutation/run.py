@@ -35,6 +35,13 @@ MUTANTS = Path(__file__).with_name("mutants.toml")
 OUTER = ("mapping", "coupling", "fmu")
 DECORATORS = "njit|kernel|routine|equation|strict_equation|overload|vectorize"
 COMPILED = re.compile(rf"^@({DECORATORS})\b", re.M)
+HEAD = """# Mutation study
+
+What each test is for, shown by breaking it: one line of the sources is changed at a time, and the
+named tests must notice. Made by `python tests/mutation/run.py --out tests/mutation/table.md` (about
+half an hour on two cores); the mutants are data in `mutants.toml`.
+
+"""
 TIME_LIMIT = 900.0  # of the tests of one mutant [s]; an endless loop is noticed too
 
 
@@ -103,7 +110,8 @@ class Copy:
     def kernels_without(self, path: Path) -> Path:
         """Return a copy of the cache without what is made of a file."""
         cache = Path(tempfile.mkdtemp(dir=self.folder))
-        shutil.copytree(self.cache, cache, dirs_exist_ok=True)
+        if self.cache.is_dir():  # not before the first tests of this copy
+            shutil.copytree(self.cache, cache, dirs_exist_ok=True)
         for file in self.importers_of(path):
             # numba keeps the kernels of folder/file.py in folder_HASH/file.NAME...
             for kernel in cache.glob(f"{file.parent.name}_*/{file.stem}.*"):
@@ -218,7 +226,7 @@ def main() -> int:
     table = table_of(results)
     print(table)
     if arguments.out is not None:
-        arguments.out.write_text(table, encoding="utf-8")
+        arguments.out.write_text(HEAD + table, encoding="utf-8")
     return int(any(outcome.split(":")[0].isupper() for _, outcome in results))
 
 

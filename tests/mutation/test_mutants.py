@@ -39,3 +39,12 @@ def test_there_are_enough_mutants_in_every_room():
         "lcmchain/elements/membrane_shell", "lcmchain/fields", "lcmchain/materials",
         "lcmchain/scene", "lcmchain/tools", "lcmchain/identification", "mapping", "fmu", "coupling",
     }  # fmt: skip
+
+
+def test_the_kept_table_is_that_of_these_mutants():
+    """Made anew by ``python tests/mutation/run.py --out tests/mutation/table.md``."""
+    table = Path(__file__).with_name("table.md").read_text(encoding="utf-8")
+    rows = [line.split(" | ") for line in table.splitlines() if line.startswith("| ")][1:]
+    assert [row[0].removeprefix("| ") for row in rows] == [mutant.name for mutant in MUTANTS]
+    assert f"{len(MUTANTS)} of {len(MUTANTS)} mutants are noticed" in table
+    assert all(".py::" in row[3] for row in rows)
