@@ -12,6 +12,7 @@ from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
+from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.scene import Contact, Element, Process
@@ -21,6 +22,10 @@ from lcmchain.tools.table import ToolTable, build_tool_table
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
 # start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres.
 AUTOMATIC_PENALTY = 0.1
+
+
+# Groups and meshes of result files that are not those of one sheet among several.
+RESERVED_NAMES = ("sheet", "solid", "history")
 
 
 class Sheet(NamedTuple):
@@ -205,9 +210,11 @@ def assemble_bodies(
 
     Raises
     ------
-    InputError : a mesh or material that the elements do not know, or see
+    InputError : names that cannot tell the sheets apart in a file, a mesh or material that the
+        elements do not know, or see
         :func:`lcmchain.effects.supports.build_supports`.
     """
+    _require_names([sheet.name for sheet in sheets])
     bodies: list[Body] = []
     first_node = first_element = 0
     for name, mesh, material, element in sheets:
@@ -266,6 +273,15 @@ def assemble_sheet(blank: BlankMesh, material: Material, element: Any = None) ->
         contact=Contact(),
         process=Process(time="1 s"),
     )
+
+
+def _require_names(names: Sequence[str]) -> None:
+    """Check that every sheet has a name of its own, which is that of a group in the result."""
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f'two sheets have the name "{name}"; give each its own')
+        if len(names) > 1 and name in RESERVED_NAMES:
+            raise InputError(f'a sheet cannot have the name "{name}", which result files use')
 
 
 def _placed(bodies: Sequence[Body]) -> tuple[PlacedBody, ...]:

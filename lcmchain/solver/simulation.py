@@ -198,12 +198,13 @@ class Simulation:
         """
         state = self.state
         position = state.position - state.last_step * state.velocity
-        parts = [
-            (*body.stored_energy(position, past), body.dissipated_energy(past))
-            for body in self.model.bodies
-            for past in [self._history(body)]
-        ]
-        internal, hourglass, inelastic = (sum(part) for part in zip(*parts, strict=True))
+        internal = hourglass = inelastic = 0.0
+        for body in self.model.bodies:
+            past = self._history(body)
+            strain, stabilising = body.stored_energy(position, past)
+            internal += strain
+            hourglass += stabilising
+            inelastic += body.dissipated_energy(past)
         work = state.work
         energy = {
             "kinetic": work[KINETIC],

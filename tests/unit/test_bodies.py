@@ -13,6 +13,7 @@ import vtk
 import xugrid
 
 from lcmchain.elements.solid_shell.reference import ElementOptions
+from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, model_datasets, read_group, write_forming_netcdf
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.triangulation import triangulate
@@ -90,7 +91,7 @@ SHEETS = {
     "two laws": [sheet("fabric", FABRIC), sheet("rubber", RUBBER, shift=0.1)],
     "with and without memory": [sheet("set", WITH_SET), sheet("fabric", FABRIC, shift=0.1)],
     "two families": [
-        sheet("solid", FABRIC),
+        sheet("thick", FABRIC),
         sheet("flat", FABRIC, MembraneShellElement(), shift=0.1),
     ],
     "one law twice": [sheet("left", FABRIC), sheet("right", FABRIC, shift=0.1)],
@@ -153,7 +154,7 @@ def test_ranges_follow_each_other_without_gaps():
     assert model.corner_force_size > model.placed[1].last_force
     assert model.node_count == first.mesh.node_count + second.mesh.node_count
     assert model.element_at(second.first_node) >= second.first_element
-    with pytest.raises(ValueError, match="several bodies \\(solid, flat\\)"):
+    with pytest.raises(ValueError, match="several bodies \\(thick, flat\\)"):
         _ = model.blank
 
 
@@ -265,3 +266,9 @@ def test_the_example_of_two_sheets(tmp_path, capsys):
     assert rows["fabric"] == pytest.approx([pressed, released], abs=2e-3)
     assert rows["with_set"] == pytest.approx([pressed, kept], abs=3e-3)
     assert set(read_group(tmp_path / "forming.nc", "with_set").data_vars) > {"thickness"}
+
+
+@pytest.mark.parametrize(("names", "words"), [(("a", "a"), "two sheets"), (("a", "solid"), "use")])
+def test_sheets_that_a_file_could_not_tell_apart_are_refused(names, words):
+    with pytest.raises(InputError, match=words):
+        simulation(*(sheet(name, FABRIC, shift=0.1 * i) for i, name in enumerate(names)))

@@ -29,7 +29,8 @@ from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 COLLAPSED_AREA = 0.05
 
 
-@dataclass(frozen=True)
+# A body is found by identity: arrays have no single truth of being equal.
+@dataclass(frozen=True, eq=False)
 class MembraneShellBody:
     """Triangles of one material; see :class:`lcmchain.elements.family.Body`."""
 

@@ -34,7 +34,8 @@ THICKNESS_SHARE = 0.3
 COLLAPSED_STRETCH = 0.05
 
 
-@dataclass(frozen=True)
+# A body is found by identity: arrays have no single truth of being equal.
+@dataclass(frozen=True, eq=False)
 class SolidShellBody:
     """Solid-shells of one material; see :class:`lcmchain.elements.family.Body`."""
 
