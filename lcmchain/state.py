@@ -23,7 +23,8 @@ FRICTION = 2  # dissipated by sliding
 CONTACT_DAMPING = 3  # dissipated by contact damping
 MASS_DAMPING = 4  # dissipated by mass-proportional damping and by dampers of guided tools
 EXTERNAL = 5  # work of prescribed tools, of forces on guided tools and of gravity
-WORK_COLUMNS = 6
+RENEWAL = 6  # given up by elements where the curvature they share was renewed
+WORK_COLUMNS = 7
 
 # Entries of ``State.clock``.
 TIME = 0  # [s]
@@ -36,7 +37,8 @@ STEPS = 0  # made so far
 CHUNKS = 1  # of steps since the frequency was last evaluated
 CONTROLLING_ELEMENT = 2  # that the frequency belongs to
 CONTROLLING_PART = 3  # what governs it there, a code of the element's family
-COUNTERS = 4
+RENEWED = 4  # chunks of steps since the elements' shared curvature was renewed
+COUNTERS = 5
 
 # Nodes are worked on in chunks: sums over a chunk, then over the chunks in their order, have the
 # same bits for any number of threads.
@@ -124,7 +126,7 @@ class State(_Arrays):
     history: np.ndarray = entry(
         "history",
         unit="1",
-        meaning="what laws with memory remember, in blocks of elements",
+        meaning="what elements keep: shared curvature and what laws remember, in blocks",
         in_frames=True,
     )
     stick: np.ndarray = entry(
