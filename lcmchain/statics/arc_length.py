@@ -12,7 +12,8 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import SimulationError
-from lcmchain.statics.newton import FORCE_TOLERANCE, MAXIMUM_ITERATIONS, Newton, StepResult
+from lcmchain.statics.convergence import FORCE_TOLERANCE, in_equilibrium
+from lcmchain.statics.newton import MAXIMUM_ITERATIONS, Newton, StepResult
 from lcmchain.statics.problem import StaticProblem
 from lcmchain.statics.steps import GROWTH, QUICK_ITERATIONS, SMALLEST_STEP, StaticStep
 
@@ -90,6 +91,7 @@ class NewtonOnArc(Newton):
         system, problem = self.system, self.problem
         displacement, start_factor = start, factor
         resultants, first_energy, change = None, None, None
+        now = self.balance(displacement, factor)
         for iteration in range(1, MAXIMUM_ITERATIONS + 1):
             state = linearise(problem.model, displacement, resultants)
             K = system.assemble(state.stiffness, self._load_stiffness(displacement, factor))
@@ -110,8 +112,7 @@ class NewtonOnArc(Newton):
                 correction, energy = step * along, abs(step * step * (along @ load))
                 change = correction
             else:
-                residual, _ = self._out_of_balance(displacement, factor)
-                right = system.reduce(residual)
+                right = system.reduce(now.residual)
                 towards = factors.solve(right)
                 miss = 0.5 * (change @ change - length**2)  # type: ignore[operator]
                 step = -(miss + change @ towards) / (change @ along)
@@ -124,8 +125,8 @@ class NewtonOnArc(Newton):
                 return self._failed(displacement, factor, iteration, "divergence", length)
             displacement = displacement + move
             first_energy = energy if first_energy is None else first_energy
-            residual, relative = self._out_of_balance(displacement, factor)
-            if self._converged(relative, energy, first_energy):
+            now = self.balance(displacement, factor)
+            if in_equilibrium(now, correction, energy, first_energy, self.force_tolerance):
                 if previous is not None and change @ previous < 0.0:
                     return self._failed(displacement, factor, iteration, "turned back", length)
                 return StepResult(
@@ -133,7 +134,7 @@ class NewtonOnArc(Newton):
                     factor,
                     displacement,
                     iteration,
-                    relative,
+                    now.relative,
                     "",
                     change,
                     length,  # type: ignore[arg-type]

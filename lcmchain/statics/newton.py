@@ -17,18 +17,11 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import SimulationError
-from lcmchain.statics.forces import nodal_forces
+from lcmchain.statics.convergence import Balance, balance, in_equilibrium
 from lcmchain.statics.pair_system import PairSystem
 from lcmchain.statics.problem import StaticProblem
 
 MAXIMUM_ITERATIONS = 20
-# Out-of-balance force relative to loads and reactions, and energy of the last correction relative
-# to that of the first one of the step: both must hold.
-FORCE_TOLERANCE = 1e-6
-ENERGY_TOLERANCE = 1e-8
-# Strain whose force over the whole sheet counts as round-off: a sheet that only turns has no force
-# to compare with.
-NEGLIGIBLE_STRAIN = 1e-13
 LARGEST_MOVE = 10.0  # correction of a displacement over the size of the sheet
 
 
@@ -52,10 +45,6 @@ class Newton:
         self.problem = problem
         self.force_tolerance = force_tolerance
         self.size = float(np.ptp(problem.model.blank.node_positions, axis=0).max())
-        material = problem.model.material
-        stiffness = material.stress_and_tangent(np.zeros(6))[1].max()
-        section = self.size * material.thickness
-        self.negligible_force = NEGLIGIBLE_STRAIN * stiffness * section
         self.system = PairSystem(problem.model, problem.held, problem.held_middle)
 
     def correct(self, displacement: np.ndarray, factor: float, next_factor: float) -> StepResult:
@@ -63,11 +52,11 @@ class Newton:
         system = self.system
         support_motion = (next_factor - factor) * self.problem.prescribed
         resultants, first_energy = None, None
+        now = self.balance(displacement, next_factor)
         for iteration in range(1, MAXIMUM_ITERATIONS + 1):
             state = linearise(self.problem.model, displacement, resultants)
             K = system.assemble(state.stiffness, self._load_stiffness(displacement, next_factor))
-            residual, _ = self._out_of_balance(displacement, next_factor)
-            right = system.reduce(residual)
+            right = system.reduce(now.residual)
             if iteration == 1:
                 right = right - system.reduced_product(K, support_motion)
             else:
@@ -82,16 +71,20 @@ class Newton:
             displacement = displacement + move
             energy = abs(correction @ right)
             first_energy = energy if first_energy is None else first_energy
-            residual, relative = self._out_of_balance(displacement, next_factor)
-            if self._converged(relative, energy, first_energy):
-                return StepResult(True, next_factor, displacement, iteration, relative)
+            now = self.balance(displacement, next_factor)
+            if in_equilibrium(now, correction, energy, first_energy, self.force_tolerance):
+                return StepResult(True, next_factor, displacement, iteration, now.relative)
             resultants = self._extrapolated(state, move)
         return self._failed(displacement, next_factor, iteration, "no convergence")
+
+    def balance(self, displacement: np.ndarray, factor: float) -> Balance:
+        """Return the balance of forces of a displacement at a load factor."""
+        return balance(self.problem, self.system, displacement, factor, self.size)
 
     def failure(self, result: StepResult, factor: float) -> SimulationError:
         """Return the error of a step that could not be made to converge."""
         model = self.problem.model
-        residual, _ = self._out_of_balance(result.displacement, result.load_factor)
+        residual = self.balance(result.displacement, result.load_factor).residual
         supported = self.problem.held
         if self.problem.held_middle is not None:
             supported = supported | np.tile(self.problem.held_middle, 2)
@@ -107,11 +100,6 @@ class Newton:
             "sheet"
         )
 
-    def _converged(self, relative, energy, first_energy):
-        if relative == 0.0:
-            return True
-        return relative <= self.force_tolerance and energy <= ENERGY_TOLERANCE * first_energy
-
     def _plausible(self, move):
         """Whether a correction is finite and no larger than a few times the sheet."""
         return bool(np.all(abs(move) < LARGEST_MOVE * self.size))  # false for not-a-numbers
@@ -120,16 +108,6 @@ class Newton:
         """Return the resultants (E, 42) predicted linearly over the displacement ``move``."""
         modes = self.system.modes(move)
         return state.resultants + np.einsum("eij,ej->ei", state.resultant_gradient, modes)
-
-    def _out_of_balance(self, displacement, factor):
-        """Return the nodal out-of-balance forces, and their norm over loads and reactions."""
-        external = factor * self.problem.external_forces(displacement)
-        residual = external - nodal_forces(self.problem.model, displacement)
-        free = np.linalg.norm(self.system.reduce(residual))
-        if free < self.negligible_force:
-            return residual, 0.0
-        # the residual at supports is their reaction
-        return residual, free / (np.linalg.norm(external) + np.linalg.norm(residual))
 
     def _load_stiffness(self, displacement, factor):
         """Return blocks (pairs, (n, 3, 3)) of -∂f/∂d of the couples on the director unknowns."""
@@ -144,5 +122,5 @@ class Newton:
         return pairs, np.concatenate(blocks)
 
     def _failed(self, displacement, factor, iteration, cause, length=0.0):
-        _, relative = self._out_of_balance(displacement, factor)
+        relative = self.balance(displacement, factor).relative
         return StepResult(False, factor, displacement, iteration, relative, cause, None, length)

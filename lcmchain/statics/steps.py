@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.statics.newton import FORCE_TOLERANCE, Newton
+from lcmchain.statics.convergence import FORCE_TOLERANCE
+from lcmchain.statics.newton import Newton
 from lcmchain.statics.problem import StaticProblem
 
 # An iteration that needs at most this many corrections lets the next step grow.
