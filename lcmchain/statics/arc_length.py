@@ -55,7 +55,7 @@ def trace(
         if not result.converged:
             length *= 0.5
             if length < SMALLEST_STEP * first_length:
-                raise newton.failure(result, factor)
+                raise newton.failure(result, displacement, factor)
             continue
         factor, previous = result.load_factor, result.change
         displacement = result.displacement

@@ -22,6 +22,17 @@ from lcmchain.statics.pair_system import PairSystem
 from lcmchain.statics.problem import StaticProblem
 
 MAXIMUM_ITERATIONS = 20
+INVERSE_ITERATIONS = 30
+# Share of the lowest stiffness of the start below which an equilibrium is near a limit point, where
+# it is zero.
+NEARLY_SINGULAR = 0.1
+LIMIT_POINT = (
+    "a limit or bifurcation point; follow the path by its arc length, prescribe displacements "
+    "instead of forces, or support the sheet; where single elements give way, refine the mesh"
+)
+STEPS_TOO_LARGE = (
+    "steps too large for the sheet; start with a smaller step, or follow the path by its arc length"
+)
 LARGEST_MOVE = 10.0  # correction of a displacement over the size of the sheet
 
 
@@ -81,8 +92,10 @@ class Newton:
         """Return the balance of forces of a displacement at a load factor."""
         return balance(self.problem, self.system, displacement, factor, self.size)
 
-    def failure(self, result: StepResult, factor: float) -> SimulationError:
-        """Return the error of a step that could not be made to converge."""
+    def failure(
+        self, result: StepResult, displacement: np.ndarray, factor: float
+    ) -> SimulationError:
+        """Return the error of a step from an equilibrium that could not be made to converge."""
         model = self.problem.model
         residual = self.balance(result.displacement, result.load_factor).residual
         supported = self.problem.held
@@ -91,14 +104,32 @@ class Newton:
         size = np.linalg.norm(np.where(supported, 0.0, residual), axis=0)
         node = int(np.argmax(size))
         x, y, z = model.blank.node_positions[node]
+        start = self.lowest_stiffness(np.zeros_like(displacement), 0.0)
+        left = self.lowest_stiffness(displacement, factor) / start
+        cause = LIMIT_POINT if left < NEARLY_SINGULAR else STEPS_TOO_LARGE
         return SimulationError(
             f"no equilibrium was found beyond the load factor {factor:.6g} ({result.cause} after "
             f"{result.iterations} iterations, relative residual {result.residual:.3g}). "
             f"The largest out-of-balance force is {size[node]:.3g} N at node {node}, initially at "
-            f"({x:.4g}, {y:.4g}, {z:.4g}) m. Likely cause: a limit or bifurcation point; follow "
-            "the path by its arc length, prescribe displacements instead of forces, or support the "
-            "sheet"
+            f"({x:.4g}, {y:.4g}, {z:.4g}) m. The lowest stiffness before is {left:.2g} of that at "
+            f"the start. Likely cause: {cause}"
         )
+
+    def lowest_stiffness(self, displacement: np.ndarray, factor: float) -> float:
+        """Return the lowest eigenvalue of the tangent at an equilibrium, 0 where it is singular.
+
+        By inverse iteration, without its sign; in the scaled unknowns of the system [N/m].
+        """
+        state = linearise(self.problem.model, displacement)
+        K = self.system.assemble(state.stiffness, self._load_stiffness(displacement, factor))
+        try:
+            factors = self.system.factorise(K)
+        except RuntimeError:
+            return 0.0
+        mode = np.ones(self.system.Z.shape[1])
+        for _ in range(INVERSE_ITERATIONS):
+            mode = factors.solve(mode / np.linalg.norm(mode))
+        return 1.0 / float(np.linalg.norm(mode))
 
     def _plausible(self, move):
         """Whether a correction is finite and no larger than a few times the sheet."""

@@ -80,6 +80,6 @@ def solve(
                 continue
             step = 0.5 * abs(increment)
             if step < smallest:
-                raise newton.failure(result, factor)
+                raise newton.failure(result, displacement, factor)
         history.append(StaticStep(factor, displacement, result.iterations, result.residual))
     return history
