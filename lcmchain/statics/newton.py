@@ -86,7 +86,7 @@ class Newton:
             if in_equilibrium(now, correction, energy, first_energy, self.force_tolerance):
                 return StepResult(True, next_factor, displacement, iteration, now.relative)
             resultants = self._extrapolated(state, move)
-        return self._failed(displacement, next_factor, iteration, "no convergence")
+        return self._failed(displacement, next_factor, iteration, unsettled(move))
 
     def balance(self, displacement: np.ndarray, factor: float) -> Balance:
         """Return the balance of forces of a displacement at a load factor."""
@@ -105,7 +105,7 @@ class Newton:
         node = int(np.argmax(size))
         x, y, z = model.blank.node_positions[node]
         start = self.lowest_stiffness(np.zeros_like(displacement), 0.0)
-        left = self.lowest_stiffness(displacement, factor) / start
+        left = self.lowest_stiffness(displacement, factor) / start if start else 0.0
         cause = LIMIT_POINT if left < NEARLY_SINGULAR else STEPS_TOO_LARGE
         return SimulationError(
             f"no equilibrium was found beyond the load factor {factor:.6g} ({result.cause} after "
@@ -155,3 +155,8 @@ class Newton:
     def _failed(self, displacement, factor, iteration, cause, length=0.0):
         relative = self.balance(displacement, factor).relative
         return StepResult(False, factor, displacement, iteration, relative, cause, None, length)
+
+
+def unsettled(move: np.ndarray) -> str:
+    """Return how an iteration without an end ends: forces alone may be in balance already."""
+    return f"no convergence, the last correction still moves it by {abs(move).max():.2g} m"

@@ -346,6 +346,24 @@ def test_load_control_names_the_limit(arch):
     assert float(left) < 0.01
 
 
+def test_load_control_passes_a_limit_where_it_is_asked_to(arch):
+    """It finds the snapped arch, on the path that the arc length follows to the same load."""
+    mesh, model, held = arch
+    crown = mesh.grid[8]
+    forces = mesh.edge_load(crown, [0.0, 0.0, -10.0])
+    problem = StaticProblem(model=model, held=held, forces=forces)
+    seen = []
+    states = solve(problem, [1.0, 1.5], first_step=0.1, past_limits=True, on_step=seen.append)
+    assert [state.load_factor for state in states] == [1.0, 1.5]
+    assert min(np.diff([state.load_factor for state in seen])) < -0.1
+    before, after = (-mesh.middle(s.displacement, crown)[:, Z].mean() for s in states)
+    assert before < 0.1 < 0.8 < after
+    assert all(state.residual < 1e-6 for state in states)
+    last = trace(problem, 1.4, first_step=0.2)[-1]
+    (there,) = solve(problem, [last.load_factor], first_step=0.1, past_limits=True)
+    np.testing.assert_allclose(there.displacement, last.displacement, atol=1e-6)
+
+
 def test_load_control_names_the_node_and_steps_that_are_too_large(arch):
     mesh, model, held = arch
     ends = mesh.held((mesh.grid[0], [X, Y, Z]))

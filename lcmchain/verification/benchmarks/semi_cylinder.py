@@ -91,7 +91,7 @@ def semi_cylinder(
 
     end = ""
     try:
-        solve(problem, table[:, 0], on_step=keep)
+        solve(problem, table[:, 0], past_limits=True, on_step=keep)
     except SimulationError as error:
         end = str(error)
     by_load = {step.load_factor: step.displacement for step in reached}
