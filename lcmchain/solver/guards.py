@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.elements.family import Body
+from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model
 from lcmchain.state import EXTERNAL, KINETIC, WORK_COLUMNS, State
@@ -38,14 +38,14 @@ def require_finite(model: Model, state: State) -> None:
     )
 
 
-def require_sound(model: Model, state: State, body: Body, condition: np.ndarray) -> None:
-    """Stop where an element is inverted or collapsed; ``condition`` is the body's own."""
+def require_sound(model: Model, state: State, body: Body, condition: Condition) -> None:
+    """Stop where an element is inverted, collapsed, or holds more fibre than it has space for."""
 
     def tools_near(nodes: np.ndarray) -> list[str]:
         near = state.near[:, nodes + body.first_node].any(axis=1)
         return [name for name, there in zip(model.tool_names, near, strict=True) if there]  # type: ignore[arg-type]
 
-    found = body.unsound(condition, tools_near)
+    found = body.unsound(state.position, condition, tools_near)
     if found is None:
         return
     corners = body.mesh.elements[found.element] + body.first_node

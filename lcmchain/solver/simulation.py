@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.elements.family import Body
+from lcmchain.elements.family import Body, Condition
 from lcmchain.model import Model, build_model
 from lcmchain.solver import guards
 from lcmchain.solver.contact_search import find_near_nodes
@@ -268,7 +268,7 @@ class Simulation:
         history[self.control.cause] = history.get(self.control.cause, 0) + count
         guards.require_finite(self.model, self.state)
 
-    def require_sound(self) -> list[np.ndarray]:
+    def require_sound(self) -> list[Condition]:
         """Check that the state is sound, and return the condition of every body.
 
         Raises
@@ -311,7 +311,7 @@ class Simulation:
             found.append((omega2, body.first_element + element, code))
         return max(found, key=lambda bound: bound[0])
 
-    def _may_stiffen(self, conditions: list[np.ndarray], omega2: float) -> bool:
+    def _may_stiffen(self, conditions: list[Condition], omega2: float) -> bool:
         bodies = zip(self.model.bodies, conditions, strict=True)
         return any(body.may_stiffen(condition, omega2) for body, condition in bodies)
 

@@ -10,7 +10,12 @@ from typing import Any
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, in_blocks
-from lcmchain.elements.family import Unsound
+from lcmchain.elements.family import Condition, Unsound
+from lcmchain.elements.fibre_volume import (
+    CAUSE_OF_SHEAR,
+    initial_fibre_volume_fraction,
+    overfilled,
+)
 from lcmchain.elements.membrane_shell.kernel import (
     MembraneShellData,
     membrane_shell_state,
@@ -145,24 +150,35 @@ class MembraneShellBody:
     def cause(self, code: int) -> str:
         return self.CAUSES[code]
 
-    def condition(self, positions: np.ndarray) -> np.ndarray:
-        """Return the current over the initial area."""
-        return self._evaluate(positions)[1]
+    def condition(self, positions: np.ndarray) -> Condition:
+        area_stretch = self._evaluate(positions)[1]
+        return Condition(np.ones_like(area_stretch), area_stretch)
 
-    def may_stiffen(self, condition: np.ndarray, omega2: float) -> bool:
+    def fibre_volume_fraction(self, condition: Condition) -> np.ndarray | None:
+        """That of a sheet which keeps its thickness."""
+        if self.material.fibre_density is None:
+            return None
+        initial = initial_fibre_volume_fraction(self.material, self.material.thickness)
+        return initial / condition.volume_ratio
+
+    def may_stiffen(self, condition: Condition, omega2: float) -> bool:
         """Never: fibres and bending have constant stiffnesses, the shear is much softer."""
         return False
 
     def unsound(
-        self, condition: np.ndarray, tools_near: Callable[[np.ndarray], list[str]]
+        self,
+        positions: np.ndarray,
+        condition: Condition,
+        tools_near: Callable[[np.ndarray], list[str]],
     ) -> Unsound | None:
-        """A triangle that has lost its area."""
-        worst = int(np.argmin(condition))
-        if condition[worst] > COLLAPSED_AREA:
-            return None
+        """A triangle that has lost its area, or too much of it for the fibres."""
+        area = condition.area_stretch
+        worst = int(np.argmin(area))
+        if area[worst] > COLLAPSED_AREA:
+            return overfilled(self, positions, condition, lambda e: CAUSE_OF_SHEAR, "triangle")
         return Unsound(
             worst,
-            f"triangle {worst} is collapsed (area {condition[worst]:.3f} of the initial one)",
+            f"triangle {worst} is collapsed (area {area[worst]:.3f} of the initial one)",
             "the sheet is sheared beyond 87 degrees, or the mesh cannot resolve the tool; use a "
             "smaller blank.edge_length or a larger radius",
         )
