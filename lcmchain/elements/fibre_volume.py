@@ -19,9 +19,9 @@ from lcmchain.mesh.fibres import shear_angles
 SOLID_FIBRE = 1.0
 
 CAUSE_OF_SHEAR = (
-    "it is sheared further than the fabric bears, which the shear law does not know; state where it "
-    "locks (material.membrane.locking_angle), or use larger radii, less restraint of the sheet, or "
-    "a smaller blank.edge_length"
+    "it is sheared further than the fabric bears, which the shear law does not know; state where "
+    "it locks (material.membrane.locking_angle), or use larger radii, less restraint of the sheet, "
+    "or a smaller blank.edge_length"
 )
 
 

@@ -25,10 +25,11 @@ def simulation():
 
 
 def test_a_value_that_is_not_a_number_names_node_element_place_and_time(simulation):
-    guards.require_finite(simulation.model, simulation.state)
+    guards.require_finite(simulation.model, simulation.state, "Why")
     simulation.state.velocity[1, 7] = np.nan
-    with pytest.raises(SimulationError, match=r"node 7 \(element \d+.* mm\) at .* ms \(step 0\)"):
-        guards.require_finite(simulation.model, simulation.state)
+    words = r"node 7 \(element \d+.* mm\) at .* ms \(step 0\)\. Why"
+    with pytest.raises(SimulationError, match=words):
+        guards.require_finite(simulation.model, simulation.state, "Why")
 
 
 @pytest.mark.parametrize(("fraction", "word"), [(0.32, "collapsed"), (-0.2, "inverted")])

@@ -24,6 +24,7 @@ from lcmchain.elements.membrane_shell.kernel import (
     patch_rows,
 )
 from lcmchain.elements.membrane_shell.patch import TriangleGeometry, angle_shares, triangle_geometry
+from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
 from lcmchain.mesh.blank import BlankMesh
@@ -107,7 +108,7 @@ class MembraneShellBody:
         count = self.mesh.node_count
         return np.bincount(corners.ravel(), weights=shares.ravel(), minlength=count)
 
-    @property
+    @cached_property
     def shortest_length(self) -> float:
         return float(2.0 / np.abs(self.geometry.gradient).sum(axis=1).max())
 
@@ -162,8 +163,8 @@ class MembraneShellBody:
         return initial / condition.volume_ratio
 
     def may_stiffen(self, condition: Condition, omega2: float) -> bool:
-        """Never: fibres and bending have constant stiffnesses, the shear is much softer."""
-        return False
+        """Fibres and bending have constant stiffnesses; the shear is softer unless it locks."""
+        return shear_may_stiffen(self, condition, omega2)
 
     def unsound(
         self,

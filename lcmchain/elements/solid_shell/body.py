@@ -12,6 +12,7 @@ import numpy as np
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
 from lcmchain.elements.family import Condition, Unsound
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
+from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
@@ -121,7 +122,7 @@ class SolidShellBody:
         """Reference area of the nodes on their face [m²], a quarter of each element's."""
         return self._at_nodes(self.geometry.volume / (2.0 * self.geometry.height) / 4.0)
 
-    @property
+    @cached_property
     def shortest_length(self) -> float:
         return float(2.0 * np.linalg.norm(self.geometry.modes[:, :2], axis=2).min())
 
@@ -178,13 +179,15 @@ class SolidShellBody:
         return self._initial_fraction / condition.volume_ratio
 
     def may_stiffen(self, condition: Condition, omega2: float) -> bool:
-        """The thickness wave may come to govern the step."""
+        """The thickness wave, or the shear wave of a law that locks, may come to govern."""
         thinnest = int(np.argmin(condition.thickness_stretch))
         strain = np.zeros(6)
         strain[2] = 0.5 * (condition.thickness_stretch[thinnest] ** 2 - 1.0)
         tangent = self.material.stress_and_tangent(strain)[1][2, 2]
         height = self.geometry.height[thinnest]
-        return bool(tangent / (self.material.density * height**2) > THICKNESS_SHARE * omega2)
+        if tangent / (self.material.density * height**2) > THICKNESS_SHARE * omega2:
+            return True
+        return shear_may_stiffen(self, condition, omega2)
 
     def unsound(
         self,
