@@ -12,6 +12,9 @@ from lcmchain.state import EXTERNAL, KINETIC, WORK_COLUMNS, State
 # Deeper in a tool than this part of its thickness, the sheet is not where the tools hold it.
 DEEPEST_PENETRATION = 0.15
 
+# Positions [m] and velocities [m/s] of this size are on their way to be no numbers.
+BEYOND_ALL_BOUNDS = 1e6
+
 # Energy that may appear from nowhere, relative to the external work, before a run is called
 # unstable; the floor is the strain energy of a strain of 1e-4 over the whole sheet.
 RUNAWAY_FRACTION = 0.1
@@ -24,11 +27,10 @@ FLOOR_STRAIN = 1e-4
 
 
 def lost_node(state: State) -> int | None:
-    """Return the first node without a finite position or velocity, None where all have them."""
-    if np.isfinite(state.position).all() and np.isfinite(state.velocity).all():
-        return None
-    finite = np.isfinite(state.position).all(axis=0) & np.isfinite(state.velocity).all(axis=0)
-    return int(np.flatnonzero(~finite)[0])
+    """Return the first node whose position or velocity is not a number or beyond all bounds."""
+    largest = np.maximum(np.abs(state.position).max(axis=0), np.abs(state.velocity).max(axis=0))
+    lost = ~(largest < BEYOND_ALL_BOUNDS)  # also where it is not a number
+    return int(np.argmax(lost)) if lost.any() else None
 
 
 def require_finite(model: Model, state: State, cause: str) -> None:
