@@ -40,7 +40,7 @@ def test_a_folded_element_is_named(simulation, fraction, word):
     middle = 0.5 * (state.position[2, bottom] + state.position[2, top])
     half = 0.5 * fraction * model.material.thickness
     state.position[2, bottom], state.position[2, top] = middle - half, middle + half
-    with pytest.raises(SimulationError, match=f"element 5 is {word} .*edge_length"):
+    with pytest.raises(SimulationError, match=rf"element 5 is {word}\b.*edge_length"):
         simulation.advance_to(1e-4)
 
 
