@@ -398,7 +398,8 @@ class FabricMembrane(SceneModel):
         default=None, description="Shear angle from which on the fabric locks."
     )
     locking_stiffness: Annotated[
-        Annotated[float, Quantity(STIFFNESS, POSITIVE, "100 MPa")] | None, AbsentMeans("")
+        Annotated[float, Quantity(STIFFNESS, POSITIVE, "100 MPa")] | None,
+        AbsentMeans("the fabric does not lock"),
     ] = Field(
         default=None,
         description="Shear stiffness dS12/d(2 E12) gained by locking up to a shear of 90 deg.",

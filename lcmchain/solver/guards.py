@@ -28,9 +28,10 @@ FLOOR_STRAIN = 1e-4
 
 def lost_node(state: State) -> int | None:
     """Return the first node whose position or velocity is not a number or beyond all bounds."""
+    if _within_bounds(state.position) and _within_bounds(state.velocity):
+        return None
     largest = np.maximum(np.abs(state.position).max(axis=0), np.abs(state.velocity).max(axis=0))
-    lost = ~(largest < BEYOND_ALL_BOUNDS)  # also where it is not a number
-    return int(np.argmax(lost)) if lost.any() else None
+    return int(np.argmax(~(largest < BEYOND_ALL_BOUNDS)))  # also where it is not a number
 
 
 def require_finite(model: Model, state: State, cause: str) -> None:
@@ -125,6 +126,10 @@ def energy_floor(model: Model) -> float:
         stiffness = max(C[0, 0], C[1, 1])
         floor += 0.5 * stiffness * FLOOR_STRAIN**2 * body.volume
     return floor
+
+
+def _within_bounds(values: np.ndarray) -> bool:
+    return bool(-BEYOND_ALL_BOUNDS < values.min() and values.max() < BEYOND_ALL_BOUNDS)
 
 
 def _of_body(model: Model, body: Body) -> str:
