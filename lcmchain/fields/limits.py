@@ -51,11 +51,12 @@ def shear_range_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
         return []
     frame, worst = np.unravel_index(np.argmax(angle), angle.shape)
     return [
-        f"the shear angle exceeds {np.degrees(material.shear_range):.3g} deg, up to which the shear "
-        f"law was measured, in {_share(sheet, over)}, up to {np.degrees(angle[frame, worst]):.1f} "
-        f"deg {_where(sheet, frame, worst)}: the law is extrapolated there, and neither the angle "
-        "nor force, thickness and wrinkles that depend on it rest on a test; measure further, or "
-        "state where the fabric locks (material.membrane.locking_angle)"
+        f"the shear angle exceeds {np.degrees(material.shear_range):.3g} deg, up to which the "
+        f"shear law was measured, in {_share(sheet, over)}, up to "
+        f"{np.degrees(angle[frame, worst]):.1f} deg {_where(sheet, frame, worst)}: the law is "
+        "extrapolated there, and neither the angle nor force, thickness and wrinkles that depend "
+        "on it rest on a test; measure further, or state where the fabric locks "
+        "(material.membrane.locking_angle)"
     ]
 
 

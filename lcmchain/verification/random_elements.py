@@ -43,9 +43,7 @@ def md600(locking: ShearLocking | None = None, **changes: float) -> Fabric:
         B11=38.0615 * MPA, B22=43.0668 * MPA, B33=0.1 * MPA, B12=4.2123 * MPA, B23=0.1 * MPA,
         B13=0.1 * MPA,
     )._replace(**changes)  # fmt: skip
-    return Fabric(
-        law, thickness=THICKNESS, areal_mass=0.6, fibre_density=1810.0, locking=locking
-    )
+    return Fabric(law, thickness=THICKNESS, areal_mass=0.6, fibre_density=1810.0, locking=locking)
 
 
 def isotropic(

@@ -119,8 +119,15 @@ def test_what_half_the_step_does_not_cure_is_told_by_the_last_sound_state():
     text = str(caught.value)
     assert "not a number" in text and "with half the step as well" in text
     facts, cause = text.split("Likely cause: ")
-    for words in ("The last sound state, at ", "fibre volume fraction up to", "shear angle up to",
-                  "thickness down to", "hourglass energy", "fastest node", " in element "):  # fmt: skip
+    for words in (
+        "The last sound state, at ",
+        "fibre volume fraction up to",
+        "shear angle up to",
+        "thickness down to",
+        "hourglass energy",
+        "fastest node",
+        " in element ",
+    ):
         assert words in facts
     assert "fastest node" in cause and "process.time" in cause
     assert "step_safety" not in text and "penalty" not in text
@@ -142,7 +149,8 @@ def test_the_deepest_penetration_is_named_with_its_tool():
     sim.advance_to(1e-3)
     sim.state.penetration_max[1] = 0.2 * 1.004e-3
     sim._advance = lambda count, step: sim.state.position.fill(math.nan)
-    with pytest.raises(SimulationError, match=r"deepest penetration 0\.201 mm \(punch\); check gap"):
+    words = r"deepest penetration 0\.201 mm \(punch\); check gap"
+    with pytest.raises(SimulationError, match=words):
         sim._make_chunk(5, 1e-6)
 
 
