@@ -51,13 +51,13 @@ def overfilled(
     worst = int(np.argmax(fraction))
     thickness, area = condition.thickness_stretch[worst], condition.area_stretch[worst]
     own = positions[:, body.first_node : body.first_node + body.mesh.node_count].T
-    angle = np.degrees(shear_angles(body.mesh, own)[worst])
+    angle = abs(np.degrees(shear_angles(body.mesh, own)[worst]))
     if body.mesh.has_thickness:
         thickness_text = f"thickness {thickness:.3f} of the initial one"
     else:
         thickness_text = "at the initial thickness"
     text = (
-        f"{noun} {worst} is collapsed: its fibre volume fraction is {fraction[worst]:.2f}, more "
+        f"{noun} {worst} is collapsed: its fibre volume fraction is {fraction[worst]:.3f}, more "
         f"fibre than space ({thickness_text}, area {area:.3f} of the initial one, shear angle "
         f"{angle:.1f} deg)"
     )

@@ -28,6 +28,7 @@ def packing_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
     if not over.any():
         return []
     frame, worst = np.unravel_index(np.argmax(fraction), fraction.shape)
+    angle = np.degrees(np.abs(sheet["shear_angle"].values[frame, worst]))
     thickness = (
         f"thickness {1e3 * sheet['thickness'].values[frame, worst]:.3f} mm"
         if "thickness" in sheet
@@ -36,7 +37,7 @@ def packing_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
     return [
         f"the fibre volume fraction exceeds {LARGEST_FIBRE_VOLUME_FRACTION:g} in "
         f"{_share(sheet, over)}, up to {fraction[frame, worst]:.2f} {_where(sheet, frame, worst)} "
-        f"(shear angle {_degrees(sheet, frame, worst):.1f} deg, {thickness}), more than fibres can "
+        f"(shear angle {angle:.1f} deg, {thickness}), more than fibres can "
         "be packed to: the compaction law does not know the shear"
     ]
 
@@ -73,7 +74,3 @@ def _where(sheet: xr.Dataset, frame: int, element: int) -> str:
     x, y, z = 1e3 * sheet_positions(sheet, frame)[corners].mean(axis=0)
     time = 1e3 * float(sheet["frame_time"].values[frame])
     return f"in element {element} at ({x:.1f}, {y:.1f}, {z:.1f}) mm at {time:.4g} ms"
-
-
-def _degrees(sheet: xr.Dataset, frame: int, element: int) -> float:
-    return float(np.degrees(sheet["shear_angle"].values[frame, element]))

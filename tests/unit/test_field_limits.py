@@ -57,7 +57,7 @@ def test_packed_fibres_are_told_with_place_shear_thickness_and_share(scene, shee
     for words in (
         "exceeds 0.9 in 2 elements (50.00% of the area)",
         "up to 0.97 in element 3 at (5.0, 5.0, 0.0) mm at 10 ms",
-        "shear angle -48.5 deg",
+        "shear angle 48.5 deg",
         "thickness 0.810 mm",
     ):
         assert words in warning, warning
