@@ -37,8 +37,12 @@ STEPS = 0  # made so far
 CHUNKS = 1  # of steps since the frequency was last evaluated
 CONTROLLING_ELEMENT = 2  # that the frequency belongs to
 CONTROLLING_PART = 3  # what governs it there, a code of the element's family
-RENEWED = 4  # chunks of steps since the elements' shared curvature was renewed
-COUNTERS = 5
+HALVINGS = 4  # of the step, see lcmchain.solver.recovery
+RENEWED = 5  # chunks of steps since the elements' shared curvature was renewed
+COUNTERS = 6
+
+# How often a run may halve its step to get over a value that is not a number.
+MOST_HALVINGS = 3
 
 # Nodes are worked on in chunks: sums over a chunk, then over the chunks in their order, have the
 # same bits for any number of threads.
@@ -74,6 +78,8 @@ def sizes(model: Model) -> dict[str, int]:
         "work": WORK_COLUMNS,
         "clock": CLOCK_ENTRIES,
         "counter": COUNTERS,
+        "halving": MOST_HALVINGS,
+        "time and place": 4,
         "history": model.history_size,
         "corner force": model.corner_force_size,
         "chunk": -(-model.node_count // NODE_CHUNK),
@@ -172,6 +178,9 @@ class State(_Arrays):
     counters: np.ndarray = entry(
         "counter", unit="1", meaning="counts, see the entries above", dtype=np.int64
     )
+    halvings: np.ndarray = entry(
+        "halving", "time and place", unit="s, m", meaning="where the step was halved, in order"
+    )
 
     @classmethod
     def at_rest(cls, model: Model) -> State:
@@ -202,6 +211,11 @@ class State(_Arrays):
         """Return an independent copy, for checkpoints and rollback."""
         return State(**{name: array.copy() for name, array in self.as_dict().items()})
 
+    def set_to(self, other: State) -> None:
+        """Take over the values of another state of the same model, without new arrays."""
+        for name, array in self.as_dict().items():
+            np.copyto(array, getattr(other, name))
+
     def require_fits(self, model: Model) -> None:
         """Check that the arrays have the sizes and types of a model.
 
@@ -230,6 +244,11 @@ class State(_Arrays):
     @property
     def step_count(self) -> int:
         return int(self.counters[STEPS])
+
+    @property
+    def step_factor(self) -> float:
+        """Part of the stable step, safety included, that the run has come down to."""
+        return 0.5 ** int(self.counters[HALVINGS])
 
 
 @dataclass

@@ -72,7 +72,7 @@ def run_summary(
         "step_control": dict(simulation.control.history),
         "effects": [effect.name for effect in run_effects(scene, model) if effect.active],
     }
-    found = [*warnings, *field_warnings(datasets["/"]), *run_warnings(summary)]
+    found = [*warnings, *field_warnings(datasets["/"], model.material), *run_warnings(summary)]
     return summary | {"warnings": found, "mapping": {}}
 
 

@@ -31,6 +31,23 @@ def internal_forces(data, positions, corner_force, history):
     """
 
 
+class Condition(NamedTuple):
+    """How much thinner and smaller elements have become, at their centres.
+
+    thickness_stretch, area_stretch : present over initial value (element_count,) of the thickness
+    along the normal and of the mid-surface; an element turned inside out has no positive thickness.
+    Elements without a thickness keep 1.
+    """
+
+    thickness_stretch: np.ndarray
+    area_stretch: np.ndarray
+
+    @property
+    def volume_ratio(self) -> np.ndarray:
+        """Determinant of the deformation gradient (element_count,)."""
+        return self.thickness_stretch * self.area_stretch
+
+
 class Unsound(NamedTuple):
     """An element that cannot go on: which, in words, and the likely cause."""
 
@@ -117,13 +134,19 @@ class Body(Protocol):
     def cause(self, code: int) -> str:
         """Say in words what governs the step."""
 
-    def condition(self, positions: np.ndarray) -> np.ndarray:
-        """Return the quantity (element_count,) that tells whether the elements are sound."""
+    def condition(self, positions: np.ndarray) -> Condition:
+        """Return what tells whether the elements are sound."""
 
-    def may_stiffen(self, condition: np.ndarray, omega2: float) -> bool:
+    def fibre_volume_fraction(self, condition: Condition) -> np.ndarray | None:
+        """Return that of the elements (element_count,); None where the material has no fibres."""
+
+    def may_stiffen(self, condition: Condition, omega2: float) -> bool:
         """Tell whether the bound may grow well above ``omega2`` [1/s²] within a few chunks."""
 
     def unsound(
-        self, condition: np.ndarray, tools_near: Callable[[np.ndarray], list[str]]
+        self,
+        positions: np.ndarray,
+        condition: Condition,
+        tools_near: Callable[[np.ndarray], list[str]],
     ) -> Unsound | None:
         """Return the worst element if it cannot go on; ``tools_near`` names tools near nodes."""

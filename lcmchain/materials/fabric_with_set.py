@@ -51,6 +51,7 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
+from lcmchain.materials.shear_locking import locking_class
 from lcmchain.quantities.entry_types import Number, Range
 
 FabricWithSetLaw = NamedTuple(
@@ -106,6 +107,15 @@ def evolved(law, E, history):
 
 implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
 implements(hourglass_tangent, FabricWithSetLaw)(fabric_hourglass_tangent)
+
+LockingFabricWithSetLaw = locking_class(
+    FabricWithSetLaw,
+    membrane_response,
+    tangent_slope,
+    tangent_curvature,
+    evolved_history,
+    bending_stiffness,
+)
 
 
 class FabricWithSet(Fabric):
@@ -183,8 +193,5 @@ class FabricWithSetMaterial(FabricMaterial):
         return FabricWithSet(
             self.law_parameters(),
             self.compaction.permanent_set,
-            thickness=self.thickness,
-            areal_mass=self.areal_mass,
-            fibre_density=self.fibre_density,
-            name=self.name,
+            **self.sheet_parameters(),
         )

@@ -187,6 +187,8 @@ class Material(Protocol):
     thickness : initial [m]. areal_mass [kg/m²]. density [kg/m³]. fibre_density [kg/m³] or None.
     is_diagonal : whether C^M and C^B are diagonal in the fibre axes.
     constant_tangent : whether C^M never changes.
+    shear_range : shear angle [rad] up to which the law was measured, None where nobody says.
+    locks : whether the shear tangent may come to that of the fibres.
     couples_thickness : whether C^B couples the normal stress 33 with other strains than 33.
     """
 
@@ -198,6 +200,10 @@ class Material(Protocol):
     fibre_density: float | None
     is_diagonal: bool
     constant_tangent: bool
+    shear_range: float | None
+
+    @property
+    def locks(self) -> bool: ...
 
     @property
     def couples_thickness(self) -> bool: ...

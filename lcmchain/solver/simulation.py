@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.elements.family import Body
+from lcmchain.elements.family import Body, Condition
+from lcmchain.errors import SimulationError
 from lcmchain.model import Model, build_model
 from lcmchain.solver import guards
 from lcmchain.solver.contact_search import find_near_nodes
 from lcmchain.solver.loop import Arrays, advance
+from lcmchain.solver.recovery import diagnosis, halving_warnings
 from lcmchain.state import (
     CHUNKS,
     CONTACT,
@@ -22,8 +24,10 @@ from lcmchain.state import (
     CONTROLLING_PART,
     EXTERNAL,
     FRICTION,
+    HALVINGS,
     KINETIC,
     MASS_DAMPING,
+    MOST_HALVINGS,
     OMEGA2,
     RENEWAL,
     RENEWED,
@@ -173,7 +177,7 @@ class Simulation:
             remaining = time - self.time
             count = max(1, math.ceil(remaining / step))
             chunk = min(count, STEPS_PER_CHUNK)
-            self.make_steps(chunk, remaining / count)
+            self._make_chunk(chunk, remaining / count)
             if chunk == count:
                 self.state.clock[TIME] = time
             if on_chunk is not None:
@@ -258,7 +262,7 @@ class Simulation:
         element = int(state.counters[CONTROLLING_ELEMENT])
         code = int(state.counters[CONTROLLING_PART])
         step, self.control.cause = self._step_of(float(state.clock[OMEGA2]), element, code)
-        step *= self.model.step_safety
+        step *= self.model.step_safety * state.step_factor
         self.control.step = step
         self.control.element = element
         return step
@@ -271,11 +275,48 @@ class Simulation:
         SimulationError : a position or velocity is no number any more.
         """
         self._advance(count, step)
+        self._count_steps(count)
+        guards.require_finite(self.model, self.state, f"The steps of {step:.3g} s were given")
+
+    def _make_chunk(self, count: int, step: float) -> None:
+        """Make steps; where they end in no numbers, go back and halve the step, for good.
+
+        Raises
+        ------
+        SimulationError : half the step does not cure it; the state is the one before the steps.
+        """
+        state, before = self.state, self._before
+        before.set_to(state)
+        self._advance(count, step)
+        node = guards.lost_node(state)
+        tried = f"after {MOST_HALVINGS} halvings of the step"
+        if node is not None and before.counters[HALVINGS] < MOST_HALVINGS:
+            tried = "with half the step as well"
+            count, step = 2 * count, 0.5 * step
+            state.set_to(before)
+            self._advance(count, step)
+            halvings = int(state.counters[HALVINGS])
+            state.halvings[halvings] = (before.time, *before.position[:, node])
+            state.counters[HALVINGS] += 1
+            node = guards.lost_node(state)
+        if node is not None:
+            state.set_to(before)
+            raise SimulationError(
+                f"a position or velocity is not a number at node {node} (element "
+                f"{self.model.element_at(node)}), {tried}. "
+                + diagnosis(self.model, state, self.energy(), count * step)
+            )
+        self._count_steps(count)
+
+    def _count_steps(self, count: int) -> None:
         history = self.control.history
         history[self.control.cause] = history.get(self.control.cause, 0) + count
-        guards.require_finite(self.model, self.state)
 
-    def require_sound(self) -> list[np.ndarray]:
+    def warnings(self) -> list[str]:
+        """Say what the run did that nobody asked for."""
+        return halving_warnings(self.model, self.state)
+
+    def require_sound(self) -> list[Condition]:
         """Check that the state is sound, and return the condition of every body.
 
         Raises
@@ -290,6 +331,7 @@ class Simulation:
         return conditions
 
     def _bind(self) -> None:
+        self._before = self.state.copy()
         self._scratch = Scratch.zeros(self.model)
         self._arrays = Arrays(*self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict())  # type: ignore[call-arg]
 
@@ -326,7 +368,7 @@ class Simulation:
             state.counters[RENEWED] = 0
         state.counters[RENEWED] += 1
 
-    def _may_stiffen(self, conditions: list[np.ndarray], omega2: float) -> bool:
+    def _may_stiffen(self, conditions: list[Condition], omega2: float) -> bool:
         bodies = zip(self.model.bodies, conditions, strict=True)
         return any(body.may_stiffen(condition, omega2) for body, condition in bodies)
 

@@ -15,6 +15,7 @@ from lcmchain.elements.solid_shell.frequency import frequency_bounds
 from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.materials.law import Material
+from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, assemble_model
@@ -33,7 +34,7 @@ CUBE = np.array(
 ).astype(float)  # fmt: skip
 
 
-def md600(**changes: float) -> Fabric:
+def md600(locking: ShearLocking | None = None, **changes: float) -> Fabric:
     """MD600 of the paper's Tables B.1-B.3 (engineering shear); ``changes`` in Pa."""
     law = FabricLaw(
         C11=1000 * MPA, C22=1000 * MPA, C23=0.1 * MPA, C13=0.1 * MPA,
@@ -42,7 +43,7 @@ def md600(**changes: float) -> Fabric:
         B11=38.0615 * MPA, B22=43.0668 * MPA, B33=0.1 * MPA, B12=4.2123 * MPA, B23=0.1 * MPA,
         B13=0.1 * MPA,
     )._replace(**changes)  # fmt: skip
-    return Fabric(law, thickness=THICKNESS, areal_mass=0.6, fibre_density=1810.0)
+    return Fabric(law, thickness=THICKNESS, areal_mass=0.6, fibre_density=1810.0, locking=locking)
 
 
 def isotropic(

@@ -171,7 +171,7 @@ def test_thickness_stretch_is_that_of_the_normal(batch, make):
     case = batch(FABRIC_FLAT)
     case.x[5] = case.x[5][[4, 5, 6, 7, 0, 1, 2, 3]]
     model = case.model
-    stretch = model.body.condition(make.positions_of(case.x))
+    stretch = model.body.condition(make.positions_of(case.x)).thickness_stretch
 
     def half_thickness(nodes):
         a1, a2, a3 = make.cube.T @ nodes / 8.0

@@ -11,10 +11,12 @@ from typing import Any, cast
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
-from lcmchain.elements.family import Unsound
+from lcmchain.elements.family import Condition, Unsound
+from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
+from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.elements.solid_shell.curvature import edge_neighbours, renew_curvature
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
-from lcmchain.elements.solid_shell.energies import strain_energies, thickness_stretches
+from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import (
     MODES,
@@ -32,8 +34,8 @@ CORNERS = 8
 # The in-plane frequency changes slowly: its bound is renewed every so many chunks of steps, unless
 # the thickness wave comes near it.
 THICKNESS_SHARE = 0.3
-# Below this fraction of its initial thickness an element counts as collapsed; a textile does so
-# where it would hold more fibre than space (MD600: 0.33).
+# Below this fraction of its initial thickness an element counts as collapsed; one with fibres does
+# so where it would hold more fibre than space.
 COLLAPSED_STRETCH = 0.05
 
 
@@ -132,7 +134,7 @@ class SolidShellBody:
         shared = CURVATURE_ROWS if self.data.options.director is None else 0
         return shared + history_count(self.material.law)
 
-    @property
+    @cached_property
     def shortest_length(self) -> float:
         return float(2.0 * np.linalg.norm(self.geometry.modes[:, :2], axis=2).min())
 
@@ -182,29 +184,42 @@ class SolidShellBody:
     def cause(self, code: int) -> str:
         return "in-plane stiffness" if code in IN_PLANE_MODES else "compaction (thickness)"
 
-    def condition(self, positions: np.ndarray) -> np.ndarray:
-        """Return the thickness stretch a3·n over its reference value; zero or less is inverted."""
-        stretch = np.empty(self._padded_count)
-        thickness_stretches(positions, self.data.corner_node, self._padded_height, stretch)
-        return stretch[: self.mesh.element_count]
+    def condition(self, positions: np.ndarray) -> Condition:
+        stretches = np.empty((2, self._padded_count))
+        centre_stretches(
+            positions, self.data.corner_node, self._padded_height, self._padded_area, *stretches
+        )
+        return Condition(*stretches[:, : self.mesh.element_count])
 
-    def may_stiffen(self, condition: np.ndarray, omega2: float) -> bool:
-        """The thickness wave may come to govern the step."""
-        thinnest = int(np.argmin(condition))
+    def fibre_volume_fraction(self, condition: Condition) -> np.ndarray | None:
+        if self._initial_fraction is None:
+            return None
+        return self._initial_fraction / condition.volume_ratio
+
+    def may_stiffen(self, condition: Condition, omega2: float) -> bool:
+        """The thickness wave, or the shear wave of a law that locks, may come to govern."""
+        thinnest = int(np.argmin(condition.thickness_stretch))
         strain = np.zeros(6)
-        strain[2] = 0.5 * (condition[thinnest] ** 2 - 1.0)
+        strain[2] = 0.5 * (condition.thickness_stretch[thinnest] ** 2 - 1.0)
         tangent = self.material.stress_and_tangent(strain)[1][2, 2]
         height = self.geometry.height[thinnest]
-        return bool(tangent / (self.material.density * height**2) > THICKNESS_SHARE * omega2)
+        if tangent / (self.material.density * height**2) > THICKNESS_SHARE * omega2:
+            return True
+        return shear_may_stiffen(self, condition, omega2)
 
     def unsound(
-        self, condition: np.ndarray, tools_near: Callable[[np.ndarray], list[str]]
+        self,
+        positions: np.ndarray,
+        condition: Condition,
+        tools_near: Callable[[np.ndarray], list[str]],
     ) -> Unsound | None:
-        """An element that is inverted or collapsed through the thickness."""
-        worst = int(np.argmin(condition))
-        stretch = condition[worst]
-        if stretch > collapsed_stretch(self.material):
-            return None
+        """An element that is inverted, collapsed, or holds more fibre than it has space for."""
+        worst = int(np.argmin(condition.thickness_stretch))
+        stretch = condition.thickness_stretch[worst]
+        if stretch > COLLAPSED_STRETCH:
+            return overfilled(
+                self, positions, condition, lambda e: self._cause_of_collapse(e, tools_near)
+            )
         what = "inverted" if stretch <= 0.0 else "collapsed"
         text = f"element {worst} is {what} (thickness {stretch:.3f} of the initial one)"
         return Unsound(worst, text, self._cause_of_collapse(worst, tools_near))
@@ -238,6 +253,16 @@ class SolidShellBody:
     @cached_property
     def _padded_height(self) -> np.ndarray:
         return _padded(self.geometry.height, self._padded_count)
+
+    @cached_property
+    def _padded_area(self) -> np.ndarray:
+        return _padded(self.geometry.volume / (8.0 * self.geometry.height), self._padded_count)
+
+    @cached_property
+    def _initial_fraction(self) -> np.ndarray | None:
+        if self.material.fibre_density is None:
+            return None
+        return initial_fibre_volume_fraction(self.material, 2.0 * self.geometry.height)
 
     def _at_nodes(self, share: np.ndarray) -> np.ndarray:
         """Return the sum of what the elements give to each of their corners, (node_count,)."""
@@ -277,14 +302,6 @@ def _reference_curvature(data: SolidShellData, mesh: BlankMesh, first_node: int)
     dot = functools.partial(np.einsum, "ed,ed->e")
     zeta = np.stack([dot(a1, a6), dot(a2, a5), dot(a1, a5) + dot(a2, a6)], axis=1)
     return np.sum(shared[:, :3] * zeta, axis=1) - shared[:, 3]
-
-
-def collapsed_stretch(material: Material) -> float:
-    """Return the thickness over its initial value at which an element counts as collapsed."""
-    if material.fibre_density is None:
-        return COLLAPSED_STRETCH
-    fraction = material.areal_mass / (material.fibre_density * material.thickness)
-    return max(COLLAPSED_STRETCH, fraction)
 
 
 def _padded(array: np.ndarray, count: int) -> np.ndarray:

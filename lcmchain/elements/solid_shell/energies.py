@@ -1,4 +1,4 @@
-"""What the solver asks about the elements between steps: thickness, inversion, stored energy."""
+"""What the solver asks about the elements between steps: their stretches and stored energy."""
 
 from __future__ import annotations
 
@@ -30,13 +30,18 @@ def product6(a, b):
 
 
 @kernel
-def thickness_stretches(position, corner_node, reference_height, stretch):
-    """Write a3·n over its reference value for every element; zero or less is inverted.
+def centre_stretches(
+    position, corner_node, reference_height, reference_area, thickness_stretch, area_stretch
+):
+    """Write a3·n and |a1 × a2| of every element over their reference values.
+
+    A thickness of zero or less is that of an inverted element.
 
     Parameters
     ----------
     position : (3, node_count) [m]; corner_node : as for ``internal_forces``.
-    reference_height : (block_count * 16,) [m]; stretch : (block_count * 16,), written.
+    reference_height, reference_area : (block_count * 16,) [m, m²].
+    thickness_stretch, area_stretch : (block_count * 16,), written.
     """
     for block in prange(corner_node.size // (8 * LANES)):
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
@@ -50,7 +55,9 @@ def thickness_stretches(position, corner_node, reference_height, stretch):
             )
             c = cross(a[0], a[1])
             element = block * LANES + lane
-            stretch[element] = dot(a[2], c) / (math.sqrt(dot(c, c)) * reference_height[element])
+            area = math.sqrt(dot(c, c))
+            thickness_stretch[element] = dot(a[2], c) / (area * reference_height[element])
+            area_stretch[element] = area / reference_area[element]
 
 
 @equation
