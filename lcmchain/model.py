@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -70,6 +71,7 @@ class Environment(NamedTuple):
     tangential_ratio: float
     contact_damping_ratio: float
     mass_damping: float  # [1/s]
+    damping_average: float  # [s], 0 where the damping acts on the whole velocity
     gravity: float  # acceleration along -z [m/s²]
 
 
@@ -79,6 +81,7 @@ class Model:
 
     bodies : the sheets; ``placed`` the same for the loop.
     automatic_penalty : whether the contact stiffness was chosen by the program.
+    history_interval : between two samples of the histories [s], infinite without histories.
     corner_force_size : corner forces of all bodies, then zeros for nodes with fewer elements.
     """
 
@@ -95,6 +98,12 @@ class Model:
     process_time: float
     frame_count: int
     step_safety: float
+    history_interval: float
+
+    @property
+    def sample_count(self) -> int:
+        """Rows of the histories over the process; none where the interval is infinite."""
+        return math.ceil(self.process_time / self.history_interval * (1.0 - 1e-12))
 
     @property
     def element_count(self) -> int:
@@ -182,6 +191,7 @@ def build_model(
         contact=scene.contact,
         process=scene.process,
         supports=supports(mesh),
+        history_interval=scene.history_interval,
     )
 
 
@@ -198,6 +208,7 @@ def assemble_bodies(
     contact: Any,
     process: Any,
     supports: Sequence[Support] = (),
+    history_interval: float = math.inf,
 ) -> Model:
     """Build the model of sheets that share tools and time, but do not touch each other.
 
@@ -207,6 +218,7 @@ def assemble_bodies(
     ----------
     contact, process : tables of a scene, or the like.
     supports : of nodes of the model.
+    history_interval : between two samples of the histories [s]; none by default.
 
     Raises
     ------
@@ -250,13 +262,20 @@ def assemble_bodies(
             tangential_ratio=float(contact.tangential_ratio),
             contact_damping_ratio=float(contact.damping_ratio),
             mass_damping=float(process.mass_damping),
+            damping_average=_damping_average(process),
             gravity=STANDARD_GRAVITY if process.gravity else 0.0,
         ),
         automatic_penalty=contact.penalty is None,
         process_time=float(process.time),
         frame_count=int(process.frames),
         step_safety=float(process.step_safety),
+        history_interval=float(history_interval),
     )
+
+
+def _damping_average(process: Any) -> float:
+    """Return the time over which the undamped mean velocity is taken [s]; 0 without one."""
+    return float(process.damping_average or 0.0) if process.mass_damping > 0.0 else 0.0
 
 
 def assemble_sheet(blank: BlankMesh, material: Material, element: Any = None) -> Model:

@@ -36,7 +36,25 @@ STEPS = 0  # made so far
 CHUNKS = 1  # of steps since the frequency was last evaluated
 CONTROLLING_ELEMENT = 2  # that the frequency belongs to
 CONTROLLING_PART = 3  # what governs it there, a code of the element's family
-COUNTERS = 4
+SAMPLES = 4  # rows of ``State.samples`` that are filled
+COUNTERS = 5
+
+# Entries of ``State.tool_peak``.
+PEAK_FORCE = 0  # [N]
+PEAK_TIME = 1  # [s]
+PEAK_ENTRIES = 2
+
+# Columns of ``State.samples``, then those of every tool, one tool after the other. Energies [J] are
+# named as in :meth:`lcmchain.solver.simulation.Simulation.energy`; the mass damping is the part of
+# ``damping`` that is not contact damping.
+SAMPLED_ENERGIES = (
+    "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "damping", "external",
+    "balance_error", "mass_damping",
+)  # fmt: skip
+SAMPLE_COLUMNS = ("time", "last_step", *SAMPLED_ENERGIES)
+TOOL_SAMPLE_COLUMNS = (
+    "travel", "work", "impulse_x", "impulse_y", "impulse_z", "peak_force", "peak_time",
+)  # fmt: skip
 
 # Nodes are worked on in chunks: sums over a chunk, then over the chunks in their order, have the
 # same bits for any number of threads.
@@ -66,6 +84,7 @@ def sizes(model: Model) -> dict[str, int]:
     return {
         "xyz": 3,
         "node": model.node_count,
+        "averaged node": model.node_count if model.environment.damping_average > 0.0 else 0,
         "tool": tool_count,
         "tool input": 2,
         "support": len(model.support_names),
@@ -74,6 +93,9 @@ def sizes(model: Model) -> dict[str, int]:
         "counter": COUNTERS,
         "history": model.history_size,
         "corner force": model.corner_force_size,
+        "peak": PEAK_ENTRIES,
+        "sample": model.sample_count,
+        "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
         "chunk": -(-model.node_count // NODE_CHUNK),
         "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
     }
@@ -121,6 +143,9 @@ class State(_Arrays):
 
     position: np.ndarray = entry("xyz", "node", unit="m", meaning="at time n", in_frames=True)
     velocity: np.ndarray = entry("xyz", "node", unit="m/s", meaning="at time n - 1/2")
+    mean_velocity: np.ndarray = entry(
+        "xyz", "averaged node", unit="m/s", meaning="running mean that damping leaves alone"
+    )
     history: np.ndarray = entry(
         "history",
         unit="1",
@@ -157,6 +182,22 @@ class State(_Arrays):
         unit="N",
         meaning="of the sheets on the tool at the last step",
         in_frames=True,
+    )
+    tool_impulse: np.ndarray = entry(
+        "tool", "xyz", unit="N s", meaning="integral of the tool force over time"
+    )
+    tool_work: np.ndarray = entry("tool", unit="J", meaning="of the tool on the sheets")
+    tool_peak: np.ndarray = entry(
+        "tool",
+        "peak",
+        unit="N, s",
+        meaning="largest tool force of a step since the last sample, see the entries above",
+    )
+    samples: np.ndarray = entry(
+        "sample",
+        "sample column",
+        unit="s, J, m, N s, N",
+        meaning="histories, see the columns above",
     )
     penetration_max: np.ndarray = entry("tool", unit="m", meaning="deepest so far")
     support_force: np.ndarray = entry(

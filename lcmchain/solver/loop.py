@@ -16,7 +16,7 @@ import numpy as np
 from numba import literal_unroll, prange
 
 from lcmchain.effects.contact import normal_force
-from lcmchain.effects.damping import damped_velocity
+from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.friction import friction
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
@@ -32,6 +32,8 @@ from lcmchain.state import (
     LAST_STEP,
     MASS_DAMPING,
     NODE_CHUNK,
+    PEAK_FORCE,
+    PEAK_TIME,
     STEPS,
     TIME,
     TOOL_COLUMNS,
@@ -69,6 +71,7 @@ def advance(arrays, bodies, tools, environment, supports, step_count, dt):
         add_chunk_sums(arrays)
         if supports is not None:
             move_supports(arrays, supports, environment, dt_last, dt)
+        add_tool_loads(arrays, clock[TIME], dt_last, dt)
         move_tools(arrays, tools, clock[TIME], dt_last, dt)
         clock[TIME] += dt
         clock[LAST_STEP] = dt
@@ -198,6 +201,8 @@ def integrate(arrays, environment, first, last, dt_last, dt, sums):
     mass, free = arrays.mass, arrays.free
     interval = 0.5 * (dt_last + dt)
     damping = environment.mass_damping
+    steady = arrays.mean_velocity
+    averaged = steady.shape[1] > 0
     for d in range(3):
         gravity = -environment.gravity if d == 2 else 0.0
         kinetic, damped, weight = 0.0, 0.0, 0.0
@@ -205,13 +210,18 @@ def integrate(arrays, environment, first, last, dt_last, dt, sums):
             share = free[d, node]
             old = velocity[d, node]
             acceleration = force[d, node] / mass[node] + gravity
-            new = damped_velocity(old, acceleration, damping, interval)
+            undamped = steady[d, node] if averaged else 0.0
+            new = undamped + damped_velocity(old - undamped, acceleration, damping, interval)
             velocity[d, node] = new if share > 0.0 else old
             position[d, node] += share * dt * new
             mean = 0.5 * (old + new)
             free_mass = share * mass[node]
             kinetic += 0.5 * free_mass * old * new
-            damped += damping * free_mass * mean * mean * interval
+            damped += damping * free_mass * (mean - undamped) * mean * interval
+            if averaged:
+                steady[d, node] = averaged_velocity(
+                    undamped, mean, interval, environment.damping_average
+                )
             weight += free_mass * gravity * mean * interval
         sums[KINETIC] += kinetic
         sums[MASS_DAMPING] += damped
@@ -268,6 +278,25 @@ def add_chunk_sums(arrays):
 
 
 @routine
+def add_tool_loads(arrays, time, dt_last, dt):
+    """Sum the impulses [N s] of the tool forces, and keep the largest force of a step [N].
+
+    A force averaged over an interval is the difference of two impulses over its length.
+    """
+    interval = 0.5 * (dt_last + dt)
+    for tool in range(arrays.tool_force.shape[0]):
+        squared = 0.0
+        for d in range(3):
+            force = arrays.tool_force[tool, d]
+            arrays.tool_impulse[tool, d] += force * interval
+            squared += force * force
+        peak = arrays.tool_peak[tool]
+        if squared > peak[PEAK_FORCE] * peak[PEAK_FORCE]:
+            peak[PEAK_FORCE] = math.sqrt(squared)
+            peak[PEAK_TIME] = time
+
+
+@routine
 def move_tools(arrays, tools, time, dt_last, dt):
     """Update the travel of every tool: as prescribed, as driven, or by its equation of motion."""
     work = arrays.work
@@ -287,6 +316,7 @@ def move_tools(arrays, tools, time, dt_last, dt):
             work[KINETIC] += 0.5 * mass * old * new
             work[MASS_DAMPING] += tools.damping[tool] * mean * mean * interval
             work[EXTERNAL] += applied * mean * interval
+            arrays.tool_work[tool] -= contact * mean * interval
         else:
             if arrays.driven[tool] != 0:
                 displacement = dt * arrays.tool_input[tool, 0]
@@ -294,6 +324,8 @@ def move_tools(arrays, tools, time, dt_last, dt):
                 target, _ = prescribed_travel(tools, tool, time + dt)
                 displacement = target - arrays.tool_travel[tool]
             new = displacement / dt
-            work[EXTERNAL] -= contact * 0.5 * (old * dt_last + displacement)
+            on_sheets = -contact * 0.5 * (old * dt_last + displacement)
+            work[EXTERNAL] += on_sheets
+            arrays.tool_work[tool] += on_sheets
         arrays.tool_travel[tool] += displacement
         arrays.tool_velocity[tool] = new

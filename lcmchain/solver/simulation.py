@@ -11,7 +11,7 @@ import numpy as np
 
 from lcmchain.elements.family import Body
 from lcmchain.model import Model, build_model
-from lcmchain.solver import guards
+from lcmchain.solver import guards, histories
 from lcmchain.solver.contact_search import find_near_nodes
 from lcmchain.solver.loop import Arrays, advance
 from lcmchain.state import (
@@ -259,11 +259,19 @@ class Simulation:
     def make_steps(self, count: int, step: float) -> None:
         """Make ``count`` steps of ``step`` [s], stable or not, without another search for contact.
 
+        Samples of the histories that fall due on the way are taken; they change no step.
+
         Raises
         ------
         SimulationError : a position or velocity is no number any more.
         """
-        self._advance(count, step)
+        made = 0
+        while made < count:
+            part = min(count - made, histories.steps_to_sample(self.model, self.state, step))
+            self._advance(part, step)
+            made += part
+            if histories.is_due(self.model, self.state, step):
+                histories.take_sample(self.state, self.energy())
         history = self.control.history
         history[self.control.cause] = history.get(self.control.cause, 0) + count
         guards.require_finite(self.model, self.state)
