@@ -57,6 +57,22 @@ def test_rows_are_the_numbers_of_the_summary(name, text):
     assert dict(summary_rows(SUMMARY))[name] == text
 
 
+def test_the_punch_force_says_what_damping_and_inertia_take_of_it():
+    parts = {"force_N": 120.0, "damping_N": 6.543, "inertia_N": -1.2345}
+    more = {
+        "punch": "press",
+        "punch_force_peak_N": 150.04,
+        "tool_loads": {"die": {}, "press": {"parts_at_maximum": parts}},
+    }
+    assert dict(summary_rows(SUMMARY | more))["largest punch force"] == (
+        "123.5 N as a mean, 150 N in a single step; around it mass damping takes 6.54 N and "
+        "inertia -1.23 N of 120 N"
+    )
+    still = more | {"tool_loads": {"press": {}}}
+    found = dict(summary_rows(SUMMARY | still))["largest punch force"]
+    assert found == "123.5 N as a mean, 150 N in a single step"
+
+
 def test_every_warning_is_said():
     assert all_warnings(SUMMARY) == [
         "the sheet [still] moves", "part: 3 cells reach beyond the edge"
