@@ -71,7 +71,6 @@ class Environment(NamedTuple):
     tangential_ratio: float
     contact_damping_ratio: float
     mass_damping: float  # [1/s]
-    damping_average: float  # [s], 0 where the damping acts on the whole velocity
     gravity: float  # acceleration along -z [m/s²]
 
 
@@ -80,6 +79,7 @@ class Model:
     """Constants of one forming simulation (see the classes above for the arrays).
 
     bodies : the sheets; ``placed`` the same for the loop.
+    averaging : time over which the mean velocity is taken that damping leaves alone [s], or None.
     automatic_penalty : whether the contact stiffness was chosen by the program.
     history_interval : between two samples of the histories [s], infinite without histories.
     corner_force_size : corner forces of all bodies, then zeros for nodes with fewer elements.
@@ -94,6 +94,7 @@ class Model:
     supports: SupportTable | None
     support_names: tuple[str, ...]
     environment: Environment
+    averaging: float | None
     automatic_penalty: bool
     process_time: float
     frame_count: int
@@ -262,20 +263,15 @@ def assemble_bodies(
             tangential_ratio=float(contact.tangential_ratio),
             contact_damping_ratio=float(contact.damping_ratio),
             mass_damping=float(process.mass_damping),
-            damping_average=_damping_average(process),
             gravity=STANDARD_GRAVITY if process.gravity else 0.0,
         ),
+        averaging=process.damping_average if process.mass_damping > 0.0 else None,
         automatic_penalty=contact.penalty is None,
         process_time=float(process.time),
         frame_count=int(process.frames),
         step_safety=float(process.step_safety),
         history_interval=float(history_interval),
     )
-
-
-def _damping_average(process: Any) -> float:
-    """Return the time over which the undamped mean velocity is taken [s]; 0 without one."""
-    return float(process.damping_average or 0.0) if process.mass_damping > 0.0 else 0.0
 
 
 def assemble_sheet(blank: BlankMesh, material: Material, element: Any = None) -> Model:

@@ -84,7 +84,7 @@ def sizes(model: Model) -> dict[str, int]:
     return {
         "xyz": 3,
         "node": model.node_count,
-        "averaged node": model.node_count if model.environment.damping_average > 0.0 else 0,
+        "averaged node": 0 if model.averaging is None else model.node_count,
         "tool": tool_count,
         "tool input": 2,
         "support": len(model.support_names),

@@ -174,7 +174,7 @@ def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
     excess = part * (1.0 - LARGEST_DAMPING_PART) / (LARGEST_DAMPING_PART * (1.0 - part))
     return [
         f"{text}; use process.time = {milliseconds(scene.process.time * excess)}, or, if the sheet "
-        f'stays calm, process.mass_damping = "{rate / excess:.2g} 1/s"'
+        f'stays calm, process.mass_damping = "{two_digits(rate / excess)} 1/s"'
     ]
 
 
@@ -185,7 +185,7 @@ def _hourglass(measures: Mapping[str, float], scene: Scene) -> list[str]:
     edge = 1e3 * scene.blank.edge_length * math.sqrt(LARGEST_HOURGLASS_PART / part)
     return [
         f"the hourglass energy is {part:.1%} of the internal energy (resolved: below "
-        f'{LARGEST_HOURGLASS_PART:.0%}); use blank.edge_length = "{edge:.2g} mm"'
+        f'{LARGEST_HOURGLASS_PART:.0%}); use blank.edge_length = "{two_digits(edge)} mm"'
     ]
 
 
@@ -204,5 +204,10 @@ def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
 
 def milliseconds(time: float) -> str:
     """Return a time as an entry of a scene, rounded up to two digits."""
-    unit = 10.0 ** (math.floor(math.log10(1e3 * time)) - 1)
-    return f'"{math.ceil(1e3 * time / unit - 1e-6) * unit:g} ms"'
+    return f'"{-float(two_digits(-1e3 * time)):g} ms"'
+
+
+def two_digits(value: float) -> str:
+    """Return a number rounded down to two digits (up if it is negative)."""
+    unit = 10.0 ** (math.floor(math.log10(abs(value))) - 1)
+    return f"{math.floor(value / unit + 1e-6) * unit:g}"

@@ -91,8 +91,8 @@ def process_time_table(needed: ProcessTime, process: Process) -> Table:
     table.add_row(
         "needed",
         f"at least {1e3 * needed.least:.3g} ms ({PERIODS[0]} periods at rest); from "
-        f"{1e3 * needed.sufficient:.3g} ms on ({PERIODS[1]} periods where softest) nothing changes "
-        "any more",
+        f"{1e3 * needed.sufficient:.3g} ms on ({PERIODS[1]} periods where softest) nothing should "
+        "change any more",
     )
     for name, period in needed.holder_periods.items():
         table.add_row(f"{name} on the sheet", f"vibrates with {1e3 * period:.3g} ms")

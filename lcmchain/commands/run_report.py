@@ -40,6 +40,14 @@ def summary_rows(summary: Mapping) -> Iterator[tuple[str, str]]:
     yield "fibre strain", f"up to {summary['fibre_strain_max']:.2%}"
     if "punch_force_max_N" in summary:
         yield "largest punch force", "".join(_punch_force(summary))
+    if "process_time_needed_s" in summary:
+        needed = summary["process_time_needed_s"]
+        yield (
+            "process time",
+            f"{1e3 * summary['process_time_s']:g} ms; the sheet needs at least "
+            f"{1e3 * needed['least_s']:.3g} ms, and {1e3 * needed['sufficient_s']:.3g} ms to be "
+            "safe",
+        )
     yield (
         "energy balance",
         f"off by {summary['balance_error_max']:.2%} of the largest internal energy; kinetic "

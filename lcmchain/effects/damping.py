@@ -32,6 +32,6 @@ def averaged_velocity(average, velocity, interval, time):
 
 
 def active(model: Any) -> list[Effect]:
-    rate, time = model.environment.mass_damping, model.environment.damping_average
-    of = f" of the motion relative to its mean over {1e3 * time:g} ms" if time > 0.0 else ""
+    rate, time = model.environment.mass_damping, model.averaging
+    of = "" if time is None else f" of the motion relative to its mean over {1e3 * time:g} ms"
     return [Effect("mass damping", rate > 0.0, f"{rate:g} 1/s{of}")]

@@ -52,10 +52,11 @@ Arrays: Any = NamedTuple(  # type: ignore[misc]
 
 
 @routine
-def advance(arrays, bodies, tools, environment, supports, step_count, dt):
+def advance(arrays, bodies, tools, environment, supports, averaging, step_count, dt):
     """Make ``step_count`` steps of size ``dt`` [s].
 
-    ``bodies`` are those placed in the model; ``supports`` is a table or None.
+    ``bodies`` are those placed in the model; ``supports`` is a table or None; ``averaging`` is the
+    time over which the mean velocity is taken that damping leaves alone [s], or None.
     """
     clock = arrays.clock
     for _ in range(step_count):
@@ -67,7 +68,7 @@ def advance(arrays, bodies, tools, environment, supports, step_count, dt):
                 arrays.corner_force[body.first_force : body.last_force],
                 arrays.history[body.first_history : body.last_history],
             )
-        move_nodes(arrays, tools, environment, dt_last, dt)
+        move_nodes(arrays, tools, environment, averaging, dt_last, dt)
         add_chunk_sums(arrays)
         if supports is not None:
             move_supports(arrays, supports, environment, dt_last, dt)
@@ -79,7 +80,7 @@ def advance(arrays, bodies, tools, environment, supports, step_count, dt):
 
 
 @kernel
-def move_nodes(arrays, tools, environment, dt_last, dt):
+def move_nodes(arrays, tools, environment, averaging, dt_last, dt):
     """Sum the forces on the nodes, and update velocities and positions."""
     node_count = arrays.mass.size
     for chunk in prange(arrays.chunk_sums.shape[0]):
@@ -90,7 +91,7 @@ def move_nodes(arrays, tools, environment, dt_last, dt):
         gather_internal_forces(arrays, first, last)
         for tool in range(tools.kind.size):
             add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, dt, sums)
-        integrate(arrays, environment, first, last, dt_last, dt, sums)
+        integrate(arrays, environment, averaging, first, last, dt_last, dt, sums)
 
 
 @routine
@@ -192,7 +193,7 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, d
 
 
 @routine
-def integrate(arrays, environment, first, last, dt_last, dt, sums):
+def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
     """Update velocity (to n + ½) and position (to n + 1), and sum the energies of the nodes.
 
     Components that are not free keep their position; supports move them afterwards.
@@ -201,8 +202,6 @@ def integrate(arrays, environment, first, last, dt_last, dt, sums):
     mass, free = arrays.mass, arrays.free
     interval = 0.5 * (dt_last + dt)
     damping = environment.mass_damping
-    steady = arrays.mean_velocity
-    averaged = steady.shape[1] > 0
     for d in range(3):
         gravity = -environment.gravity if d == 2 else 0.0
         kinetic, damped, weight = 0.0, 0.0, 0.0
@@ -210,7 +209,9 @@ def integrate(arrays, environment, first, last, dt_last, dt, sums):
             share = free[d, node]
             old = velocity[d, node]
             acceleration = force[d, node] / mass[node] + gravity
-            undamped = steady[d, node] if averaged else 0.0
+            undamped = 0.0
+            if averaging is not None:
+                undamped = arrays.mean_velocity[d, node]
             new = undamped + damped_velocity(old - undamped, acceleration, damping, interval)
             velocity[d, node] = new if share > 0.0 else old
             position[d, node] += share * dt * new
@@ -218,9 +219,9 @@ def integrate(arrays, environment, first, last, dt_last, dt, sums):
             free_mass = share * mass[node]
             kinetic += 0.5 * free_mass * old * new
             damped += damping * free_mass * (mean - undamped) * mean * interval
-            if averaged:
-                steady[d, node] = averaged_velocity(
-                    undamped, mean, interval, environment.damping_average
+            if averaging is not None:
+                arrays.mean_velocity[d, node] = averaged_velocity(
+                    undamped, mean, interval, averaging
                 )
             weight += free_mass * gravity * mean * interval
         sums[KINETIC] += kinetic

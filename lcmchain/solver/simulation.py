@@ -302,6 +302,7 @@ class Simulation:
             model.tools,
             model.environment,
             model.supports,
+            model.averaging,
             step_count,
             float(step),
         )

@@ -14,6 +14,8 @@ SUMMARY = {
     "fibre_volume_fraction_max": 0.4567,
     "fibre_strain_max": 0.00123,
     "punch_force_max_N": 123.456,
+    "process_time_s": 0.05,
+    "process_time_needed_s": {"least_s": 0.0536, "sufficient_s": 0.277},
     "balance_error_max": 0.00345,
     "kinetic_to_internal_end": 0.0123,
     "step_count": 12345,
@@ -42,6 +44,7 @@ SUMMARY = {
         ("fibre volume fraction", "up to 0.457"),
         ("fibre strain", "up to 0.12%"),
         ("largest punch force", "123.5 N"),
+        ("process time", "50 ms; the sheet needs at least 53.6 ms, and 277 ms to be safe"),
         (
             "energy balance",
             "off by 0.34% of the largest internal energy; kinetic 1.23% of the internal energy at "
