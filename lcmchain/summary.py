@@ -96,7 +96,6 @@ def energy_measures(energies: Sequence[Mapping[str, float]]) -> dict[str, float]
 
     ``balance_error_max`` is relative to the largest internal energy of all frames, the kinetic
     energy to the internal energy of its own frame. All are 0 where the sheet was never strained.
-    ``run_summary`` takes ``kinetic_to_internal_max`` from the histories where there are any.
     """
     internal = np.array([energy["internal"] + energy["hourglass"] for energy in energies])
     kinetic = np.array([energy["kinetic"] for energy in energies])

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lcmchain.fields.loads import exceeded_over, has_histories, kinetic_to_internal
+from lcmchain.fields.loads import exceeded_over, has_histories
 from lcmchain.materials.law import Material
 from lcmchain.model import Model
 from lcmchain.scene import Scene
@@ -125,7 +125,6 @@ def quasi_static_measures(
             "kinetic_to_internal_over_tenth_of_stroke": exceeded_over(
                 history, punch, LONGEST_DYNAMIC_PART
             ),
-            "kinetic_to_internal_max": float(kinetic_to_internal(history).max()),
         }
     return measures
 

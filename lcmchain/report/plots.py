@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.fields.history_group import SAMPLE
-from lcmchain.fields.loads import has_histories, mean_force
+from lcmchain.fields.loads import has_histories, mean_force, quoted_force
 from lcmchain.fields.summary import punch_index, tool_force_magnitude
 from lcmchain.report.style import INK, RC, SERIES, headline, new_figure, save
 
@@ -87,14 +87,13 @@ def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
                 travel[:, punch], largest[:, punch], color=INK, lw=0.5, alpha=0.5, zorder=1,
                 label=f"{names[punch]}, single steps",
             )  # fmt: skip
-        peak = int(np.argmax(force[:, punch]))
+        place = _largest_force(history, punch)
         left.annotate(
-            f"{names[punch]}: max {force[peak, punch]:.3g} N",
-            (travel[peak, punch], force[peak, punch]), (-8, 3), textcoords="offset points",
+            f"{names[punch]}: max {place[1]:.3g} N", place, (-8, 3), textcoords="offset points",
             ha="right", fontsize=7.5, zorder=6,
             path_effects=[withStroke(linewidth=2.0, foreground="white")],
         )  # fmt: skip
-        left.plot(travel[peak, punch], force[peak, punch], "o", ms=3.5, color=INK, clip_on=False)
+        left.plot(*place, "o", ms=3.5, color=INK, clip_on=False)
         left.set_xlabel(f"travel of the {names[punch]} [mm]")
         left.set_ylabel("contact force [N]")
         left.legend(loc="upper left")
@@ -135,6 +134,17 @@ def _tool_curves(
         )  # fmt: skip
     travel = history["tool_travel"]
     return 1e3 * history["time"].values, 1e3 * travel.values, tool_force_magnitude(history), None
+
+
+def _largest_force(history: xr.Dataset, tool: int) -> tuple[float, float]:
+    """Return travel [mm] and size [N] of the force that the summary quotes."""
+    time, travel, force, _ = _tool_curves(history)
+    middle = time
+    if has_histories(history):
+        middle, force = quoted_force(history)
+        middle = 1e3 * middle
+    top = int(np.argmax(force[:, tool]))
+    return float(np.interp(middle[top], time, travel[:, tool])), float(force[top, tool])
 
 
 def _draw_ratios(axis, time, parts, error) -> None:

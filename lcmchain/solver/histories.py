@@ -15,6 +15,7 @@ from lcmchain.state import (
     SAMPLE_COLUMNS,
     SAMPLED_ENERGIES,
     SAMPLES,
+    TOOL_SAMPLE_COLUMNS,
     State,
 )
 
@@ -47,8 +48,9 @@ def take_sample(state: State, energy: Mapping[str, float]) -> None:
     energies = {"inelastic": 0.0, **energy, "mass_damping": state.work[MASS_DAMPING]}
     own = len(SAMPLE_COLUMNS)
     row[:own] = state.time, state.last_step, *(energies[name] for name in SAMPLED_ENERGIES)
-    for tool, columns in enumerate(row[own:].reshape(len(state.tool_travel), -1)):
-        columns[:] = (
+    width = len(TOOL_SAMPLE_COLUMNS)
+    for tool in range(state.tool_travel.size):
+        row[own + tool * width :][:width] = (
             state.tool_travel[tool],
             state.tool_work[tool],
             *state.tool_impulse[tool],

@@ -132,7 +132,6 @@ def test_measures_are_ratios_of_energies():
             "mass_damping_to_external": 0.1,
             "hourglass_to_internal": 0.04,
             "kinetic_to_internal_over_tenth_of_stroke": 0.2,
-            "kinetic_to_internal_max": 0.3,
         }
     )
     frames_only = quasi_static_measures(
