@@ -57,6 +57,7 @@ def run_summary(
     model, state = simulation.model, simulation.state
     history = datasets[HISTORY]
     punch = punch_index(history) if history.sizes["tool"] else None
+    needed = process_time_needed(model)
     measures = quasi_static_measures(history, snapshots[-1].energy, punch)
     summary = {
         "lcmchain_version": __version__,
@@ -74,7 +75,7 @@ def run_summary(
         "energy": snapshots[-1].energy,
         **energy_measures([snapshot.energy for snapshot in snapshots]),
         **measures,
-        "process_time_needed_s": process_time_needed(model).as_dict(),
+        "process_time_needed_s": needed.as_dict(),
         **field_summary(datasets),
         "penetration_max_m": dict(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
@@ -86,7 +87,7 @@ def run_summary(
         *warnings,
         *field_warnings(datasets["/"]),
         *run_warnings(summary),
-        *quasi_static_warnings(measures, scene),
+        *quasi_static_warnings(measures, scene, needed),
     ]
     return summary | {"warnings": found, "mapping": {}}
 

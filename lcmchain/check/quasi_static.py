@@ -129,28 +129,31 @@ def quasi_static_measures(
     return measures
 
 
-def quasi_static_warnings(measures: Mapping[str, float], scene: Scene) -> list[str]:
+def quasi_static_warnings(
+    measures: Mapping[str, float], scene: Scene, needed: ProcessTime
+) -> list[str]:
     """Say in words what inertia, damping and hourglass terms spoil, and which entry cures it.
 
-    measures : from :func:`quasi_static_measures`.
+    measures : from :func:`quasi_static_measures`; needed : from :func:`process_time_needed`.
     """
     return [
-        *_inertia(measures, scene),
+        *_inertia(measures, scene, needed),
         *_damping(measures, scene),
         *_hourglass(measures, scene),
     ]
 
 
-def _inertia(measures: Mapping[str, float], scene: Scene) -> list[str]:
+def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> list[str]:
     ratio = measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0)
     if ratio <= LARGEST_KINETIC_PART:
         return []
-    # at a given shape the kinetic energy falls with the square of the process time
-    time = scene.process.time * math.sqrt(ratio / LARGEST_KINETIC_PART)
+    # at a given shape the kinetic energy falls with the square of the process time; a process that
+    # is much too fast has another shape
+    time = max(scene.process.time * math.sqrt(ratio / LARGEST_KINETIC_PART), needed.least)
     return [
         f"the kinetic energy exceeds {ratio:.0%} of the internal energy over a tenth of the stroke "
         f"(quasi-static: below {LARGEST_KINETIC_PART:.0%}), so that inertia is part of forces and "
-        f"shape; use process.time = {milliseconds(time)}"
+        f"shape; use process.time = {milliseconds(time)} or more"
     ]
 
 
