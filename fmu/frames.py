@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from lcmchain.errors import InputError
-from lcmchain.fields import FrameSeries, model_datasets, write_forming_netcdf
+from lcmchain.fields import FrameSeries, Histories, model_datasets, write_forming_netcdf
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
 
@@ -53,7 +53,8 @@ def write_result(
     """Write ``forming.nc`` with the saved frames and return its path."""
     model = simulation.model
     series = FrameSeries.from_snapshots(frames, model.tool_names)
-    datasets = model_datasets(scene, model, series)
+    histories = Histories.from_state(model, simulation.state)
+    datasets = model_datasets(scene, model, series, histories)
     path = folder / "forming.nc"
     write_forming_netcdf(path, datasets)
     return path

@@ -59,6 +59,7 @@ def run_fingerprint(scene: Any) -> Fingerprint:
     InputError : a file that a tool names cannot be read.
     """
     values = scene.model_dump(mode="json", exclude=AFTER_FORMING)
+    values["history_interval"] = scene.history_interval  # the one entry of [output] that forms
     return Fingerprint(
         scene=hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest(),
         files=_file_hash(scene),

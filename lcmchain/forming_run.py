@@ -15,6 +15,7 @@ from lcmchain.errors import SimulationInterrupted
 from lcmchain.fingerprint import Fingerprint
 from lcmchain.scene import Scene
 from lcmchain.solver.checkpoint import Checkpoint, write_checkpoint
+from lcmchain.solver.frame_file import FrameFile
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 # A checkpoint is written at every saved frame, and between frames after this time [s].
@@ -37,6 +38,7 @@ class FormingRun:
         self.scene, self.fingerprint, self.simulation = scene, fingerprint, simulation
         self.folder, self.report = folder, report
         self.snapshots: list[Snapshot] = []
+        self._frame_file = FrameFile(folder)
         self._wall_before = 0.0
         self._started = self._saved = time.perf_counter()
         self._ended: float | None = None
@@ -56,6 +58,7 @@ class FormingRun:
             self.simulation.control.history.update(checkpoint.step_history)
             self.snapshots = list(checkpoint.snapshots)
             self._wall_before = checkpoint.wall_s
+            self._frame_file = checkpoint.frame_file
         else:
             self.snapshots = [self.simulation.snapshot()]
         times = np.linspace(0.0, process.time, process.frames)
@@ -89,6 +92,7 @@ class FormingRun:
                 self.snapshots,
                 self.wall_s,
                 self.simulation.control.history,
+                self._frame_file,
             ),
         )
         self._saved = time.perf_counter()

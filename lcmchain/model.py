@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -78,7 +79,9 @@ class Model:
     """Constants of one forming simulation (see the classes above for the arrays).
 
     bodies : the sheets; ``placed`` the same for the loop.
+    averaging : time over which the mean velocity is taken that damping leaves alone [s], or None.
     automatic_penalty : whether the contact stiffness was chosen by the program.
+    history_interval : between two samples of the histories [s], infinite without histories.
     corner_force_size : corner forces of all bodies, then zeros for nodes with fewer elements.
     """
 
@@ -91,10 +94,17 @@ class Model:
     supports: SupportTable | None
     support_names: tuple[str, ...]
     environment: Environment
+    averaging: float | None
     automatic_penalty: bool
     process_time: float
     frame_count: int
     step_safety: float
+    history_interval: float
+
+    @property
+    def sample_count(self) -> int:
+        """Rows of the histories over the process; none where the interval is infinite."""
+        return math.ceil(self.process_time / self.history_interval * (1.0 - 1e-12))
 
     @property
     def element_count(self) -> int:
@@ -194,6 +204,7 @@ def build_model(
         contact=scene.contact,
         process=scene.process,
         supports=supports(mesh),
+        history_interval=scene.history_interval,
     )
 
 
@@ -210,6 +221,7 @@ def assemble_bodies(
     contact: Any,
     process: Any,
     supports: Sequence[Support] = (),
+    history_interval: float = math.inf,
 ) -> Model:
     """Build the model of sheets that share tools and time, but do not touch each other.
 
@@ -219,6 +231,7 @@ def assemble_bodies(
     ----------
     contact, process : tables of a scene, or the like.
     supports : of nodes of the model.
+    history_interval : between two samples of the histories [s]; none by default.
 
     Raises
     ------
@@ -264,10 +277,12 @@ def assemble_bodies(
             mass_damping=float(process.mass_damping),
             gravity=STANDARD_GRAVITY if process.gravity else 0.0,
         ),
+        averaging=process.damping_average if process.mass_damping > 0.0 else None,
         automatic_penalty=contact.penalty is None,
         process_time=float(process.time),
         frame_count=int(process.frames),
         step_safety=float(process.step_safety),
+        history_interval=float(history_interval),
     )
 
 

@@ -16,6 +16,7 @@ from lcmchain.check import require_no_initial_overlap
 from lcmchain.errors import LcmchainError, MappingError, SimulationError
 from lcmchain.fields import (
     FrameSeries,
+    Histories,
     add_face_variables,
     model_datasets,
     write_forming_netcdf,
@@ -135,7 +136,8 @@ def _write_fields(
 ) -> dict[str, xr.Dataset]:
     model = simulation.model
     frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
-    datasets = model_datasets(scene, model, frames)
+    histories = Histories.from_state(model, simulation.state)
+    datasets = model_datasets(scene, model, frames, histories)
     if scene.permeability is not None and model.material.fibre_density is not None:
         datasets = add_face_variables(datasets, _permeabilities(scene.permeability, datasets["/"]))
     write_forming_netcdf(folder / "forming.nc", datasets)

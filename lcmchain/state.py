@@ -39,10 +39,28 @@ CONTROLLING_ELEMENT = 2  # that the frequency belongs to
 CONTROLLING_PART = 3  # what governs it there, a code of the element's family
 HALVINGS = 4  # of the step, see lcmchain.solver.recovery
 RENEWED = 5  # chunks of steps since the elements' shared curvature was renewed
-COUNTERS = 6
+SAMPLES = 6  # rows of ``State.samples`` that are filled
+COUNTERS = 7
 
 # How often a run may halve its step to get over a value that is not a number.
 MOST_HALVINGS = 3
+
+# Entries of ``State.tool_peak``.
+PEAK_FORCE = 0  # [N]
+PEAK_TIME = 1  # [s]
+PEAK_ENTRIES = 2
+
+# Columns of ``State.samples``, then those of every tool, one tool after the other. Energies [J] are
+# named as in :meth:`lcmchain.solver.simulation.Simulation.energy`; the mass damping is the part of
+# ``damping`` that is not contact damping.
+SAMPLED_ENERGIES = (
+    "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "damping", "renewal",
+    "external", "balance_error", "mass_damping",
+)  # fmt: skip
+SAMPLE_COLUMNS = ("time", "last_step", *SAMPLED_ENERGIES)
+TOOL_SAMPLE_COLUMNS = (
+    "travel", "work", "impulse_x", "impulse_y", "impulse_z", "peak_force", "peak_time",
+)  # fmt: skip
 
 # Nodes are worked on in chunks: sums over a chunk, then over the chunks in their order, have the
 # same bits for any number of threads.
@@ -72,6 +90,7 @@ def sizes(model: Model) -> dict[str, int]:
     return {
         "xyz": 3,
         "node": model.node_count,
+        "averaged node": 0 if model.averaging is None else model.node_count,
         "tool": tool_count,
         "tool input": 2,
         "support": len(model.support_names),
@@ -82,6 +101,9 @@ def sizes(model: Model) -> dict[str, int]:
         "time and place": 4,
         "history": model.history_size,
         "corner force": model.corner_force_size,
+        "peak": PEAK_ENTRIES,
+        "sample": model.sample_count,
+        "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
         "chunk": -(-model.node_count // NODE_CHUNK),
         "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
     }
@@ -129,6 +151,9 @@ class State(_Arrays):
 
     position: np.ndarray = entry("xyz", "node", unit="m", meaning="at time n", in_frames=True)
     velocity: np.ndarray = entry("xyz", "node", unit="m/s", meaning="at time n - 1/2")
+    mean_velocity: np.ndarray = entry(
+        "xyz", "averaged node", unit="m/s", meaning="running mean that damping leaves alone"
+    )
     history: np.ndarray = entry(
         "history",
         unit="1",
@@ -165,6 +190,22 @@ class State(_Arrays):
         unit="N",
         meaning="of the sheets on the tool at the last step",
         in_frames=True,
+    )
+    tool_impulse: np.ndarray = entry(
+        "tool", "xyz", unit="N s", meaning="integral of the tool force over time"
+    )
+    tool_work: np.ndarray = entry("tool", unit="J", meaning="of the tool on the sheets")
+    tool_peak: np.ndarray = entry(
+        "tool",
+        "peak",
+        unit="N, s",
+        meaning="largest tool force of a step since the last sample, see the entries above",
+    )
+    samples: np.ndarray = entry(
+        "sample",
+        "sample column",
+        unit="s, J, m, N s, N",
+        meaning="histories, see the columns above",
     )
     penetration_max: np.ndarray = entry("tool", unit="m", meaning="deepest so far")
     support_force: np.ndarray = entry(

@@ -10,8 +10,14 @@ import xarray as xr
 
 from lcmchain import __version__
 from lcmchain.check import run_effects
+from lcmchain.check.quasi_static import (
+    process_time_needed,
+    quasi_static_measures,
+    quasi_static_warnings,
+)
 from lcmchain.fields import field_summary
-from lcmchain.fields.summary import field_warnings
+from lcmchain.fields.dataset import HISTORY
+from lcmchain.fields.summary import field_warnings, punch_index
 
 if TYPE_CHECKING:
     from lcmchain.scene import Scene
@@ -19,7 +25,6 @@ if TYPE_CHECKING:
 
 # Above these a result is questionable, and the summary says so.
 LARGEST_BALANCE_ERROR = 0.01
-LARGEST_HOURGLASS_PART = 0.1
 LARGEST_KINETIC_PART_AT_END = 0.05
 LARGEST_PENETRATION = 1e-4
 
@@ -50,6 +55,10 @@ def run_summary(
     warnings : found while the model was built.
     """
     model, state = simulation.model, simulation.state
+    history = datasets[HISTORY]
+    punch = punch_index(history) if history.sizes["tool"] else None
+    needed = process_time_needed(model)
+    measures = quasi_static_measures(history, snapshots[-1].energy, punch)
     summary = {
         "lcmchain_version": __version__,
         "title": scene.title,
@@ -65,6 +74,8 @@ def run_summary(
         "us_per_element_step": 1e6 * wall_s / (state.step_count * model.element_count),
         "energy": snapshots[-1].energy,
         **energy_measures([snapshot.energy for snapshot in snapshots]),
+        **measures,
+        "process_time_needed_s": needed.as_dict(),
         **field_summary(datasets),
         "penetration_max_m": dict(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
@@ -72,7 +83,12 @@ def run_summary(
         "step_control": dict(simulation.control.history),
         "effects": [effect.name for effect in run_effects(scene, model) if effect.active],
     }
-    found = [*warnings, *field_warnings(datasets["/"], model.material), *run_warnings(summary)]
+    found = [
+        *warnings,
+        *field_warnings(datasets["/"], model.material),
+        *run_warnings(summary),
+        *quasi_static_warnings(measures, scene, needed),
+    ]
     return summary | {"warnings": found, "mapping": {}}
 
 
@@ -97,16 +113,10 @@ def energy_measures(energies: Sequence[Mapping[str, float]]) -> dict[str, float]
 def run_warnings(summary: Mapping) -> list[str]:
     """Say in words where the numbers of a summary make its result questionable."""
     found = []
-    energy = summary["energy"]
     if summary["balance_error_max"] > LARGEST_BALANCE_ERROR:
         found.append(
             f"the energy balance is off by {summary['balance_error_max']:.1%} of the largest "
             "internal energy; lower process.step_safety, and leave element.cross_terms off"
-        )
-    if energy["hourglass"] > LARGEST_HOURGLASS_PART * energy["internal"]:
-        found.append(
-            f"the hourglass energy is {energy['hourglass'] / energy['internal']:.1%} of the "
-            "internal energy; use a smaller blank.edge_length"
         )
     if summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END:
         found.append(

@@ -11,8 +11,15 @@ import numpy as np
 
 from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
+from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.check.tables import cost_table, effect_table, entry_table, gap_table
+from lcmchain.check.tables import (
+    cost_table,
+    effect_table,
+    entry_table,
+    gap_table,
+    process_time_table,
+)
 from lcmchain.check.tools_at_start import InitialGap, require_no_initial_overlap
 from lcmchain.effects.effect import Effect
 from lcmchain.mesh.blank import BlankMesh, build_blank
@@ -32,6 +39,7 @@ class CheckReport:
     node_count: int
     effects: list[Effect]
     estimate: Estimate
+    needed: ProcessTime
     gaps: list[InitialGap]
     warnings: list[str]
     picture: Path | None
@@ -49,6 +57,7 @@ class CheckReport:
                 element_count=self.element_count,
                 node_count=self.node_count,
             ),
+            process_time_table(self.needed, self.scene.process),
         ]
 
 
@@ -70,6 +79,8 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
     # the tools meet the faces of the sheet, whatever its elements
     blank = build_blank(scene.blank, scene.material.thickness)
     gaps = require_no_initial_overlap(scene, blank, model.tools)
+    needed = process_time_needed(model)
+    found = scene_warnings(scene) + process_time_remarks(scene, needed)
     picture = None
     if out is not None:
         picture = Path(out) / "initial.png"
@@ -80,8 +91,9 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
         node_count=model.node_count,
         effects=run_effects(scene, model),
         estimate=estimate_run(model),
+        needed=needed,
         gaps=gaps,
-        warnings=scene_warnings(scene) + [str(entry.message) for entry in tool_warnings],
+        warnings=found + [str(entry.message) for entry in tool_warnings],
         picture=picture,
     )
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from lcmchain.check.effects_of_run import Effect
 from lcmchain.check.expected_cost import Estimate
+from lcmchain.check.quasi_static import PERIODS, ProcessTime
 from lcmchain.check.tools_at_start import OVERLAP_TOLERANCE, InitialGap
 from lcmchain.scene import Process
 
@@ -74,4 +75,25 @@ def cost_table(
     )
     table.add_row("steps", f"about {estimate.step_count:,}")
     table.add_row("computing time", f"about {estimate.seconds:.3g} s on one core, once compiled")
+    return table
+
+
+def process_time_table(needed: ProcessTime, process: Process) -> Table:
+    """How long a quasi-static process of the sheet takes."""
+    table = _table("Process time of a quasi-static run", "", "")
+    table.show_header = False
+    table.add_row("process.time", f"{1e3 * process.time:g} ms")
+    table.add_row(
+        "slowest shear vibration",
+        f"{1e3 * needed.period:.3g} ms at rest, {1e3 * needed.softened_period:.3g} ms where the "
+        "law is softest",
+    )
+    table.add_row(
+        "needed",
+        f"at least {1e3 * needed.least:.3g} ms ({PERIODS[0]} periods at rest); from "
+        f"{1e3 * needed.sufficient:.3g} ms on ({PERIODS[1]} periods where softest) nothing should "
+        "change any more",
+    )
+    for name, period in needed.holder_periods.items():
+        table.add_row(f"{name} on the sheet", f"vibrates with {1e3 * period:.3g} ms")
     return table

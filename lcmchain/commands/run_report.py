@@ -39,7 +39,15 @@ def summary_rows(summary: Mapping) -> Iterator[tuple[str, str]]:
         yield "fibre volume fraction", f"up to {summary['fibre_volume_fraction_max']:.3f}"
     yield "fibre strain", f"up to {summary['fibre_strain_max']:.2%}"
     if "punch_force_max_N" in summary:
-        yield "largest punch force", f"{summary['punch_force_max_N']:.4g} N"
+        yield "largest punch force", "".join(_punch_force(summary))
+    if "process_time_needed_s" in summary:
+        needed = summary["process_time_needed_s"]
+        yield (
+            "process time",
+            f"{1e3 * summary['process_time_s']:g} ms; the sheet needs at least "
+            f"{1e3 * needed['least_s']:.3g} ms, and {1e3 * needed['sufficient_s']:.3g} ms to be "
+            "safe",
+        )
     yield (
         "energy balance",
         f"off by {summary['balance_error_max']:.2%} of the largest internal energy; kinetic "
@@ -53,6 +61,18 @@ def summary_rows(summary: Mapping) -> Iterator[tuple[str, str]]:
     )
     for name, report in summary["mapping"].items():
         yield f"mapping {name}", _mapping_text(report)
+
+
+def _punch_force(summary: Mapping) -> Iterator[str]:
+    """Yield the largest mean force, the peak, and what inertia and damping take of it."""
+    yield f"{summary['punch_force_max_N']:.4g} N"
+    if "tool_loads" not in summary:
+        return
+    yield f" as a mean, {summary['punch_force_peak_N']:.4g} N in a single step"
+    parts = summary["tool_loads"][summary["punch"]].get("parts_at_maximum")
+    if parts is not None:
+        yield f"; around it mass damping takes {parts['damping_N']:.3g} N"
+        yield f" and inertia {parts['inertia_N']:.3g} N of {parts['force_N']:.4g} N"
 
 
 def all_warnings(summary: Mapping) -> list[str]:

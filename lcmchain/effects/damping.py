@@ -1,10 +1,13 @@
-"""Mass-proportional damping of the nodes.
+"""Mass-proportional damping of the nodes, of all their motion or of the unsteady part of it.
 
-Adds: a force -α m v.
-Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 6.2.
+Adds: a force -α m v, or -α m (v - w), w being the mean of the node's velocity over about the time
+τ: τ dw/dt = v - w. The latter is a dashpot between the node and a companion of mass α τ m that
+nothing else holds: steady drawing is not resisted, vibrations faster than τ are damped as before,
+and slower motions feel the companion's inertia instead of a drag.
+Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 6.2; the companion: own.
 Stability limit: none, since the damping is averaged over the step.
-Scene: ``process.mass_damping`` (0 switches it off).
-Fields: ``energy_damping`` (history).
+Scene: ``process.mass_damping`` (0 switches it off), ``process.damping_average``.
+Fields: ``energy_damping``, ``history_energy_mass_damping`` (history): work of the force above.
 """
 
 from __future__ import annotations
@@ -22,6 +25,13 @@ def damped_velocity(velocity, acceleration, damping, interval):
     return ((1.0 - half) * velocity + interval * acceleration) / (1.0 + half)
 
 
+@equation
+def averaged_velocity(average, velocity, interval, time):
+    """Return the running mean w of a velocity after an interval [s], with the time constant τ."""
+    return average + min(interval / time, 1.0) * (velocity - average)
+
+
 def active(model: Any) -> list[Effect]:
-    rate = model.environment.mass_damping
-    return [Effect("mass damping", rate > 0.0, f"{rate:g} 1/s")]
+    rate, time = model.environment.mass_damping, model.averaging
+    of = "" if time is None else f" of the motion relative to its mean over {1e3 * time:g} ms"
+    return [Effect("mass damping", rate > 0.0, f"{rate:g} 1/s{of}")]

@@ -3,6 +3,7 @@
 from lcmchain.fields.dataset import add_face_variables, build_datasets, model_datasets
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.frames import FrameSeries
+from lcmchain.fields.histories import Histories
 from lcmchain.fields.netcdf import read_forming, read_group, write_forming_netcdf
 from lcmchain.fields.sheet import sheet_areas, sheet_faces, sheet_positions
 from lcmchain.fields.summary import fibre_mass, field_summary
@@ -13,6 +14,7 @@ __all__ = [
     "FIELDS",
     "Field",
     "FrameSeries",
+    "Histories",
     "add_face_variables",
     "build_datasets",
     "model_datasets",

@@ -12,6 +12,8 @@ import xarray as xr
 
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.frames import FrameSeries
+from lcmchain.fields.histories import Histories
+from lcmchain.fields.history_group import HISTORY, history_dataset
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from lcmchain.model import Model
     from lcmchain.scene import Scene
 
-SHEET, SOLID, HISTORY = ROOT, "/solid", "/history"
+SHEET, SOLID = ROOT, "/solid"
 SHEET_MESH = UgridMesh("sheet")
 SOLID_MESH = UgridMesh("solid", topology_dimension=3)
 
@@ -119,27 +121,31 @@ def build_datasets(
     material = scene.material.build() if material is None else material
     empty = np.empty((frames.frame_count, 0, blank.element_count))
     sheet = SheetFrames(blank, material, frames.positions, empty)
-    return _one_sheet(scene, sheet, frames) | {HISTORY: _history(frames)}
+    return _one_sheet(scene, sheet, frames) | {HISTORY: history_dataset(frames)}
 
 
-def model_datasets(scene: Scene, model: Model, frames: FrameSeries) -> dict[str, xr.Dataset]:
+def model_datasets(
+    scene: Scene, model: Model, frames: FrameSeries, histories: Histories | None = None
+) -> dict[str, xr.Dataset]:
     """Turn the saved frames of a model into the groups of ``forming.nc``.
 
     One body: as :func:`build_datasets`. Several: body ``b`` has the group ``"/b"`` with its
     mid-surface as the mesh ``b`` and, if it has a thickness, ``"/b/solid"``. The root group holds
     all mid-surfaces together as the mesh ``sheet``, in the order of the bodies, with the face
     variable ``body`` (flags) that tells them apart; a field that a body does not have is nan there.
+
+    histories : of the run; ``"/history"`` holds those of the frames without them.
     """
     if len(model.bodies) == 1:
         sheet = SheetFrames.of_body(model, model.body, frames)
-        return _one_sheet(scene, sheet, frames) | {HISTORY: _history(frames)}
+        return _one_sheet(scene, sheet, frames) | {HISTORY: history_dataset(frames, histories)}
     sheets = {body.name: SheetFrames.of_body(model, body, frames) for body in model.bodies}
     groups = {SHEET: _all_sheets(scene, sheets, frames)}
     for name, sheet in sheets.items():
         groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
         if sheet.mesh.volumes is not None:
             groups[f"/{name}/solid"] = _solid(sheet, frames)
-    return groups | {HISTORY: _history(frames)}
+    return groups | {HISTORY: history_dataset(frames, histories)}
 
 
 def add_face_variables(
@@ -296,38 +302,6 @@ def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
         **_node_fields(mesh, sheet.mesh.node_positions, sheet.positions),
     }
     return mesh.dataset(variables, {"Conventions": CONVENTIONS})
-
-
-# --- history --------------------------------------------------------------------------------------
-
-
-def _history(frames: FrameSeries) -> xr.Dataset:
-    variables: dict[str, Variable] = {
-        "time": frame_time(frames.time),
-        "tool": (
-            "tool",
-            np.array(frames.tool_names, dtype=str),
-            {"long_name": "name of the tool"},
-        ),
-        "tool_travel": (
-            (FRAME, "tool"),
-            np.array(frames.tool_travel, dtype=float),
-            {"units": "m", "long_name": "travel of the tool along its direction"},
-        ),
-    }
-    for axis, values in zip("xyz", np.moveaxis(frames.tool_force, -1, 0), strict=True):
-        variables[f"tool_force_{axis}"] = (
-            (FRAME, "tool"),
-            np.array(values, dtype=float),
-            {"units": "N", "long_name": f"force of the blank on the tool, {axis} component"},
-        )
-    for name, values in frames.energy.items():
-        variables[f"energy_{name}"] = (
-            FRAME,
-            np.array(values, dtype=float),
-            {"units": "J", "long_name": f"{name.replace('_', ' ')} (energy balance)"},
-        )
-    return xr.Dataset(variables, attrs={"Conventions": "CF-1.11"}).set_coords("time")
 
 
 # --- shared ---------------------------------------------------------------------------------------

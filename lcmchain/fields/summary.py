@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from lcmchain.fields.dataset import HISTORY, NO_THICKNESS, SHEET
 from lcmchain.fields.limits import packing_warnings, shear_range_warnings
+from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import sheet_areas, vector
 from lcmchain.materials.law import Material
 
@@ -24,28 +26,31 @@ def fibre_mass(sheet: xr.Dataset, frame: int = -1) -> float:
 
 def field_summary(
     datasets: Mapping[str, xr.Dataset], *, punch: str | None = None, frame: int = -1
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """Return the extrema of a frame under the names of ``summary.json``.
 
     Parameters
     ----------
     datasets : groups of the result.
-    punch : tool whose largest force over all frames is reported; by default the tool of that
-        name, else the one with the longest travel.
+    punch : tool whose largest force is reported; by default the tool of that name, else the one
+        with the longest travel.
     frame : saved frame, the last one by default.
 
     Returns
     -------
     ``thickness_min_m``, ``thickness_max_m``, ``shear_angle_max_rad`` (magnitude),
     ``fibre_strain_max`` (magnitude), ``fibre_volume_fraction_max``, ``fibre_mass_kg``,
-    ``fibre_mass_error`` (relative to the first frame), ``punch_force_max_N``; without those that
-    the result does not have.
+    ``fibre_mass_error`` (relative to the first frame), ``punch_force_max_N``, the largest mean over
+    a twentieth of the process (of a result without histories, the largest of the frames), and with
+    histories ``punch_force_peak_N`` of a single step, ``punch``, which tool that is, and
+    ``tool_loads`` (:func:`lcmchain.fields.loads.tool_loads`); without those that the result does
+    not have.
     """
     sheet, history = datasets[SHEET], datasets[HISTORY]
     last = sheet.isel(frame=frame)
     mass = fibre_mass(sheet, frame)
     strains = [np.abs(last[f"fibre_strain_{i}"].values).max() for i in (1, 2)]
-    summary = {}
+    summary: dict[str, Any] = {}
     if "thickness" in last:
         summary["thickness_min_m"] = float(last["thickness"].min())
         summary["thickness_max_m"] = float(last["thickness"].max())
@@ -58,9 +63,21 @@ def field_summary(
     if "fibre_volume_fraction" in last:
         summary["fibre_volume_fraction_max"] = float(last["fibre_volume_fraction"].max())
     if history.sizes["tool"]:
-        index = punch_index(history, punch)
-        summary["punch_force_max_N"] = float(tool_force_magnitude(history)[:, index].max())
+        summary |= _forces(history, punch_index(history, punch))
     return summary
+
+
+def _forces(history: xr.Dataset, punch: int) -> dict[str, Any]:
+    if not has_histories(history):
+        return {"punch_force_max_N": float(tool_force_magnitude(history)[:, punch].max())}
+    loads = tool_loads(history)
+    of_punch = loads[str(history["tool"].values[punch])]
+    return {
+        "punch": str(history["tool"].values[punch]),
+        "punch_force_max_N": of_punch["force_max_N"],
+        "punch_force_peak_N": of_punch["force_peak_N"],
+        "tool_loads": loads,
+    }
 
 
 def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:

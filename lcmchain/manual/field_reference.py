@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lcmchain.fields.history_group import HISTORY_FIELDS
 from lcmchain.fields.table import FIELDS, Field
 from lcmchain.manual.tables import code, markdown_table
 
@@ -15,12 +16,25 @@ the files are built is said in [Run and check](run.md#what-comes-out).
 """
 
 
+HISTORIES = """## Histories
+
+In the group `/history`, over `history_time` and, but for the energies, over `tool`. The interval is
+`output.history_interval`; a sample lies at the step nearest to its multiple. `history_energy_` and
+the name of a part of the [energy balance](time-integration.md#energy-balance) is that part, and
+`history_energy_mass_damping` what of the damping is not that of contacts. `tool_force`,
+`tool_travel` and `energy_*` without `history_` are those of the saved frames, and of their last
+step alone.
+"""
+
+
 def field_page() -> str:
     """Return the page as Markdown."""
     parts = [HEAD]
     for location, title in (("face", "Fields of the faces"), ("node", "Fields of the nodes")):
         rows = [_row(field) for field in FIELDS.values() if field.location == location]
         parts += [f"## {title}\n", markdown_table(("field", "unit", "meaning"), rows)]
+    rows = [_row(field) for field in HISTORY_FIELDS.values()]
+    parts += [HISTORIES, markdown_table(("field", "unit", "meaning"), rows)]
     return "\n".join(parts)
 
 

@@ -9,28 +9,29 @@ import matplotlib
 import numpy as np
 import xarray as xr
 
+from lcmchain.fields.history_group import SAMPLE
+from lcmchain.fields.loads import has_histories, mean_force, quoted_force
 from lcmchain.fields.summary import punch_index, tool_force_magnitude
 from lcmchain.report.style import INK, RC, SERIES, headline, new_figure, save
 
 # Parts of the energy balance that are not stored or dissipated energy, and how they are drawn.
-WORK, ERROR = "external", "balance_error"
+WORK, ERROR, MASS_DAMPING = "external", "balance_error", "mass_damping"
 # Kinetic to internal energy below which a process counts as quasi-static.
-QUASI_STATIC = 0.05
+QUASI_STATIC = 0.1
+# Curves of up to this many points show each of them.
+FEW_POINTS = 50
 
 
 def draw_energy(path: Path | str, history: xr.Dataset, title: str = "") -> None:
     """Draw the energy balance over time, and kinetic energy and balance error as ratios.
 
-    The ratios refer to the internal energy at the time (kinetic) and to its largest value
-    (balance error); percent on a logarithmic scale.
+    The histories are drawn where a result has them, else the frames. The ratios refer to the
+    internal energy at the time (kinetic) and to its largest value (balance error); percent on a
+    logarithmic scale.
     """
-    time = 1e3 * history["time"].values
-    parts = {
-        str(name).removeprefix("energy_"): values.values
-        for name, values in history.data_vars.items()
-        if str(name).startswith("energy_")
-    }
+    time, parts = _energies(history)
     error = parts.pop(ERROR, None)
+    mass_damping = parts.pop(MASS_DAMPING, None)
     largest = max((np.nanmax(np.abs(v)) for v in parts.values()), default=0.0)
     factor, unit = (1e3, "mJ") if largest < 1.0 else (1.0, "J")
     with matplotlib.rc_context(RC):
@@ -44,6 +45,9 @@ def draw_energy(path: Path | str, history: xr.Dataset, title: str = "") -> None:
             )
             label = "external work" if name == WORK else name.replace("_", " ")
             top.plot(time, factor * values, lw=1.5, label=label, **style)
+            if name == "damping" and mass_damping is not None:
+                style |= {"lw": 1.0, "ls": ":", "label": "of that mass damping"}
+                top.plot(time, factor * mass_damping, **style)
         top.set_ylabel(f"energy [{unit}]")
         top.tick_params(labelbottom=False)
         top.legend(loc="upper left", bbox_to_anchor=(1.02, 1.02))
@@ -56,12 +60,14 @@ def draw_energy(path: Path | str, history: xr.Dataset, title: str = "") -> None:
 
 
 def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
-    """Draw the force on every tool over the stroke of the punch, and over time with the travel."""
+    """Draw the force on every tool over the stroke of the punch, and over time with the travel.
+
+    Means over the intervals of the histories, with the largest force of single steps as a thin
+    line, where a result has them; else the forces of the frames.
+    """
     from matplotlib.patheffects import withStroke
 
-    time = 1e3 * history["time"].values
-    force = tool_force_magnitude(history)
-    travel = 1e3 * history["tool_travel"].values
+    time, travel, force, largest = _tool_curves(history)
     names = [str(name) for name in history["tool"].values]
     punch = punch_index(history)
     with matplotlib.rc_context(RC):
@@ -76,14 +82,18 @@ def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
             right.plot(time, force[:, tool], **line)
             if np.ptp(travel[:, tool]) > 0.0:
                 second.plot(time, travel[:, tool], color=colour, lw=1.0, ls=":")
-        peak = int(np.argmax(force[:, punch]))
+        if largest is not None:
+            left.plot(
+                travel[:, punch], largest[:, punch], color=INK, lw=0.5, alpha=0.5, zorder=1,
+                label=f"{names[punch]}, single steps",
+            )  # fmt: skip
+        place = _largest_force(history, punch)
         left.annotate(
-            f"{names[punch]}: max {force[peak, punch]:.3g} N",
-            (travel[peak, punch], force[peak, punch]), (-8, 3), textcoords="offset points",
+            f"{names[punch]}: max {place[1]:.3g} N", place, (-8, 3), textcoords="offset points",
             ha="right", fontsize=7.5, zorder=6,
             path_effects=[withStroke(linewidth=2.0, foreground="white")],
         )  # fmt: skip
-        left.plot(travel[peak, punch], force[peak, punch], "o", ms=3.5, color=INK, clip_on=False)
+        left.plot(*place, "o", ms=3.5, color=INK, clip_on=False)
         left.set_xlabel(f"travel of the {names[punch]} [mm]")
         left.set_ylabel("contact force [N]")
         left.legend(loc="upper left")
@@ -102,6 +112,41 @@ def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
         save(figure, path)
 
 
+def _energies(history: xr.Dataset) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return times [ms] and energies by name, of the histories or else of the frames."""
+    stem, clock = ("history_energy_", SAMPLE) if has_histories(history) else ("energy_", "time")
+    parts = {
+        str(name).removeprefix(stem): values.values
+        for name, values in history.data_vars.items()
+        if str(name).startswith(stem)
+    }
+    return 1e3 * history[clock].values, parts
+
+
+def _tool_curves(
+    history: xr.Dataset,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+    """Return times [ms], travel [mm], force and largest force of single steps [N] of the tools."""
+    if has_histories(history):
+        travel, largest = history["history_tool_travel"], history["history_tool_peak_force"]
+        return (
+            1e3 * history[SAMPLE].values, 1e3 * travel.values, mean_force(history), largest.values,
+        )  # fmt: skip
+    travel = history["tool_travel"]
+    return 1e3 * history["time"].values, 1e3 * travel.values, tool_force_magnitude(history), None
+
+
+def _largest_force(history: xr.Dataset, tool: int) -> tuple[float, float]:
+    """Return travel [mm] and size [N] of the force that the summary quotes."""
+    time, travel, force, _ = _tool_curves(history)
+    middle = time
+    if has_histories(history):
+        middle, force = quoted_force(history)
+        middle = 1e3 * middle
+    top = int(np.argmax(force[:, tool]))
+    return float(np.interp(middle[top], time, travel[:, tool])), float(force[top, tool])
+
+
 def _draw_ratios(axis, time, parts, error) -> None:
     internal = np.abs(parts.get("internal", np.full(len(time), np.nan)))
     largest = np.nanmax(internal) if np.isfinite(internal).any() else np.nan
@@ -114,8 +159,8 @@ def _draw_ratios(axis, time, parts, error) -> None:
             _draw_ratio(axis, time, 100.0 * share, SERIES[1], "|balance error| /\nlargest internal")
     axis.axhline(100.0 * QUASI_STATIC, color="#8a929c", lw=0.8, ls="--")
     axis.text(
-        0.995, 100.0 * QUASI_STATIC, "5 %", transform=axis.get_yaxis_transform(), ha="right",
-        va="bottom", fontsize=7, color="#6b737d",
+        0.995, 100.0 * QUASI_STATIC, f"{100.0 * QUASI_STATIC:g} %", ha="right", va="bottom",
+        transform=axis.get_yaxis_transform(), fontsize=7, color="#6b737d",
     )  # fmt: skip
     axis.set_yscale("log")
     axis.set_ylim(1e-4, 1e3)
@@ -125,7 +170,8 @@ def _draw_ratios(axis, time, parts, error) -> None:
 
 def _draw_ratio(axis, time, percent, colour, label) -> None:
     shown = np.where(percent > 0.0, percent, np.nan)
-    axis.plot(time, shown, color=colour, lw=1.3, marker="o", ms=2.2, label=label)
+    marker = "o" if len(time) <= FEW_POINTS else ""
+    axis.plot(time, shown, color=colour, lw=1.3, marker=marker, ms=2.2, label=label)
 
 
 def _finish(axis, x: np.ndarray) -> None:

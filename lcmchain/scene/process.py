@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from lcmchain.quantities.entry_types import Number, PositiveTime, Range, Rate, Switch
+from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range, Rate, Switch
 from lcmchain.quantities.scene_model import SceneModel
 
 
@@ -18,6 +18,13 @@ class Process(SceneModel):
         default=21, description="Saved frames, including the start."
     )
     mass_damping: Rate = Field(default="0 1/s", description="Mass-proportional damping.")  # type: ignore[assignment]
+    damping_average: Annotated[PositiveTime | None, AbsentMeans("none: all motion is damped")] = (
+        Field(
+            default=None,
+            description="Mass damping acts on a node's velocity relative to its mean over about "
+            "this time, so that steady drawing is not damped.",
+        )
+    )
     gravity: Switch = Field(default=False, description="9.81 m/s2 along -z on the blank.")
     step_safety: Annotated[float, Number(0.9, Range(0.0, 1.0, (0.0,)))] = Field(
         default=0.9, description="Fraction of the critical time step that is used."

@@ -21,7 +21,7 @@ from lcmchain.mesh.blank import Blank
 from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.mapping_target import MappingTarget
-from lcmchain.scene.output import Output
+from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, Output
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.presets import fill_preset
 from lcmchain.scene.process import Process
@@ -85,6 +85,11 @@ class Scene(SceneModel):
     def source(self) -> SceneSource:
         """Where the scene came from; empty for a scene built in Python."""
         return self._source or SceneSource(None, Path.cwd(), "", "")
+
+    @property
+    def history_interval(self) -> float:
+        """Time between two samples of the histories [s]."""
+        return self.output.history_interval or self.process.time / DEFAULT_SAMPLES
 
     @field_validator("material", mode="before")
     @classmethod
@@ -152,6 +157,11 @@ class Scene(SceneModel):
             raise wrong(
                 f'is {share:g}, but only law = "fabric" has fibres; leave it out',
                 field="element.fibre_hourglass",
+            )
+        if self.process.time > MOST_SAMPLES * self.history_interval:
+            raise wrong(
+                f"gives more than {MOST_SAMPLES:,} samples over process.time; use a longer one",
+                field="output.history_interval",
             )
         if self.material.thickness > min(self.blank.extent):
             raise wrong(

@@ -1,4 +1,8 @@
-"""Checkpoints: everything that a run needs to go on as if it had never stopped."""
+"""Checkpoints: everything that a run needs to go on as if it had never stopped.
+
+The state is written anew each time, the frames once each (:mod:`lcmchain.solver.frame_file`): a
+checkpoint takes the same time however many frames a run has saved.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +17,13 @@ import numpy as np
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.fingerprint import Fingerprint
+from lcmchain.solver.frame_file import FILE_NAME as FRAME_FILE_NAME
+from lcmchain.solver.frame_file import FrameFile
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
 FILE_NAME = "checkpoint.npz"
-FORMAT = 4
+FORMAT = 5
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,8 @@ class Checkpoint:
     """State, saved frames and bookkeeping of an unfinished run.
 
     ``fingerprint`` is that of the run (:func:`lcmchain.fingerprint.run_fingerprint`), ``wall_s``
-    the computing time spent so far, ``step_history`` the steps made under each cause.
+    the computing time spent so far, ``step_history`` the steps made under each cause,
+    ``frame_file`` where the first of the snapshots lie already.
     """
 
     fingerprint: Fingerprint
@@ -33,23 +40,26 @@ class Checkpoint:
     snapshots: list[Snapshot]
     wall_s: float
     step_history: dict[str, int]
+    frame_file: FrameFile
 
 
 def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
-    """Write ``checkpoint.npz`` into ``folder``, whole or not at all."""
+    """Write ``checkpoint.npz`` into ``folder``, whole or not at all, and further frames."""
+    snapshots, frame_file = checkpoint.snapshots, checkpoint.frame_file
+    frame_file.append([snapshot.arrays for snapshot in snapshots[frame_file.count :]])
     header = {
         "format": FORMAT,
         "fingerprint": checkpoint.fingerprint._asdict(),
         "wall_s": checkpoint.wall_s,
         "step_history": checkpoint.step_history,
-        "times": [s.time for s in checkpoint.snapshots],
-        "energies": [s.energy for s in checkpoint.snapshots],
+        "times": [s.time for s in snapshots],
+        "energies": [s.energy for s in snapshots],
+        "frame_names": sorted(snapshots[0].arrays),
+        "frame_bytes": frame_file.length,
     }
     arrays: dict[str, Any] = {
         f"state_{name}": array for name, array in checkpoint.state.as_dict().items()
     }
-    for name in checkpoint.snapshots[0].arrays:
-        arrays[f"frame_{name}"] = np.array([s.arrays[name] for s in checkpoint.snapshots])
     path = Path(folder) / FILE_NAME
     with replacing(path) as temporary:
         np.savez(temporary, header=np.array(json.dumps(header)), **arrays)
@@ -73,12 +83,11 @@ def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
             if header["format"] != FORMAT:
                 raise ValueError(f"format {header['format']} instead of {FORMAT}")
             state = State.from_arrays(_named(data, "state_"))
-            frames = _named(data, "frame_")
+            times = header["times"]
+            frame_file = FrameFile(folder, len(times), header["frame_bytes"])
+            frames = frame_file.read(header["frame_names"])
             snapshots = [
-                Snapshot(time, energy, {name: array[i] for name, array in frames.items()})
-                for i, (time, energy) in enumerate(
-                    zip(header["times"], header["energies"], strict=True)
-                )
+                Snapshot(*frame) for frame in zip(times, header["energies"], frames, strict=True)
             ]
             found = Fingerprint(**header["fingerprint"])
     except (OSError, EOFError, BadZipFile, ValueError, KeyError, TypeError) as error:
@@ -90,7 +99,7 @@ def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
             file=path,
         )
     return Checkpoint(
-        found, state, snapshots, float(header["wall_s"]), dict(header["step_history"])
+        found, state, snapshots, float(header["wall_s"]), dict(header["step_history"]), frame_file
     )
 
 
@@ -101,4 +110,5 @@ def _named(data, prefix: str) -> dict[str, np.ndarray]:
 
 def remove_checkpoint(folder: Path) -> None:
     """Remove the checkpoint of a run that is complete."""
-    (Path(folder) / FILE_NAME).unlink(missing_ok=True)
+    for name in (FILE_NAME, FRAME_FILE_NAME):
+        (Path(folder) / name).unlink(missing_ok=True)

@@ -16,7 +16,7 @@ import numpy as np
 from numba import literal_unroll, prange
 
 from lcmchain.effects.contact import normal_force
-from lcmchain.effects.damping import damped_velocity
+from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.friction import friction
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
@@ -32,6 +32,8 @@ from lcmchain.state import (
     LAST_STEP,
     MASS_DAMPING,
     NODE_CHUNK,
+    PEAK_FORCE,
+    PEAK_TIME,
     STEPS,
     TIME,
     TOOL_COLUMNS,
@@ -50,10 +52,11 @@ Arrays: Any = NamedTuple(  # type: ignore[misc]
 
 
 @routine
-def advance(arrays, bodies, tools, environment, supports, step_count, dt):
+def advance(arrays, bodies, tools, environment, supports, averaging, step_count, dt):
     """Make ``step_count`` steps of size ``dt`` [s].
 
-    ``bodies`` are those placed in the model; ``supports`` is a table or None.
+    ``bodies`` are those placed in the model; ``supports`` is a table or None; ``averaging`` is the
+    time over which the mean velocity is taken that damping leaves alone [s], or None.
     """
     clock = arrays.clock
     for _ in range(step_count):
@@ -65,10 +68,11 @@ def advance(arrays, bodies, tools, environment, supports, step_count, dt):
                 arrays.corner_force[body.first_force : body.last_force],
                 arrays.history[body.first_history : body.last_history],
             )
-        move_nodes(arrays, tools, environment, dt_last, dt)
+        move_nodes(arrays, tools, environment, averaging, dt_last, dt)
         add_chunk_sums(arrays)
         if supports is not None:
             move_supports(arrays, supports, environment, dt_last, dt)
+        add_tool_loads(arrays, clock[TIME], dt_last, dt)
         move_tools(arrays, tools, clock[TIME], dt_last, dt)
         clock[TIME] += dt
         clock[LAST_STEP] = dt
@@ -76,7 +80,7 @@ def advance(arrays, bodies, tools, environment, supports, step_count, dt):
 
 
 @kernel
-def move_nodes(arrays, tools, environment, dt_last, dt):
+def move_nodes(arrays, tools, environment, averaging, dt_last, dt):
     """Sum the forces on the nodes, and update velocities and positions."""
     node_count = arrays.mass.size
     for chunk in prange(arrays.chunk_sums.shape[0]):
@@ -87,7 +91,7 @@ def move_nodes(arrays, tools, environment, dt_last, dt):
         gather_internal_forces(arrays, first, last)
         for tool in range(tools.kind.size):
             add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, dt, sums)
-        integrate(arrays, environment, first, last, dt_last, dt, sums)
+        integrate(arrays, environment, averaging, first, last, dt_last, dt, sums)
 
 
 @routine
@@ -189,7 +193,7 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, d
 
 
 @routine
-def integrate(arrays, environment, first, last, dt_last, dt, sums):
+def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
     """Update velocity (to n + ½) and position (to n + 1), and sum the energies of the nodes.
 
     Components that are not free keep their position; supports move them afterwards.
@@ -205,13 +209,20 @@ def integrate(arrays, environment, first, last, dt_last, dt, sums):
             share = free[d, node]
             old = velocity[d, node]
             acceleration = force[d, node] / mass[node] + gravity
-            new = damped_velocity(old, acceleration, damping, interval)
+            undamped = 0.0
+            if averaging is not None:
+                undamped = arrays.mean_velocity[d, node]
+            new = undamped + damped_velocity(old - undamped, acceleration, damping, interval)
             velocity[d, node] = new if share > 0.0 else old
             position[d, node] += share * dt * new
             mean = 0.5 * (old + new)
             free_mass = share * mass[node]
             kinetic += 0.5 * free_mass * old * new
-            damped += damping * free_mass * mean * mean * interval
+            damped += damping * free_mass * (mean - undamped) * mean * interval
+            if averaging is not None:
+                arrays.mean_velocity[d, node] = averaged_velocity(
+                    undamped, mean, interval, averaging
+                )
             weight += free_mass * gravity * mean * interval
         sums[KINETIC] += kinetic
         sums[MASS_DAMPING] += damped
@@ -268,6 +279,25 @@ def add_chunk_sums(arrays):
 
 
 @routine
+def add_tool_loads(arrays, time, dt_last, dt):
+    """Sum the impulses [N s] of the tool forces, and keep the largest force of a step [N].
+
+    A force averaged over an interval is the difference of two impulses over its length.
+    """
+    interval = 0.5 * (dt_last + dt)
+    for tool in range(arrays.tool_force.shape[0]):
+        squared = 0.0
+        for d in range(3):
+            force = arrays.tool_force[tool, d]
+            arrays.tool_impulse[tool, d] += force * interval
+            squared += force * force
+        peak = arrays.tool_peak[tool]
+        if squared > peak[PEAK_FORCE] * peak[PEAK_FORCE]:
+            peak[PEAK_FORCE] = math.sqrt(squared)
+            peak[PEAK_TIME] = time
+
+
+@routine
 def move_tools(arrays, tools, time, dt_last, dt):
     """Update the travel of every tool: as prescribed, as driven, or by its equation of motion."""
     work = arrays.work
@@ -287,6 +317,7 @@ def move_tools(arrays, tools, time, dt_last, dt):
             work[KINETIC] += 0.5 * mass * old * new
             work[MASS_DAMPING] += tools.damping[tool] * mean * mean * interval
             work[EXTERNAL] += applied * mean * interval
+            arrays.tool_work[tool] -= contact * mean * interval
         else:
             if arrays.driven[tool] != 0:
                 displacement = dt * arrays.tool_input[tool, 0]
@@ -294,6 +325,8 @@ def move_tools(arrays, tools, time, dt_last, dt):
                 target, _ = prescribed_travel(tools, tool, time + dt)
                 displacement = target - arrays.tool_travel[tool]
             new = displacement / dt
-            work[EXTERNAL] -= contact * 0.5 * (old * dt_last + displacement)
+            on_sheets = -contact * 0.5 * (old * dt_last + displacement)
+            work[EXTERNAL] += on_sheets
+            arrays.tool_work[tool] += on_sheets
         arrays.tool_travel[tool] += displacement
         arrays.tool_velocity[tool] = new

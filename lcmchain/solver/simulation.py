@@ -12,7 +12,7 @@ import numpy as np
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model, build_model
-from lcmchain.solver import guards
+from lcmchain.solver import guards, histories
 from lcmchain.solver.contact_search import find_near_nodes
 from lcmchain.solver.loop import Arrays, advance
 from lcmchain.solver.recovery import diagnosis, halving_warnings
@@ -270,11 +270,13 @@ class Simulation:
     def make_steps(self, count: int, step: float) -> None:
         """Make ``count`` steps of ``step`` [s], stable or not, without another search for contact.
 
+        Samples of the histories that fall due on the way are taken; they change no step.
+
         Raises
         ------
         SimulationError : a position or velocity is no number any more.
         """
-        self._advance(count, step)
+        self._make_sampled(count, step)
         self._count_steps(count)
         guards.require_finite(self.model, self.state, f"The steps of {step:.3g} s were given")
 
@@ -287,14 +289,14 @@ class Simulation:
         """
         state, before = self.state, self._before
         before.set_to(state)
-        self._advance(count, step)
+        self._make_sampled(count, step)
         node = guards.lost_node(state)
         tried = f"after {MOST_HALVINGS} halvings of the step"
         if node is not None and before.counters[HALVINGS] < MOST_HALVINGS:
             tried = "with half the step as well"
             count, step = 2 * count, 0.5 * step
             state.set_to(before)
-            self._advance(count, step)
+            self._make_sampled(count, step)
             halvings = int(state.counters[HALVINGS])
             state.halvings[halvings] = (before.time, *before.position[:, node])
             state.counters[HALVINGS] += 1
@@ -307,6 +309,16 @@ class Simulation:
                 + diagnosis(self.model, state, self.energy(), count * step)
             )
         self._count_steps(count)
+
+    def _make_sampled(self, count: int, step: float) -> None:
+        """Make steps, and take the samples of the histories that fall due between them."""
+        made = 0
+        while made < count:
+            part = min(count - made, histories.steps_to_sample(self.model, self.state, step))
+            self._advance(part, step)
+            made += part
+            if histories.is_due(self.model, self.state, step):
+                histories.take_sample(self.state, self.energy())
 
     def _count_steps(self, count: int) -> None:
         history = self.control.history
@@ -343,6 +355,7 @@ class Simulation:
             model.tools,
             model.environment,
             model.supports,
+            model.averaging,
             step_count,
             float(step),
         )

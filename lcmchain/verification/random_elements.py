@@ -159,7 +159,9 @@ def separate_elements(
         nodes.reshape(-1, 3), np.arange(8 * count).reshape(count, 8), fibres, fibres, THICKNESS
     )
     contact = SimpleNamespace(penalty=1e9, tangential_ratio=0.5, damping_ratio=0.0)
-    process = SimpleNamespace(mass_damping=0.0, gravity=False, time=1.0, frames=2, step_safety=0.9)
+    process = SimpleNamespace(
+        mass_damping=0.0, damping_average=None, gravity=False, time=1.0, frames=2, step_safety=0.9
+    )
     return assemble_model(
         blank,
         material,

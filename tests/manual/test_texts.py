@@ -172,5 +172,5 @@ def test_the_tutorial_works_and_its_figures_are_true(tmp_path):
     assert f"{1e3 * summary['thickness_max_m']:.3f} mm" in text
     assert f"with {summary['punch_force_max_N']:.1f} N" in text
     assert summary["warnings"] == []
-    assert "524 inside, 52 projected" in printed
-    assert "524 have their centre within" in text and "52 are projected" in text
+    assert "528 inside, 48 projected" in printed
+    assert "528 have their centre within" in text and "48 are projected" in text

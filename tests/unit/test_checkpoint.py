@@ -11,7 +11,15 @@ from lcmchain.errors import InputError
 from lcmchain.fingerprint import Fingerprint, run_fingerprint
 from lcmchain.model import build_model
 from lcmchain.scene import Scene, scene_from_text
-from lcmchain.solver.checkpoint import FILE_NAME, Checkpoint, read_checkpoint, write_checkpoint
+from lcmchain.solver.checkpoint import (
+    FILE_NAME,
+    Checkpoint,
+    read_checkpoint,
+    remove_checkpoint,
+    write_checkpoint,
+)
+from lcmchain.solver.frame_file import FILE_NAME as FRAME_FILE_NAME
+from lcmchain.solver.frame_file import FrameFile
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
@@ -128,16 +136,16 @@ def state():
     return state
 
 
-def checkpoint(state, fingerprint=RUN):
+def checkpoint(state, folder, fingerprint=RUN, count=3):
     frames = [
         Snapshot(0.1 * k, {"a": k}, {name: array + k for name, array in state.frame().items()})
-        for k in range(3)
+        for k in range(count)
     ]
-    return Checkpoint(fingerprint, state, frames, 12.5, {"contact stiffness": 7})
+    return Checkpoint(fingerprint, state, frames, 12.5, {"contact stiffness": 7}, FrameFile(folder))
 
 
 def test_a_checkpoint_gives_back_what_was_written(state, tmp_path):
-    written = checkpoint(state)
+    written = checkpoint(state, tmp_path)
     write_checkpoint(tmp_path, written)
     read = read_checkpoint(tmp_path, RUN)
     for name, array in written.state.as_dict().items():
@@ -156,7 +164,7 @@ def test_a_checkpoint_gives_back_what_was_written(state, tmp_path):
     [("scene", "another scene"), ("files", "mesh files"), ("sources", "other source files")],
 )
 def test_a_foreign_checkpoint_is_refused(state, tmp_path, part, words):
-    write_checkpoint(tmp_path, checkpoint(state, RUN._replace(**{part: "foreign"})))
+    write_checkpoint(tmp_path, checkpoint(state, tmp_path, RUN._replace(**{part: "foreign"})))
     with pytest.raises(InputError, match=words) as caught:
         read_checkpoint(tmp_path, RUN)
     assert FILE_NAME in str(caught.value) and "--resume" in str(caught.value)
@@ -165,7 +173,7 @@ def test_a_foreign_checkpoint_is_refused(state, tmp_path, part, words):
 def test_a_run_refuses_a_foreign_checkpoint_before_any_work(state, tmp_path, monkeypatch):
     """Also where both scenes were built in Python and have no text."""
     monkeypatch.setattr(pipeline, "Simulation", SimpleNamespace(from_scene=None))
-    write_checkpoint(tmp_path, checkpoint(state, run_fingerprint(built())))
+    write_checkpoint(tmp_path, checkpoint(state, tmp_path, run_fingerprint(built())))
     other = built(process={"time": "20 ms"})
     with pytest.raises(InputError, match="another scene"):
         pipeline.run(other, tmp_path, resume=True)
@@ -173,7 +181,7 @@ def test_a_run_refuses_a_foreign_checkpoint_before_any_work(state, tmp_path, mon
 
 @pytest.mark.parametrize("damage", ["text", "empty", "cut", "format", "entry"])
 def test_a_broken_checkpoint_is_refused(state, tmp_path, damage):
-    path = write_checkpoint(tmp_path, checkpoint(state))
+    path = write_checkpoint(tmp_path, checkpoint(state, tmp_path))
     with np.load(path) as data:
         content = dict(data)
     header = json.loads(str(content["header"]))
@@ -189,3 +197,71 @@ def test_a_broken_checkpoint_is_refused(state, tmp_path, damage):
         np.savez(path, **content | {"header": np.array(json.dumps(header))})
     with pytest.raises(InputError, match="no readable checkpoint"):
         read_checkpoint(tmp_path, RUN)
+
+
+# --- frames ---------------------------------------------------------------------------------------
+
+
+def same_frames(read, written):
+    assert len(read.snapshots) == len(written.snapshots)
+    for one, other in zip(read.snapshots, written.snapshots, strict=True):
+        assert one.time == other.time
+        for name, array in other.arrays.items():
+            assert one.arrays[name].tobytes() == array.tobytes(), name
+
+
+def test_each_frame_is_written_once(state, tmp_path):
+    """The file that is written anew keeps its size, the other one grows by a frame."""
+    written = checkpoint(state, tmp_path, count=20)
+    later, sizes = list(written.snapshots), []
+    del written.snapshots[1:]
+    for count in (1, 10, 20):
+        written.snapshots[:] = later[:count]
+        before = (tmp_path / FRAME_FILE_NAME).stat().st_mtime_ns if count > 1 else 0
+        path = write_checkpoint(tmp_path, written)
+        sizes.append((path.stat().st_size, written.frame_file.length))
+        assert written.frame_file.count == count
+        assert (tmp_path / FRAME_FILE_NAME).stat().st_mtime_ns > before
+    assert sizes[2][0] - sizes[0][0] < 100 * 19  # times and energies of the frames
+    assert sizes[1][1] == 10 * sizes[0][1] and sizes[2][1] == 20 * sizes[0][1]
+    stamp = (tmp_path / FRAME_FILE_NAME).stat().st_mtime_ns
+    write_checkpoint(tmp_path, written)
+    assert (tmp_path / FRAME_FILE_NAME).stat().st_mtime_ns == stamp
+    same_frames(read_checkpoint(tmp_path, RUN), written)
+
+
+def test_what_a_killed_run_left_behind_the_last_checkpoint_is_cut_off(state, tmp_path):
+    written = checkpoint(state, tmp_path)
+    last = written.snapshots.pop()
+    write_checkpoint(tmp_path, written)
+    with open(tmp_path / FRAME_FILE_NAME, "ab") as file:
+        file.write(b"half a frame" * 1000)
+    read = read_checkpoint(tmp_path, RUN)
+    same_frames(read, written)
+    read.snapshots.append(last)
+    write_checkpoint(tmp_path, read)
+    assert (tmp_path / FRAME_FILE_NAME).stat().st_size == read.frame_file.length
+    written.snapshots.append(last)
+    same_frames(read_checkpoint(tmp_path, RUN), written)
+
+
+@pytest.mark.parametrize("damage", ["gone", "cut", "other"])
+def test_a_checkpoint_without_its_frames_is_refused(state, tmp_path, damage):
+    write_checkpoint(tmp_path, checkpoint(state, tmp_path))
+    path = tmp_path / FRAME_FILE_NAME
+    if damage == "gone":
+        path.unlink()
+    elif damage == "cut":
+        path.write_bytes(path.read_bytes()[:-30])
+    else:
+        with open(path, "wb") as file:
+            for _ in range(3 * len(state.frame())):
+                np.save(file, np.zeros(1))
+    with pytest.raises(InputError, match="no readable checkpoint"):
+        read_checkpoint(tmp_path, RUN)
+
+
+def test_a_complete_run_leaves_neither(state, tmp_path):
+    write_checkpoint(tmp_path, checkpoint(state, tmp_path))
+    remove_checkpoint(tmp_path)
+    assert list(tmp_path.iterdir()) == []

@@ -13,7 +13,7 @@ from lcmchain.fields import read_forming
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
-from lcmchain.solver.checkpoint import FILE_NAME
+from lcmchain.solver.checkpoint import FILE_NAME, FRAME_FILE_NAME
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools import ToolWarning
 
@@ -103,7 +103,8 @@ def test_resume_maps_without_forming_again(failed, folder, tmp_path, monkeypatch
     write_square(tmp_path / "near.vtu", 0.0)
     again = tmp_path / "again"
     again.mkdir()
-    (again / FILE_NAME).write_bytes((out / FILE_NAME).read_bytes())
+    for name in (FILE_NAME, FRAME_FILE_NAME):
+        (again / name).write_bytes((out / name).read_bytes())
 
     def advance_to(*arguments):
         raise AssertionError("formed again")

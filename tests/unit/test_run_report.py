@@ -14,6 +14,8 @@ SUMMARY = {
     "fibre_volume_fraction_max": 0.4567,
     "fibre_strain_max": 0.00123,
     "punch_force_max_N": 123.456,
+    "process_time_s": 0.05,
+    "process_time_needed_s": {"least_s": 0.0536, "sufficient_s": 0.277},
     "balance_error_max": 0.00345,
     "kinetic_to_internal_end": 0.0123,
     "step_count": 12345,
@@ -42,6 +44,7 @@ SUMMARY = {
         ("fibre volume fraction", "up to 0.457"),
         ("fibre strain", "up to 0.12%"),
         ("largest punch force", "123.5 N"),
+        ("process time", "50 ms; the sheet needs at least 53.6 ms, and 277 ms to be safe"),
         (
             "energy balance",
             "off by 0.34% of the largest internal energy; kinetic 1.23% of the internal energy at "
@@ -55,6 +58,22 @@ SUMMARY = {
 )
 def test_rows_are_the_numbers_of_the_summary(name, text):
     assert dict(summary_rows(SUMMARY))[name] == text
+
+
+def test_the_punch_force_says_what_damping_and_inertia_take_of_it():
+    parts = {"force_N": 120.0, "damping_N": 6.543, "inertia_N": -1.2345}
+    more = {
+        "punch": "press",
+        "punch_force_peak_N": 150.04,
+        "tool_loads": {"die": {}, "press": {"parts_at_maximum": parts}},
+    }
+    assert dict(summary_rows(SUMMARY | more))["largest punch force"] == (
+        "123.5 N as a mean, 150 N in a single step; around it mass damping takes 6.54 N and "
+        "inertia -1.23 N of 120 N"
+    )
+    still = more | {"tool_loads": {"press": {}}}
+    found = dict(summary_rows(SUMMARY | still))["largest punch force"]
+    assert found == "123.5 N as a mean, 150 N in a single step"
 
 
 def test_every_warning_is_said():

@@ -208,6 +208,35 @@ def test_mass_damping_slows_motion_exponentially():
     assert abs(balance["balance_error"]) < 1e-3 * energy
 
 
+def test_damping_of_the_unsteady_motion_leaves_a_steady_one():
+    """v' = -α (v - w), τ w' = v - w from v = 1, w = 0: v - w dies out, and v goes to 1/(1 + α τ).
+
+    What is lost went into the companion, ½ α τ m w², and into the dashpot.
+    """
+    rate, time = 200.0, 5e-3
+    table = f'[process]\nmass_damping = "{rate} 1/s"\ndamping_average = "{time} s"'
+    sim = simulation(SHEET.replace("[process]", table))
+    sim.state.velocity[0] = 1.0
+    energy = 0.5 * sim.model.nodes.mass.sum()
+    sim.state.work[EXTERNAL] = energy
+    sim.advance_to(2e-3)
+    difference = np.exp(-(rate + 1.0 / time) * 2e-3)
+    speed = 1.0 - rate / (rate + 1.0 / time) * (1.0 - difference)
+    np.testing.assert_allclose(sim.state.velocity[0], speed, rtol=1e-3)
+    np.testing.assert_allclose(sim.state.mean_velocity[0], speed - difference, rtol=1e-3)
+    sim.advance_to(0.1)
+    np.testing.assert_allclose(sim.state.velocity[0], 1.0 / (1.0 + rate * time), rtol=1e-3)
+    balance = sim.energy()
+    lost = energy * (1.0 - 1.0 / (1.0 + rate * time) ** 2)
+    assert balance["damping"] == pytest.approx(lost, rel=2e-3)
+    assert abs(balance["balance_error"]) < 1e-3 * energy
+
+
+def test_without_mass_damping_no_mean_velocity_is_kept():
+    table = '[process]\ndamping_average = "1 ms"'
+    assert simulation(SHEET.replace("[process]", table)).state.mean_velocity.shape == (3, 0)
+
+
 # --- landing on times, repeats --------------------------------------------------------------------
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -11,10 +12,10 @@ import time
 import numpy as np
 import pytest
 
-from lcmchain.fields import read_forming
+from lcmchain.fields import read_forming, read_group
 from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
-from lcmchain.solver.checkpoint import FILE_NAME
+from lcmchain.solver.checkpoint import FILE_NAME, FRAME_FILE_NAME
 
 SCENE = """
 title = "small cup"
@@ -57,13 +58,22 @@ def scene_file(tmp_path_factory):
 def plain(scene_file, tmp_path_factory):
     folder = tmp_path_factory.mktemp("plain")
     run(read_scene(scene_file), folder, threads=2)
-    return read_forming(folder / "forming.nc")
+    return folder
 
 
-def assert_same_bits(one, other):
-    assert set(one.data_vars) == set(other.data_vars)
-    for name in one.data_vars:
-        assert one[name].values.tobytes() == other[name].values.tobytes(), name
+def assert_same_bits(folder, plain):
+    """Of fields and of histories."""
+    for group in ("/", "history"):
+        one, other = (read_group(path / "forming.nc", group) for path in (folder, plain))
+        assert set(one.variables) == set(other.variables)
+        for name in one.variables:
+            assert one[name].values.tobytes() == other[name].values.tobytes(), name
+    assert one.sizes["history_time"] == 200
+    for entry in ("punch_force_max_N", "punch_force_peak_N", "tool_loads", "energy", "warnings"):
+        found, expected = (
+            json.loads((path / "summary.json").read_text())[entry] for path in (folder, plain)
+        )
+        assert found == expected, entry
 
 
 def command(scene_file, folder, *options):
@@ -92,12 +102,13 @@ def test_killed_and_resumed_run_is_bit_identical(scene_file, plain, tmp_path, nu
     assert not (tmp_path / "forming.nc").exists()
 
     subprocess.run(command(scene_file, tmp_path, "--resume"), check=True)
-    assert_same_bits(read_forming(tmp_path / "forming.nc"), plain)
+    assert_same_bits(tmp_path, plain)
+    assert not checkpoint.exists() and not (tmp_path / FRAME_FILE_NAME).exists()
 
 
 def test_one_and_two_threads_give_the_same_bits(scene_file, plain, tmp_path):
     run(read_scene(scene_file), tmp_path, threads=1)
-    assert_same_bits(read_forming(tmp_path / "forming.nc"), plain)
+    assert_same_bits(tmp_path, plain)
 
 
 def test_resume_without_or_with_a_broken_checkpoint_is_refused(scene_file, tmp_path):

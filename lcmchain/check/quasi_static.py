@@ -1,0 +1,215 @@
+"""Whether a process is slow enough to be quasi-static: what the sheet needs, and what a run did.
+
+A shear wave crosses a sheet of length L at c = sqrt(G/ρ), so that its slowest shear vibration with
+free edges has the period 2 L/c. G is the tangent of the shear law: at rest, and where the law is
+softest, since that is where a fast process makes shear bands. The load should take at least three
+to five periods.
+Source: Timoshenko, Young, Weaver, "Vibration Problems in Engineering", section 5.1 (period of a bar
+with free ends); Ansys LS-DYNA course "Quasi-static response of explicit analysis" (three to five
+natural periods).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.fields.loads import exceeded_over, has_histories
+from lcmchain.materials.law import Material
+from lcmchain.model import Model
+from lcmchain.scene import Scene
+from lcmchain.tools.motion import GUIDED
+
+PERIODS = (3, 5)
+# Shear angle up to which the softest tangent of the law is looked for.
+LARGEST_SHEAR_ANGLE = math.radians(45.0)
+
+# Above these a run is not quasi-static enough, or not resolved, and its summary says so.
+LARGEST_KINETIC_PART = 0.1  # of the internal energy,
+LONGEST_DYNAMIC_PART = 0.1  # over this part of the stroke
+LARGEST_DAMPING_PART = 0.05  # of the external work
+LARGEST_HOURGLASS_PART = 0.05  # of the internal energy
+
+
+@dataclass(frozen=True)
+class ProcessTime:
+    """What the process time of a sheet is to be compared with [s].
+
+    period, softened_period : of the slowest shear vibration at rest and at the softest shear.
+    holder_periods : of each guided tool that bounces on the thickness of the sheet, by its name.
+    """
+
+    period: float
+    softened_period: float
+    holder_periods: Mapping[str, float]
+
+    @property
+    def least(self) -> float:
+        """Below this the process is dynamic [s]: some periods of the sheet at rest."""
+        return PERIODS[0] * self.period
+
+    @property
+    def sufficient(self) -> float:
+        """From here on it is quasi-static also where the sheet has softened [s]."""
+        return PERIODS[1] * self.softened_period
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the entries of ``summary.json``."""
+        return {
+            "shear_period_s": self.period,
+            "shear_period_softened_s": self.softened_period,
+            "least_s": self.least,
+            "sufficient_s": self.sufficient,
+        }
+
+
+def shear_wave_speeds(material: Material) -> tuple[float, float]:
+    """Return the speed of shear waves in the plane [m/s], at rest and where shear is softest."""
+    angles = np.linspace(0.0, LARGEST_SHEAR_ANGLE, 91)
+    strain = np.zeros((angles.size, 6))
+    strain[:, 3] = np.sin(angles)
+    modulus = material.stress_and_tangent(strain)[1][:, 3, 3]
+    softest = modulus[modulus > 0.0].min()
+    return math.sqrt(modulus[0] / material.density), math.sqrt(softest / material.density)
+
+
+def process_time_needed(model: Model) -> ProcessTime:
+    """Return the periods of the slowest sheet of a model, and of the tools that rest on it."""
+    periods, softened = [], []
+    for body in model.bodies:
+        length = float(np.ptp(body.mesh.node_positions[:, :2], axis=0).max())
+        speed, soft_speed = shear_wave_speeds(body.material)
+        periods.append(2.0 * length / speed)
+        softened.append(2.0 * length / soft_speed)
+    return ProcessTime(max(periods), max(softened), _holder_periods(model))
+
+
+def _holder_periods(model: Model) -> dict[str, float]:
+    """Return 2π sqrt(m/k), k from the thickness stiffness of the whole blank."""
+    found = {}
+    body = model.bodies[0]
+    area = float(np.sum(body.mesh.element_areas))
+    stiffness = body.material.wave_stiffness()[1] * area / body.material.thickness
+    for tool, name in enumerate(model.tool_names):
+        if model.tools.motion_kind[tool] == GUIDED:
+            mass = float(model.tools.mass[tool])
+            found[name] = 2.0 * math.pi * math.sqrt(mass / stiffness)
+    return found
+
+
+def quasi_static_measures(
+    history: xr.Dataset, energy: Mapping[str, float], punch: int | None
+) -> dict[str, float]:
+    """Return what inertia, damping and hourglass terms took, under the names of ``summary.json``.
+
+    Parameters
+    ----------
+    history : of the result; without histories the kinetic energy is left out.
+    energy : of the last frame [J].
+    punch : tool whose travel is the stroke, None for a scene without tools.
+    """
+    external, internal = abs(energy["external"]), energy["internal"]
+    measures = {
+        "damping_to_external": energy["damping"] / external if external else 0.0,
+        "hourglass_to_internal": energy["hourglass"] / internal if internal > 0.0 else 0.0,
+    }
+    if has_histories(history):
+        mass_damping = float(history["history_energy_mass_damping"].values[-1])
+        measures |= {
+            "mass_damping_to_external": mass_damping / external if external else 0.0,
+            "kinetic_to_internal_over_tenth_of_stroke": exceeded_over(
+                history, punch, LONGEST_DYNAMIC_PART
+            ),
+        }
+    return measures
+
+
+def quasi_static_warnings(
+    measures: Mapping[str, float], scene: Scene, needed: ProcessTime
+) -> list[str]:
+    """Say in words what inertia, damping and hourglass terms spoil, and which entry cures it.
+
+    measures : from :func:`quasi_static_measures`; needed : from :func:`process_time_needed`.
+    """
+    return [
+        *_inertia(measures, scene, needed),
+        *_damping(measures, scene),
+        *_hourglass(measures, scene),
+    ]
+
+
+def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> list[str]:
+    ratio = measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0)
+    if ratio <= LARGEST_KINETIC_PART:
+        return []
+    # at a given shape the kinetic energy falls with the square of the process time; a process that
+    # is much too fast has another shape
+    time = max(scene.process.time * math.sqrt(ratio / LARGEST_KINETIC_PART), needed.least)
+    return [
+        f"the kinetic energy exceeds {ratio:.0%} of the internal energy over a tenth of the stroke "
+        f"(quasi-static: below {LARGEST_KINETIC_PART:.0%}), so that inertia is part of forces and "
+        f"shape; use process.time = {milliseconds(time)} or more"
+    ]
+
+
+def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
+    part = measures["damping_to_external"]
+    if part <= LARGEST_DAMPING_PART:
+        return []
+    by_mass = measures.get("mass_damping_to_external", part)
+    text = (
+        f"damping takes {part:.1%} of the external work (quasi-static: below "
+        f"{LARGEST_DAMPING_PART:.0%}), which the tools' forces are too high by"
+    )
+    rate = scene.process.mass_damping
+    if by_mass < 0.5 * part:
+        return [f"{text}, most of it in contacts; use a longer process.time, or a lower "
+                "contact.damping_ratio"]  # fmt: skip
+    if rate == 0.0:
+        return [f"{text}, most of it in tools.motion.damping; lower it"]
+    # the work of mass damping grows with its rate, and falls with the process time
+    excess = part * (1.0 - LARGEST_DAMPING_PART) / (LARGEST_DAMPING_PART * (1.0 - part))
+    return [
+        f"{text}; use process.time = {milliseconds(scene.process.time * excess)}, or, if the sheet "
+        f'stays calm, process.mass_damping = "{two_digits(rate / excess)} 1/s"'
+    ]
+
+
+def _hourglass(measures: Mapping[str, float], scene: Scene) -> list[str]:
+    part = measures["hourglass_to_internal"]
+    if part <= LARGEST_HOURGLASS_PART:
+        return []
+    edge = 1e3 * scene.blank.edge_length * math.sqrt(LARGEST_HOURGLASS_PART / part)
+    return [
+        f"the hourglass energy is {part:.1%} of the internal energy (resolved: below "
+        f'{LARGEST_HOURGLASS_PART:.0%}); use blank.edge_length = "{two_digits(edge)} mm"'
+    ]
+
+
+def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
+    """Say where the process is faster than the sheet can follow."""
+    moved = scene.process.gravity or any(tool.motion.moves for tool in scene.tools)
+    if not moved or scene.process.time >= needed.least:
+        return []
+    return [
+        f"process.time = {milliseconds(scene.process.time)} is shorter than {PERIODS[0]} periods "
+        f"of the slowest shear vibration of the sheet ({1e3 * needed.period:.3g} ms each): inertia "
+        "will be part of forces and shape; use process.time = "
+        f"{milliseconds(needed.least)} or more"
+    ]
+
+
+def milliseconds(time: float) -> str:
+    """Return a time as an entry of a scene, rounded up to two digits."""
+    return f'"{-float(two_digits(-1e3 * time)):g} ms"'
+
+
+def two_digits(value: float) -> str:
+    """Return a number rounded down to two digits (up if it is negative)."""
+    unit = 10.0 ** (math.floor(math.log10(abs(value))) - 1)
+    return f"{math.floor(value / unit + 1e-6) * unit:g}"

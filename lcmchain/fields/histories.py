@@ -1,0 +1,70 @@
+"""Histories of a run as arrays: tool forces, travel and work, and energies, at their interval."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lcmchain.state import SAMPLE_COLUMNS, SAMPLED_ENERGIES, SAMPLES, TOOL_SAMPLE_COLUMNS
+
+if TYPE_CHECKING:
+    from lcmchain.model import Model
+    from lcmchain.state import State
+
+
+@dataclass(frozen=True)
+class Histories:
+    """Samples of a run; a quantity of an interval is that of the interval that ends at its sample.
+
+    Parameters
+    ----------
+    time : of the samples [s], shape (H,).
+    tool_travel : along each tool's direction [m], shape (H, T).
+    tool_force : of the sheets on each tool [N], shape (H, T, 3): the mean over the interval, its
+        impulse divided by its length.
+    tool_peak_force : largest magnitude of that force in a step of the interval [N], shape (H, T).
+    tool_peak_time : of that step [s], shape (H, T).
+    tool_work : of each tool on the sheets since the start [J], shape (H, T).
+    energy : parts of the energy balance [J] by name, each of shape (H,); ``mass_damping`` is the
+        part of ``damping`` that is not contact damping.
+    """
+
+    time: np.ndarray
+    tool_travel: np.ndarray
+    tool_force: np.ndarray
+    tool_peak_force: np.ndarray
+    tool_peak_time: np.ndarray
+    tool_work: np.ndarray
+    energy: Mapping[str, np.ndarray]
+
+    @classmethod
+    def from_state(cls, model: Model, state: State) -> Histories:
+        """Return the samples taken so far.
+
+        A step's forces act from the middle of the step before to its own middle: the impulses
+        belong to the times half a step before the samples.
+        """
+        rows = state.samples[: state.counters[SAMPLES]]
+        own = len(SAMPLE_COLUMNS)
+        common = dict(zip(SAMPLE_COLUMNS, rows[:, :own].T.copy(), strict=True))
+        shape = len(rows), len(model.tool_names), len(TOOL_SAMPLE_COLUMNS)
+        columns = np.moveaxis(rows[:, own:].reshape(shape), -1, 0)
+        tools = dict(zip(TOOL_SAMPLE_COLUMNS, columns, strict=True))
+        impulse = np.stack([tools[f"impulse_{axis}"] for axis in "xyz"], axis=-1)
+        middle = common["time"] - 0.5 * common["last_step"]
+        length = np.diff(middle, prepend=0.0)[:, None, None]
+        energies = set(SAMPLED_ENERGIES)
+        if not model.history_size:
+            energies.discard("inelastic")
+        return cls(
+            time=common["time"],
+            tool_travel=tools["travel"],
+            tool_force=np.diff(impulse, axis=0, prepend=0.0) / length,
+            tool_peak_force=tools["peak_force"],
+            tool_peak_time=tools["peak_time"],
+            tool_work=tools["work"],
+            energy={name: common[name] for name in SAMPLED_ENERGIES if name in energies},
+        )

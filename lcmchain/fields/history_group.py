@@ -1,0 +1,130 @@
+"""The group ``/history`` of a forming result: what the frames hold of it, and the histories."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.fields.frames import FrameSeries
+from lcmchain.fields.histories import Histories
+from lcmchain.fields.table import Field
+from lcmchain.fields.ugrid import FRAME, Variable, frame_time
+
+HISTORY = "/history"
+
+#: Dimension of the samples of histories, and the coordinate that gives their times.
+SAMPLE = "history_time"
+
+_HISTORY = "history"
+_FIELDS = (
+    Field(
+        "history_tool_force",
+        "N",
+        "mean force of the sheets on the tool",
+        _HISTORY,
+        "mean over the interval that ends here: the impulse of the contact forces of all its "
+        "steps, divided by its length",
+        is_vector=True,
+    ),
+    Field(
+        "history_tool_peak_force",
+        "N",
+        "largest force of a step",
+        _HISTORY,
+        "largest magnitude of the force of the sheets on the tool in a single step of the interval",
+    ),
+    Field(
+        "history_tool_peak_time",
+        "s",
+        "time of the largest force of a step",
+        _HISTORY,
+        "when that step was",
+    ),
+    Field(
+        "history_tool_travel",
+        "m",
+        "travel of the tool",
+        _HISTORY,
+        "along its direction, since the start",
+    ),
+    Field(
+        "history_tool_work",
+        "J",
+        "work of the tool on the sheets",
+        _HISTORY,
+        "work of its contact forces since the start",
+    ),
+)
+
+#: Every field of the histories by name, the energies excepted.
+HISTORY_FIELDS: dict[str, Field] = {field.name: field for field in _FIELDS}
+
+
+def history_dataset(frames: FrameSeries, histories: Histories | None = None) -> xr.Dataset:
+    """Return the group: energies and tools at the frames, and the histories at their own times.
+
+    Variables of the histories begin with ``history_`` and have the dimension ``history_time``.
+    """
+    variables = _of_frames(frames)
+    if histories is not None and histories.time.size:
+        variables |= _of_histories(histories)
+    dataset = xr.Dataset(variables, attrs={"Conventions": "CF-1.11"})
+    return dataset.set_coords([name for name in ("time", SAMPLE) if name in variables])
+
+
+def _of_frames(frames: FrameSeries) -> dict[str, Variable]:
+    variables: dict[str, Variable] = {
+        "time": frame_time(frames.time),
+        "tool": (
+            "tool",
+            np.array(frames.tool_names, dtype=str),
+            {"long_name": "name of the tool"},
+        ),
+        "tool_travel": (
+            (FRAME, "tool"),
+            np.array(frames.tool_travel, dtype=float),
+            {"units": "m", "long_name": "travel of the tool along its direction"},
+        ),
+    }
+    for axis, values in zip("xyz", np.moveaxis(frames.tool_force, -1, 0), strict=True):
+        variables[f"tool_force_{axis}"] = (
+            (FRAME, "tool"),
+            np.array(values, dtype=float),
+            {
+                "units": "N",
+                "long_name": f"force of the blank on the tool, {axis} component",
+                "comment": "of the frame's last step alone",
+            },
+        )
+    for name, values in frames.energy.items():
+        variables[f"energy_{name}"] = FRAME, np.array(values, dtype=float), _energy_attributes(name)
+    return variables
+
+
+def _of_histories(histories: Histories) -> dict[str, Variable]:
+    variables: dict[str, Variable] = {
+        SAMPLE: (
+            SAMPLE,
+            histories.time,
+            {"units": "s", "long_name": "end of the interval of a sample", "axis": "T"},
+        )
+    }
+    for name, values in (
+        ("history_tool_force", histories.tool_force),
+        ("history_tool_peak_force", histories.tool_peak_force),
+        ("history_tool_peak_time", histories.tool_peak_time),
+        ("history_tool_travel", histories.tool_travel),
+        ("history_tool_work", histories.tool_work),
+    ):
+        field = HISTORY_FIELDS[name]
+        columns = np.moveaxis(values, -1, 0) if field.is_vector else (values,)
+        for variable, column in zip(field.variables, columns, strict=True):
+            attributes = field.attributes(variable)
+            variables[variable] = (SAMPLE, "tool"), np.ascontiguousarray(column), attributes
+    for name, values in histories.energy.items():
+        variables[f"history_energy_{name}"] = SAMPLE, values, _energy_attributes(name)
+    return variables
+
+
+def _energy_attributes(name: str) -> dict[str, str]:
+    return {"units": "J", "long_name": f"{name.replace('_', ' ')} (energy balance)"}

@@ -1,0 +1,170 @@
+"""What tools press with, and what of it strains the sheet: from the histories of a result.
+
+The force of a tool along its direction, averaged over a piece of its travel, is its work over the
+length of that piece. The energy balance splits that work exactly: what is stored in or taken by the
+sheet, friction, contact, damping, motion (inertia), the work of the other tools, of weight and of
+supports, and the error of the balance, each over the same length. A quasi-static process has no
+damping and no inertia; their parts are what the force is too high by, as long as they do not change
+the shape.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.fields.history_group import SAMPLE
+from lcmchain.fields.sheet import vector
+
+# Interval over which forces are averaged to be quoted, relative to the time of the process, and
+# travel over which their parts are, relative to the stroke: long enough for a single snap or wave
+# to average out, whatever the interval of the histories.
+WINDOW = 0.05
+# Travel below which the work of a tool says nothing about its force, relative to the largest one.
+LEAST_TRAVEL = 1e-3
+
+#: Parts of the force of a tool, and the energies that they follow from, with their signs.
+PARTS = {
+    "sheet_N": ("internal", "hourglass", "inelastic"),
+    "friction_N": ("friction",),
+    "contact_N": ("contact", "contact_damping"),
+    "damping_N": ("mass_damping",),
+    "inertia_N": ("kinetic",),
+}
+
+
+def has_histories(history: xr.Dataset) -> bool:
+    """Tell whether a result has histories; one of frames alone has none."""
+    return SAMPLE in history.dims
+
+
+def mean_force(history: xr.Dataset) -> np.ndarray:
+    """Return the magnitude of the mean force on each tool over each interval [N], (H, T)."""
+    return np.linalg.norm(vector(history, "history_tool_force"), axis=-1)
+
+
+def quoted_force(history: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean force on each tool over ``WINDOW`` of the process before each sample [N].
+
+    Returns
+    -------
+    Times of the middle of each interval (N,) [s], and magnitudes (N, T) [N]. An interval is made of
+    whole samples; one that the process has not reached yet is left out.
+    """
+    time = np.append(0.0, history[SAMPLE].values)
+    weighted = vector(history, "history_tool_force") * np.diff(time)[:, None, None]
+    impulse = np.concatenate([np.zeros((1, *weighted.shape[1:])), np.cumsum(weighted, axis=0)])
+    # samples lie up to half a step beside the multiples of their interval
+    slack = 0.1 * float(np.diff(time).min())
+    first = np.searchsorted(time, time - WINDOW * time[-1] + slack, side="right") - 1
+    last = np.flatnonzero(first >= 0)
+    first = first[last]
+    length = time[last] - time[first]
+    mean = (impulse[last] - impulse[first]) / length[:, None, None]
+    return 0.5 * (time[first] + time[last]), np.linalg.norm(mean, axis=-1)
+
+
+def tool_loads(history: xr.Dataset) -> dict[str, dict]:
+    """Return the forces of every tool under the names of ``summary.json``.
+
+    Returns
+    -------
+    For each tool ``force_max_N``, the largest mean over an interval of ``WINDOW`` of the process,
+    with ``force_max_time_s``, its middle; ``force_end_N``, the mean over the last such interval;
+    ``force_peak_N`` of a single step with ``force_peak_time_s``; ``work_J`` on the sheets. For a
+    tool that moves the sheets,
+    ``parts_at_maximum`` and ``parts_over_stroke``: the force along its direction, averaged over the
+    travel around its maximum and over all of it, and the parts that make it up [N].
+    """
+    time = history[SAMPLE].values
+    middle, force = quoted_force(history)
+    peak, peak_time = (history[f"history_tool_peak_{name}"].values for name in ("force", "time"))
+    work = history["history_tool_work"].values
+    travel = history["history_tool_travel"].values
+    reach = np.abs(travel).max(initial=0.0)
+    loads: dict[str, dict] = {}
+    for tool, name in enumerate(str(name) for name in history["tool"].values):
+        top, highest = int(np.argmax(force[:, tool])), int(np.argmax(peak[:, tool]))
+        loads[name] = {
+            "force_max_N": float(force[top, tool]),
+            "force_max_time_s": float(middle[top]),
+            "force_end_N": float(force[-1, tool]),
+            "force_peak_N": float(peak[highest, tool]),
+            "force_peak_time_s": float(peak_time[highest, tool]),
+            "work_J": float(work[-1, tool]),
+        }
+        if np.ptp(travel[:, tool], axis=0) > LEAST_TRAVEL * reach and work[-1, tool] > 0.0:
+            first, last = _around(travel[:, tool], int(np.searchsorted(time, middle[top])))
+            loads[name]["parts_at_maximum"] = force_parts(history, tool, first, last)
+            loads[name]["parts_over_stroke"] = force_parts(history, tool, -1, len(time) - 1)
+    return loads
+
+
+def force_parts(history: xr.Dataset, tool: int, first: int, last: int) -> dict[str, float]:
+    """Return the force of a tool along its direction and its parts [N], between two samples.
+
+    Parameters
+    ----------
+    first, last : samples at the ends of the piece of the stroke; ``first`` = -1 is the start.
+    """
+
+    def gain(values: np.ndarray) -> float:
+        return float(values[last] - (values[first] if first >= 0 else 0.0))
+
+    energy = {
+        str(name).removeprefix("history_energy_"): gain(values.values)
+        for name, values in history.data_vars.items()
+        if str(name).startswith("history_energy_")
+    }
+    energy["contact_damping"] = energy["damping"] - energy["mass_damping"]
+    work = gain(history["history_tool_work"].values[:, tool])
+    travel = gain(history["history_tool_travel"].values[:, tool])
+    parts = {
+        part: sum(energy.get(name, 0.0) for name in names) / travel for part, names in PARTS.items()
+    }
+    return {
+        "force_N": work / travel,
+        **parts,
+        "others_N": (work - energy["external"]) / travel,
+        "balance_error_N": -energy["balance_error"] / travel,
+    }
+
+
+def _around(travel: np.ndarray, sample: int) -> tuple[int, int]:
+    """Return the samples at the ends of the travel of ``WINDOW`` of the stroke around a sample."""
+    reach = 0.5 * WINDOW * float(np.ptp(np.append(travel, 0.0)))
+    far = np.abs(travel - travel[sample]) >= reach
+    before, after = np.flatnonzero(far[:sample]), np.flatnonzero(far[sample:])
+    first = int(before[-1]) if before.size else -1
+    last = sample + int(after[0]) if after.size else len(travel) - 1
+    return first, last
+
+
+def kinetic_to_internal(history: xr.Dataset) -> np.ndarray:
+    """Return the kinetic over the internal energy, hourglass included, of every sample, (H,).
+
+    It is 0 where the sheet is not strained at all.
+    """
+    internal = (
+        history["history_energy_internal"].values + history["history_energy_hourglass"].values
+    )
+    kinetic = history["history_energy_kinetic"].values
+    return np.divide(kinetic, internal, out=np.zeros_like(kinetic), where=internal > 0.0)
+
+
+def exceeded_over(history: xr.Dataset, tool: int | None, part: float) -> float:
+    """Return the ratio of kinetic to internal energy that a part of the stroke exceeds.
+
+    Parameters
+    ----------
+    tool : whose travel is the stroke; None, or one that does not move, takes the time.
+    part : of the stroke, 0 to 1.
+    """
+    progress = np.abs(np.diff(history["history_tool_travel"].values, axis=0, prepend=0.0))
+    steps = progress[:, tool] if tool is not None else np.zeros(0)
+    if not steps.any():
+        steps = np.diff(history[SAMPLE].values, prepend=0.0)
+    ratio = kinetic_to_internal(history)
+    order = np.argsort(-ratio, kind="stable")
+    gone = np.cumsum(steps[order])
+    return float(ratio[order][np.searchsorted(gone, part * gone[-1], side="right")])

@@ -1,0 +1,60 @@
+"""Histories: energies, and travel, work and impulse of the tools, sampled at an interval.
+
+The samples are rows of the state, so that checkpoints, saved states and rollback hold them. They
+are taken at the steps nearest to the multiples of the interval: no step is changed for them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from lcmchain.model import Model
+from lcmchain.state import (
+    MASS_DAMPING,
+    SAMPLE_COLUMNS,
+    SAMPLED_ENERGIES,
+    SAMPLES,
+    TOOL_SAMPLE_COLUMNS,
+    State,
+)
+
+
+def next_sample_time(model: Model, state: State) -> float:
+    """Return when the next sample is due [s], infinite where no row is left."""
+    row = int(state.counters[SAMPLES])
+    if row == model.sample_count:
+        return math.inf
+    return min((row + 1) * model.history_interval, model.process_time)
+
+
+def is_due(model: Model, state: State, step: float) -> bool:
+    """Tell whether no later step of this size [s] ends nearer to the time of the next sample."""
+    return next_sample_time(model, state) - state.time <= 0.5 * step
+
+
+def steps_to_sample(model: Model, state: State, step: float) -> int:
+    """Return the number of steps [s] after which the next sample is due, at least one."""
+    ahead = (next_sample_time(model, state) - state.time) / step
+    return max(1, math.ceil(min(ahead, 1e9) - 0.5))
+
+
+def take_sample(state: State, energy: Mapping[str, float]) -> None:
+    """Fill the next row with the present; the search for the largest forces starts anew.
+
+    energy : from :meth:`lcmchain.solver.simulation.Simulation.energy` [J].
+    """
+    row = state.samples[state.counters[SAMPLES]]
+    energies = {"inelastic": 0.0, **energy, "mass_damping": state.work[MASS_DAMPING]}
+    own = len(SAMPLE_COLUMNS)
+    row[:own] = state.time, state.last_step, *(energies[name] for name in SAMPLED_ENERGIES)
+    width = len(TOOL_SAMPLE_COLUMNS)
+    for tool in range(state.tool_travel.size):
+        row[own + tool * width :][:width] = (
+            state.tool_travel[tool],
+            state.tool_work[tool],
+            *state.tool_impulse[tool],
+            *state.tool_peak[tool],
+        )
+    state.tool_peak[:] = 0.0
+    state.counters[SAMPLES] += 1

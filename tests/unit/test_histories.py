@@ -1,0 +1,280 @@
+"""Loads of the tools are summed over all steps, and histories follow from the sums."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from lcmchain.errors import InputError
+from lcmchain.fields import FrameSeries, Histories, model_datasets, read_group, write_forming_netcdf
+from lcmchain.fields.dataset import HISTORY
+from lcmchain.fields.history_group import HISTORY_FIELDS
+from lcmchain.fields.loads import exceeded_over, force_parts, quoted_force, tool_loads
+from lcmchain.fields.summary import field_summary
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
+from lcmchain.state import PEAK_FORCE, PEAK_TIME, SAMPLES
+
+TIME = 4e-3
+SCENE = """
+title = "dent"
+element = "membrane-shell"
+process = {{ time = "4 ms", frames = 3, mass_damping = "100 1/s" }}
+output = {{ history_interval = "{interval} ms" }}
+blank = {{ size = ["40 mm", "40 mm"], edge_length = "5 mm", height = "0.502 mm" }}
+material = {{ preset = "MD600" }}
+contact = {{ friction = 0.2 }}
+
+[[tools]]
+name = "punch"
+shape = {{ type = "sphere_capped_punch", radius = "20 mm" }}
+position = "0 0 1.004 mm"
+motion = {{ type = "stroke", direction = [0, 0, -1], distance = "2 mm" }}
+
+[[tools]]
+name = "die"
+shape = {{ type = "plate_with_hole", hole_radius = "15 mm", fillet_radius = "3mm", side = "below" }}
+"""
+
+
+def scene(interval=0.4):
+    return scene_from_text(SCENE.format(interval=interval))
+
+
+def formed(interval=0.4, times=(TIME,)):
+    simulation = Simulation.from_scene(scene(interval))
+    for time in times:
+        simulation.advance_to(time)
+    return simulation
+
+
+@pytest.fixture(scope="module")
+def simulation():
+    return formed()
+
+
+@pytest.fixture(scope="module")
+def histories(simulation):
+    return Histories.from_state(simulation.model, simulation.state)
+
+
+@pytest.fixture(scope="module")
+def datasets(simulation, histories):
+    frames = FrameSeries.from_snapshots([simulation.snapshot()], simulation.model.tool_names)
+    return model_datasets(scene(), simulation.model, frames, histories)
+
+
+@pytest.fixture(scope="module")
+def history(datasets):
+    return datasets[HISTORY]
+
+
+# --- sums over steps ------------------------------------------------------------------------------
+
+
+def test_impulse_work_and_peak_are_those_of_all_steps():
+    sim = Simulation.from_scene(scene(interval=100.0))
+    dt = 0.8 * sim.prepare_steps()
+    impulse, work, peak = np.zeros((2, 3)), np.zeros(2), np.zeros((2, 2))
+    travel, way = np.zeros(2), np.zeros(2)
+    for step in range(300):
+        before = sim.state.last_step
+        if step % 50 == 0:
+            sim.prepare_steps()
+        sim.make_steps(1, dt)
+        force = sim.state.tool_force
+        impulse += force * 0.5 * (before + dt)
+        last_way, way = way, sim.state.tool_travel - travel
+        travel = sim.state.tool_travel.copy()
+        along = np.sum(force * sim.model.tools.direction, axis=1)
+        work -= along * 0.5 * (last_way + way)
+        size = np.linalg.norm(force, axis=1)
+        peak = np.where((size > peak[:, 0])[:, None], np.c_[size, 0.0 * size + step * dt], peak)
+    assert peak[0, 0] > 0.01
+    np.testing.assert_allclose(sim.state.tool_impulse, impulse, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(sim.state.tool_work, work, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(sim.state.tool_peak[:, PEAK_FORCE], peak[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(sim.state.tool_peak[:, PEAK_TIME], peak[:, 1], rtol=1e-9)
+
+
+def test_the_work_of_driven_tools_is_the_external_work(simulation):
+    assert simulation.state.tool_work[1] == 0.0
+    assert simulation.state.tool_work[0] == pytest.approx(simulation.energy()["external"], 1e-12)
+
+
+# --- samples --------------------------------------------------------------------------------------
+
+
+def test_samples_lie_at_the_steps_nearest_to_multiples_of_the_interval(simulation, histories):
+    assert histories.time.size == simulation.state.counters[SAMPLES] == 10
+    away = np.abs(histories.time - 0.4e-3 * np.arange(1, 11))
+    assert away.max() <= 0.51 * simulation.control.step
+    assert histories.time[-1] == pytest.approx(TIME, rel=1e-12)
+
+
+@pytest.mark.parametrize("interval", [0.11, 100.0])
+def test_samples_change_no_step(simulation, interval):
+    other = formed(interval)
+    for name in ("position", "velocity", "tool_impulse", "tool_work", "work", "clock"):
+        assert getattr(other.state, name).tobytes() == getattr(simulation.state, name).tobytes()
+    assert other.state.counters[SAMPLES] == {0.11: 37, 100.0: 1}[interval]
+
+
+def test_samples_do_not_depend_on_who_asks_for_which_times(histories):
+    """Frames and communication points between the samples change the steps, not what is sampled."""
+    sim = formed(times=(0.3e-3, 1.7e-3, TIME))
+    other = Histories.from_state(sim.model, sim.state)
+    assert other.time.size == histories.time.size
+    np.testing.assert_allclose(other.tool_travel, histories.tool_travel, atol=5e-6)
+
+
+def test_an_interval_below_the_step_samples_every_step():
+    sim = formed(interval=4.0 / 9000)
+    assert sim.state.counters[SAMPLES] == sim.state.step_count < 9000
+
+
+def test_a_rollback_takes_the_samples_back(simulation):
+    sim = Simulation.from_scene(scene())
+    sim.advance_to(1.9e-3)
+    saved = sim.state.copy()
+    assert saved.counters[SAMPLES] == 4
+    sim.advance_to(3e-3)
+    sim.restore(saved)
+    assert sim.state.samples.tobytes() == saved.samples.tobytes()
+    sim.advance_to(3e-3)
+    once = formed(times=(1.9e-3, 3e-3))
+    assert sim.state.samples.tobytes() == once.state.samples.tobytes()
+
+
+def test_intervals_that_give_too_many_samples_are_refused():
+    with pytest.raises(InputError, match="output.history_interval.*100,000 samples"):
+        scene(interval=1e-5)
+
+
+# --- histories ------------------------------------------------------------------------------------
+
+
+def test_mean_forces_times_intervals_are_the_impulse(simulation, histories):
+    """An interval reaches from the middle of a step to the middle of a step."""
+    last = simulation.model.sample_count - 1
+    middle = histories.time - 0.5 * simulation.state.samples[:, 1]
+    length = np.diff(middle, prepend=0.0)
+    total = np.einsum("h,hti->ti", length, histories.tool_force)
+    np.testing.assert_allclose(total, simulation.state.tool_impulse, rtol=1e-12)
+    assert length[last] == pytest.approx(0.4e-3, rel=0.01)
+    size = np.linalg.norm(histories.tool_force, axis=-1)
+    assert (size <= histories.tool_peak_force * (1.0 + 1e-12)).all()
+    assert (histories.tool_peak_time[:, 0] <= histories.time).all()
+    assert (histories.tool_peak_time[1:, 0] >= histories.time[:-1] - 1e-5).all()
+
+
+def test_energies_of_the_last_sample_are_those_of_the_end(simulation, histories):
+    energy = simulation.energy()
+    assert set(histories.energy) == {*energy, "mass_damping"}
+    for name, value in energy.items():
+        assert histories.energy[name][-1] == value, name
+    assert 0.0 < histories.energy["mass_damping"][-1] <= energy["damping"]
+
+
+def test_the_file_holds_the_histories_with_a_time_of_their_own(datasets, histories, tmp_path):
+    write_forming_netcdf(tmp_path / "forming.nc", datasets)
+    history = read_group(tmp_path / "forming.nc", "history")
+    assert (history.sizes["history_time"], history.sizes["frame"]) == (10, 1)
+    np.testing.assert_array_equal(history["history_time"], histories.time)
+    for axis, name in enumerate("xyz"):
+        found = history[f"history_tool_force_{name}"]
+        assert found.dims == ("history_time", "tool")
+        np.testing.assert_array_equal(found, histories.tool_force[..., axis])
+    for field in HISTORY_FIELDS.values():
+        for name in field.variables:
+            assert history[name].attrs["units"] == field.units
+            assert history[name].attrs["comment"] == field.meaning
+    for name, values in histories.energy.items():
+        np.testing.assert_array_equal(history[f"history_energy_{name}"], values)
+
+
+# --- loads ----------------------------------------------------------------------------------------
+
+
+def test_forces_of_the_summary_are_those_of_the_histories(datasets, histories):
+    summary = field_summary(datasets)
+    size = np.linalg.norm(histories.tool_force, axis=-1)  # the intervals are a tenth of the time
+    assert summary["punch"] == "punch"
+    assert summary["punch_force_max_N"] == pytest.approx(size[:, 0].max(), rel=1e-9)
+    assert summary["punch_force_peak_N"] == histories.tool_peak_force[:, 0].max()
+    assert summary["punch_force_peak_N"] > summary["punch_force_max_N"]
+    die = summary["tool_loads"]["die"]
+    assert die["force_max_N"] == pytest.approx(size[:, 1].max(), rel=1e-9)
+    assert die["force_end_N"] == pytest.approx(size[-1, 1], rel=1e-9)
+    top = size[:, 1].argmax()
+    assert die["force_max_time_s"] == pytest.approx(histories.time[top - 1 : top + 1].mean())
+    highest = histories.tool_peak_force[:, 1].argmax()
+    assert die["force_peak_time_s"] == histories.tool_peak_time[highest, 1]
+
+
+def test_quoted_forces_are_means_over_a_twentieth_of_the_process():
+    """Whatever the interval of the histories; samples may lie half a step beside its multiples."""
+    time = np.linspace(0.0, 1.0, 101)[1:] + 1e-4 * np.resize([1.0, -1.0], 100)
+    time[-1] = 1.0
+    force = np.zeros((100, 2))
+    force[40:45, 0] = [1.0, 2.0, 30.0, 2.0, 1.0]
+    force[:, 1] = -3.0
+    variables = {
+        f"history_tool_force_{axis}": force if axis == "z" else 0.0 * force for axis in "xyz"
+    }
+    fine = xr.Dataset(
+        {name: (("history_time", "tool"), values) for name, values in variables.items()},
+        coords={"history_time": time},
+    )
+    middle, mean = quoted_force(fine)
+    assert len(middle) == 96
+    top = int(mean[:, 0].argmax())
+    assert mean[top, 0] == pytest.approx(36.0 / 5.0, rel=0.03)
+    assert middle[top] == pytest.approx(0.425, abs=1e-3)
+    np.testing.assert_allclose(mean[:, 1], 3.0, rtol=1e-12)
+
+
+def test_parts_of_the_force_add_up_to_it(history):
+    loads = tool_loads(history)
+    assert "parts_over_stroke" not in loads["die"]  # it does not move
+    for which in ("parts_at_maximum", "parts_over_stroke"):
+        parts = dict(loads["punch"][which])
+        force = parts.pop("force_N")
+        assert force > 0.1
+        assert sum(parts.values()) == pytest.approx(force, rel=1e-9)
+        assert abs(parts["others_N"]) < 1e-9 * force
+
+
+def test_parts_are_energies_over_the_travel(history, histories):
+    whole = tool_loads(history)["punch"]["parts_over_stroke"]
+    energy, travel = histories.energy, histories.tool_travel[-1, 0]
+    assert travel == pytest.approx(2e-3)
+    for part, names in {
+        "sheet_N": ("internal", "hourglass"),
+        "friction_N": ("friction",),
+        "damping_N": ("mass_damping",),
+        "inertia_N": ("kinetic",),
+    }.items():
+        expected = sum(energy[name][-1] for name in names) / travel
+        assert whole[part] == pytest.approx(expected, rel=1e-12), part
+    middle = force_parts(history, 0, 3, 6)
+    gained = energy["mass_damping"][6] - energy["mass_damping"][3]
+    way = histories.tool_travel[6, 0] - histories.tool_travel[3, 0]
+    assert middle["damping_N"] == pytest.approx(gained / way, rel=1e-12)
+
+
+def test_a_ratio_is_exceeded_over_a_part_of_the_stroke(history):
+    """A sample counts with the travel since the one before."""
+    changed = history.copy(deep=True)
+    changed["history_tool_travel"][:, 0] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]
+    changed["history_energy_internal"][:] = 1.0
+    changed["history_energy_hourglass"][:] = 1.0
+    changed["history_energy_kinetic"][:] = 2.0 * np.array([9, 0, 3, 0, 0, 0, 0, 1, 0, 0])
+    assert exceeded_over(changed, 0, 0.05) == 9.0
+    assert exceeded_over(changed, 0, 0.15) == 3.0
+    assert exceeded_over(changed, 0, 0.25) == 1.0
+    assert exceeded_over(changed, 0, 0.35) == 0.0
+    changed["history_tool_travel"][:, 0] = [1, 2, 3, 4, 5, 6, 7, 18, 19, 20]
+    assert exceeded_over(changed, 0, 0.35) == 1.0
+    assert exceeded_over(changed, 1, 0.25) == exceeded_over(changed, None, 0.25) == 1.0  # of time

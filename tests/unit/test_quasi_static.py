@@ -1,0 +1,185 @@
+"""What process time a sheet needs, and what is said of runs that are not quasi-static."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from lcmchain.check import check_scene
+from lcmchain.check.quasi_static import (
+    milliseconds,
+    process_time_needed,
+    process_time_remarks,
+    quasi_static_measures,
+    quasi_static_warnings,
+    shear_wave_speeds,
+)
+from lcmchain.model import build_model
+from lcmchain.scene import scene_from_text
+
+SCENE = """
+process = {{ time = "{time} ms", mass_damping = "{rate} 1/s" }}
+blank = {{ size = ["200 mm", "120 mm"], edge_length = "10 mm" }}
+material = {material}
+[[tools]]
+name = "holder"
+shape = {{ type = "plate", side = "above" }}
+position = "0 0 2 mm"
+motion = {motion}
+"""
+MD600 = '{ preset = "MD600" }'
+STEEL = (
+    '{ law = "isotropic", name = "sheet", thickness = "1 mm", density = "2000 kg/m^3", '
+    'young_modulus = "1 MPa", poisson_ratio = 0.25 }'
+)
+STROKE = '{ type = "stroke", direction = [0, 0, -1], distance = "1 mm" }'
+GUIDED = '{ type = "guided", direction = [0, 0, -1], mass = "2 kg", gravity = true }'
+
+
+def scene(time=100, rate=200, material=MD600, motion=STROKE):
+    return scene_from_text(SCENE.format(time=time, rate=rate, material=material, motion=motion))
+
+
+# --- process time ---------------------------------------------------------------------------------
+
+
+def test_shear_waves_of_an_isotropic_sheet_run_as_in_closed_form():
+    speeds = shear_wave_speeds(scene(material=STEEL).material.build())
+    assert speeds == pytest.approx([math.sqrt(0.4e6 / 2000.0)] * 2, rel=1e-12)
+
+
+def test_shear_waves_of_a_fabric_are_slowest_where_it_is_softest():
+    """MD600: 0.1919 MPa at rest; the tangent of Eq. (21) is least between 10 and 12 degrees."""
+    material = scene().material.build()
+    rest, softest = shear_wave_speeds(material)
+    assert rest == pytest.approx(math.sqrt(0.1919e6 / material.density), rel=1e-12)
+    e12 = 0.5 * np.sin(np.linspace(0.0, np.radians(45.0), 5000))
+    s = (0.1919e6, -2.3637e6, 14.7593e6, -40.7199e6, 42.3208e6)
+    tangent = sum((i + 1) * si * e12**i for i, si in enumerate(s))
+    assert softest == pytest.approx(math.sqrt(tangent.min() / material.density), rel=1e-3)
+
+
+def test_the_period_is_that_of_the_longer_side():
+    needed = process_time_needed(build_model(scene(material=STEEL)))
+    period = 2.0 * 0.2 / math.sqrt(0.4e6 / 2000.0)
+    assert needed.period == pytest.approx(period) == needed.softened_period
+    assert (needed.least, needed.sufficient) == pytest.approx((3.0 * period, 5.0 * period))
+    assert needed.holder_periods == {}
+    assert needed.as_dict()["least_s"] == needed.least
+
+
+def test_a_guided_tool_bounces_on_the_thickness():
+    needed = process_time_needed(build_model(scene(motion=GUIDED)))
+    stiffness = 0.1563e6 * 0.2 * 0.12 / 1.004e-3
+    assert needed.holder_periods["holder"] == pytest.approx(
+        2.0 * math.pi * math.sqrt(2.0 / stiffness), rel=1e-3
+    )
+
+
+def test_check_says_how_long_the_process_should_take():
+    """200 mm of MD600: periods of 22 ms at rest and 69 ms where softest."""
+    report = check_scene(scene(time=60))
+    (warning,) = [text for text in report.warnings if "process.time" in text]
+    assert '"60 ms" is shorter than 3 periods' in warning and '"67 ms" or more' in warning
+    assert process_time_remarks(scene(time=67), report.needed) == []
+    still = scene(time=60, motion='{ type = "fixed" }')
+    assert process_time_remarks(still, report.needed) == []
+    titles = [table.title for table in report.tables()]
+    assert "Process time of a quasi-static run" in titles
+
+
+@pytest.mark.parametrize(
+    ("time", "text"),
+    [(0.1, '"100 ms"'), (0.1001, '"110 ms"'), (0.0671, '"68 ms"'), (3.1, '"3100 ms"')],
+)
+def test_times_are_rounded_up_to_two_digits(time, text):
+    assert milliseconds(time) == text
+
+
+# --- measures and warnings ------------------------------------------------------------------------
+
+
+def history(kinetic, damping=(0.0, 0.0), mass_damping=0.0):
+    """Ten samples at equal steps of travel, the internal energy being 1 J."""
+    one = np.ones(10)
+    energies = {
+        "internal": one,
+        "hourglass": 0.0 * one,
+        "kinetic": np.resize(np.asarray(kinetic, dtype=float), 10),
+        "mass_damping": mass_damping * one,
+    }
+    variables = {f"history_energy_{name}": ("history_time", v) for name, v in energies.items()}
+    travel = np.arange(1.0, 11.0)[:, None]
+    return xr.Dataset(
+        {**variables, "history_tool_travel": (("history_time", "tool"), travel)},
+        coords={"history_time": np.arange(1.0, 11.0)},
+    )
+
+
+def measured(kinetic=0.0, damping=0.0, mass_damping=0.0, hourglass=0.0):
+    energy = {"damping": damping, "external": 2.0, "hourglass": hourglass, "internal": 1.0}
+    return quasi_static_measures(history(kinetic, mass_damping=mass_damping), energy, 0)
+
+
+def warnings_of(measures, scene):
+    return quasi_static_warnings(measures, scene, process_time_needed(build_model(scene)))
+
+
+def test_measures_are_ratios_of_energies():
+    found = measured([0.0, 0.3, 0.2] + 7 * [0.01], damping=0.3, mass_damping=0.2, hourglass=0.04)
+    assert found == pytest.approx(
+        {
+            "damping_to_external": 0.15,
+            "mass_damping_to_external": 0.1,
+            "hourglass_to_internal": 0.04,
+            "kinetic_to_internal_over_tenth_of_stroke": 0.2,
+        }
+    )
+    frames_only = quasi_static_measures(
+        xr.Dataset(), {"damping": 0.0, "external": 0.0, "hourglass": 0.0, "internal": 0.0}, None
+    )
+    assert frames_only == {"damping_to_external": 0.0, "hourglass_to_internal": 0.0}
+
+
+def test_a_quasi_static_run_is_not_warned_of():
+    calm = measured(
+        [9.0, 0.099, 0.05] + 7 * [0.0], damping=0.098, mass_damping=0.09, hourglass=0.049
+    )
+    assert warnings_of(calm, scene()) == []
+
+
+def test_inertia_is_warned_of_with_the_time_that_ends_it():
+    """Four times the ratio needs twice the time."""
+    (text,) = warnings_of(measured([0.4, 0.4] + 8 * [0.0]), scene(time=100))
+    assert "kinetic energy exceeds 40% of the internal energy over a tenth" in text
+    assert 'process.time = "200 ms" or more' in text
+    assert warnings_of(measured([0.4] + 9 * [0.0]), scene()) == []
+
+
+def test_the_time_asked_for_is_never_below_what_the_sheet_needs():
+    """A process much too fast has little to say of the slower one: three periods are 67 ms."""
+    (text,) = warnings_of(measured([0.4, 0.4] + 8 * [0.0]), scene(time=10))
+    assert 'process.time = "67 ms" or more' in text
+
+
+def test_damping_is_warned_of_with_time_and_rate_that_end_it():
+    """0.2 of 2 J must become 5 % of what is left of the work: 0.0947 J of 1.8947 J."""
+    (text,) = warnings_of(measured(damping=0.2, mass_damping=0.2), scene(time=100))
+    assert "damping takes 10.0% of the external work" in text
+    assert 'process.time = "220 ms"' in text and 'process.mass_damping = "94 1/s"' in text
+
+
+def test_other_dampers_are_named():
+    (contact,) = warnings_of(measured(damping=0.2, mass_damping=0.01), scene())
+    assert "contact.damping_ratio" in contact and "mass_damping" not in contact
+    (tools,) = warnings_of(measured(damping=0.2, mass_damping=0.2), scene(rate=0))
+    assert "tools.motion.damping" in tools
+
+
+def test_hourglass_energy_is_warned_of_with_the_edge_length_that_ends_it():
+    (text,) = warnings_of(measured(hourglass=0.2), scene())
+    assert "hourglass energy is 20.0% of the internal energy" in text
+    assert 'blank.edge_length = "5 mm"' in text
