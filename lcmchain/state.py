@@ -158,6 +158,12 @@ class State(_Arrays):
         meaning="of the sheets on the tool at the last step",
         in_frames=True,
     )
+    contact_force: np.ndarray = entry(
+        "node",
+        unit="N",
+        meaning="sum of the normal forces of all tools at the last step",
+        in_frames=True,
+    )
     penetration_max: np.ndarray = entry("tool", unit="m", meaning="deepest so far")
     support_force: np.ndarray = entry(
         "support", "xyz", unit="N", meaning="of the support on the sheet at the last step"

@@ -78,6 +78,11 @@ class Snapshot:
         """What laws with memory remember (history_size,)."""
         return self.arrays["history"]
 
+    @property
+    def contact_force(self) -> np.ndarray:
+        """Sum of the normal forces of all tools on each node (node_count,) [N]."""
+        return self.arrays["contact_force"]
+
 
 @dataclass
 class StepControl:
