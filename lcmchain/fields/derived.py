@@ -9,7 +9,7 @@ from lcmchain.mesh.sheet_mesh import SheetMesh
 
 
 def derive_fields(
-    mesh: SheetMesh, material: Material, positions: np.ndarray, history: np.ndarray | None = None
+    mesh: SheetMesh, material: Material, positions: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Derive the state of the textile in every element from the positions of the nodes.
 
@@ -21,22 +21,20 @@ def derive_fields(
     Parameters
     ----------
     mesh : undeformed, with its fibre directions.
-    material : with ``areal_mass`` [kg/m²], ``fibre_density`` [kg/m³] or None, and
-        ``compaction_pressure(thickness_stretch, history)`` [Pa].
+    material : with ``areal_mass`` [kg/m²], and ``fibre_density`` [kg/m³] or None.
     positions : node positions [m], shape (..., node_count, 3).
-    history : what a law with memory remembers, shape (history_count, ..., element_count).
 
     Returns
     -------
-    The variables of the face fields in :data:`lcmchain.fields.table.FIELDS`, each of shape
-    (..., element_count); without ``fibre_volume_fraction`` where the fibre density is unknown, and
-    without all that needs a thickness for meshes that have none.
+    The variables of those face fields in :data:`lcmchain.fields.table.FIELDS` that follow from
+    positions, each of shape (..., element_count); without ``fibre_volume_fraction`` where the fibre
+    density is unknown, and without all that needs a thickness for meshes that have none.
 
     Notes
     -----
     The fibre volume fraction is conserved volume, v_f = v_f0 / det F. With inextensible fibres
-    det F = (t / t0) cos γ, so that shear and compaction both raise it. The compaction pressure is
-    that of plate-to-plate compaction, λ |S33| with λ = t / t0.
+    det F = (t / t0) cos γ, so that shear and compaction both raise it. Pressures follow from
+    forces, not from positions alone (:mod:`lcmchain.fields.pressure`).
     """
     reference = mesh.base_vectors(mesh.node_positions)
     current = mesh.base_vectors(np.asarray(positions, dtype=float))
@@ -58,9 +56,7 @@ def derive_fields(
             fields["fibre_volume_fraction"] = initial_fraction * (
                 (area_0 * height_0) / (area * height)
             )
-    fields |= in_plane
-    fields["compaction_pressure"] = material.compaction_pressure(height / height_0, history)
-    return fields
+    return fields | in_plane
 
 
 def _in_plane_fields(material, area_ratio, normal, fibre_1, fibre_2) -> dict[str, np.ndarray]:

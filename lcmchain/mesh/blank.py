@@ -171,6 +171,14 @@ class BlankMesh:
         """Covariant base vectors a1, a2, a3 at the element centres (..., element_count, 3, 3)."""
         return MODES[:3] @ positions[..., self.elements, :]
 
+    def areas(self, positions: np.ndarray) -> np.ndarray:
+        """Mid-surface area 4 |a1 × a2| of every element (..., element_count) [m²]."""
+        a = self.base_vectors(positions)
+        return 4.0 * np.linalg.norm(np.cross(a[..., 0, :], a[..., 1, :]), axis=-1)
+
+    def sides(self) -> dict[str, slice]:
+        return {"bottom": slice(0, self.pair_count), "top": slice(self.pair_count, None)}
+
     @property
     def element_areas(self) -> np.ndarray:
         """Initial mid-surface area of every element [m2], shape (element_count,)."""

@@ -14,11 +14,12 @@ import pytest
 from scipy.optimize import brentq
 
 from lcmchain.fields.derived import derive_fields
+from lcmchain.fields.pressure import pressure_fields
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.statics import DirectorCouples, StaticProblem, solve
 
-EDGE, COUNT = 5e-3, 6
+EDGE, COUNT, THICKNESS = 5e-3, 6, 1.004e-3
 SCENE = f"""
 process = {{ time = "1 s" }}
 blank = {{ size = ["{1e3 * EDGE * COUNT} mm", "{2e3 * EDGE} mm"], edge_length = "{1e3 * EDGE} mm" }}
@@ -65,3 +66,13 @@ def test_thickness_of_a_strip_bent_to_a_circle(radius):
     expected = expected_stretch(model.material, curvature) * model.material.thickness
     np.testing.assert_allclose(thickness, expected, rtol=2e-3)
     assert (thickness < 0.995 * model.material.thickness).all() or radius > 40e-3
+
+    # nothing presses on the strip, whatever its stress S33 is; at the ends the normals are those of
+    # one chord
+    pressure = pressure_fields(model.body, x, model.body.no_history())
+    inside = np.abs(X[model.blank.elements].mean(axis=1)[:, 0]) < EDGE * (0.5 * COUNT - 1)
+    assert inside.sum() == 2 * (COUNT - 2)
+    contact, bending = (pressure[f"{name}_pressure"][inside] for name in ("compaction", "bending"))
+    pull = model.material.law.B11 * (0.5 * model.material.thickness * curvature) ** 2 / 3.0
+    np.testing.assert_allclose(bending, pull * thickness[inside] / THICKNESS, rtol=0.01)
+    assert np.abs(contact).max() < 1e-3 * bending.min()

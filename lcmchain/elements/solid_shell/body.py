@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
-from lcmchain.elements.family import Unsound
+from lcmchain.elements.family import NormalPressure, Unsound
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import strain_energies, thickness_stretches
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
@@ -21,6 +21,7 @@ from lcmchain.elements.solid_shell.geometry import (
 )
 from lcmchain.elements.solid_shell.kernel import Options, SolidShellData
 from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows
+from lcmchain.elements.solid_shell.pressure import normal_pressure
 from lcmchain.errors import InputError
 from lcmchain.materials.law import MOST_HISTORY, Material, MaterialWithMemory, history_count
 from lcmchain.mesh.blank import BlankMesh
@@ -144,6 +145,12 @@ class SolidShellBody:
         membrane = self.material.membrane_energy(strain[real], past) * self.geometry.volume
         return membrane.sum() + bending[real].sum(), hourglass[real].sum()
 
+    def normal_pressure(self, positions: np.ndarray, history: np.ndarray) -> NormalPressure:
+        return normal_pressure(self.data, self.mesh, self.first_node, positions, history)
+
+    def present_node_area(self, positions: np.ndarray) -> np.ndarray:
+        return self._at_nodes(self.mesh.areas(self._own(positions)) / 4.0)
+
     def dissipated_energy(self, history: np.ndarray) -> float:
         if not history.size:
             return 0.0
@@ -191,6 +198,9 @@ class SolidShellBody:
         text = f"element {worst} is {what} (thickness {stretch:.3f} of the initial one)"
         return Unsound(worst, text, self._cause_of_collapse(worst, tools_near))
 
+    def no_history(self) -> np.ndarray:
+        return np.zeros(self._padded_count * history_count(self.material.law))
+
     def element_history(self, history: np.ndarray) -> np.ndarray:
         """Return the history values by element (history_count, element_count)."""
         count = history.size // self._padded_count
@@ -219,6 +229,11 @@ class SolidShellBody:
     @cached_property
     def _padded_height(self) -> np.ndarray:
         return _padded(self.geometry.height, self._padded_count)
+
+    def _own(self, positions: np.ndarray) -> np.ndarray:
+        """Return the body's part (mesh.node_count, 3) of positions (3, node_count)."""
+        nodes = slice(self.first_node, self.first_node + self.mesh.node_count)
+        return np.ascontiguousarray(positions[:, nodes].T)
 
     def _at_nodes(self, share: np.ndarray) -> np.ndarray:
         """Return the sum of what the elements give to each of their corners, (node_count,)."""
