@@ -252,6 +252,7 @@ def kernel_options(material: Material, choices: Any, *, flat: bool) -> Options:
         conservative=True if conservative else None,
         # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it
         enhanced=True if material.couples_thickness or not flat else None,
+        reference_bending=True if choices.bending_thickness == "reference" else None,
         zeta2=1.0 / 3.0,
         zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,
         cross=1.0 / 3.0 if choices.cross_terms else 0.0,

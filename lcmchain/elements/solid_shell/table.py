@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from lcmchain.quantities.entry_types import Number, Range, Switch
+from lcmchain.quantities.entry_types import Number, Range, Switch, wrong
 from lcmchain.quantities.scene_model import SceneModel
 
 
@@ -38,6 +38,21 @@ class Element(SceneModel):
         description="Share of the fibre stiffness in the in-plane hourglass terms; 0.03 unlocks a "
         "mesh whose edges cross the fibres.",
     )
+    bending_thickness: Literal["current", "reference"] = Field(
+        default="current",
+        description="Thickness that the bending stiffness goes with: the present one as published, "
+        "or the initial one, at which C^B was identified.",
+    )
     in_plane_shear_hourglass: Switch = Field(
         default=True, description="Keep the in-plane shear row in the hourglass stabilisation."
     )
+
+    @model_validator(mode="after")
+    def _check_bending(self) -> Self:
+        if self.cross_terms and self.bending_thickness == "reference":
+            raise wrong(
+                'is "reference", which is derived from an energy; the cross terms have none: leave '
+                "out one of them",
+                field="bending_thickness",
+            )
+        return self

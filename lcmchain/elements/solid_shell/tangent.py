@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lcmchain.elements.solid_shell import bending_tangent as bending
 from lcmchain.elements.solid_shell.equations import NINTH, THIRD
 from lcmchain.elements.solid_shell.geometry import MODES
 from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
@@ -117,12 +118,18 @@ def _linearise_block(model, displacement, block, given):
         E[:, CENTRE, NORMAL], gradient, hessian = normal_compaction(a[:, :3], height)
         B[:, CENTRE, NORMAL] = 0.0
         B[:, CENTRE, NORMAL, :9] = gradient
+    unscaled = B
+    if options.reference_bending is not None:
+        B, E = bending.at_reference_thickness(B, E)
     R, D = _resultants(model, E)
     R, D, B = R.reshape(-1, 42), D.reshape(-1, 42, 42), B.reshape(-1, 42, 21)
 
     DB = D @ B
     K = B.transpose(0, 2, 1) @ DB
     geometric = (R if given is None else given).reshape(-1, 7, 6)
+    if options.reference_bending is not None:
+        hessian33, geometric = bending.geometric_part(unscaled, E, geometric)
+        K += hessian33
     if options.director is None:
         K[:, :9, :9] += geometric[:, CENTRE, NORMAL, None, None] * hessian
         geometric = geometric.copy()
