@@ -36,9 +36,9 @@ def edge_neighbours(elements: np.ndarray) -> np.ndarray:
 
 
 def bend_part(elements: np.ndarray, neighbours: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Return 2 b̄·b - b̄² (..., element_count) [m²], what (a3·n)² misses of half the thickness².
+    """Return 2 c·b - c² (..., element_count) [m²], what (a3·n)² misses of half the thickness².
 
-    b is the change of the director within an element along ξ and η, b̄ that of the normal over its
+    b is the change of the director within an element along ξ and η, c that of the normal over its
     neighbours, times half the thickness.
 
     Parameters

@@ -1,22 +1,22 @@
 """The curvature that an element shares with its neighbours, for its thickness.
 
 The normal thickness a3·n is taken on the chord of the element: where the directors of an element
-turn by φ it shrinks as cos(φ/2). With b = the in-plane part of a6 (change of the director along ξ)
+turn by φ it shrinks as cos(φ/2). With b the in-plane part of a6 (change of the director along ξ)
 the squared thickness of the curved element is (a3·n)² + b². But within one element a bend and an
 alternating tilt of the directors are the same motion, and with b² in E33 a pressure above the
 transverse shear stiffness tilts them (manual: departures). The mid-surfaces of the neighbours tell
-them apart: b² is linearised about the value b̄ that the change of normal n over the neighbours gives,
+them apart. Let c be the value of b that the change of normal over the neighbours gives; then
 
-    b² = b̄² + 2 b̄ (b - b̄) + (b - b̄)²,
+    b² = c² + 2 c (b - c) + (b - c)²,
 
 and the last part, where the tilt is, is dropped; likewise for a5 along η. So
 
     E33 = ½((a3·n)²/h² - 1) + β11 a1·a6 + β22 a2·a5 + β12 (a1·a5 + a2·a6) - q
 
-with four numbers per element that follow from b̄ and stay constant between renewals. They enter
-E33 stationarily (∂E33/∂b̄ is proportional to b - b̄): forces, and the linear behaviour of a sheet
-that is curved at the start, hardly depend on when they were renewed. ``lcmchain/mesh/bends.py`` writes the
-same in NumPy, for the fields.
+with four numbers per element that follow from c and stay constant between renewals. E33 is
+stationary in them, ∂E33/∂c ~ b - c: forces, and the linear behaviour of a sheet that is curved at
+the start, hardly depend on when they were renewed. ``lcmchain/mesh/bends.py`` writes the same in
+NumPy, for the fields.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ def shared_curvature(a, element, neighbour, centre, normal, inverse_height):
     s = 1.0 / (uu * vv - uv * uv)
     half = dot(a3, (normal[0, element], normal[1, element], normal[2, element]))
     w = half * inverse_height
-    # covariant components of b̄ along ξ and η, over h: w ∂n/∂ξ·a1 ...
+    # covariant components of c along ξ and η, over h: w ∂n/∂ξ·a1 ...
     x1, x2 = w * s * (vv * u1 - uv * v1), w * s * (vv * u2 - uv * v2)
     y1, y2 = w * s * (uu * v1 - uv * u1), w * s * (uu * v2 - uv * u2)
     # contravariant ones
