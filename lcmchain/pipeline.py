@@ -102,7 +102,7 @@ def run(
         wall_s=forming.wall_s,
         compile_s=compile_s,
         threads=thread_count,
-        warnings=tool_warnings,
+        warnings=[*tool_warnings, *simulation.warnings()],
     )
     result = Result(datasets, summary, folder)
     _write_summary(result)  # forming is complete: nothing that fails from here on may lose it

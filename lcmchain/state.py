@@ -23,7 +23,8 @@ FRICTION = 2  # dissipated by sliding
 CONTACT_DAMPING = 3  # dissipated by contact damping
 MASS_DAMPING = 4  # dissipated by mass-proportional damping and by dampers of guided tools
 EXTERNAL = 5  # work of prescribed tools, of forces on guided tools and of gravity
-WORK_COLUMNS = 6
+RENEWAL = 6  # given up by elements where the curvature they share was renewed
+WORK_COLUMNS = 7
 
 # Entries of ``State.clock``.
 TIME = 0  # [s]
@@ -36,8 +37,13 @@ STEPS = 0  # made so far
 CHUNKS = 1  # of steps since the frequency was last evaluated
 CONTROLLING_ELEMENT = 2  # that the frequency belongs to
 CONTROLLING_PART = 3  # what governs it there, a code of the element's family
-SAMPLES = 4  # rows of ``State.samples`` that are filled
-COUNTERS = 5
+HALVINGS = 4  # of the step, see lcmchain.solver.recovery
+RENEWED = 5  # chunks of steps since the elements' shared curvature was renewed
+SAMPLES = 6  # rows of ``State.samples`` that are filled
+COUNTERS = 7
+
+# How often a run may halve its step to get over a value that is not a number.
+MOST_HALVINGS = 3
 
 # Entries of ``State.tool_peak``.
 PEAK_FORCE = 0  # [N]
@@ -48,8 +54,8 @@ PEAK_ENTRIES = 2
 # named as in :meth:`lcmchain.solver.simulation.Simulation.energy`; the mass damping is the part of
 # ``damping`` that is not contact damping.
 SAMPLED_ENERGIES = (
-    "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "damping", "external",
-    "balance_error", "mass_damping",
+    "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "damping", "renewal",
+    "external", "balance_error", "mass_damping",
 )  # fmt: skip
 SAMPLE_COLUMNS = ("time", "last_step", *SAMPLED_ENERGIES)
 TOOL_SAMPLE_COLUMNS = (
@@ -91,6 +97,8 @@ def sizes(model: Model) -> dict[str, int]:
         "work": WORK_COLUMNS,
         "clock": CLOCK_ENTRIES,
         "counter": COUNTERS,
+        "halving": MOST_HALVINGS,
+        "time and place": 4,
         "history": model.history_size,
         "corner force": model.corner_force_size,
         "peak": PEAK_ENTRIES,
@@ -149,7 +157,7 @@ class State(_Arrays):
     history: np.ndarray = entry(
         "history",
         unit="1",
-        meaning="what laws with memory remember, in blocks of elements",
+        meaning="what elements keep: shared curvature and what laws remember, in blocks",
         in_frames=True,
     )
     stick: np.ndarray = entry(
@@ -211,6 +219,9 @@ class State(_Arrays):
     counters: np.ndarray = entry(
         "counter", unit="1", meaning="counts, see the entries above", dtype=np.int64
     )
+    halvings: np.ndarray = entry(
+        "halving", "time and place", unit="s, m", meaning="where the step was halved, in order"
+    )
 
     @classmethod
     def at_rest(cls, model: Model) -> State:
@@ -241,6 +252,11 @@ class State(_Arrays):
         """Return an independent copy, for checkpoints and rollback."""
         return State(**{name: array.copy() for name, array in self.as_dict().items()})
 
+    def set_to(self, other: State) -> None:
+        """Take over the values of another state of the same model, without new arrays."""
+        for name, array in self.as_dict().items():
+            np.copyto(array, getattr(other, name))
+
     def require_fits(self, model: Model) -> None:
         """Check that the arrays have the sizes and types of a model.
 
@@ -269,6 +285,11 @@ class State(_Arrays):
     @property
     def step_count(self) -> int:
         return int(self.counters[STEPS])
+
+    @property
+    def step_factor(self) -> float:
+        """Part of the stable step, safety included, that the run has come down to."""
+        return 0.5 ** int(self.counters[HALVINGS])
 
 
 @dataclass

@@ -85,7 +85,7 @@ def run_summary(
     }
     found = [
         *warnings,
-        *field_warnings(datasets["/"]),
+        *field_warnings(datasets["/"], model.material),
         *run_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),
     ]

@@ -31,6 +31,23 @@ def internal_forces(data, positions, corner_force, history):
     """
 
 
+class Condition(NamedTuple):
+    """How much thinner and smaller elements have become, at their centres.
+
+    thickness_stretch, area_stretch : present over initial value (element_count,) of the thickness
+    along the normal and of the mid-surface; an element turned inside out has no positive thickness.
+    Elements without a thickness keep 1.
+    """
+
+    thickness_stretch: np.ndarray
+    area_stretch: np.ndarray
+
+    @property
+    def volume_ratio(self) -> np.ndarray:
+        """Determinant of the deformation gradient (element_count,)."""
+        return self.thickness_stretch * self.area_stretch
+
+
 class Unsound(NamedTuple):
     """An element that cannot go on: which, in words, and the likely cause."""
 
@@ -52,6 +69,7 @@ class Body(Protocol):
     shortest_length : of the elements, what sets the in-plane wave's step [m].
     first_node, first_element : where its ranges begin.
     volume : of the undeformed sheet [m³].
+    history_count : numbers per element that its kernels keep.
     hourglass_tells : whether large hourglass energy means that the mesh is too coarse.
     """
 
@@ -70,6 +88,9 @@ class Body(Protocol):
     first_element: int
     volume: float
     hourglass_tells: bool
+
+    @property
+    def history_count(self) -> int: ...
 
     @staticmethod
     def mesh_of(blank: BlankMesh) -> Any:
@@ -90,11 +111,14 @@ class Body(Protocol):
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
         """Return strain energy and hourglass energy [J] at positions (3, node_count)."""
 
+    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
+        """Renew in ``history`` what elements take from neighbours; return the energy put in [J]."""
+
     def dissipated_energy(self, history: np.ndarray) -> float:
         """Return what the law has dissipated so far [J]; 0 without memory."""
 
     def element_history(self, history: np.ndarray) -> np.ndarray:
-        """Return the body's history values by element (history_count, element_count)."""
+        """Return what the law remembers by element (numbers, element_count)."""
 
     def effects(self) -> dict[str, tuple[bool, str]]:
         """Return whether each effect of the elements is compiled in, and why, by its name."""
@@ -110,13 +134,19 @@ class Body(Protocol):
     def cause(self, code: int) -> str:
         """Say in words what governs the step."""
 
-    def condition(self, positions: np.ndarray) -> np.ndarray:
-        """Return the quantity (element_count,) that tells whether the elements are sound."""
+    def condition(self, positions: np.ndarray) -> Condition:
+        """Return what tells whether the elements are sound."""
 
-    def may_stiffen(self, condition: np.ndarray, omega2: float) -> bool:
+    def fibre_volume_fraction(self, condition: Condition) -> np.ndarray | None:
+        """Return that of the elements (element_count,); None where the material has no fibres."""
+
+    def may_stiffen(self, condition: Condition, omega2: float) -> bool:
         """Tell whether the bound may grow well above ``omega2`` [1/s²] within a few chunks."""
 
     def unsound(
-        self, condition: np.ndarray, tools_near: Callable[[np.ndarray], list[str]]
+        self,
+        positions: np.ndarray,
+        condition: Condition,
+        tools_near: Callable[[np.ndarray], list[str]],
     ) -> Unsound | None:
         """Return the worst element if it cannot go on; ``tools_near`` names tools near nodes."""

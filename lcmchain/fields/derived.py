@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.materials.law import Material
+from lcmchain.mesh.fibres import angle_of_shear, dragged_along
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
 
@@ -43,7 +44,7 @@ def derive_fields(
     area_0, normal_0 = _length_and_direction(np.cross(reference[..., 0, :], reference[..., 1, :]))
     area, normal = _length_and_direction(np.cross(current[..., 0, :], current[..., 1, :]))
     fibre_1, fibre_2 = (
-        _dragged_along(reference, current, direction)
+        dragged_along(reference, current, direction)
         for direction in (mesh.fibre_direction_1, mesh.fibre_direction_2)
     )
     in_plane = _in_plane_fields(material, area_0 / area, normal, fibre_1, fibre_2)
@@ -68,10 +69,7 @@ def _in_plane_fields(material, area_ratio, normal, fibre_1, fibre_2) -> dict[str
     stretch_1, direction_1 = _length_and_direction(fibre_1)
     stretch_2, direction_2 = _length_and_direction(fibre_2)
     fields = {"areal_fibre_mass": material.areal_mass * area_ratio}
-    # arctan of cosine over sine stays exact for small angles, where arccos loses half the digits.
-    fields["shear_angle"] = np.arctan2(
-        _dot(direction_1, direction_2), _dot(np.cross(direction_1, direction_2), normal)
-    )
+    fields["shear_angle"] = angle_of_shear(direction_1, direction_2, normal)
     for name, direction in (("1", direction_1), ("2", direction_2)):
         for axis, component in zip("xyz", np.moveaxis(direction, -1, 0), strict=True):
             fields[f"fibre_direction_{name}_{axis}"] = np.ascontiguousarray(component)
@@ -89,12 +87,6 @@ def face_area_vectors(corners: np.ndarray) -> np.ndarray:
     return 0.5 * np.cross(
         corners[..., 2, :] - corners[..., 0, :], corners[..., 3, :] - corners[..., 1, :]
     )
-
-
-def _dragged_along(reference: np.ndarray, current: np.ndarray, direction) -> np.ndarray:
-    """F·direction: contravariant components in the reference, carried by the current base."""
-    components = np.linalg.solve(np.swapaxes(reference, -1, -2), direction[..., None])
-    return np.sum(components * current, axis=-2)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

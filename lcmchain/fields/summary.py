@@ -9,11 +9,10 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.fields.dataset import HISTORY, NO_THICKNESS, SHEET
+from lcmchain.fields.limits import packing_warnings, shear_range_warnings
 from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import sheet_areas, vector
-
-#: Fibre volume fraction above which round fibres can hardly be packed (hexagonal: 0.907).
-LARGEST_FIBRE_VOLUME_FRACTION = 0.9
+from lcmchain.materials.law import Material
 
 
 def fibre_mass(sheet: xr.Dataset, frame: int = -1) -> float:
@@ -81,20 +80,10 @@ def _forces(history: xr.Dataset, punch: int) -> dict[str, Any]:
     }
 
 
-def field_warnings(sheet: xr.Dataset, frame: int = -1) -> list[str]:
-    """Say in words what the model cannot tell, and where the fields of a frame leave its range."""
+def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
+    """Say in words what the model cannot tell, and where the fields leave its range."""
     found = [] if "thickness" in sheet else [NO_THICKNESS]
-    if "fibre_volume_fraction" in sheet:
-        fraction = sheet["fibre_volume_fraction"].values[frame]
-        over = np.flatnonzero(fraction > LARGEST_FIBRE_VOLUME_FRACTION)
-        if len(over):
-            worst = int(np.argmax(fraction))
-            found.append(
-                f"the fibre volume fraction exceeds {LARGEST_FIBRE_VOLUME_FRACTION:g} in "
-                f"{len(over)} elements (up to {fraction[worst]:.2f} in element {worst}), more "
-                "than fibres can be packed to: the compaction law does not know the shear"
-            )
-    return found
+    return [*found, *packing_warnings(sheet, material), *shear_range_warnings(sheet, material)]
 
 
 def punch_index(history: xr.Dataset, punch: str | None = None) -> int:

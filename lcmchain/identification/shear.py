@@ -140,6 +140,7 @@ def identify_shear(
         scene_entries={
             "shear_polynomial": f'"{mega_pascal(*fit.parameters)}"',
             "shear_convention": f'"{convention}"',
+            "shear_range": f'"{np.degrees(angle.max()):.4g} deg"',
         },
         correlation=spread.correlation(),
         condition=free.condition,

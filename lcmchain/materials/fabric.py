@@ -8,7 +8,7 @@ directions, axis 3 the reference normal.
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,7 @@ from lcmchain.jit import equation
 from lcmchain.materials.elementary import exponential, logarithm
 from lcmchain.materials.law import (
     bending_stiffness,
+    hourglass_tangent,
     implements,
     membrane_response,
     plane_bending_stiffness,
@@ -25,15 +26,27 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
+from lcmchain.materials.rounded_shear import rounded_shear, rounded_shear_of
+from lcmchain.materials.shear_locking import (
+    ShearLocking,
+    locking_class,
+    locking_response,
+    locking_tangent_curvature,
+    locking_tangent_slope,
+    with_locking,
+)
 from lcmchain.materials.table import MaterialTable
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
+    POSITIVE,
     AbsentMeans,
+    AcuteAngle,
     ArealMass,
     Density,
     Number,
     PositiveLength,
     PositiveStiffness,
+    Quantity,
     Range,
     Row,
     Stiffness,
@@ -41,6 +54,7 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.units import STIFFNESS
 
 # Below this strain the exponent of the compaction law is zero to double precision for c2 >= 1.
 SMALLEST_COMPACTION_STRAIN = 1e-16
@@ -76,11 +90,12 @@ class FabricLaw(NamedTuple):
 
 @equation
 def shear_stress_and_tangent(law, g):
-    """Return S12 and dS12/dg for the engineering shear strain g = 2 E12, Eq. (21)."""
+    """Return S12 and dS12/dg for the engineering shear strain g = 2 E12, Eq. (21) and locking."""
     e = 0.5 * abs(g)
     modulus = law.s0 + e * (law.s1 + e * (law.s2 + e * (law.s3 + e * law.s4)))
     slope = law.s1 + e * (2.0 * law.s2 + e * (3.0 * law.s3 + e * (4.0 * law.s4)))
-    return modulus * g, modulus + e * slope
+    stress, tangent = locking_response(law, g)
+    return modulus * g + stress, modulus + e * slope + tangent
 
 
 @equation
@@ -99,7 +114,7 @@ def shear_tangent_slope(law, g):
     first = law.s1 + e * (2.0 * law.s2 + e * (3.0 * law.s3 + e * (4.0 * law.s4)))
     second = 2.0 * law.s2 + e * (6.0 * law.s3 + e * (12.0 * law.s4))
     slope = 0.5 * (2.0 * first + e * second)
-    return slope if g >= 0.0 else -slope
+    return (slope if g >= 0.0 else -slope) + locking_tangent_slope(law, g)
 
 
 @equation
@@ -117,7 +132,28 @@ def shear_tangent_curvature(law, g):
     e = 0.5 * abs(g)
     second = 2.0 * law.s2 + e * (6.0 * law.s3 + e * (12.0 * law.s4))
     third = 6.0 * law.s3 + e * (24.0 * law.s4)
-    return 0.25 * (3.0 * second + e * third)
+    return 0.25 * (3.0 * second + e * third) + locking_tangent_curvature(law, g)
+
+
+@equation
+def stabilising_shear_tangent(law, g):
+    """Return dS12/dg at the rounded size of the strain: without the kink at g = 0."""
+    return shear_stress_and_tangent(law, rounded_shear(g)[0])[1]
+
+
+@equation
+def stabilising_shear_slope(law, g):
+    """Return the derivative of :func:`stabilising_shear_tangent` with g."""
+    size, first, _ = rounded_shear(g)
+    return first * shear_tangent_slope(law, size)
+
+
+@equation
+def stabilising_shear_curvature(law, g):
+    """Return the second derivative of :func:`stabilising_shear_tangent` with g."""
+    size, first, second = rounded_shear(g)
+    slope, curvature = shear_tangent_slope(law, size), shear_tangent_curvature(law, size)
+    return first * first * curvature + second * slope
 
 
 @equation
@@ -145,6 +181,12 @@ def fabric_response(law, E, history):
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
 
+@implements(hourglass_tangent, FabricLaw)
+@equation
+def fabric_hourglass_tangent(law, E, C_M, history):
+    return (C_M[0], C_M[1], C_M[2], stabilising_shear_tangent(law, E[3]), C_M[4], C_M[5])
+
+
 @implements(tangent_slope, FabricLaw)
 @equation
 def fabric_tangent_slope(law, E, history):
@@ -152,7 +194,7 @@ def fabric_tangent_slope(law, E, history):
         None,
         None,
         compaction_tangent_slope(law, E[2]),
-        shear_tangent_slope(law, E[3]),
+        stabilising_shear_slope(law, E[3]),
         None,
         None,
     )
@@ -165,7 +207,7 @@ def fabric_tangent_curvature(law, E, history):
         None,
         None,
         compaction_tangent_curvature(law, E[2]),
-        shear_tangent_curvature(law, E[3]),
+        stabilising_shear_curvature(law, E[3]),
         None,
         None,
     )
@@ -191,6 +233,18 @@ def fabric_plane_bending_stiffness(law):
     return (law.B11, law.B22, law.B12)
 
 
+LockingFabricLaw = locking_class(
+    FabricLaw,
+    membrane_response,
+    hourglass_tangent,
+    tangent_slope,
+    tangent_curvature,
+    bending_stiffness,
+    plane_response,
+    plane_bending_stiffness,
+)
+
+
 class Fabric:
     """A fabric as the rest of the program sees it: the law, its energy, and its constants.
 
@@ -201,6 +255,8 @@ class Fabric:
     areal_mass : mass per area [kg/m²].
     fibre_density : density of the fibres [kg/m³], for the fibre volume fraction.
     name : as in the scene.
+    shear_range : shear angle [rad] up to which the law was measured, None where nobody says.
+    locking : beyond a shear angle, None for a law that does not lock.
     """
 
     is_diagonal = True
@@ -215,13 +271,21 @@ class Fabric:
         areal_mass: float,
         fibre_density: float | None,
         name: str = "fabric",
+        shear_range: float | None = None,
+        locking: ShearLocking | None = None,
     ) -> None:
-        self.law = law
+        self.law = with_locking(law, locking)
+        self.locking = locking
+        self.shear_range = shear_range
         self.thickness = thickness
         self.areal_mass = areal_mass
         self.density = areal_mass / thickness
         self.fibre_density = fibre_density
         self.name = name
+
+    @property
+    def locks(self) -> bool:
+        return self.locking is not None
 
     def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Return S^M (..., 6) and the tangent C^M (..., 6, 6) for strains E (..., 6).
@@ -241,8 +305,21 @@ class Fabric:
             C[..., row, row] = stiffness
         S[..., 3] = modulus * E[..., 3]
         C[..., 3, 3] = modulus + e12 * slope
+        if self.locking is not None:
+            stress, tangent = self.locking.response(E[..., 3])
+            S[..., 3] += stress
+            C[..., 3, 3] += tangent
         S[..., 2], C[..., 2, 2] = self._compaction(E[..., 2])
         return S, C
+
+    def stabilising_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return C^M with the shear of the rounded strain (..., 6, 6), its slope and curvature."""
+        E = np.array(E, dtype=float)
+        E[..., 3], first, second = rounded_shear_of(E[..., 3])
+        slope, curvature = self.tangent_slope(E), self.tangent_curvature(E)
+        curvature[..., 3] = first**2 * curvature[..., 3] + second * slope[..., 3]
+        slope[..., 3] *= first
+        return self.stress_and_tangent(E)[1], slope, curvature
 
     def tangent_slope(self, E: ArrayLike) -> np.ndarray:
         """Return dC_ii/dE_i (..., 6) of the diagonal tangent C^M; only 12 and 33 are not zero."""
@@ -254,6 +331,8 @@ class Fabric:
         tangent = np.array([law.s0, law.s1, law.s2, law.s3, law.s4]) * np.arange(1, 6)
         derivative = np.polynomial.polynomial.polyval(e12, tangent[1:] * powers)
         slope[..., 3] = 0.5 * np.where(E[..., 3] >= 0.0, derivative, -derivative)
+        if self.locking is not None:
+            slope[..., 3] += self.locking.slope_and_curvature(E[..., 3])[0]
         e33 = np.maximum(-E[..., 2], 1e-16)
         exponent = law.c1 * e33**law.c2
         slope[..., 2] = (
@@ -271,6 +350,8 @@ class Fabric:
         second = tangent[2:] * np.array([2.0, 6.0, 12.0])
         e12 = 0.5 * np.abs(E[..., 3])
         curvature[..., 3] = 0.25 * np.polynomial.polynomial.polyval(e12, second)
+        if self.locking is not None:
+            curvature[..., 3] += self.locking.slope_and_curvature(E[..., 3])[1]
         compressed = E[..., 2] < 0.0
         e33 = np.where(compressed, -E[..., 2], 1.0)
         exponent = law.c1 * e33**law.c2
@@ -301,6 +382,8 @@ class Fabric:
         e12 = 0.5 * np.abs(E[..., 3])
         s = (law.s0, law.s1, law.s2, law.s3, law.s4)
         shear = sum(4.0 * si * e12 ** (i + 2) / (i + 2) for i, si in enumerate(s))
+        if self.locking is not None:
+            shear += self.locking.energy(E[..., 3])
         linear = 0.5 * (
             law.C11 * E[..., 0] ** 2
             + law.C22 * E[..., 1] ** 2
@@ -357,6 +440,36 @@ class FabricMembrane(SceneModel):
         default="engineering",
         description="S12 = C12 * 2 E12 (engineering) or S12 = C12 * E12 (tensor).",
     )
+    shear_range: Annotated[AcuteAngle | None, AbsentMeans("no warning beyond a range")] = Field(
+        default=None,
+        description="Shear angle up to which the shear law was measured; beyond it a run warns.",
+    )
+    locking_angle: Annotated[AcuteAngle | None, AbsentMeans("the fabric does not lock")] = Field(
+        default=None, description="Shear angle from which on the fabric locks."
+    )
+    locking_stiffness: Annotated[
+        Annotated[float, Quantity(STIFFNESS, POSITIVE, "100 MPa")] | None,
+        AbsentMeans("the fabric does not lock"),
+    ] = Field(
+        default=None,
+        description="Shear stiffness dS12/d(2 E12) gained by locking up to a shear of 90 deg.",
+    )
+
+    @property
+    def locking(self) -> ShearLocking | None:
+        """What the fabric does beyond its locking angle."""
+        if self.locking_angle is None or self.locking_stiffness is None:
+            return None
+        return ShearLocking.from_angle(self.locking_angle, self.locking_stiffness)
+
+    @model_validator(mode="after")
+    def _check_locking(self) -> Self:
+        given = {"locking_angle": self.locking_angle, "locking_stiffness": self.locking_stiffness}
+        if None in given.values() and set(given.values()) != {None}:
+            missing = next(name for name, value in given.items() if value is None)
+            other = next(name for name, value in given.items() if value is not None)
+            raise wrong(f"is needed together with {other}", field=missing)
+        return self
 
     @model_validator(mode="after")
     def _check_shear_law(self) -> Self:
@@ -467,13 +580,18 @@ class FabricMaterial(MaterialTable):
 
     def build(self) -> Fabric:
         """Return the fabric."""
-        return Fabric(
-            self.law_parameters(),
-            thickness=self.thickness,
-            areal_mass=self.areal_mass,
-            fibre_density=self.fibre_density,
-            name=self.name,
-        )
+        return Fabric(self.law_parameters(), **self.sheet_parameters())
+
+    def sheet_parameters(self) -> dict[str, Any]:
+        """Return what :class:`Fabric` takes beside the law."""
+        return {
+            "thickness": self.thickness,
+            "areal_mass": self.areal_mass,
+            "fibre_density": self.fibre_density,
+            "name": self.name,
+            "shear_range": self.membrane.shear_range,
+            "locking": self.membrane.locking,
+        }
 
     def remarks(self) -> list[str]:
         if self.fibre_volume_fraction <= 0.9:

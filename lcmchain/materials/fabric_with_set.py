@@ -36,19 +36,22 @@ from lcmchain.materials.fabric import (
     compaction_tangent_curvature,
     compaction_tangent_slope,
     fabric_bending_stiffness,
+    fabric_hourglass_tangent,
     shear_stress_and_tangent,
-    shear_tangent_curvature,
-    shear_tangent_slope,
+    stabilising_shear_curvature,
+    stabilising_shear_slope,
 )
 from lcmchain.materials.law import (
     Remembered,
     bending_stiffness,
     evolved_history,
+    hourglass_tangent,
     implements,
     membrane_response,
     tangent_curvature,
     tangent_slope,
 )
+from lcmchain.materials.shear_locking import locking_class
 from lcmchain.quantities.entry_types import Number, Range
 
 FabricWithSetLaw = NamedTuple(
@@ -85,7 +88,7 @@ def response(law, E, history):
 def slope(law, E, history):
     strain, rate, stiffening = strain_from_set(law, E[2], history)
     slope33 = stiffening * rate * compaction_tangent_slope(law, strain)
-    return (None, None, slope33, shear_tangent_slope(law, E[3]), None, None)
+    return (None, None, slope33, stabilising_shear_slope(law, E[3]), None, None)
 
 
 @implements(tangent_curvature, FabricWithSetLaw)
@@ -93,7 +96,7 @@ def slope(law, E, history):
 def curvature(law, E, history):
     strain, rate, stiffening = strain_from_set(law, E[2], history)
     curvature33 = stiffening * rate * rate * compaction_tangent_curvature(law, strain)
-    return (None, None, curvature33, shear_tangent_curvature(law, E[3]), None, None)
+    return (None, None, curvature33, stabilising_shear_curvature(law, E[3]), None, None)
 
 
 @implements(evolved_history, FabricWithSetLaw)
@@ -103,6 +106,16 @@ def evolved(law, E, history):
 
 
 implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
+implements(hourglass_tangent, FabricWithSetLaw)(fabric_hourglass_tangent)
+
+LockingFabricWithSetLaw = locking_class(
+    FabricWithSetLaw,
+    membrane_response,
+    tangent_slope,
+    tangent_curvature,
+    evolved_history,
+    bending_stiffness,
+)
 
 
 class FabricWithSet(Fabric):
@@ -180,8 +193,5 @@ class FabricWithSetMaterial(FabricMaterial):
         return FabricWithSet(
             self.law_parameters(),
             self.compaction.permanent_set,
-            thickness=self.thickness,
-            areal_mass=self.areal_mass,
-            fibre_density=self.fibre_density,
-            name=self.name,
+            **self.sheet_parameters(),
         )

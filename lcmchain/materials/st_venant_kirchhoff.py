@@ -110,6 +110,8 @@ class StVenantKirchhoff:
 
     is_diagonal = False
     constant_tangent = True
+    shear_range = None
+    locks = False
 
     def __init__(
         self,

@@ -13,6 +13,10 @@ from lcmchain.quantities.entry_types import wrong
 #: unreadable in the text at hand, and section 3.3 gives C13 = C23 = 0.1 MPa. Membrane: C11 = C22
 #: and the transverse shear stiffness of section 3.2. Areal mass 600 g/m², thickness 1.004 mm;
 #: fibre density 1810 kg/m³ from the roving's data sheet (assumed, the paper gives none).
+#: Range of the shear law: the paper states no angle. Its bias-extension tests end at 60 mm, where a
+#: pin-jointed net is sheared by 63.0°; beyond 30 mm the rovings slipped and the measured angle, to
+#: which the law is fitted, was smaller ("slight deviations"). 60° is taken: what lies beyond it was
+#: certainly not measured.
 MD600 = {
     "law": "fabric",
     "name": "MD600",
@@ -26,6 +30,7 @@ MD600 = {
         "C23": "0.1 MPa",
         "C13": "0.1 MPa",
         "shear_convention": "engineering",
+        "shear_range": "60 deg",
     },
     "compaction": {"c0": "0.1563 MPa", "c1": 60.4653, "c2": 2.4528},
     "bending": {

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.elements.family import Body
+from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model
 from lcmchain.state import EXTERNAL, KINETIC, WORK_COLUMNS, State
 
 # Deeper in a tool than this part of its thickness, the sheet is not where the tools hold it.
 DEEPEST_PENETRATION = 0.15
+
+# Positions [m] and velocities [m/s] of this size are on their way to be no numbers.
+BEYOND_ALL_BOUNDS = 1e6
 
 # Energy that may appear from nowhere, relative to the external work, before a run is called
 # unstable; the floor is the strain energy of a strain of 1e-4 over the whole sheet.
@@ -23,35 +26,40 @@ LOADED = 25.0
 FLOOR_STRAIN = 1e-4
 
 
-def require_finite(model: Model, state: State) -> None:
-    """Stop where a node has no finite position or velocity."""
-    finite = np.isfinite(state.position).all(axis=0) & np.isfinite(state.velocity).all(axis=0)
-    if finite.all():
+def lost_node(state: State) -> int | None:
+    """Return the first node whose position or velocity is not a number or beyond all bounds."""
+    if _within_bounds(state.position) and _within_bounds(state.velocity):
+        return None
+    largest = np.maximum(np.abs(state.position).max(axis=0), np.abs(state.velocity).max(axis=0))
+    return int(np.argmax(~(largest < BEYOND_ALL_BOUNDS)))  # also where it is not a number
+
+
+def require_finite(model: Model, state: State, cause: str) -> None:
+    """Stop where a node has no finite position or velocity, for a ``cause`` in words."""
+    node = lost_node(state)
+    if node is None:
         return
-    node = int(np.flatnonzero(~finite)[0])
-    element = model.element_at(node)
     raise SimulationError(
-        f"a position or velocity is not a number at node {node} (element {element}, initially at "
-        f"{_millimetres(model.node_positions[node])}) at {_when(state)}. Likely cause: the "
-        "step is too large for the contact stiffness or for the material; lower "
-        "process.step_safety or contact.penalty"
+        f"a position or velocity is not a number at node {node} (element "
+        f"{model.element_at(node)}, initially at {millimetres(model.node_positions[node])}) at "
+        f"{when(state)}. {cause}"
     )
 
 
-def require_sound(model: Model, state: State, body: Body, condition: np.ndarray) -> None:
-    """Stop where an element is inverted or collapsed; ``condition`` is the body's own."""
+def require_sound(model: Model, state: State, body: Body, condition: Condition) -> None:
+    """Stop where an element is inverted, collapsed, or holds more fibre than it has space for."""
 
     def tools_near(nodes: np.ndarray) -> list[str]:
         near = state.near[:, nodes + body.first_node].any(axis=1)
         return [name for name, there in zip(model.tool_names, near, strict=True) if there]  # type: ignore[arg-type]
 
-    found = body.unsound(condition, tools_near)
+    found = body.unsound(state.position, condition, tools_near)
     if found is None:
         return
     corners = body.mesh.elements[found.element] + body.first_node
     centre = state.position[:, corners].mean(axis=1)
     raise SimulationError(
-        f"{found.text}{_of_body(model, body)} at {_millimetres(centre)} at {_when(state)}. "
+        f"{found.text}{_of_body(model, body)} at {millimetres(centre)} at {when(state)}. "
         f"Likely cause: {found.cause}"
     )
 
@@ -64,7 +72,7 @@ def require_outside(model: Model, state: State) -> None:
     tool = int(np.argmax(state.penetration_max))
     depth = 1e3 * state.penetration_max[tool]
     raise SimulationError(
-        f"nodes are {depth:.3f} mm inside {model.tool_names[tool]} at {_when(state)}, more than "
+        f"nodes are {depth:.3f} mm inside {model.tool_names[tool]} at {when(state)}, more than "
         f"{DEEPEST_PENETRATION:g} of the thickness of the sheet. Likely cause: too much pressure "
         f"for a contact stiffness of {1e-9 * model.environment.penalty:.3g} N/mm^3; check gap and "
         "stroke of the tools, or raise contact.penalty"
@@ -81,10 +89,10 @@ def require_passive(model: Model, state: State) -> None:
     fastest = int(np.argmax(np.sum(state.velocity**2, axis=0)))
     element = model.element_at(fastest)
     raise SimulationError(
-        f"the energy balance runs away at {_when(state)}: kinetic energy "
+        f"the energy balance runs away at {when(state)}: kinetic energy "
         f"{state.work[KINETIC]:.3g} J and dissipation exceed the external work "
         f"{state.work[EXTERNAL]:.3g} J by {surplus:.3g} J. The fastest node is {fastest} (element "
-        f"{element}) at {_millimetres(state.position[:, fastest])}. Likely cause: an unstable time "
+        f"{element}) at {millimetres(state.position[:, fastest])}. Likely cause: an unstable time "
         "step; lower process.step_safety or contact.penalty"
     )
 
@@ -103,7 +111,7 @@ def require_resolved(model: Model, state: State, energy: dict[str, float]) -> No
     areas = np.concatenate([body.mesh.element_areas for body in model.bodies])
     edge = 1e3 * float(np.sqrt(np.median(areas)))
     raise SimulationError(
-        f"the hourglass energy is {part:.0%} of the strain energy at {_when(state)}, more than "
+        f"the hourglass energy is {part:.0%} of the strain energy at {when(state)}, more than "
         f"{LARGEST_HOURGLASS_PART:.0%}: forces and shape cannot be trusted. Likely cause: elements "
         f"of {edge:.3g} mm are too coarse for the radii of the tools; use a smaller "
         "blank.edge_length"
@@ -120,14 +128,20 @@ def energy_floor(model: Model) -> float:
     return floor
 
 
+def _within_bounds(values: np.ndarray) -> bool:
+    return bool(-BEYOND_ALL_BOUNDS < values.min() and values.max() < BEYOND_ALL_BOUNDS)
+
+
 def _of_body(model: Model, body: Body) -> str:
     return f" of {body.name}" if len(model.bodies) > 1 else ""
 
 
-def _when(state: State) -> str:
+def when(state: State) -> str:
+    """Return time and step of a state in words."""
     return f"{1e3 * state.time:.4f} ms (step {state.step_count})"
 
 
-def _millimetres(point) -> str:
+def millimetres(point: np.ndarray) -> str:
+    """Return a point [m] in words."""
     x, y, z = (1e3 * float(c) for c in point)
     return f"({x:.2f}, {y:.2f}, {z:.2f}) mm"

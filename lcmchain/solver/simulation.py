@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.elements.family import Body
+from lcmchain.elements.family import Body, Condition
+from lcmchain.errors import SimulationError
 from lcmchain.model import Model, build_model
 from lcmchain.solver import guards, histories
 from lcmchain.solver.contact_search import find_near_nodes
 from lcmchain.solver.loop import Arrays, advance
+from lcmchain.solver.recovery import diagnosis, halving_warnings
 from lcmchain.state import (
     CHUNKS,
     CONTACT,
@@ -22,9 +24,13 @@ from lcmchain.state import (
     CONTROLLING_PART,
     EXTERNAL,
     FRICTION,
+    HALVINGS,
     KINETIC,
     MASS_DAMPING,
+    MOST_HALVINGS,
     OMEGA2,
+    RENEWAL,
+    RENEWED,
     TIME,
     Scratch,
     State,
@@ -37,6 +43,9 @@ STEPS_PER_CHUNK = 50
 # The in-plane frequency changes slowly: its bound is renewed every so many chunks, unless the sheet
 # may stiffen in between.
 CHUNKS_PER_FREQUENCY = 8
+# Elements follow the curvature that they share with neighbours every so many chunks: their forces
+# hardly depend on it (``elements/solid_shell/curvature.py``).
+CHUNKS_PER_RENEWAL = 4
 # Every change of the step shifts the energy that central differences conserve a little: a step that
 # could be longer by less than this (of ω²) stays as it is.
 STEP_HYSTERESIS = 0.98
@@ -168,7 +177,7 @@ class Simulation:
             remaining = time - self.time
             count = max(1, math.ceil(remaining / step))
             chunk = min(count, STEPS_PER_CHUNK)
-            self.make_steps(chunk, remaining / count)
+            self._make_chunk(chunk, remaining / count)
             if chunk == count:
                 self.state.clock[TIME] = time
             if on_chunk is not None:
@@ -212,8 +221,9 @@ class Simulation:
             "hourglass": hourglass,
             "contact": work[CONTACT],
             "friction": work[FRICTION],
-            **({"inelastic": inelastic} if self.model.history_size else {}),
+            **({"inelastic": inelastic} if self.model.remembers else {}),
             "damping": work[CONTACT_DAMPING] + work[MASS_DAMPING],
+            "renewal": work[RENEWAL],
             "external": work[EXTERNAL],
         }
         energy = {name: float(value) for name, value in energy.items()}
@@ -237,6 +247,7 @@ class Simulation:
         """
         state = self.state
         conditions = self.require_sound()
+        self._renew()
         present = float(state.clock[OMEGA2])
         renew = present == 0.0 or state.counters[CHUNKS] >= CHUNKS_PER_FREQUENCY
         if renew or self._may_stiffen(conditions, present):
@@ -251,7 +262,7 @@ class Simulation:
         element = int(state.counters[CONTROLLING_ELEMENT])
         code = int(state.counters[CONTROLLING_PART])
         step, self.control.cause = self._step_of(float(state.clock[OMEGA2]), element, code)
-        step *= self.model.step_safety
+        step *= self.model.step_safety * state.step_factor
         self.control.step = step
         self.control.element = element
         return step
@@ -265,6 +276,42 @@ class Simulation:
         ------
         SimulationError : a position or velocity is no number any more.
         """
+        self._make_sampled(count, step)
+        self._count_steps(count)
+        guards.require_finite(self.model, self.state, f"The steps of {step:.3g} s were given")
+
+    def _make_chunk(self, count: int, step: float) -> None:
+        """Make steps; where they end in no numbers, go back and halve the step, for good.
+
+        Raises
+        ------
+        SimulationError : half the step does not cure it; the state is the one before the steps.
+        """
+        state, before = self.state, self._before
+        before.set_to(state)
+        self._make_sampled(count, step)
+        node = guards.lost_node(state)
+        tried = f"after {MOST_HALVINGS} halvings of the step"
+        if node is not None and before.counters[HALVINGS] < MOST_HALVINGS:
+            tried = "with half the step as well"
+            count, step = 2 * count, 0.5 * step
+            state.set_to(before)
+            self._make_sampled(count, step)
+            halvings = int(state.counters[HALVINGS])
+            state.halvings[halvings] = (before.time, *before.position[:, node])
+            state.counters[HALVINGS] += 1
+            node = guards.lost_node(state)
+        if node is not None:
+            state.set_to(before)
+            raise SimulationError(
+                f"a position or velocity is not a number at node {node} (element "
+                f"{self.model.element_at(node)}), {tried}. "
+                + diagnosis(self.model, state, self.energy(), count * step)
+            )
+        self._count_steps(count)
+
+    def _make_sampled(self, count: int, step: float) -> None:
+        """Make steps, and take the samples of the histories that fall due between them."""
         made = 0
         while made < count:
             part = min(count - made, histories.steps_to_sample(self.model, self.state, step))
@@ -272,11 +319,16 @@ class Simulation:
             made += part
             if histories.is_due(self.model, self.state, step):
                 histories.take_sample(self.state, self.energy())
+
+    def _count_steps(self, count: int) -> None:
         history = self.control.history
         history[self.control.cause] = history.get(self.control.cause, 0) + count
-        guards.require_finite(self.model, self.state)
 
-    def require_sound(self) -> list[np.ndarray]:
+    def warnings(self) -> list[str]:
+        """Say what the run did that nobody asked for."""
+        return halving_warnings(self.model, self.state)
+
+    def require_sound(self) -> list[Condition]:
         """Check that the state is sound, and return the condition of every body.
 
         Raises
@@ -291,6 +343,7 @@ class Simulation:
         return conditions
 
     def _bind(self) -> None:
+        self._before = self.state.copy()
         self._scratch = Scratch.zeros(self.model)
         self._arrays = Arrays(*self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict())  # type: ignore[call-arg]
 
@@ -320,7 +373,15 @@ class Simulation:
             found.append((omega2, body.first_element + element, code))
         return max(found, key=lambda bound: bound[0])
 
-    def _may_stiffen(self, conditions: list[np.ndarray], omega2: float) -> bool:
+    def _renew(self) -> None:
+        """Renew what elements take from their neighbours, at the start and now and then."""
+        state = self.state
+        if state.counters[RENEWED] % CHUNKS_PER_RENEWAL == 0:
+            state.work[RENEWAL] -= self.model.renew(state.position, state.history)
+            state.counters[RENEWED] = 0
+        state.counters[RENEWED] += 1
+
+    def _may_stiffen(self, conditions: list[Condition], omega2: float) -> bool:
         bodies = zip(self.model.bodies, conditions, strict=True)
         return any(body.may_stiffen(condition, omega2) for body, condition in bodies)
 

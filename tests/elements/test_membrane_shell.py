@@ -25,10 +25,12 @@ from lcmchain.elements.membrane_shell.kernel import (
 )
 from lcmchain.elements.membrane_shell.patch import angle_shares, triangle_geometry
 from lcmchain.errors import InputError
+from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 
 EDGE, THICKNESS = 5e-3, 1.004e-3
+LOCKING = ShearLocking.from_angle(np.radians(25.0), 20e9)
 QUADRATICS = {
     "x²/2": (lambda x, y: 0.5 * x * x, (1.0, 0.0, 0.0)),
     "y²/2": (lambda x, y: 0.5 * y * y, (0.0, 1.0, 0.0)),
@@ -95,6 +97,10 @@ class Sheet:
         e12 = 0.5 * np.where(g12.real >= 0.0, g12, -g12)
         polynomial = (law.s0, law.s1, law.s2, law.s3, law.s4)
         shear = sum(4.0 * s * e12 ** (k + 2) / (k + 2) for k, s in enumerate(polynomial))
+        if self.fabric.locks:
+            strain, growth = self.fabric.locking
+            excess = np.where(2.0 * e12.real > strain, 2.0 * e12 - strain, 0.0)
+            shear = shear + growth * excess**4 / 12.0
         membrane = 0.5 * law.C11 * E11**2 + 0.5 * law.C22 * E22**2 + shear
         area = self.geometry.area
         bending = t**3 / 24.0 * curvature**2 @ self.bending
@@ -309,6 +315,19 @@ def test_forces_are_the_derivative_of_the_energy(sheet, shape):
     np.testing.assert_allclose(actual, expected, rtol=0.0, atol=1e-12 * abs(expected).max())
 
 
+def test_forces_of_a_locked_fabric_are_the_derivative_of_its_energy(sheet):
+    tri = sheet("cut", locking=LOCKING)
+    position = formed(tri, np.random.default_rng(5))
+    strain = np.abs(tri.stored(position)[0][:, 3])
+    assert (strain > LOCKING.locking_strain).any() and (strain < LOCKING.locking_strain).any()
+    components = [(n, d) for n in range(0, len(position), 9) for d in range(3)]
+    expected = tri.gradient(position, components)
+    actual = np.array([tri.forces(position)[c] for c in components])
+    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=1e-12 * abs(expected).max())
+    free = sheet("cut").forces(position)
+    assert abs(tri.forces(position) - free).max() > 1e-3 * abs(free).max()
+
+
 def test_bending_forces_alone_are_the_derivative_of_their_energy(sheet):
     """Without the membrane, whose forces are a thousand times larger."""
     soft = dict.fromkeys(("C11", "C22", "s0", "s1", "s2", "s3", "s4"), 0.0)
@@ -499,6 +518,17 @@ def test_bound_is_never_below_the_true_frequency(sheet, shape, stiff_bending):
         true = true_frequency(tri, position)
         assert true <= bound * (1.0 + 1e-6)
         assert bound < 6.0 * true
+
+
+def test_bound_knows_the_locked_shear(sheet):
+    """With a shear that is stiffer than the fibres once it locks."""
+    tri = sheet("turned", locking=LOCKING)
+    position = formed(tri, np.random.default_rng(10), warp=0.1, stretch=0.01)
+    bound, _ = tri.frequency_bound(position)
+    true = true_frequency(tri, position)
+    assert true <= bound * (1.0 + 1e-6)
+    assert bound < 6.0 * true
+    assert bound > 2.0 * sheet("turned").frequency_bound(position)[0]
 
 
 # --- code -----------------------------------------------------------------------------------------

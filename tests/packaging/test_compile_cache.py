@@ -196,5 +196,5 @@ def test_a_second_scene_compiles_only_what_no_scene_had_before(tmp_path):
     published = ("element.compaction_strain=director", "element.hourglass=published")
     second = compiled(*published)
     assert {"advance", "element_forces"} <= second
-    assert not {"move_nodes", "find_near_nodes", "thickness_stretches"} & second
+    assert not {"move_nodes", "find_near_nodes", "centre_stretches"} & second
     assert compiled(*published) == compiled(*numbers) == set()

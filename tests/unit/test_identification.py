@@ -397,6 +397,8 @@ def test_scene_takes_the_identified_parameters():
     membrane = read_back(shear).membrane
     assert membrane.shear_polynomial == pytest.approx(values(shear.parameters), rel=1e-9)
     assert membrane.shear_convention == "tensor"
+    tested = SPECIMEN.shear_angle(DISPLACEMENT).max()
+    assert membrane.shear_range == pytest.approx(tested, rel=1e-3)
     assert membrane.C11 == LAW.C11
     pressure = compaction_curve(MD600, THICKNESSES, noise=NOISE)
     compaction = compaction_result(pressure)

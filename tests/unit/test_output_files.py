@@ -213,11 +213,11 @@ def test_summary(datasets, frames):
     assert field_summary(datasets, punch="die")["punch_force_max_N"] == pytest.approx(9.0)
 
 
-def test_warning_where_fibres_are_packed_beyond_reason(datasets):
-    sheet = datasets["/"].copy(deep=True)
-    assert field_warnings(sheet) == []
+def test_warning_where_fibres_are_packed_beyond_reason(scene, datasets):
+    sheet, material = datasets["/"].copy(deep=True), scene.material.build()
+    assert field_warnings(sheet, material) == []
     sheet["fibre_volume_fraction"][-1, 7] = 0.95
-    (warning,) = field_warnings(sheet)
+    (warning,) = field_warnings(sheet, material)
     assert "element 7" in warning
     assert "0.95" in warning
 

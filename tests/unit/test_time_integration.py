@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from lcmchain.elements.family import internal_forces
-from lcmchain.errors import SimulationError
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.loop import NODE_CHUNK
@@ -118,7 +117,7 @@ def test_vibration_is_stable_below_the_critical_step():
 
 
 def test_vibration_explodes_beyond_the_true_critical_step():
-    """The bound is close to the sheet's own frequency, and the guard sees what goes wrong."""
+    """The bound is close to the sheet's own frequency, and the run sees what goes wrong."""
     sim = simulation(SHEET)
     bound = sim.critical_step()
     true = 2.0 / highest_frequency(sim)
@@ -131,8 +130,8 @@ def test_vibration_explodes_beyond_the_true_critical_step():
 
     sim = simulation(SHEET, step_safety=1.3 * true / bound)
     kicked(sim, 1e-8)
-    with pytest.raises(SimulationError, match="step"):
-        sim.advance_to(1000 * true)
+    sim.advance_to(1000 * true)
+    assert sim.state.step_factor == 0.5 and "half the step cured it" in sim.warnings()[0]
 
 
 def test_the_step_stays_while_it_could_grow_but_little():

@@ -10,7 +10,12 @@ from typing import Any
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, in_blocks
-from lcmchain.elements.family import Unsound
+from lcmchain.elements.family import Condition, Unsound
+from lcmchain.elements.fibre_volume import (
+    CAUSE_OF_SHEAR,
+    initial_fibre_volume_fraction,
+    overfilled,
+)
 from lcmchain.elements.membrane_shell.kernel import (
     MembraneShellData,
     membrane_shell_state,
@@ -19,6 +24,7 @@ from lcmchain.elements.membrane_shell.kernel import (
     patch_rows,
 )
 from lcmchain.elements.membrane_shell.patch import TriangleGeometry, angle_shares, triangle_geometry
+from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
 from lcmchain.mesh.blank import BlankMesh
@@ -102,7 +108,7 @@ class MembraneShellBody:
         count = self.mesh.node_count
         return np.bincount(corners.ravel(), weights=shares.ravel(), minlength=count)
 
-    @property
+    @cached_property
     def shortest_length(self) -> float:
         return float(2.0 / np.abs(self.geometry.gradient).sum(axis=1).max())
 
@@ -127,6 +133,13 @@ class MembraneShellBody:
         volume = self.geometry.area * self.material.thickness
         return (density * volume).sum() + bending.sum(), 0.0
 
+    @property
+    def history_count(self) -> int:
+        return 0
+
+    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
+        return 0.0  # triangles read the nodes of their neighbours in every step
+
     def dissipated_energy(self, history: np.ndarray) -> float:
         return 0.0
 
@@ -145,24 +158,35 @@ class MembraneShellBody:
     def cause(self, code: int) -> str:
         return self.CAUSES[code]
 
-    def condition(self, positions: np.ndarray) -> np.ndarray:
-        """Return the current over the initial area."""
-        return self._evaluate(positions)[1]
+    def condition(self, positions: np.ndarray) -> Condition:
+        area_stretch = self._evaluate(positions)[1]
+        return Condition(np.ones_like(area_stretch), area_stretch)
 
-    def may_stiffen(self, condition: np.ndarray, omega2: float) -> bool:
-        """Never: fibres and bending have constant stiffnesses, the shear is much softer."""
-        return False
+    def fibre_volume_fraction(self, condition: Condition) -> np.ndarray | None:
+        """That of a sheet which keeps its thickness."""
+        if self.material.fibre_density is None:
+            return None
+        initial = initial_fibre_volume_fraction(self.material, self.material.thickness)
+        return initial / condition.volume_ratio
+
+    def may_stiffen(self, condition: Condition, omega2: float) -> bool:
+        """Fibres and bending have constant stiffnesses; the shear is softer unless it locks."""
+        return shear_may_stiffen(self, condition, omega2)
 
     def unsound(
-        self, condition: np.ndarray, tools_near: Callable[[np.ndarray], list[str]]
+        self,
+        positions: np.ndarray,
+        condition: Condition,
+        tools_near: Callable[[np.ndarray], list[str]],
     ) -> Unsound | None:
-        """A triangle that has lost its area."""
-        worst = int(np.argmin(condition))
-        if condition[worst] > COLLAPSED_AREA:
-            return None
+        """A triangle that has lost its area, or too much of it for the fibres."""
+        area = condition.area_stretch
+        worst = int(np.argmin(area))
+        if area[worst] > COLLAPSED_AREA:
+            return overfilled(self, positions, condition, lambda e: CAUSE_OF_SHEAR, "triangle")
         return Unsound(
             worst,
-            f"triangle {worst} is collapsed (area {condition[worst]:.3f} of the initial one)",
+            f"triangle {worst} is collapsed (area {area[worst]:.3f} of the initial one)",
             "the sheet is sheared beyond 87 degrees, or the mesh cannot resolve the tool; use a "
             "smaller blank.edge_length or a larger radius",
         )

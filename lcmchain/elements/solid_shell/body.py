@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,16 +11,20 @@ from typing import Any, cast
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
-from lcmchain.elements.family import Unsound
+from lcmchain.elements.family import Condition, Unsound
+from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
+from lcmchain.elements.shear_wave import shear_may_stiffen
+from lcmchain.elements.solid_shell.curvature import edge_neighbours, renew_curvature
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
-from lcmchain.elements.solid_shell.energies import strain_energies, thickness_stretches
+from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import (
+    MODES,
     ReferenceGeometry,
     reference_geometry,
     strain_transformation,
 )
-from lcmchain.elements.solid_shell.kernel import Options, SolidShellData
+from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS, Options, SolidShellData
 from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows
 from lcmchain.errors import InputError
 from lcmchain.materials.law import MOST_HISTORY, Material, MaterialWithMemory, history_count
@@ -29,8 +34,8 @@ CORNERS = 8
 # The in-plane frequency changes slowly: its bound is renewed every so many chunks of steps, unless
 # the thickness wave comes near it.
 THICKNESS_SHARE = 0.3
-# Below this fraction of its initial thickness an element counts as collapsed; a textile does so
-# where it would hold more fibre than space (MD600: 0.33).
+# Below this fraction of its initial thickness an element counts as collapsed; one with fibres does
+# so where it would hold more fibre than space.
 COLLAPSED_STRETCH = 0.05
 
 
@@ -77,7 +82,7 @@ class SolidShellBody:
                 f"element; kernels hold up to {MOST_HISTORY}",
                 key="material.law",
             )
-        if choices.fibre_hourglass != 1.0 and not material.is_diagonal:
+        if choices.fibre_hourglass not in (None, 1.0) and not material.is_diagonal:
             raise InputError(
                 f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
                 "leave it out",
@@ -103,7 +108,11 @@ class SolidShellBody:
             transformation=_padded(T, padded),
             transformation_change=change,
             density=float(material.density),
+            neighbour=_padded(edge_neighbours(mesh.elements).T, padded).T.copy(),
+            reference_curvature=np.zeros(padded),
         )
+        if data.options.director is None and not flat:
+            data.reference_curvature[:] = _reference_curvature(data, mesh, first_node)
         return cls(name, mesh, material, geometry, data, first_node, first_element)
 
     @property
@@ -121,6 +130,11 @@ class SolidShellBody:
         return self._at_nodes(self.geometry.volume / (2.0 * self.geometry.height) / 4.0)
 
     @property
+    def history_count(self) -> int:
+        shared = CURVATURE_ROWS if self.data.options.director is None else 0
+        return shared + history_count(self.material.law)
+
+    @cached_property
     def shortest_length(self) -> float:
         return float(2.0 * np.linalg.norm(self.geometry.modes[:, :2], axis=2).min())
 
@@ -144,8 +158,14 @@ class SolidShellBody:
         membrane = self.material.membrane_energy(strain[real], past) * self.geometry.volume
         return membrane.sum() + bending[real].sum(), hourglass[real].sum()
 
+    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
+        if self.data.options.director is not None:
+            return 0.0
+        given = renew_curvature(self.data, positions, history)
+        return float(given[: self.mesh.element_count].sum())
+
     def dissipated_energy(self, history: np.ndarray) -> float:
-        if not history.size:
+        if not history_count(self.material.law):
             return 0.0
         material = cast(MaterialWithMemory, self.material)
         density = material.dissipated_energy(self.element_history(history))
@@ -164,37 +184,51 @@ class SolidShellBody:
     def cause(self, code: int) -> str:
         return "in-plane stiffness" if code in IN_PLANE_MODES else "compaction (thickness)"
 
-    def condition(self, positions: np.ndarray) -> np.ndarray:
-        """Return the thickness stretch a3·n over its reference value; zero or less is inverted."""
-        stretch = np.empty(self._padded_count)
-        thickness_stretches(positions, self.data.corner_node, self._padded_height, stretch)
-        return stretch[: self.mesh.element_count]
+    def condition(self, positions: np.ndarray) -> Condition:
+        stretches = np.empty((2, self._padded_count))
+        centre_stretches(
+            positions, self.data.corner_node, self._padded_height, self._padded_area, *stretches
+        )
+        return Condition(*stretches[:, : self.mesh.element_count])
 
-    def may_stiffen(self, condition: np.ndarray, omega2: float) -> bool:
-        """The thickness wave may come to govern the step."""
-        thinnest = int(np.argmin(condition))
+    def fibre_volume_fraction(self, condition: Condition) -> np.ndarray | None:
+        if self._initial_fraction is None:
+            return None
+        return self._initial_fraction / condition.volume_ratio
+
+    def may_stiffen(self, condition: Condition, omega2: float) -> bool:
+        """The thickness wave, or the shear wave of a law that locks, may come to govern."""
+        thinnest = int(np.argmin(condition.thickness_stretch))
         strain = np.zeros(6)
-        strain[2] = 0.5 * (condition[thinnest] ** 2 - 1.0)
+        strain[2] = 0.5 * (condition.thickness_stretch[thinnest] ** 2 - 1.0)
         tangent = self.material.stress_and_tangent(strain)[1][2, 2]
         height = self.geometry.height[thinnest]
-        return bool(tangent / (self.material.density * height**2) > THICKNESS_SHARE * omega2)
+        if tangent / (self.material.density * height**2) > THICKNESS_SHARE * omega2:
+            return True
+        return shear_may_stiffen(self, condition, omega2)
 
     def unsound(
-        self, condition: np.ndarray, tools_near: Callable[[np.ndarray], list[str]]
+        self,
+        positions: np.ndarray,
+        condition: Condition,
+        tools_near: Callable[[np.ndarray], list[str]],
     ) -> Unsound | None:
-        """An element that is inverted or collapsed through the thickness."""
-        worst = int(np.argmin(condition))
-        stretch = condition[worst]
-        if stretch > collapsed_stretch(self.material):
-            return None
+        """An element that is inverted, collapsed, or holds more fibre than it has space for."""
+        worst = int(np.argmin(condition.thickness_stretch))
+        stretch = condition.thickness_stretch[worst]
+        if stretch > COLLAPSED_STRETCH:
+            return overfilled(
+                self, positions, condition, lambda e: self._cause_of_collapse(e, tools_near)
+            )
         what = "inverted" if stretch <= 0.0 else "collapsed"
         text = f"element {worst} is {what} (thickness {stretch:.3f} of the initial one)"
         return Unsound(worst, text, self._cause_of_collapse(worst, tools_near))
 
     def element_history(self, history: np.ndarray) -> np.ndarray:
-        """Return the history values by element (history_count, element_count)."""
-        count = history.size // self._padded_count
-        return from_blocks(history, count, self.mesh.element_count).T
+        """Return what the law remembers by element (history_count, element_count)."""
+        remembered = history_count(self.material.law)
+        rows = from_blocks(history, self.history_count, self.mesh.element_count).T
+        return rows[self.history_count - remembered :]
 
     def _cause_of_collapse(self, worst: int, tools_near) -> str:
         if self.data.options.director is not None:
@@ -220,6 +254,16 @@ class SolidShellBody:
     def _padded_height(self) -> np.ndarray:
         return _padded(self.geometry.height, self._padded_count)
 
+    @cached_property
+    def _padded_area(self) -> np.ndarray:
+        return _padded(self.geometry.volume / (8.0 * self.geometry.height), self._padded_count)
+
+    @cached_property
+    def _initial_fraction(self) -> np.ndarray | None:
+        if self.material.fibre_density is None:
+            return None
+        return initial_fibre_volume_fraction(self.material, 2.0 * self.geometry.height)
+
     def _at_nodes(self, share: np.ndarray) -> np.ndarray:
         """Return the sum of what the elements give to each of their corners, (node_count,)."""
         corners, weights = self.mesh.elements.ravel(), np.repeat(share, CORNERS)
@@ -241,16 +285,23 @@ def kernel_options(material: Material, choices: Any, *, flat: bool) -> Options:
         zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,
         cross=1.0 / 3.0 if choices.cross_terms else 0.0,
         in_plane_shear=1.0 if choices.in_plane_shear_hourglass else 0.0,
-        fibre_share=float(choices.fibre_hourglass),
+        fibre_share=choices.fibre_hourglass,
     )
 
 
-def collapsed_stretch(material: Material) -> float:
-    """Return the thickness over its initial value at which an element counts as collapsed."""
-    if material.fibre_density is None:
-        return COLLAPSED_STRETCH
-    fraction = material.areal_mass / (material.fibre_density * material.thickness)
-    return max(COLLAPSED_STRETCH, fraction)
+def _reference_curvature(data: SolidShellData, mesh: BlankMesh, first_node: int) -> np.ndarray:
+    """Return the constant that lets E33 vanish in the reference (block_count * 16,)."""
+    positions = np.zeros((3, first_node + mesh.node_count))
+    positions[:, first_node:] = mesh.node_positions.T
+    padded = data.corner_node.size // CORNERS
+    history = np.zeros(padded * (CURVATURE_ROWS + history_count(data.law)))
+    renew_curvature(data, positions, history)
+    shared = from_blocks(history, history.size // padded, padded)[:, :CURVATURE_ROWS]
+    a = MODES @ positions.T[from_blocks(data.corner_node, CORNERS, padded)]
+    a1, a2, a5, a6 = (a[:, k] for k in (0, 1, 4, 5))
+    dot = functools.partial(np.einsum, "ed,ed->e")
+    zeta = np.stack([dot(a1, a6), dot(a2, a5), dot(a1, a5) + dot(a2, a6)], axis=1)
+    return np.sum(shared[:, :3] * zeta, axis=1) - shared[:, 3]
 
 
 def _padded(array: np.ndarray, count: int) -> np.ndarray:
