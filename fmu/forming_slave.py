@@ -370,9 +370,8 @@ class FormingSlave(Fmi2Slave):
     def _field_outputs(self) -> dict[str, float | np.ndarray]:
         model = self._simulation.model
         state = self._simulation.state
-        history = model.body.element_history(state.history)
         position = np.ascontiguousarray(state.position.T)
-        fields = derive_fields(model.blank, model.material, position, history)
+        fields = derive_fields(model.blank, model.material, position)
         values = {"shear_angle_max": np.abs(fields["shear_angle"]).max()}
         for name in ("thickness", "fibre_volume_fraction"):
             if name in fields:

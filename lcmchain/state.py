@@ -207,6 +207,12 @@ class State(_Arrays):
         unit="s, J, m, N s, N",
         meaning="histories, see the columns above",
     )
+    contact_force: np.ndarray = entry(
+        "node",
+        unit="N",
+        meaning="sum of the normal forces of all tools at the last step",
+        in_frames=True,
+    )
     penetration_max: np.ndarray = entry("tool", unit="m", meaning="deepest so far")
     support_force: np.ndarray = entry(
         "support", "xyz", unit="N", meaning="of the support on the sheet at the last step"

@@ -4,8 +4,9 @@ Adds: moments, with a stiffness that is independent of the membrane.
 Source: Schäfer, Mitsch, Kärger, Eqs. (19) and (25).
 Stability limit: none of its own for the solid-shell; bending waves for the triangles of the 2D
 approach.
-Scene: ``material.bending``, ``material.bending_factor``, ``element.cross_terms``.
-Fields: none; it shows as ``displacement``.
+Scene: ``material.bending``, ``material.bending_factor``, ``element.cross_terms``,
+``element.bending_thickness``.
+Fields: ``bending_pressure``; it shows as ``displacement``.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ Source: penalty method, e.g. Wriggers, "Computational Contact Mechanics", sectio
 Stability limit: adds k/m to the square of the highest frequency of the nodes in contact
 (``Simulation._step_of``); the damping acts on the mean velocity and adds none.
 Scene: ``[[tools]]`` (none: no contact code runs), ``contact.penalty``, ``contact.damping_ratio``.
-Fields: ``tool_force``, ``energy_contact``, ``energy_damping`` (history).
+Fields: ``tool_pressure_top``, ``tool_pressure_bottom``, ``tool_pressure``; ``tool_force``,
+``energy_contact``, ``energy_damping`` (history).
 """
 
 from __future__ import annotations

@@ -56,6 +56,18 @@ class Unsound(NamedTuple):
     cause: str
 
 
+class NormalPressure(NamedTuple):
+    """Pressure through the thickness at the element centres, positive in compression [Pa].
+
+    contact : what presses on the faces, the mean of both, (element_count,).
+    total : minus the Cauchy stress normal to the sheet, (element_count,); the rest comes from
+        within the element, above all from its bending.
+    """
+
+    contact: np.ndarray
+    total: np.ndarray
+
+
 class Body(Protocol):
     """A sheet of one material and one family of elements.
 
@@ -114,8 +126,20 @@ class Body(Protocol):
     def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
         """Renew in ``history`` what elements take from neighbours; return the energy put in [J]."""
 
+    def normal_pressure(self, positions: np.ndarray, history: np.ndarray) -> NormalPressure | None:
+        """Return the pressure through the thickness at positions (3, node_count); None without.
+
+        The history is that of the end of the step before; it is left as it is.
+        """
+
+    def present_node_area(self, positions: np.ndarray) -> np.ndarray:
+        """Return ``node_area`` at positions (3, node_count), on the present mid-surface [m²]."""
+
     def dissipated_energy(self, history: np.ndarray) -> float:
         """Return what the law has dissipated so far [J]; 0 without memory."""
+
+    def no_history(self) -> np.ndarray:
+        """Return the history values of the body, in blocks, before anything has happened."""
 
     def element_history(self, history: np.ndarray) -> np.ndarray:
         """Return what the law remembers by element (numbers, element_count)."""
@@ -134,7 +158,7 @@ class Body(Protocol):
     def cause(self, code: int) -> str:
         """Say in words what governs the step."""
 
-    def condition(self, positions: np.ndarray) -> Condition:
+    def condition(self, positions: np.ndarray, history: np.ndarray) -> Condition:
         """Return what tells whether the elements are sound."""
 
     def fibre_volume_fraction(self, condition: Condition) -> np.ndarray | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from lcmchain.elements.families import family_of
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.histories import Histories
 from lcmchain.fields.history_group import HISTORY, history_dataset
+from lcmchain.fields.pressure import pressure_fields, tool_pressure
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
@@ -25,7 +27,7 @@ from lcmchain.fields.ugrid import (
     Variable,
     frame_time,
 )
-from lcmchain.materials.law import Material, Remembered, remembered
+from lcmchain.materials.law import Material, remembered
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
 if TYPE_CHECKING:
@@ -48,48 +50,72 @@ NO_THICKNESS = (
 class SheetFrames:
     """One sheet with its part of the saved frames.
 
-    positions : (F, node_count, 3) [m]; history : (F, history_count, element_count), what the law
-    remembers, by the names in ``remembered``.
+    positions : (F, node_count, 3) [m].
+    history : (F, history_count, element_count), what the law remembers.
+    pressures : face fields of :func:`lcmchain.fields.pressure.pressure_fields`, (F, element_count).
+    tool_pressure : on the nodes (F, node_count) [Pa], or None.
     """
 
-    mesh: SheetMesh
-    material: Material
+    body: Body
     positions: np.ndarray
     history: np.ndarray
-    remembered: tuple[Remembered, ...] = ()
+    pressures: dict[str, np.ndarray]
+    tool_pressure: np.ndarray | None
 
     @classmethod
     def of_body(cls, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
         """Return the part of a body of the model."""
+        past = [model.history_of(body, values) for values in frames.history]  # type: ignore[union-attr]
+        return cls.of_frames(body, frames, past)
+
+    @classmethod
+    def of_frames(
+        cls, body: Body, frames: FrameSeries, history: Sequence[np.ndarray]
+    ) -> SheetFrames:
+        """Return the part of a body; ``history`` is its own, in blocks, for every frame."""
         nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
-        past = [
-            body.element_history(model.history_of(body, values))
-            for values in frames.history  # type: ignore[union-attr]
-        ]
+        steps = [pressure_fields(body, *state) for state in zip(frames.positions, history)]
+        on_nodes = None
+        if frames.contact_force is not None:
+            states = zip(frames.positions, frames.contact_force)
+            on_nodes = np.stack([tool_pressure(body, *state) for state in states])
         return cls(
-            body.mesh,
-            body.material,
+            body,
             frames.positions[:, nodes],
-            np.array(past),
-            remembered(body.material.law),
+            np.stack([body.element_history(values) for values in history]),
+            {name: np.stack([step[name] for step in steps]) for name in steps[0]},
+            on_nodes,
         )
+
+    @property
+    def mesh(self) -> SheetMesh:
+        return self.body.mesh
+
+    @property
+    def material(self) -> Material:
+        return self.body.material
 
     def fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
         """Return values (F, element_count) and attributes of every face field."""
-        steps = [
-            derive_fields(self.mesh, self.material, *frame)
-            for frame in zip(self.positions, self.history, strict=True)
-        ]
+        values = derive_fields(self.mesh, self.material, self.positions) | self.pressures
         found = {
-            name: (
-                np.stack([step[name] for step in steps]),
-                FIELD_OF_VARIABLE[name].attributes(name),
-            )
-            for name in steps[0]
+            name: (value, FIELD_OF_VARIABLE[name].attributes(name))
+            for name, value in values.items()
         }
-        for row, entry in enumerate(self.remembered):
+        for row, entry in enumerate(remembered(self.material.law)):
             attributes = {"units": entry.unit, "long_name": entry.meaning}
             found[entry.name] = (np.ascontiguousarray(self.history[:, row]), attributes)
+        return found
+
+    def node_fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+        """Return values (F, n) and attributes of the tool pressure on the mid-surface nodes."""
+        if self.tool_pressure is None:
+            return {}
+        found = {}
+        for side, nodes in self.mesh.sides().items():
+            name = f"tool_pressure_{side}" if side else "tool_pressure"
+            values = np.ascontiguousarray(self.tool_pressure[:, nodes])
+            found[name] = (values, FIELDS[name].attributes(name))
         return found
 
 
@@ -119,8 +145,12 @@ def build_datasets(
     Datasets by group name. Face variables have the dimensions ``frame`` and ``sheet_face``.
     """
     material = scene.material.build() if material is None else material
-    empty = np.empty((frames.frame_count, 0, blank.element_count))
-    sheet = SheetFrames(blank, material, frames.positions, empty)
+    body = family_of(scene.element).build("sheet", blank, material, scene.element, 0, 0)
+    past = []
+    for positions in frames.positions:
+        past.append(body.no_history())
+        body.renew(np.ascontiguousarray(positions.T), past[-1])
+    sheet = SheetFrames.of_frames(body, frames, past)
     return _one_sheet(scene, sheet, frames) | {HISTORY: history_dataset(frames)}
 
 
@@ -203,6 +233,8 @@ def _sheet(scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSeries) -> x
     }
     for name, (values, attributes) in sheet.fields().items():
         variables[name] = mesh.on_cells(values, attributes)
+    for name, (values, attributes) in sheet.node_fields().items():
+        variables[name] = mesh.on_nodes(values, attributes)
     attributes = _global_attributes(scene, sheet.material)
     if not sheet.mesh.has_thickness:
         attributes["comment"] = NO_THICKNESS
@@ -227,12 +259,11 @@ def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -
         **_moving_nodes(mesh, np.concatenate(references), np.concatenate(current, axis=1), frames),
     }
     counts = [s.mesh.element_count for s in sheets.values()]
-    fields = [s.fields() for s in sheets.values()]
-    for name in dict.fromkeys(name for own in fields for name in own):
-        attributes = next(own[name][1] for own in fields if name in own)
-        missing = [np.full((frames.frame_count, count), np.nan) for count in counts]
-        parts = [own[name][0] if name in own else gap for own, gap in zip(fields, missing)]
-        variables[name] = mesh.on_cells(np.concatenate(parts, axis=1), attributes)
+    for name, field in _joined([s.fields() for s in sheets.values()], counts).items():
+        variables[name] = mesh.on_cells(*field)
+    node_counts = [len(reference) for reference in references]
+    for name, field in _joined([s.node_fields() for s in sheets.values()], node_counts).items():
+        variables[name] = mesh.on_nodes(*field)
     flags = np.arange(len(sheets), dtype=np.int32)
     variables["body"] = mesh.on_cells(
         np.repeat(flags, counts),
@@ -246,6 +277,19 @@ def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -
     attributes = _global_attributes(scene, None)
     attributes["comment"] = "sheets that do not touch; each has a group of its own"
     return mesh.dataset(variables, attributes)
+
+
+def _joined(
+    fields: Sequence[dict[str, tuple[np.ndarray, dict[str, Any]]]], counts: Sequence[int]
+) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+    """Return the fields of several sheets one after the other, nan where a sheet has none."""
+    joined = {}
+    for name in dict.fromkeys(name for own in fields for name in own):
+        values, attributes = next(own[name] for own in fields if name in own)
+        missing = [np.full((len(values), count), np.nan) for count in counts]
+        parts = [own[name][0] if name in own else gap for own, gap in zip(fields, missing)]
+        joined[name] = np.concatenate(parts, axis=1), attributes
+    return joined
 
 
 def _moving_nodes(
@@ -301,6 +345,9 @@ def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
         FRAME_TIME: frame_time(frames.time),
         **_node_fields(mesh, sheet.mesh.node_positions, sheet.positions),
     }
+    if sheet.tool_pressure is not None:
+        attributes = FIELDS["tool_pressure"].attributes("tool_pressure")
+        variables["tool_pressure"] = mesh.on_nodes(sheet.tool_pressure, attributes)
     return mesh.dataset(variables, {"Conventions": CONVENTIONS})
 
 

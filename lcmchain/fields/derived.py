@@ -10,34 +10,33 @@ from lcmchain.mesh.sheet_mesh import SheetMesh
 
 
 def derive_fields(
-    mesh: SheetMesh, material: Material, positions: np.ndarray, history: np.ndarray | None = None
+    mesh: SheetMesh, material: Material, positions: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Derive the state of the textile in every element from the positions of the nodes.
 
     With the covariant base vectors a1, a2, a3 of the element centre (modes 1 to 3 of the node
     positions; capitals: reference) the deformation gradient is F = a_k ⊗ A^k. Every measure is
     taken at the centre, where the element has its strains: a face has the area 4 |a1 × a2| and
-    the element the thickness 2 a3·n, n normal to a1 and a2.
+    the element the thickness 2 a3·n, n normal to a1 and a2, with what a bent element misses of it
+    on its chord (:func:`lcmchain.mesh.bends.bend_part`).
 
     Parameters
     ----------
     mesh : undeformed, with its fibre directions.
-    material : with ``areal_mass`` [kg/m²], ``fibre_density`` [kg/m³] or None, and
-        ``compaction_pressure(thickness_stretch, history)`` [Pa].
+    material : with ``areal_mass`` [kg/m²], and ``fibre_density`` [kg/m³] or None.
     positions : node positions [m], shape (..., node_count, 3).
-    history : what a law with memory remembers, shape (history_count, ..., element_count).
 
     Returns
     -------
-    The variables of the face fields in :data:`lcmchain.fields.table.FIELDS`, each of shape
-    (..., element_count); without ``fibre_volume_fraction`` where the fibre density is unknown, and
-    without all that needs a thickness for meshes that have none.
+    The variables of those face fields in :data:`lcmchain.fields.table.FIELDS` that follow from
+    positions, each of shape (..., element_count); without ``fibre_volume_fraction`` where the fibre
+    density is unknown, and without all that needs a thickness for meshes that have none.
 
     Notes
     -----
     The fibre volume fraction is conserved volume, v_f = v_f0 / det F. With inextensible fibres
-    det F = (t / t0) cos γ, so that shear and compaction both raise it. The compaction pressure is
-    that of plate-to-plate compaction, λ |S33| with λ = t / t0.
+    det F = (t / t0) cos γ, so that shear and compaction both raise it. Pressures follow from
+    forces, not from positions alone (:mod:`lcmchain.fields.pressure`).
     """
     reference = mesh.base_vectors(mesh.node_positions)
     current = mesh.base_vectors(np.asarray(positions, dtype=float))
@@ -51,7 +50,8 @@ def derive_fields(
     if not mesh.has_thickness:
         return in_plane
 
-    height_0, height = _dot(reference[..., 2, :], normal_0), _dot(current[..., 2, :], normal)
+    height_0 = _half_thickness(mesh, mesh.node_positions, _dot(reference[..., 2, :], normal_0))
+    height = _half_thickness(mesh, positions, _dot(current[..., 2, :], normal))
     fields = {"thickness": 2.0 * height}
     if material.fibre_density is not None:
         initial_fraction = material.areal_mass / (material.fibre_density * 2.0 * height_0)
@@ -59,9 +59,7 @@ def derive_fields(
             fields["fibre_volume_fraction"] = initial_fraction * (
                 (area_0 * height_0) / (area * height)
             )
-    fields |= in_plane
-    fields["compaction_pressure"] = material.compaction_pressure(height / height_0, history)
-    return fields
+    return fields | in_plane
 
 
 def _in_plane_fields(material, area_ratio, normal, fibre_1, fibre_2) -> dict[str, np.ndarray]:
@@ -76,6 +74,13 @@ def _in_plane_fields(material, area_ratio, normal, fibre_1, fibre_2) -> dict[str
     fields["fibre_strain_1"] = stretch_1 - 1.0
     fields["fibre_strain_2"] = stretch_2 - 1.0
     return fields
+
+
+def _half_thickness(mesh: SheetMesh, positions: np.ndarray, on_chord: np.ndarray) -> np.ndarray:
+    """Half the thickness [m]; an inverted element keeps what it has on the chord."""
+    squared = on_chord**2 + mesh.bend_part(positions)
+    sound = (on_chord > 0.0) & (squared > 0.0)
+    return np.where(sound, np.sqrt(np.where(sound, squared, 1.0)), on_chord)
 
 
 def face_area_vectors(corners: np.ndarray) -> np.ndarray:

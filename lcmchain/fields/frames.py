@@ -25,6 +25,8 @@ class FrameSeries:
     energy : parts of the energy balance [J] by name, each of shape (F,).
     tool_names : names of the T tools.
     history : what laws with memory remember, shape (F, history_size), empty without one.
+    contact_force : normal forces of all tools on each node [N], shape (F, node_count); None if
+        they are not known.
     """
 
     time: np.ndarray
@@ -34,6 +36,7 @@ class FrameSeries:
     energy: Mapping[str, np.ndarray] = field(default_factory=dict)
     tool_names: tuple[str, ...] = ()
     history: np.ndarray | None = None
+    contact_force: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         frames, tools = len(self.time), len(self.tool_names)
@@ -66,6 +69,7 @@ class FrameSeries:
             },
             tool_names=tool_names,
             history=np.array([s.history for s in snapshots]),
+            contact_force=np.array([s.contact_force for s in snapshots]),
         )
 
     @property

@@ -111,8 +111,18 @@ _FIELDS = (
         "Pa",
         "compaction pressure",
         FACE,
-        "pressure of a tool that compacts the textile to this thickness, thickness stretch times "
-        "|S33|; zero where the textile is thicker than at the start",
+        "what presses the element together from outside, the mean of both faces over the present "
+        "area of the mid-surface, from the forces of the element; zero in a freely bent sheet, "
+        "negative where the faces are pulled apart",
+    ),
+    Field(
+        "bending_pressure",
+        "Pa",
+        "pressure of bending",
+        FACE,
+        "what presses the element together from within, above all the bending, whose energy falls "
+        "with the thickness; with the compaction pressure it is minus the Cauchy stress normal to "
+        "the sheet",
     ),
     *(
         Field(
@@ -138,6 +148,29 @@ _FIELDS = (
             is_vector=True,
         )
         for number in (1, 2, 3)
+    ),
+    Field(
+        "tool_pressure_top",
+        "Pa",
+        "pressure of the tools on the upper face",
+        NODE,
+        "normal contact forces of all tools on the node of the upper face, over the present area "
+        "of the mid-surface that belongs to it, a quarter of each face around",
+    ),
+    Field(
+        "tool_pressure_bottom",
+        "Pa",
+        "pressure of the tools on the lower face",
+        NODE,
+        "as tool_pressure_top, of the node of the lower face",
+    ),
+    Field(
+        "tool_pressure",
+        "Pa",
+        "pressure of the tools",
+        NODE,
+        "as tool_pressure_top, of the nodes of the solid, each of which lies on one face; on the "
+        "mid-surface of the 2D approach the sum of what presses from above and below",
     ),
     Field(
         "displacement",

@@ -19,9 +19,10 @@ from lcmchain.fields.sheet import vector
 def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int = -1) -> None:
     """Write the elements in one frame with all face fields as cell data; whole or not at all.
 
-    Points are the positions of the frame, with the ``displacement`` that led to them; vectors have
-    three components. Cells are hexahedra, then the wedges of halved cells at a cut edge, or the
-    triangles of the 2D approach; the cell data ``element`` holds the element numbers.
+    Points are the positions of the frame, with the ``displacement`` that led to them and the
+    ``tool_pressure`` on them; vectors have three components. Cells are hexahedra, then the wedges
+    of halved cells at a cut edge, or the triangles of the 2D approach; the cell data ``element``
+    holds the element numbers.
 
     Raises
     ------
@@ -78,10 +79,13 @@ def _mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
     blocks = _solid_blocks(mesh) if SOLID in datasets else _triangle_blocks(mesh)
     element_count = sum(len(numbers) for _, numbers, _ in blocks)
     fields = _cell_fields(sheet, frame) | {"element": np.arange(element_count)}
+    on_points = {"displacement": displacement}
+    if "tool_pressure" in mesh:
+        on_points["tool_pressure"] = mesh["tool_pressure"].values[frame]
     return meshio.Mesh(
         reference + displacement,
         [(kind, nodes) for kind, _, nodes in blocks],
-        point_data={"displacement": displacement},
+        point_data=on_points,
         cell_data={
             name: [values[numbers] for _, numbers, _ in blocks] for name, values in fields.items()
         },

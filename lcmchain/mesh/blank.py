@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from lcmchain.errors import InputError
+from lcmchain.mesh.bends import bend_part, edge_neighbours
 from lcmchain.mesh.cells import cell_heights
 from lcmchain.mesh.cut import Cells
 from lcmchain.mesh.hexahedron import MODES
@@ -170,6 +172,23 @@ class BlankMesh:
     def base_vectors(self, positions: np.ndarray) -> np.ndarray:
         """Covariant base vectors a1, a2, a3 at the element centres (..., element_count, 3, 3)."""
         return MODES[:3] @ positions[..., self.elements, :]
+
+    @cached_property
+    def neighbours(self) -> np.ndarray:
+        """Elements across the edges (4, element_count), see :func:`edge_neighbours`."""
+        return edge_neighbours(self.elements)
+
+    def bend_part(self, positions: np.ndarray) -> np.ndarray:
+        """Return what (a3·n)² of bent elements misses of half the thickness² [m²]."""
+        return bend_part(self.elements, self.neighbours, positions)
+
+    def areas(self, positions: np.ndarray) -> np.ndarray:
+        """Mid-surface area 4 |a1 × a2| of every element (..., element_count) [m²]."""
+        a = self.base_vectors(positions)
+        return 4.0 * np.linalg.norm(np.cross(a[..., 0, :], a[..., 1, :]), axis=-1)
+
+    def sides(self) -> dict[str, slice]:
+        return {"bottom": slice(0, self.pair_count), "top": slice(self.pair_count, None)}
 
     @property
     def element_areas(self) -> np.ndarray:

@@ -46,6 +46,18 @@ class SheetMesh(Protocol):
     def mid_surface(self, positions: np.ndarray) -> np.ndarray:
         """Return the mid-surface nodes (..., n, 3) of node positions (..., node_count, 3)."""
 
+    def areas(self, positions: np.ndarray) -> np.ndarray:
+        """Return the mid-surface areas (..., element_count) [m²] at the element centres."""
+
+    def bend_part(self, positions: np.ndarray) -> np.ndarray:
+        """Return what (a3·n)² of bent elements misses of half the thickness² [m²]."""
+
+    def sides(self) -> dict[str, slice]:
+        """Return the nodes that stand for the mid-surface nodes, by the side that they lie on.
+
+        The keys ``"bottom"`` and ``"top"``, or one that is empty where the nodes serve both sides.
+        """
+
     def base_vectors(self, positions: np.ndarray) -> np.ndarray:
         """Return a1, a2, a3 (..., element_count, 3, 3) at the element centres.
 

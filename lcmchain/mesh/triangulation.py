@@ -45,8 +45,18 @@ class TriangleMesh:
     @property
     def element_areas(self) -> np.ndarray:
         """Initial area of every triangle [m²], shape (element_count,)."""
-        sides = self._sides(self.node_positions)
-        return 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        return self.areas(self.node_positions)
+
+    def areas(self, positions: np.ndarray) -> np.ndarray:
+        """Area of every triangle (..., element_count) [m²]."""
+        sides = self._sides(positions)
+        return 0.5 * np.linalg.norm(np.cross(sides[..., 0, :], sides[..., 1, :]), axis=-1)
+
+    def bend_part(self, positions: np.ndarray) -> np.ndarray:
+        return np.zeros(np.shape(positions)[:-2] + (self.element_count,))
+
+    def sides(self) -> dict[str, slice]:
+        return {"": slice(None)}
 
     @property
     def sheet_faces(self) -> np.ndarray:

@@ -116,6 +116,9 @@ def gather_internal_forces(arrays, first, last):
 def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, dt, sums):
     """Add the contact forces of one tool to the nodes near it."""
     near, stick, mass, force = arrays.near, arrays.stick, arrays.mass, arrays.force
+    contact_force = arrays.contact_force
+    if tool == 0:
+        contact_force[first:last] = 0.0
     position, velocity, free = arrays.position, arrays.velocity, arrays.free
     column = WORK_COLUMNS + TOOL_COLUMNS * tool
     travel = arrays.tool_travel[tool]
@@ -163,6 +166,7 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, d
         )
         sums[CONTACT] += 0.5 * stiffness * gap * gap
         sums[CONTACT_DAMPING] += damped
+        contact_force[node] += normal
         fx, fy, fz = normal * nx, normal * ny, normal * nz
         if coefficient > 0.0:
             slip = (

@@ -57,7 +57,7 @@ def diagnosis(model: Model, state: State, energy: dict[str, float], interval: fl
     interval : [s] within which the values were lost.
     """
     found = [
-        *(finding for body in model.bodies for finding in _of_elements(body, state)),
+        *(finding for body in model.bodies for finding in _of_elements(model, body, state)),
         *_of_contact(model, state),
         *_of_energy(model, energy),
         _of_speed(model, state, interval),
@@ -70,8 +70,8 @@ def diagnosis(model: Model, state: State, energy: dict[str, float], interval: fl
     return f"The last sound state, at {when(state)}: {facts}. Likely cause: {cause}"
 
 
-def _of_elements(body: Body, state: State) -> Iterator[Finding]:
-    condition = body.condition(state.position)
+def _of_elements(model: Model, body: Body, state: State) -> Iterator[Finding]:
+    condition = body.condition(state.position, model.history_of(body, state.history))
     own = state.position[:, body.first_node : body.first_node + body.mesh.node_count].T
     angle = np.abs(shear_angles(body.mesh, own))
 

@@ -87,6 +87,11 @@ class Snapshot:
         """What laws with memory remember (history_size,)."""
         return self.arrays["history"]
 
+    @property
+    def contact_force(self) -> np.ndarray:
+        """Sum of the normal forces of all tools on each node (node_count,) [N]."""
+        return self.arrays["contact_force"]
+
 
 @dataclass
 class StepControl:
@@ -335,7 +340,9 @@ class Simulation:
         ------
         SimulationError : a guard found that it is not.
         """
-        conditions = [body.condition(self.state.position) for body in self.model.bodies]
+        conditions = [
+            body.condition(self.state.position, self._history(body)) for body in self.model.bodies
+        ]
         for body, condition in zip(self.model.bodies, conditions, strict=True):
             guards.require_sound(self.model, self.state, body, condition)
         guards.require_outside(self.model, self.state)

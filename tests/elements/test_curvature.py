@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from lcmchain.elements.blocks import LANES, from_blocks
-from lcmchain.elements.solid_shell.curvature import edge_neighbours
 from lcmchain.elements.solid_shell.energies import strain_energies
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.elements.solid_shell.tangent import linearise, node_stiffness
+from lcmchain.fields.derived import derive_fields
+from lcmchain.mesh.bends import bend_part, edge_neighbours
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import assemble_model
 from lcmchain.verification.random_elements import (
@@ -86,7 +87,9 @@ def positions_of_cube():
 def cylinder(turn, n1=7, n2=4, twist=0.0):
     """Node pairs (2, n1, n2, 3) of a strip whose directors turn by ``turn`` per element."""
     radius = 0.5 * EDGE / np.sin(0.5 * turn)
-    angle, y = np.meshgrid((np.arange(n1) - 0.5 * (n1 - 1)) * turn, EDGE * np.arange(n2), indexing="ij")
+    angle, y = np.meshgrid(
+        (np.arange(n1) - 0.5 * (n1 - 1)) * turn, EDGE * np.arange(n2), indexing="ij"
+    )
     direction = np.stack([np.sin(angle), np.zeros_like(y), np.cos(angle)], axis=-1)
     middle = radius * direction + np.stack([0 * y, y, 0 * y], axis=-1)
     return np.stack([middle - 0.5 * THICKNESS * direction, middle + 0.5 * THICKNESS * direction])
@@ -255,3 +258,19 @@ def test_the_energy_of_a_renewal_is_booked():
     assert model.renew(x, history) == 0.0
     assert from_blocks(history, 4, model.element_count).shape == (model.element_count, 4)
     assert history.size % (4 * LANES) == 0
+
+
+def test_fields_have_the_thickness_of_the_kernel():
+    model = sheet(flat())
+    rng = np.random.default_rng(9)
+    bent = cylinder(0.3) + 2e-4 * rng.normal(size=cylinder(0.3).shape)
+    strain, history = compaction(model, bent)
+    flat_positions = bent.reshape(-1, 3)
+    thickness = derive_fields(model.blank, model.material, flat_positions)["thickness"]
+    np.testing.assert_allclose(thickness, THICKNESS * np.sqrt(1.0 + 2.0 * strain), rtol=1e-9)
+    condition = model.body.condition(positions_of(bent), history)
+    np.testing.assert_allclose(condition.thickness_stretch * THICKNESS, thickness, rtol=1e-9)
+    several = bend_part(
+        model.blank.elements, model.blank.neighbours, np.stack([flat_positions, 2 * flat_positions])
+    )
+    np.testing.assert_allclose(several[1], 4.0 * several[0], rtol=1e-9)

@@ -109,9 +109,11 @@ def formed_fabric(make, shear, compaction, **options):
 
 @FORMED
 @pytest.mark.parametrize("strain", STRAINS)
-def test_fabric_has_a_potential(make, strain, shear, compaction):
+@pytest.mark.parametrize("bending_thickness", ["current", "reference"])
+def test_fabric_has_a_potential(make, bending_thickness, strain, shear, compaction):
+    options = {"compaction_strain": strain, "bending_thickness": bending_thickness}
     assert_forces_derive_from_energy(
-        *formed_fabric(make, shear, compaction, compaction_strain=strain),
+        *formed_fabric(make, shear, compaction, **options),
         1e-6,
         lambda result: result.energy + result.hourglass_energy,
         lambda result: result.force,
@@ -146,7 +148,8 @@ def random_element(make, seed, strain, curved):
     rng = np.random.default_rng(seed)
     material = make.md600() if seed % 2 else make.coupled(rng)
     X, fibre = (make.curved_reference if curved else make.flat_reference)(rng)
-    options = ElementOptions(compaction_strain=strain)
+    bending_thickness = ("current", "reference")[seed // 2 % 2]
+    options = ElementOptions(compaction_strain=strain, bending_thickness=bending_thickness)
     return rng, X, fibre, ReferenceElement(X, fibre, material, options)
 
 
@@ -208,6 +211,68 @@ def test_six_zero_eigenvalues_and_no_more(make, kind, shear_row, strain):
         # the softest deformation of a fabric is 1e-6 of the stiffest, noise is 1e-11
         assert np.count_nonzero(abs(eigenvalues) < 1e-9 * eigenvalues[-1]) == 6
         assert np.count_nonzero(eigenvalues > 1e-8 * eigenvalues[-1]) == 18
+
+
+# --- bending at the reference thickness -----------------------------------------------------------
+
+
+def bent(make, thickness_stretch, bending_thickness, curvature=20.0):
+    """A flat element of MD600 bent about η and compacted, and its result."""
+    material = make.md600()
+    X = make.cube * np.array([2.5e-3, 2.5e-3, 0.5 * material.thickness])
+    angle = curvature * X[:, 0]
+    x = X * [1.0, 1.0, thickness_stretch]
+    x[:, 0] -= x[:, 2] * np.sin(angle)
+    options = ElementOptions(bending_thickness=bending_thickness)
+    return ReferenceElement(X, [1.0, 0.0, 0.0], material, options), x
+
+
+def test_bending_energy_at_the_reference_thickness_knows_the_curvature_only(make):
+    """At the thickness stretch λ the same curvature stores the same, else λ² of it."""
+
+    def bending(stretch, bending_thickness):
+        element, x = bent(make, stretch, bending_thickness)
+        straight, y = bent(make, stretch, bending_thickness, curvature=0.0)
+        return element.evaluate(x).energy - straight.evaluate(y).energy
+
+    full = bending(1.0, "current")
+    # but for the quadratic term, the shorter directors and the stretched mid-surface
+    assert bending(1.0, "reference") == pytest.approx(full, rel=1e-3)
+    assert bending(0.7, "reference") == pytest.approx(full, rel=1e-2)
+    assert bending(0.7, "current") == pytest.approx(0.49 * full, rel=1e-2)
+
+
+def test_bending_at_the_reference_thickness_does_not_press(make):
+    """The work of a change of the thickness: that of the compaction law, bent or not."""
+
+    def work(bending_thickness, curvature):
+        element, x = bent(make, 0.7, bending_thickness, curvature)
+        force = element.evaluate(x).force
+        return 0.5 * np.sum((force[4:] - force[:4]) * (x[4:] - x[:4]))
+
+    flat = work("reference", 0.0)
+    assert flat == pytest.approx(work("current", 0.0), rel=1e-12)
+    # the chord: E33 is taken with the mean of directors that turn by 0.1
+    assert work("reference", 20.0) == pytest.approx(flat, rel=2e-3)
+    pulled = work("current", 20.0) - flat
+    assert pulled == pytest.approx(
+        make.md600().law.B11 * (20.0 * 0.7 * 0.502e-3) ** 2 / 3.0 * 25e-6 * 1.004e-3, rel=0.02
+    )
+
+
+def test_without_curvature_the_thickness_of_bending_does_not_matter(make):
+    """The patch test: a constant strain in a distorted plane mesh causes no bending strain."""
+    rng = np.random.default_rng(17)
+    X = make.cube * np.array([2.5e-3, 2.5e-3, 0.502e-3])
+    X[:, :2] += np.tile(rng.uniform(-4e-4, 4e-4, (4, 2)), (2, 1))
+    x = X @ make.sheared(0.4, 0.8, 1.01).T
+    one, other = (
+        ReferenceElement(
+            X, [1.0, 0.0, 0.0], make.md600(), ElementOptions(bending_thickness=thickness)
+        ).evaluate(x)
+        for thickness in ("current", "reference")
+    )
+    np.testing.assert_allclose(one.force, other.force, rtol=0.0, atol=1e-12 * abs(one.force).max())
 
 
 # --- enhanced strain ------------------------------------------------------------------------------

@@ -44,6 +44,22 @@ def test_fabric_that_is_curved_with_its_neighbours(make, shape):
     assert_close_from_above(*bounds_and_frequencies(references, x, make.md600(), rng=rng))
 
 
+@pytest.mark.parametrize("shape", ["flat", "curved"])
+def test_bending_at_the_reference_thickness(make, shape):
+    """Formed, and with a bending stiffness large enough to govern."""
+    rng = np.random.default_rng(27)
+    reference = make.flat_reference if shape == "flat" else make.curved_reference
+    references = [reference(rng) for _ in range(COUNT)]
+    x = []
+    for element in references:
+        gradient = make.sheared(0.5, rng.uniform(0.6, 1.1))
+        x.append(make.deformed(rng, *element, gradient=gradient, warp=rng.uniform(0.0, 0.1)))
+    options = ElementOptions(bending_thickness="reference")
+    assert_close_from_above(*bounds_and_frequencies(references, x, make.md600(), options))
+    stiff = make.md600(B11=1e10, B22=1e10, B12=1e9)
+    assert_close_from_above(*bounds_and_frequencies(references, x, stiff, options))
+
+
 def test_fabric_as_published(make):
     rng = np.random.default_rng(22)
     references = [make.flat_reference(rng) for _ in range(COUNT)]

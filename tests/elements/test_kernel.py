@@ -105,6 +105,7 @@ def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
         {"fibre_hourglass": 0.1},
         {"fibre_hourglass": 1.0},
         {"cross_terms": True, "in_plane_shear_hourglass": False},
+        {"bending_thickness": "reference", "integration_points": 2},
     ],
     ids=str,
 )
@@ -137,16 +138,19 @@ def test_a_flat_element_has_the_same_forces_as_a_curved_one(batch, forces_of, ma
 
 
 @pytest.mark.parametrize(
-    "combination, cross_terms",
+    "combination, options",
     [
-        (FABRIC_FLAT, False),
-        (FULL_CURVED, False),
-        (FULL_CURVED, True),
+        (FABRIC_FLAT, {}),
+        (FABRIC_FLAT, {"bending_thickness": "reference"}),
+        (FULL_CURVED, {}),
+        (FULL_CURVED, {"cross_terms": True}),
+        (FULL_CURVED, {"bending_thickness": "reference"}),
     ],
+    ids=str,
 )
-def test_stored_energies_agree_with_the_reference_element(batch, make, combination, cross_terms):
-    case = batch(combination, cross_terms=cross_terms)
-    if cross_terms:  # only with C^M = C^B do the cross terms have a potential
+def test_stored_energies_agree_with_the_reference_element(batch, make, combination, options):
+    case = batch(combination, **options)
+    if case.options.cross_terms:  # only with C^M = C^B do the cross terms have a potential
         case.material.C_bending = case.material.C_membrane
         stiffness = case.material.C_membrane.ravel()
         case.material.law = StiffnessLaw(stiffness, stiffness)
@@ -171,7 +175,9 @@ def test_thickness_stretch_is_that_of_the_normal(batch, make):
     case = batch(FABRIC_FLAT)
     case.x[5] = case.x[5][[4, 5, 6, 7, 0, 1, 2, 3]]
     model = case.model
-    stretch = model.body.condition(make.positions_of(case.x)).thickness_stretch
+    stretch = model.body.condition(
+        make.positions_of(case.x), model.body.no_history()
+    ).thickness_stretch
 
     def half_thickness(nodes):
         a1, a2, a3 = make.cube.T @ nodes / 8.0
@@ -205,13 +211,14 @@ def lane_loop(assembly):
 
 
 @pytest.mark.skipif("avx2" not in processor_flags(), reason="the processor has no AVX2")
+@pytest.mark.parametrize("bending_thickness", ["current", "reference"])
 @pytest.mark.parametrize("combination", [FABRIC_FLAT, FULL_CURVED], ids=" ".join)
-def test_the_lane_loop_is_packed(batch, make, combination):
+def test_the_lane_loop_is_packed(batch, make, combination, bending_thickness):
     """The arithmetic of the element runs on vectors.
 
     A function that is not inlined, a call, or a division that may raise would leave it scalar.
     """
-    case = batch(combination)
+    case = batch(combination, bending_thickness=bending_thickness)
     data = case.model.body.data
     arguments = (
         make.positions_of(case.x),

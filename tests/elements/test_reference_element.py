@@ -230,9 +230,7 @@ def fabric_tangent(p):
         e12 = 0.5 * E[3] * np.sign(E[3].real)
         C12 = sum((i + 1) * s * e12**i for i, s in enumerate((p.s0, p.s1, p.s2, p.s3, p.s4)))
         X = p.c1 * (-E[2]) ** p.c2 if E[2].real < 0.0 else 0.0
-        return np.diag(
-            [p.C11 + 0j, p.C22, p.c0 * np.exp(X) * (1 + p.c2 * X), C12, p.C23, p.C13]
-        )
+        return np.diag([p.C11 + 0j, p.C22, p.c0 * np.exp(X) * (1 + p.c2 * X), C12, p.C23, p.C13])
 
     return tangent
 

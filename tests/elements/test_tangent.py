@@ -34,8 +34,28 @@ CASES = {
     ),
     "full curved, no shear row": ("full", "curved", {"in_plane_shear_hourglass": False}),
     "equal curved": ("equal", "curved", {}),
+    "fabric flat, reference thickness": (
+        "fabric", "flat", {"cross_terms": False, "bending_thickness": "reference"}
+    ),
+    "fabric curved, reference thickness, director": (
+        "fabric",
+        "curved",
+        {
+            "cross_terms": False,
+            "bending_thickness": "reference",
+            "compaction_strain": "director",
+        },
+    ),
+    "full curved, reference thickness": (
+        "full", "curved", {"cross_terms": False, "bending_thickness": "reference"}
+    ),
 }  # fmt: skip
-WITH_POTENTIAL = ("fabric flat, no cross terms", "equal curved")
+WITH_POTENTIAL = (
+    "fabric flat, no cross terms",
+    "equal curved",
+    "fabric flat, reference thickness",
+    "fabric curved, reference thickness, director",
+)
 
 
 @pytest.fixture

@@ -249,6 +249,14 @@ def test_effects_follow_from_the_scene(scene_file):
     assert "friction on holder" not in basic, "its coefficient is zero"
     assert not {"enhanced strain", "gravity", "mass damping", "permeability"} & basic
 
+    def reason(*overrides):
+        scene = read_scene(scene_file, overrides)
+        effects = run_effects(scene, build_model(scene))
+        return next(effect.reason for effect in effects if effect.name == "bending")
+
+    assert "reference thickness" not in reason()
+    assert "reference thickness" in reason("element.bending_thickness=reference")
+
     assert "gravity" in active("process.gravity=true")
     assert "mass damping" in active("process.mass_damping=50 1/s")
     assert not any("contact" in name or "friction" in name for name in active("tools=[]"))

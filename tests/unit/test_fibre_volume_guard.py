@@ -62,7 +62,9 @@ def test_it_is_the_field_of_the_results():
     )  # fmt: skip
     x = X @ deformation(0.9, 0.8).T + rng.uniform(-1.0, 1.0, X.shape) * [5e-4, 5e-4, 5e-5]
     body = sim.model.body
-    fraction = body.fibre_volume_fraction(body.condition(np.ascontiguousarray(x.T)))
+    fraction = body.fibre_volume_fraction(
+        body.condition(np.ascontiguousarray(x.T), body.no_history())
+    )
     field = derive_fields(mesh, flat.material, x)["fibre_volume_fraction"]
     assert np.ptp(field) > 0.1
     np.testing.assert_allclose(fraction, field, rtol=1e-12)
@@ -71,7 +73,9 @@ def test_it_is_the_field_of_the_results():
 def test_triangles_keep_their_thickness():
     sim = deformed(triangles(), 0.8)
     body = sim.model.body
-    fraction = body.fibre_volume_fraction(body.condition(sim.state.position))
+    fraction = body.fibre_volume_fraction(
+        body.condition(sim.state.position, sim.model.history_of(body, sim.state.history))
+    )
     areal = derive_fields(body.mesh, body.material, sim.state.position.T)["areal_fibre_mass"]
     np.testing.assert_allclose(fraction, areal / (1810.0 * 1.004e-3), rtol=1e-12)
     np.testing.assert_allclose(fraction, INITIAL / math.cos(0.8), rtol=1e-12)

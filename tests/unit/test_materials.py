@@ -267,9 +267,10 @@ def test_the_stabilising_tangent_is_that_of_the_law_beyond_five_degrees():
     fabric = md600()
     for angle in (5.01, 20.0, -40.0):
         g = np.sin(np.radians(angle))
-        assert stabilising(fabric.law, g)[0] == membrane_response(
-            fabric.law, (0.0, 0.0, 0.0, g, 0.0, 0.0), ()
-        )[1][3]
+        assert (
+            stabilising(fabric.law, g)[0]
+            == membrane_response(fabric.law, (0.0, 0.0, 0.0, g, 0.0, 0.0), ())[1][3]
+        )
 
 
 @pytest.mark.parametrize("change", [10.0, 19.0])

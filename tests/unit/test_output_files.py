@@ -72,6 +72,7 @@ def frames(blank):
         tool_force=np.stack([np.outer(share, [0, 3.0, 4.0]), np.outer(share, [0, 0, -9.0])], 1),
         energy={"kinetic": share * (1 - share), "internal": share**2, "balance_error": 0 * share},
         tool_names=("punch", "die"),
+        contact_force=np.outer(share, np.arange(blank.node_count)),
     )
 
 
@@ -104,7 +105,8 @@ def test_every_face_and_node_variable_says_what_it_is(file):
             if name not in ("sheet", "sheet_face_nodes"):
                 assert attributes["units"], name
         for field in FIELDS.values():
-            if field.name.startswith("permeability"):
+            # permeabilities need a law, the pressure of both sides the 2D approach
+            if field.name.startswith("permeability") or field.name == "tool_pressure":
                 continue
             for name in field.variables:
                 assert sheet[name].attrs["mesh"] == "sheet"
@@ -149,7 +151,8 @@ def test_root_group_holds_one_mesh_and_its_fields_only(file):
     sheet = read_forming(file)
     meshes = [n for n in sheet.variables if sheet[n].attrs.get("cf_role") == "mesh_topology"]
     assert meshes == ["sheet"]
-    assert not [n for n in sheet.variables if n.startswith(("solid", "tool", "energy"))]
+    elsewhere = ("solid", "tool_travel", "tool_force", "energy")
+    assert not [n for n in sheet.variables if n.startswith(elsewhere)]
 
 
 def test_triangles_have_no_fourth_node(datasets, blank):
@@ -369,6 +372,9 @@ def test_vtu_has_the_same_fields(datasets, frames, blank, tmp_path):
     np.testing.assert_allclose(mesh.points, frames.positions[-1], atol=1e-16)
     np.testing.assert_allclose(
         mesh.points - mesh.point_data["displacement"], blank.node_positions, atol=1e-16
+    )
+    np.testing.assert_array_equal(
+        mesh.point_data["tool_pressure"], datasets["/solid"]["tool_pressure"][-1]
     )
     element = np.concatenate(mesh.cell_data["element"])
     last = datasets["/"].isel(frame=-1)

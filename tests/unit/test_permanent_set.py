@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from lcmchain.errors import InputError
-from lcmchain.fields import FrameSeries, derive_fields, model_datasets
+from lcmchain.fields import FrameSeries, derive_fields, model_datasets, pressure_fields
 from lcmchain.materials.fabric_with_set import FabricWithSetLaw
 from lcmchain.materials.law import (
     Remembered,
@@ -170,8 +170,8 @@ def cycle():
 
 def mean_fields(simulation, snapshot):
     body = simulation.model.body
-    past = body.element_history(snapshot.history)
-    return derive_fields(body.mesh, body.material, snapshot.position, past)
+    fields = derive_fields(body.mesh, body.material, snapshot.position)
+    return fields | pressure_fields(body, snapshot.position, snapshot.history)
 
 
 def test_pressure_over_thickness_is_the_law_on_both_ways(cycle):

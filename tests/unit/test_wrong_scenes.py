@@ -218,6 +218,10 @@ WRONG = {
         SCENE + "[element]\nintegration_points = 3.5\n",
         "element.integration_points", "whole number",
     ),
+    "cross terms at the reference thickness": (
+        SCENE + '[element]\ncross_terms = true\nbending_thickness = "reference"\n',
+        "element.bending_thickness", "the cross terms have none",
+    ),
     "unknown compaction strain": (
         SCENE + '[element]\ncompaction_strain = "normals"\n',
         "element.compaction_strain", 'did you mean "normal"?',

@@ -9,12 +9,15 @@ limits).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 from lcmchain.fields.derived import derive_fields
-from lcmchain.model import build_model
+from lcmchain.fields.pressure import pressure_fields
+from lcmchain.model import Model, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.statics import DirectorCouples, StaticProblem, solve
 
@@ -39,29 +42,72 @@ def expected_stretch(material, curvature):
     return brentq(out_of_balance, 0.5, 1.0)
 
 
-@pytest.mark.parametrize("radius", [50e-3, 20e-3, 16e-3])
-def test_thickness_of_a_strip_bent_to_a_circle(radius):
-    model = build_model(scene_from_text(SCENE))
+class Bent(NamedTuple):
+    """A strip bent to a circle by couples at its tip."""
+
+    model: Model
+    positions: np.ndarray  # (node_count, 3) [m]
+    thickness: np.ndarray  # (element_count,) [m]
+    turn: np.ndarray  # of the elements along the strip [rad]
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Elements away from the ends, where the normals of the nodes are those of one chord."""
+        middle = self.model.blank.node_positions[self.model.blank.elements].mean(axis=1)
+        return np.abs(middle[:, 0]) < EDGE * (0.5 * COUNT - 1)
+
+
+def bend(radius, load, element=""):
+    """Bend a strip with ``load`` times the moment of an elastica of this radius."""
+    model = build_model(scene_from_text(SCENE + element))
     X, pairs = model.blank.node_positions, model.blank.pair_count
     clamped = X[:, 0] < X[:, 0].min() + 1e-9
     held = np.array([clamped, clamped, clamped & (np.arange(len(X)) < pairs)])
     tip = np.flatnonzero(X[:pairs, 0] > X[:, 0].max() - 1e-9)
     on_edge = np.abs(X[tip, 1]) > 1e-9
-    # the moment of an elastica of this radius, less what the thinning takes: reached from below
     full = model.material.law.B11 * model.material.thickness**3 / 12.0 / radius * 2.0 * EDGE
     couples = DirectorCouples(tip, np.array([0.0, 1.0, 0.0]), full * np.where(on_edge, 0.25, 0.5))
     problem = StaticProblem(model=model, held=held, couples=(couples,))
-    bent = solve(problem, [0.8], first_step=0.1)[-1].displacement
-
-    x = X + bent.T
-    thickness = derive_fields(model.blank, model.material, x)["thickness"]
+    x = X + solve(problem, [load], first_step=0.1)[-1].displacement.T
     middle = 0.5 * (x[:pairs] + x[pairs:])[np.abs(X[:pairs, 1]) < 1e-9]
     middle = middle[np.argsort(X[:pairs, 0][np.abs(X[:pairs, 1]) < 1e-9])]
-    slope = np.unwrap(np.arctan2(*np.diff(middle, axis=0)[:, [2, 0]].T))
-    turn = np.diff(slope)
+    turn = np.diff(np.unwrap(np.arctan2(*np.diff(middle, axis=0)[:, [2, 0]].T)))
     np.testing.assert_allclose(turn, turn.mean(), rtol=1e-6)  # a circle
+    return Bent(model, x, derive_fields(model.blank, model.material, x)["thickness"], np.abs(turn))
+
+
+@pytest.mark.parametrize("radius", [50e-3, 20e-3, 16e-3])
+def test_thickness_of_a_strip_bent_to_a_circle(radius):
+    # less than the moment of the radius by what the thinning takes: reached from below
+    bent = bend(radius, 0.8)
+    material, thickness = bent.model.material, bent.thickness
     # at the centre of a chord the mean of two directors is shorter than they are
-    curvature = abs(2.0 * np.tan(0.5 * turn.mean())) / EDGE
-    expected = expected_stretch(model.material, curvature) * model.material.thickness
+    curvature = 2.0 * np.tan(0.5 * bent.turn.mean()) / EDGE
+    expected = expected_stretch(material, curvature) * material.thickness
     np.testing.assert_allclose(thickness, expected, rtol=2e-3)
-    assert (thickness < 0.995 * model.material.thickness).all() or radius > 40e-3
+    assert (thickness < 0.995 * material.thickness).all() or radius > 40e-3
+
+    # nothing presses on the strip, whatever its stress S33 is
+    body, inside = bent.model.body, bent.inside
+    pressure = pressure_fields(body, bent.positions, body.no_history())
+    assert inside.sum() == 2 * (COUNT - 2)
+    contact, bending = (pressure[f"{name}_pressure"][inside] for name in ("compaction", "bending"))
+    pull = material.law.B11 * (0.5 * material.thickness * curvature) ** 2 / 3.0
+    np.testing.assert_allclose(bending, pull * thickness[inside] / material.thickness, rtol=0.01)
+    assert np.abs(contact).max() < 1e-3 * bending.min()
+
+
+@pytest.mark.parametrize("radius", [50e-3, 20e-3])
+def test_at_the_reference_thickness_it_stays_as_thick_and_as_stiff(radius):
+    """The moment of the elastica bends to its radius; bending does not press."""
+    bent = bend(radius, 1.0, 'element = { bending_thickness = "reference" }')
+    # curvature 2 tan(φ/2)/L of a chord: its change with the turn φ, which the moment works on, is
+    # larger than 1/L
+    tangent = np.tan(0.5 * bent.turn)
+    np.testing.assert_allclose(2.0 * tangent / EDGE * (1.0 + tangent**2), 1.0 / radius, rtol=1e-3)
+    np.testing.assert_allclose(bent.thickness, bent.model.material.thickness, rtol=1e-3)
+    body = bent.model.body
+    pressure = pressure_fields(body, bent.positions, body.no_history())
+    pull = bent.model.material.law.B11 * (0.5 * bent.model.material.thickness / radius) ** 2 / 3.0
+    for name in ("compaction_pressure", "bending_pressure"):
+        assert np.abs(pressure[name][bent.inside]).max() < 0.01 * pull, name

@@ -103,10 +103,11 @@ class MembraneShellBody:
     @cached_property
     def node_area(self) -> np.ndarray:
         """Area of the nodes [m²], the parts of their triangles by angle."""
-        corners = self.mesh.elements
-        shares = angle_shares(self.mesh.node_positions[corners]) * self.geometry.area[:, None]
-        count = self.mesh.node_count
-        return np.bincount(corners.ravel(), weights=shares.ravel(), minlength=count)
+        return self._at_nodes(self.geometry.area)
+
+    def present_node_area(self, positions: np.ndarray) -> np.ndarray:
+        own = positions[:, self.first_node : self.first_node + self.mesh.node_count].T
+        return self._at_nodes(self.mesh.areas(own))
 
     @cached_property
     def shortest_length(self) -> float:
@@ -140,6 +141,9 @@ class MembraneShellBody:
     def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
         return 0.0  # triangles read the nodes of their neighbours in every step
 
+    def normal_pressure(self, positions: np.ndarray, history: np.ndarray) -> None:
+        return None
+
     def dissipated_energy(self, history: np.ndarray) -> float:
         return 0.0
 
@@ -158,7 +162,7 @@ class MembraneShellBody:
     def cause(self, code: int) -> str:
         return self.CAUSES[code]
 
-    def condition(self, positions: np.ndarray) -> Condition:
+    def condition(self, positions: np.ndarray, history: np.ndarray) -> Condition:
         area_stretch = self._evaluate(positions)[1]
         return Condition(np.ones_like(area_stretch), area_stretch)
 
@@ -191,9 +195,18 @@ class MembraneShellBody:
             "smaller blank.edge_length or a larger radius",
         )
 
+    def no_history(self) -> np.ndarray:
+        return np.empty(0)
+
     def element_history(self, history: np.ndarray) -> np.ndarray:
         """Return no values: (0, element_count)."""
         return np.empty((0, self.mesh.element_count))
+
+    def _at_nodes(self, area: np.ndarray) -> np.ndarray:
+        """Return the parts (mesh.node_count,) of the triangles' areas by initial angle."""
+        corners = self.mesh.elements
+        parts = angle_shares(self.mesh.node_positions[corners]) * area[:, None]
+        return np.bincount(corners.ravel(), weights=parts.ravel(), minlength=self.mesh.node_count)
 
     def _evaluate(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return strains (E, 6), area ratios (E,) and energies of bending (E,) [J]."""

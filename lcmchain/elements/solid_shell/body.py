@@ -11,10 +11,10 @@ from typing import Any, cast
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
-from lcmchain.elements.family import Condition, Unsound
+from lcmchain.elements.family import Condition, NormalPressure, Unsound
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
 from lcmchain.elements.shear_wave import shear_may_stiffen
-from lcmchain.elements.solid_shell.curvature import edge_neighbours, renew_curvature
+from lcmchain.elements.solid_shell.curvature import renew_curvature
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
@@ -26,6 +26,7 @@ from lcmchain.elements.solid_shell.geometry import (
 )
 from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS, Options, SolidShellData
 from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows
+from lcmchain.elements.solid_shell.pressure import normal_pressure
 from lcmchain.errors import InputError
 from lcmchain.materials.law import MOST_HISTORY, Material, MaterialWithMemory, history_count
 from lcmchain.mesh.blank import BlankMesh
@@ -108,7 +109,7 @@ class SolidShellBody:
             transformation=_padded(T, padded),
             transformation_change=change,
             density=float(material.density),
-            neighbour=_padded(edge_neighbours(mesh.elements).T, padded).T.copy(),
+            neighbour=_padded(mesh.neighbours.T, padded).T.copy(),
             reference_curvature=np.zeros(padded),
         )
         if data.options.director is None and not flat:
@@ -164,6 +165,12 @@ class SolidShellBody:
         given = renew_curvature(self.data, positions, history)
         return float(given[: self.mesh.element_count].sum())
 
+    def normal_pressure(self, positions: np.ndarray, history: np.ndarray) -> NormalPressure:
+        return normal_pressure(self.data, self.mesh, self.first_node, positions, history)
+
+    def present_node_area(self, positions: np.ndarray) -> np.ndarray:
+        return self._at_nodes(self.mesh.areas(self._own(positions)) / 4.0)
+
     def dissipated_energy(self, history: np.ndarray) -> float:
         if not history_count(self.material.law):
             return 0.0
@@ -184,10 +191,16 @@ class SolidShellBody:
     def cause(self, code: int) -> str:
         return "in-plane stiffness" if code in IN_PLANE_MODES else "compaction (thickness)"
 
-    def condition(self, positions: np.ndarray) -> Condition:
+    def condition(self, positions: np.ndarray, history: np.ndarray) -> Condition:
         stretches = np.empty((2, self._padded_count))
         centre_stretches(
-            positions, self.data.corner_node, self._padded_height, self._padded_area, *stretches
+            positions,
+            self.data.corner_node,
+            self._padded_height,
+            self._padded_area,
+            history,
+            self.data.options,
+            *stretches,
         )
         return Condition(*stretches[:, : self.mesh.element_count])
 
@@ -223,6 +236,9 @@ class SolidShellBody:
         what = "inverted" if stretch <= 0.0 else "collapsed"
         text = f"element {worst} is {what} (thickness {stretch:.3f} of the initial one)"
         return Unsound(worst, text, self._cause_of_collapse(worst, tools_near))
+
+    def no_history(self) -> np.ndarray:
+        return np.zeros(self._padded_count * self.history_count)
 
     def element_history(self, history: np.ndarray) -> np.ndarray:
         """Return what the law remembers by element (history_count, element_count)."""
@@ -264,6 +280,11 @@ class SolidShellBody:
             return None
         return initial_fibre_volume_fraction(self.material, 2.0 * self.geometry.height)
 
+    def _own(self, positions: np.ndarray) -> np.ndarray:
+        """Return the body's part (mesh.node_count, 3) of positions (3, node_count)."""
+        nodes = slice(self.first_node, self.first_node + self.mesh.node_count)
+        return np.ascontiguousarray(positions[:, nodes].T)
+
     def _at_nodes(self, share: np.ndarray) -> np.ndarray:
         """Return the sum of what the elements give to each of their corners, (node_count,)."""
         corners, weights = self.mesh.elements.ravel(), np.repeat(share, CORNERS)
@@ -281,6 +302,7 @@ def kernel_options(material: Material, choices: Any, *, flat: bool) -> Options:
         conservative=True if conservative else None,
         # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it
         enhanced=True if material.couples_thickness or not flat else None,
+        reference_bending=True if choices.bending_thickness == "reference" else None,
         zeta2=1.0 / 3.0,
         zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,
         cross=1.0 / 3.0 if choices.cross_terms else 0.0,

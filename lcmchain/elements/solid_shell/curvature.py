@@ -15,7 +15,8 @@ and the last part, where the tilt is, is dropped; likewise for a5 along η. So
 
 with four numbers per element that follow from b̄ and stay constant between renewals. They enter
 E33 stationarily (∂E33/∂b̄ is proportional to b - b̄): forces, and the linear behaviour of a sheet
-that is curved at the start, hardly depend on when they were renewed.
+that is curved at the start, hardly depend on when they were renewed. ``lcmchain/mesh/bends.py`` writes the
+same in NumPy, for the fields.
 """
 
 from __future__ import annotations
@@ -41,32 +42,10 @@ from lcmchain.elements.solid_shell.kernel import (
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel, routine
 from lcmchain.materials.law import load_history
+from lcmchain.mesh.bends import RIDGE
 
-# Corners at the ends of the edges of the lower face: at ξ = 1, ξ = -1, η = 1, η = -1.
-EDGES = ((1, 2), (3, 0), (2, 3), (0, 1))
-# Keeps the least squares regular where all neighbours lie in one direction: part of the trace.
-RIDGE = 1e-4
 # Changes of E33 below this put no energy in that double precision would show.
 SMALLEST_CHANGE = 1e-13
-
-
-def edge_neighbours(elements: np.ndarray) -> np.ndarray:
-    """Return the elements (4, element_count) int32 across the edges of hexahedra, -1 for none.
-
-    ``elements`` (element_count, 8) are node numbers; elements that share an edge of the lower face
-    are neighbours. An edge of no length has none, nor one that more than two elements share.
-    """
-    count = len(elements)
-    ends = np.sort(np.stack([elements[:, edge] for edge in EDGES]), axis=2)  # (4, count, 2)
-    ends = ends.reshape(-1, 2)
-    _, edge, times = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
-    edge = edge.ravel()
-    result = np.full(4 * count, -1, dtype=np.int32)
-    shared = (times[edge] == 2) & (ends[:, 0] != ends[:, 1])
-    order = np.flatnonzero(shared)[np.argsort(edge[shared], kind="stable")]
-    first, second = order[::2], order[1::2]
-    result[first], result[second] = second % count, first % count
-    return result.reshape(4, count)
 
 
 def renew_curvature(body: SolidShellData, positions: np.ndarray, history: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ def solid_shell_effects(material: Material, options: Options) -> dict[str, tuple
     return {
         "thickness": (True, "both faces of the sheet have nodes"),
         "compaction": _compaction(material, options),
-        "bending": (True, _bending(material)),
+        "bending": (True, _bending(material, options)),
         "transverse shear": (True, "assumed natural strains, C13 and C23"),
         "hourglass control": (True, _hourglass(material, options)),
         "enhanced strain": _enhanced_strain(material, options),
@@ -33,7 +33,14 @@ def _compaction(material: Material, options: Options) -> tuple[bool, str]:
     return True, f"C33 grows with the compaction, measured by the {measure}"
 
 
-def _bending(material: Material) -> str:
+def _bending(material: Material, options: Options) -> str:
+    reason = _bending_stiffness(material)
+    if options.reference_bending is not None:
+        reason += ", at the reference thickness"
+    return reason
+
+
+def _bending_stiffness(material: Material) -> str:
     C_B = material.bending_matrix()
     C_M = material.stress_and_tangent(np.zeros(6))[1]
     factor = C_B[0, 0] / C_M[0, 0]

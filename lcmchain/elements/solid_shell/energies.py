@@ -8,6 +8,7 @@ import numpy as np
 from numba import prange
 
 from lcmchain.elements.blocks import LANES
+from lcmchain.elements.solid_shell.equations import curvature_compaction
 from lcmchain.elements.solid_shell.kernel import (
     SolidShellData,
     curvature_rows,
@@ -31,20 +32,31 @@ def product6(a, b):
 
 @kernel
 def centre_stretches(
-    position, corner_node, reference_height, reference_area, thickness_stretch, area_stretch
+    position,
+    corner_node,
+    reference_height,
+    reference_area,
+    history,
+    options,
+    thickness_stretch,
+    area_stretch,
 ):
-    """Write a3·n and |a1 × a2| of every element over their reference values.
+    """Write thickness and mid-surface area of every element over their reference values.
 
-    A thickness of zero or less is that of an inverted element.
+    The thickness is a3·n with the shared curvature; zero or less is that of an inverted element.
 
     Parameters
     ----------
     position : (3, node_count) [m]; corner_node : as for ``internal_forces``.
     reference_height, reference_area : (block_count * 16,) [m, m²].
+    history, options : of the body.
     thickness_stretch, area_stretch : (block_count * 16,), written.
     """
-    for block in prange(corner_node.size // (8 * LANES)):
+    block_count = corner_node.size // (8 * LANES)
+    history_size = history.size // block_count
+    for block in prange(block_count):
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
+        shared = history[block * history_size : (block + 1) * history_size]
         corner = np.empty(24 * LANES)
         gather(position, nodes, corner)
         for lane in range(LANES):
@@ -56,7 +68,13 @@ def centre_stretches(
             c = cross(a[0], a[1])
             element = block * LANES + lane
             area = math.sqrt(dot(c, c))
-            thickness_stretch[element] = dot(a[2], c) / (area * reference_height[element])
+            stretch = dot(a[2], c) / (area * reference_height[element])
+            curvature = load_curvature(options.director, shared, lane)
+            zeta = (dot(a[0], a[5]), dot(a[1], a[4]), dot(a[0], a[4]) + dot(a[1], a[5]))
+            squared = stretch * stretch + 2.0 * curvature_compaction(curvature, zeta)
+            if stretch > 0.0 and squared > 0.0:
+                stretch = math.sqrt(squared)
+            thickness_stretch[element] = stretch
             area_stretch[element] = area / reference_area[element]
 
 

@@ -209,12 +209,7 @@ def curvature_compaction(curvature, zeta):
 
     ``zeta`` holds the covariant products a1·a6, a2·a5, a1·a5 + a2·a6 first.
     """
-    return (
-        curvature[0] * zeta[0]
-        + curvature[1] * zeta[1]
-        + curvature[2] * zeta[2]
-        - curvature[3]
-    )
+    return curvature[0] * zeta[0] + curvature[1] * zeta[1] + curvature[2] * zeta[2] - curvature[3]
 
 
 # --- covariant <-> material axes, flat reference (K constant over the element) --------------------

@@ -18,6 +18,7 @@ import numpy as np
 from numba import prange
 
 from lcmchain.elements.blocks import LANES
+from lcmchain.elements.solid_shell.bending import inverse_stretch
 from lcmchain.elements.solid_shell.kernel import (
     SolidShellData,
     curvature_rows,
@@ -28,6 +29,7 @@ from lcmchain.elements.solid_shell.kernel import (
     load_curvature,
     mode_vectors,
     stabilising_tangent,
+    stresses,
 )
 from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
 from lcmchain.elements.vectors import cross, dot
@@ -310,6 +312,44 @@ def add_curvature(curvature, zeta_rows, row):
 
 
 @routine
+def add_change_of_bending(S, E, options, rows, norms):
+    """Turn the rows of the bending strains into those at the reference thickness.
+
+    With Ê = E/λ^n, n = 1 or 2 and r = 1/λ², the rows are b/λ^n - n r Ê b33, and the second
+    derivatives of Ê couple E33 with the bending and with itself: -n r (b b33ᵀ + b33 bᵀ)/λ^n and
+    n (n + 2) r² Ê b33 b33ᵀ.
+    """
+    s, r = inverse_stretch(E.centre[2])
+    row33, coupling = rows[0, 2], np.zeros(21)
+    itself = 0.0
+    itself += add_change_of_term(S.zeta, E.zeta, options.zeta2, 1.0, s, r, rows[1], row33, coupling)
+    itself += add_change_of_term(
+        S.zeta2, E.zeta2, options.zeta4, 2.0, r, r, rows[2], row33, coupling
+    )
+    itself += add_change_of_term(
+        S.eta_zeta, E.eta_zeta, 1.0 / 9.0, 1.0, s, r, rows[5], row33, coupling
+    )
+    itself += add_change_of_term(
+        S.xi_zeta, E.xi_zeta, 1.0 / 9.0, 1.0, s, r, rows[6], row33, coupling
+    )
+    add_pair(coupling, row33, 1.0, norms, np.empty(7), np.empty(7))
+    add_row(row33, itself, norms, np.empty(7))
+
+
+@routine
+def add_change_of_term(S, E, weight, n, scale, r, rows, row33, coupling):
+    """As above for one term: add to ``coupling`` (21,), and return what E33 has with itself."""
+    itself = 0.0
+    for i in range(6):
+        itself += weight * n * (n + 2.0) * r * r * S[i] * E[i]
+        for k in range(21):
+            b = scale * rows[i, k]
+            coupling[k] -= weight * n * r * S[i] * b
+            rows[i, k] = b - n * r * E[i] * row33[k]
+    return max(itself, 0.0)
+
+
+@routine
 def spectral_radius_bound(norms, weight, image):
     """Return an upper bound of the spectral radius of a matrix with blocks of these ``norms``.
 
@@ -439,6 +479,9 @@ def element_frequency_bounds(
                 )
                 add_curvature(shared_curvature, covariant[1], material[0, 2])
             C_M = membrane_response(law, E.centre, lane_history)[1]
+            if options.reference_bending is not None:
+                S = stresses(law, lane_history, options, options.enhanced, E)
+                add_change_of_bending(S, E, options, material, norms)
             add_stiffness(
                 C_M,
                 bending_stiffness(law),

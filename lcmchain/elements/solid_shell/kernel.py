@@ -15,6 +15,10 @@ from numba import prange
 from lcmchain.dispatch import implements
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces
+from lcmchain.elements.solid_shell.bending import (
+    at_reference_thickness,
+    at_reference_thickness_stress,
+)
 from lcmchain.elements.solid_shell.equations import (
     NINTH,
     THIRD,
@@ -63,7 +67,8 @@ class Options(NamedTuple):
     """What the element's kernels are compiled for, and the numbers of its choices.
 
     flat, curved : ``True`` or ``None``, one of them ``None``: kind of the reference geometry.
-    director, conservative, enhanced : ``True`` or ``None``: the effect is on or pruned.
+    director, conservative, enhanced, reference_bending : ``True`` or ``None``: the effect is on or
+        pruned.
     zeta2, zeta4 : means of ζ² and ζ⁴ over the thickness by the integration points of Eq. (15): 1/3
         and 1/5 for three or more Gauss points and for the exact integral, 1/3 and 1/9 for two.
     cross : weight of the terms that couple E^0 and E^ζζ: <ζ²> as printed in Eqs. (15) and (19), 0
@@ -78,6 +83,7 @@ class Options(NamedTuple):
     director: Any
     conservative: Any
     enhanced: Any
+    reference_bending: Any
     zeta2: float
     zeta4: float
     cross: float
@@ -480,12 +486,25 @@ def element_stress(a, data, i, law, history, curvature, options):
         o.director,
         o.conservative,
         o.enhanced,
+        o.reference_bending,
     )
 
 
 @equation
 def chosen_element_stress(
-    a, data, i, law, history, curvature, options, flat, curved, director, conservative, enhanced
+    a,
+    data,
+    i,
+    law,
+    history,
+    curvature,
+    options,
+    flat,
+    curved,
+    director,
+    conservative,
+    enhanced,
+    reference_bending,
 ):
     products = covariant_products(a)
     if curved is not None:
@@ -502,7 +521,11 @@ def chosen_element_stress(
     normal = normal_compaction(a[0], a[1], a[2], inverse_height)
     if director is None:
         E = with_centre33(E, normal[0] + curvature_compaction(curvature, products.zeta))
+    if reference_bending is not None:
+        E = at_reference_thickness(E)
     S = resultants(law, history, options, conservative, enhanced, E)
+    if reference_bending is not None:
+        S = at_reference_thickness_stress(E, S)
     S33 = 0.0
     if director is None:
         S33 = S.centre[2]

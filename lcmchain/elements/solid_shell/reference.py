@@ -28,6 +28,7 @@ class ElementOptions:
     in_plane_shear_hourglass: bool = True
     hourglass: str = "conservative"
     fibre_hourglass: float | None = None
+    bending_thickness: str = "current"
     type: str = "solid-shell"
 
 
@@ -92,6 +93,13 @@ class ReferenceElement:
                 E["centre"][2] += factor * products["zeta"][row]
                 B["centre"][2] += factor * operators["zeta"][row]
             E["centre"][2] -= q
+        if self.options.bending_thickness == "reference":
+            # bending strains over powers of the thickness stretch λ = (1 + 2 E33)^½
+            stretch = np.sqrt(1.0 + 2.0 * E["centre"][2])
+            for term, power in (("zeta", 1), ("zeta2", 2), ("eta_zeta", 1), ("xi_zeta", 1)):
+                E[term] = E[term] / stretch**power
+                B[term] = B[term] / stretch**power
+                B[term] -= power / stretch**2 * np.outer(E[term], B["centre"][2])
         return E, B
 
     def evaluate(self, nodes: np.ndarray) -> ElementResult:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from lcmchain.quantities.entry_types import AbsentMeans, Number, Range, Switch
+from lcmchain.quantities.entry_types import AbsentMeans, Number, Range, Switch, wrong
 from lcmchain.quantities.scene_model import SceneModel
 
 
@@ -42,6 +42,21 @@ class Element(SceneModel):
         "stiffness, or this share of their membrane stiffness; 1 as published locks the tools' "
         "forces.",
     )
+    bending_thickness: Literal["current", "reference"] = Field(
+        default="current",
+        description="Thickness that the bending stiffness goes with: the present one as published, "
+        "or the initial one, at which C^B was identified.",
+    )
     in_plane_shear_hourglass: Switch = Field(
         default=True, description="Keep the in-plane shear row in the hourglass stabilisation."
     )
+
+    @model_validator(mode="after")
+    def _check_bending(self) -> Self:
+        if self.cross_terms and self.bending_thickness == "reference":
+            raise wrong(
+                'is "reference", which is derived from an energy; the cross terms have none: leave '
+                "out one of them",
+                field="bending_thickness",
+            )
+        return self

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lcmchain.elements.blocks import from_blocks
+from lcmchain.elements.solid_shell import bending_tangent as bending
 from lcmchain.elements.solid_shell.equations import NINTH, THIRD
 from lcmchain.elements.solid_shell.geometry import MODES
 from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS
@@ -140,19 +141,25 @@ def _linearise_block(model, displacement, block, given, shared):
             row = B[:, CENTRE, NORMAL].reshape(-1, 7, 3)
             row[:, k] += factor[:, None] * a[:, m]
             row[:, m] += factor[:, None] * a[:, k]
+    unscaled = B
+    if options.reference_bending is not None:
+        B, E = bending.at_reference_thickness(B, E)
     R, D = _resultants(model, E)
     R, D, B = R.reshape(-1, 42), D.reshape(-1, 42, 42), B.reshape(-1, 42, 21)
 
     DB = D @ B
     K = B.transpose(0, 2, 1) @ DB
     geometric = (R if given is None else given).reshape(-1, 7, 6)
+    if options.reference_bending is not None:
+        hessian33, geometric = bending.geometric_part(unscaled, E, geometric)
+        K += hessian33
+    S33 = geometric[:, CENTRE, NORMAL].copy()
     if options.director is None:
-        K[:, :9, :9] += geometric[:, CENTRE, NORMAL, None, None] * hessian
+        K[:, :9, :9] += S33[:, None, None] * hessian
         geometric = geometric.copy()
         geometric[:, CENTRE, NORMAL] = 0.0
     sigma = _stress_matrix(model, block, geometric)
     if options.director is None:
-        S33 = (R if given is None else given).reshape(-1, 7, 6)[:, CENTRE, NORMAL]
         for k, m, column in _CURVATURE_PRODUCTS:
             sigma[:, k, m] += S33 * curvature[:, column]
             sigma[:, m, k] += S33 * curvature[:, column]
