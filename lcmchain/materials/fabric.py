@@ -390,12 +390,23 @@ class Fabric:
             + law.C23 * E[..., 4] ** 2
             + law.C13 * E[..., 5] ** 2
         )
-        # the compaction law has no closed primitive: Gauss-Legendre over [0, E33]
-        points, weights = np.polynomial.legendre.leggauss(24)
-        E33 = E[..., 2, None]
-        stress, _ = self._compaction(0.5 * E33 * (1.0 + points))
-        compaction = np.sum(0.5 * E33 * weights * stress, axis=-1)
-        return linear + shear + compaction
+        return linear + shear + self._compaction_energy(E[..., 2])
+
+    def _compaction_energy(self, E33: np.ndarray) -> np.ndarray:
+        """Return the integral of c0 exp(u) E33 with u = c1 |E33|^c2, by its series in u.
+
+        c0 E33² Σ u^k / (k! (2 + c2 k)): all terms are positive, and their sum converges for any u.
+        """
+        law = self.law
+        u = law.c1 * np.maximum(-E33, 0.0) ** law.c2
+        term = np.ones_like(u)
+        total = 0.5 * term
+        order = 0
+        while np.any(term > 1e-17 * total):
+            order += 1
+            term = term * u / order
+            total = total + term / (2.0 + law.c2 * order)
+        return law.c0 * E33**2 * total
 
     def compaction_pressure(
         self, thickness_stretch: ArrayLike, history: np.ndarray | None = None
