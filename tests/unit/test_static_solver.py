@@ -15,12 +15,14 @@ from lcmchain.scene import Element
 from lcmchain.statics import (
     DirectorCouples,
     StaticProblem,
+    StaticStep,
     linear_frequencies,
     linear_solution,
     nodal_forces,
     solve,
     trace,
 )
+from lcmchain.statics.arc_length import NewtonOnArc
 from lcmchain.statics.convergence import Balance, in_equilibrium
 from lcmchain.statics.newton import Newton
 from lcmchain.verification.benchmarks.meshes import (
@@ -197,16 +199,6 @@ def test_forces_within_their_round_off_are_in_balance():
     assert not in_equilibrium(after, correction, 1e-15, 1e-15, 1e-12)  # a correction of its own
 
 
-def test_a_step_within_the_tolerance_converges(strip):
-    """Near a limit point steps shrink until their start is in balance already."""
-    mesh, model = strip
-    held, moved = mixed_supports(mesh)
-    problem = StaticProblem(model=model, held=held, displacements=moved)
-    first, second = solve(problem, [1.0, 1.0 + 1e-13])
-    assert second.iterations <= 2
-    np.testing.assert_allclose(second.displacement, first.displacement, atol=1e-12)
-
-
 def test_very_thin_strips_bend_as_thin_ones_do():
     """At a slenderness of 10⁵ the forces are out of balance by their round-off, above 10⁻⁶."""
     tips = []
@@ -362,6 +354,23 @@ def test_load_control_passes_a_limit_where_it_is_asked_to(arch):
     last = trace(problem, 1.4, first_step=0.2)[-1]
     (there,) = solve(problem, [last.load_factor], first_step=0.1, past_limits=True)
     np.testing.assert_allclose(there.displacement, last.displacement, atol=1e-6)
+
+
+def test_a_path_back_to_the_unloaded_sheet_is_no_way_past_a_limit(arch, monkeypatch):
+    mesh, model, held = arch
+    forces = mesh.edge_load(mesh.grid[8], [0.0, 0.0, -10.0])
+    problem = StaticProblem(model=model, held=held, forces=forces)
+    seen = []
+
+    def back_and_on(self, displacement, *rest):
+        for factor in (1.0, 0.5, -0.1, 0.2, 1.6):
+            seen.append(factor)
+            yield StaticStep(factor, displacement, 1, 0.0)
+
+    monkeypatch.setattr(NewtonOnArc, "path", back_and_on)
+    with pytest.raises(SimulationError, match="beyond the load factor 1.16"):
+        solve(problem, [1.5], first_step=0.1, past_limits=True)
+    assert seen == [1.0, 0.5, -0.1]
 
 
 def test_load_control_names_the_node_and_steps_that_are_too_large(arch):
