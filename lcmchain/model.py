@@ -142,6 +142,18 @@ class Model:
         """Reference geometry of the only body."""
         return self.body.geometry
 
+    @property
+    def remembers(self) -> bool:
+        """Whether any law has a memory."""
+        return any(history_count(body.material.law) for body in self.bodies)
+
+    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
+        """Renew what elements take from their neighbours; return the energy that it puts in [J].
+
+        positions : (3, node_count) [m]; history : (history_size,), written.
+        """
+        return sum(body.renew(positions, self.history_of(body, history)) for body in self.bodies)
+
     def history_of(self, body: Body, history: np.ndarray) -> np.ndarray:
         """Return a body's part of the history values (history_size,)."""
         placed = self.placed[self.bodies.index(body)]
@@ -292,7 +304,7 @@ def _placed(bodies: Sequence[Body]) -> tuple[PlacedBody, ...]:
         element_count, corner_count = body.force_nodes.shape
         padded = LANES * -(-element_count // LANES)
         last_force = force + padded * 3 * corner_count
-        last_history = history + padded * history_count(body.material.law)
+        last_history = history + padded * body.history_count
         placed.append(PlacedBody(body.data, force, last_force, history, last_history))
         force, history = last_force, last_history
     return tuple(placed)

@@ -23,7 +23,8 @@ FRICTION = 2  # dissipated by sliding
 CONTACT_DAMPING = 3  # dissipated by contact damping
 MASS_DAMPING = 4  # dissipated by mass-proportional damping and by dampers of guided tools
 EXTERNAL = 5  # work of prescribed tools, of forces on guided tools and of gravity
-WORK_COLUMNS = 6
+RENEWAL = 6  # given up by elements where the curvature they share was renewed
+WORK_COLUMNS = 7
 
 # Entries of ``State.clock``.
 TIME = 0  # [s]
@@ -36,8 +37,9 @@ STEPS = 0  # made so far
 CHUNKS = 1  # of steps since the frequency was last evaluated
 CONTROLLING_ELEMENT = 2  # that the frequency belongs to
 CONTROLLING_PART = 3  # what governs it there, a code of the element's family
-HALVINGS = 4  # of the step, see lcmchain.solver.recovery
-COUNTERS = 5
+RENEWED = 4  # chunks of steps since the elements' shared curvature was renewed
+HALVINGS = 5  # of the step, see lcmchain.solver.recovery
+COUNTERS = 6
 
 # How often a run may halve its step to get over a value that is not a number.
 MOST_HALVINGS = 3
@@ -130,7 +132,7 @@ class State(_Arrays):
     history: np.ndarray = entry(
         "history",
         unit="1",
-        meaning="what laws with memory remember, in blocks of elements",
+        meaning="what elements keep: shared curvature and what laws remember, in blocks",
         in_frames=True,
     )
     stick: np.ndarray = entry(

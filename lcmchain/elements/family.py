@@ -69,6 +69,7 @@ class Body(Protocol):
     shortest_length : of the elements, what sets the in-plane wave's step [m].
     first_node, first_element : where its ranges begin.
     volume : of the undeformed sheet [m³].
+    history_count : numbers per element that its kernels keep.
     hourglass_tells : whether large hourglass energy means that the mesh is too coarse.
     """
 
@@ -87,6 +88,9 @@ class Body(Protocol):
     first_element: int
     volume: float
     hourglass_tells: bool
+
+    @property
+    def history_count(self) -> int: ...
 
     @staticmethod
     def mesh_of(blank: BlankMesh) -> Any:
@@ -107,11 +111,14 @@ class Body(Protocol):
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
         """Return strain energy and hourglass energy [J] at positions (3, node_count)."""
 
+    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
+        """Renew in ``history`` what elements take from neighbours; return the energy put in [J]."""
+
     def dissipated_energy(self, history: np.ndarray) -> float:
         """Return what the law has dissipated so far [J]; 0 without memory."""
 
     def element_history(self, history: np.ndarray) -> np.ndarray:
-        """Return the body's history values by element (history_count, element_count)."""
+        """Return what the law remembers by element (numbers, element_count)."""
 
     def effects(self) -> dict[str, tuple[bool, str]]:
         """Return whether each effect of the elements is compiled in, and why, by its name."""

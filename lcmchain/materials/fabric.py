@@ -18,6 +18,7 @@ from lcmchain.jit import equation
 from lcmchain.materials.elementary import exponential, logarithm
 from lcmchain.materials.law import (
     bending_stiffness,
+    hourglass_tangent,
     implements,
     membrane_response,
     plane_bending_stiffness,
@@ -25,6 +26,7 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
+from lcmchain.materials.rounded_shear import rounded_shear, rounded_shear_of
 from lcmchain.materials.shear_locking import (
     ShearLocking,
     locking_class,
@@ -134,6 +136,27 @@ def shear_tangent_curvature(law, g):
 
 
 @equation
+def stabilising_shear_tangent(law, g):
+    """Return dS12/dg at the rounded size of the strain: without the kink at g = 0."""
+    return shear_stress_and_tangent(law, rounded_shear(g)[0])[1]
+
+
+@equation
+def stabilising_shear_slope(law, g):
+    """Return the derivative of :func:`stabilising_shear_tangent` with g."""
+    size, first, _ = rounded_shear(g)
+    return first * shear_tangent_slope(law, size)
+
+
+@equation
+def stabilising_shear_curvature(law, g):
+    """Return the second derivative of :func:`stabilising_shear_tangent` with g."""
+    size, first, second = rounded_shear(g)
+    slope, curvature = shear_tangent_slope(law, size), shear_tangent_curvature(law, size)
+    return first * first * curvature + second * slope
+
+
+@equation
 def compaction_tangent_curvature(law, E33):
     """Return d³S33/dE33³ (0 in thickening)."""
     if E33 >= 0.0:
@@ -158,6 +181,12 @@ def fabric_response(law, E, history):
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
 
+@implements(hourglass_tangent, FabricLaw)
+@equation
+def fabric_hourglass_tangent(law, E, C_M, history):
+    return (C_M[0], C_M[1], C_M[2], stabilising_shear_tangent(law, E[3]), C_M[4], C_M[5])
+
+
 @implements(tangent_slope, FabricLaw)
 @equation
 def fabric_tangent_slope(law, E, history):
@@ -165,7 +194,7 @@ def fabric_tangent_slope(law, E, history):
         None,
         None,
         compaction_tangent_slope(law, E[2]),
-        shear_tangent_slope(law, E[3]),
+        stabilising_shear_slope(law, E[3]),
         None,
         None,
     )
@@ -178,7 +207,7 @@ def fabric_tangent_curvature(law, E, history):
         None,
         None,
         compaction_tangent_curvature(law, E[2]),
-        shear_tangent_curvature(law, E[3]),
+        stabilising_shear_curvature(law, E[3]),
         None,
         None,
     )
@@ -204,15 +233,7 @@ def fabric_plane_bending_stiffness(law):
     return (law.B11, law.B22, law.B12)
 
 
-LockingFabricLaw = locking_class(
-    FabricLaw,
-    membrane_response,
-    tangent_slope,
-    tangent_curvature,
-    bending_stiffness,
-    plane_response,
-    plane_bending_stiffness,
-)
+LockingFabricLaw = locking_class(FabricLaw)
 
 
 class Fabric:
@@ -281,6 +302,15 @@ class Fabric:
             C[..., 3, 3] += tangent
         S[..., 2], C[..., 2, 2] = self._compaction(E[..., 2])
         return S, C
+
+    def stabilising_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return C^M with the shear of the rounded strain (..., 6, 6), its slope and curvature."""
+        E = np.array(E, dtype=float)
+        E[..., 3], first, second = rounded_shear_of(E[..., 3])
+        slope, curvature = self.tangent_slope(E), self.tangent_curvature(E)
+        curvature[..., 3] = first**2 * curvature[..., 3] + second * slope[..., 3]
+        slope[..., 3] *= first
+        return self.stress_and_tangent(E)[1], slope, curvature
 
     def tangent_slope(self, E: ArrayLike) -> np.ndarray:
         """Return dC_ii/dE_i (..., 6) of the diagonal tangent C^M; only 12 and 33 are not zero."""

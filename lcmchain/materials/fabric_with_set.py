@@ -36,14 +36,16 @@ from lcmchain.materials.fabric import (
     compaction_tangent_curvature,
     compaction_tangent_slope,
     fabric_bending_stiffness,
+    fabric_hourglass_tangent,
     shear_stress_and_tangent,
-    shear_tangent_curvature,
-    shear_tangent_slope,
+    stabilising_shear_curvature,
+    stabilising_shear_slope,
 )
 from lcmchain.materials.law import (
     Remembered,
     bending_stiffness,
     evolved_history,
+    hourglass_tangent,
     implements,
     membrane_response,
     tangent_curvature,
@@ -86,7 +88,7 @@ def response(law, E, history):
 def slope(law, E, history):
     strain, rate, stiffening = strain_from_set(law, E[2], history)
     slope33 = stiffening * rate * compaction_tangent_slope(law, strain)
-    return (None, None, slope33, shear_tangent_slope(law, E[3]), None, None)
+    return (None, None, slope33, stabilising_shear_slope(law, E[3]), None, None)
 
 
 @implements(tangent_curvature, FabricWithSetLaw)
@@ -94,7 +96,7 @@ def slope(law, E, history):
 def curvature(law, E, history):
     strain, rate, stiffening = strain_from_set(law, E[2], history)
     curvature33 = stiffening * rate * rate * compaction_tangent_curvature(law, strain)
-    return (None, None, curvature33, shear_tangent_curvature(law, E[3]), None, None)
+    return (None, None, curvature33, stabilising_shear_curvature(law, E[3]), None, None)
 
 
 @implements(evolved_history, FabricWithSetLaw)
@@ -104,15 +106,9 @@ def evolved(law, E, history):
 
 
 implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
+implements(hourglass_tangent, FabricWithSetLaw)(fabric_hourglass_tangent)
 
-LockingFabricWithSetLaw = locking_class(
-    FabricWithSetLaw,
-    membrane_response,
-    tangent_slope,
-    tangent_curvature,
-    evolved_history,
-    bending_stiffness,
-)
+LockingFabricWithSetLaw = locking_class(FabricWithSetLaw)
 
 
 class FabricWithSet(Fabric):

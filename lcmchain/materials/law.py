@@ -35,6 +35,7 @@ __all__ = [
     "bending_stiffness",
     "evolved_history",
     "history_count",
+    "hourglass_tangent",
     "Remembered",
     "remembered",
     "implements",
@@ -43,6 +44,7 @@ __all__ = [
     "plane_bending_stiffness",
     "plane_response",
     "serves_planes",
+    "stabilising_tangent",
     "store_history",
     "tangent_curvature",
     "tangent_slope",
@@ -81,14 +83,20 @@ def bending_stiffness(law):
 
 
 @optional
+def hourglass_tangent(law, E, C_M, history):
+    """Return the tangent of Eq. (18) that stabilises the element: C^M, or one without its kinks."""
+    return C_M
+
+
+@optional
 def tangent_slope(law, E, history):
-    """Return the six dC_ii/dE_i of the tangent C^M; ``None`` where it is always zero."""
+    """Return the six dC_ii/dE_i of the stabilising tangent; ``None`` where it is always zero."""
     return (None, None, None, None, None, None)
 
 
 @optional
 def tangent_curvature(law, E, history):
-    """Return the six d²C_ii/dE_i² of the tangent C^M; ``None`` where it is always zero."""
+    """Return the six d²C_ii/dE_i² of the stabilising tangent; ``None`` where always zero."""
     return (None, None, None, None, None, None)
 
 
@@ -204,10 +212,10 @@ class Material(Protocol):
         """Return S^M (..., 6) and C^M (..., 6, 6) of centre strains E (..., 6), first loading."""
 
     def tangent_slope(self, E: np.ndarray) -> np.ndarray:
-        """Return dC_ii/dE_i (..., 6)."""
+        """Return dC_ii/dE_i (..., 6) of C^M."""
 
     def tangent_curvature(self, E: np.ndarray) -> np.ndarray:
-        """Return d²C_ii/dE_i² (..., 6)."""
+        """Return d²C_ii/dE_i² (..., 6) of C^M."""
 
     def bending_matrix(self) -> np.ndarray:
         """Return C^B (6, 6)."""
@@ -225,6 +233,21 @@ class Material(Protocol):
 
     def wave_stiffness(self) -> tuple[float, float]:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
+
+
+def stabilising_tangent(
+    material: Material, E: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the tangent (..., 6, 6) that stabilises the element, its slope and curvature (..., 6).
+
+    A material whose law implements :func:`hourglass_tangent` offers a method of this name; that of
+    the others is C^M.
+    """
+    method = getattr(material, "stabilising_tangent", None)
+    if method is not None:
+        return method(E)
+    tangent = material.stress_and_tangent(E)[1]
+    return tangent, material.tangent_slope(E), material.tangent_curvature(E)
 
 
 class MaterialWithMemory(Material, Protocol):

@@ -147,8 +147,8 @@ class Scene(SceneModel):
                 "--set permeability=none)",
                 field="permeability",
             )
-        share = getattr(self.element, "fibre_hourglass", 1.0)
-        if share < 1.0 and not self.material.has_fibres:
+        share = getattr(self.element, "fibre_hourglass", None)
+        if share not in (None, 1.0) and not self.material.has_fibres:
             raise wrong(
                 f'is {share:g}, but only law = "fabric" has fibres; leave it out',
                 field="element.fibre_hourglass",

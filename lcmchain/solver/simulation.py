@@ -29,6 +29,8 @@ from lcmchain.state import (
     MASS_DAMPING,
     MOST_HALVINGS,
     OMEGA2,
+    RENEWAL,
+    RENEWED,
     TIME,
     Scratch,
     State,
@@ -41,6 +43,9 @@ STEPS_PER_CHUNK = 50
 # The in-plane frequency changes slowly: its bound is renewed every so many chunks, unless the sheet
 # may stiffen in between.
 CHUNKS_PER_FREQUENCY = 8
+# Elements follow the curvature that they share with neighbours every so many chunks: their forces
+# hardly depend on it (``elements/solid_shell/curvature.py``).
+CHUNKS_PER_RENEWAL = 4
 # Every change of the step shifts the energy that central differences conserve a little: a step that
 # could be longer by less than this (of ω²) stays as it is.
 STEP_HYSTERESIS = 0.98
@@ -216,8 +221,9 @@ class Simulation:
             "hourglass": hourglass,
             "contact": work[CONTACT],
             "friction": work[FRICTION],
-            **({"inelastic": inelastic} if self.model.history_size else {}),
+            **({"inelastic": inelastic} if self.model.remembers else {}),
             "damping": work[CONTACT_DAMPING] + work[MASS_DAMPING],
+            "renewal": work[RENEWAL],
             "external": work[EXTERNAL],
         }
         energy = {name: float(value) for name, value in energy.items()}
@@ -241,6 +247,7 @@ class Simulation:
         """
         state = self.state
         conditions = self.require_sound()
+        self._renew()
         present = float(state.clock[OMEGA2])
         renew = present == 0.0 or state.counters[CHUNKS] >= CHUNKS_PER_FREQUENCY
         if renew or self._may_stiffen(conditions, present):
@@ -352,6 +359,14 @@ class Simulation:
             )
             found.append((omega2, body.first_element + element, code))
         return max(found, key=lambda bound: bound[0])
+
+    def _renew(self) -> None:
+        """Renew what elements take from their neighbours, at the start and now and then."""
+        state = self.state
+        if state.counters[RENEWED] % CHUNKS_PER_RENEWAL == 0:
+            state.work[RENEWAL] -= self.model.renew(state.position, state.history)
+            state.counters[RENEWED] = 0
+        state.counters[RENEWED] += 1
 
     def _may_stiffen(self, conditions: list[Condition], omega2: float) -> bool:
         bodies = zip(self.model.bodies, conditions, strict=True)

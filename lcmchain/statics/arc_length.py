@@ -6,15 +6,20 @@ The arc is measured by the displacements (cylindrical constraint: Crisfield, Com
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import islice
 
 import numpy as np
 
 from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import SimulationError
-from lcmchain.statics.newton import FORCE_TOLERANCE, MAXIMUM_ITERATIONS, Newton, StepResult
+from lcmchain.statics.control import GROWTH, QUICK_ITERATIONS, SMALLEST_STEP, StaticStep
+from lcmchain.statics.convergence import FORCE_TOLERANCE, in_equilibrium
+from lcmchain.statics.newton import MAXIMUM_ITERATIONS, Newton, StepResult, unsettled
 from lcmchain.statics.problem import StaticProblem
-from lcmchain.statics.steps import GROWTH, QUICK_ITERATIONS, SMALLEST_STEP, StaticStep
+
+# Arcs after which a limit point counts as not to be passed.
+MOST_ARCS = 200
 
 
 def trace(
@@ -43,36 +48,75 @@ def trace(
     SimulationError : an arc cannot be made to converge, or ``maximum_steps`` do not suffice.
     """
     newton = NewtonOnArc(problem, force_tolerance)
-    factor, displacement = 0.0, np.zeros((3, problem.model.node_count))
+    start = np.zeros((3, problem.model.node_count))
     history: list[StaticStep] = []
-    length: float | None = None
-    previous: np.ndarray | None = None
-    while len(history) < maximum_steps:
-        result = newton.correct_on_arc(displacement, factor, first_step, length, previous)
-        if length is None:
-            first_length = length = result.length
-        if not result.converged:
-            length *= 0.5
-            if length < SMALLEST_STEP * first_length:
-                raise newton.failure(result, factor)
-            continue
-        factor, previous = result.load_factor, result.change
-        displacement = result.displacement
-        history.append(StaticStep(factor, displacement, result.iterations, result.residual))
+    for step in islice(newton.path(start, 0.0, first_step, largest_step), maximum_steps):
+        history.append(step)
         if on_step is not None:
-            on_step(history[-1])
-        if factor >= last_factor:
+            on_step(step)
+        if step.load_factor >= last_factor:
             return history
-        if result.iterations <= QUICK_ITERATIONS:
-            length = min(GROWTH * length, largest_step * first_length)
     raise SimulationError(
         f"the arc-length method has made {maximum_steps} steps and only reached the load factor "
-        f"{factor:.4g} of {last_factor:.4g}; allow larger or more steps"
+        f"{history[-1].load_factor:.4g} of {last_factor:.4g}; allow larger or more steps"
     )
+
+
+def pass_limit(
+    problem: StaticProblem, limit: StaticStep, target: float, step: float, force_tolerance: float
+) -> Iterator[StaticStep]:
+    """Follow the path from just before a limit point until the load has fallen and rises again.
+
+    It also ends where it comes to ``target``, back to the unloaded sheet, or after
+    :data:`MOST_ARCS`.
+
+    Parameters
+    ----------
+    limit : the last equilibrium that load control has found.
+    target : load factor that lies beyond the limit.
+    step : size of the first step of the load factor, towards the target.
+    """
+    newton = NewtonOnArc(problem, force_tolerance)
+    sign = 1.0 if target > limit.load_factor else -1.0
+    last, has_fallen = limit.load_factor, False
+    path = newton.path(limit.displacement, limit.load_factor, sign * step, np.inf)
+    for state in islice(path, MOST_ARCS):
+        yield state
+        rises = sign * (state.load_factor - last) > 0.0
+        at_target = sign * (state.load_factor - target) >= 0.0
+        unloaded = state.load_factor * limit.load_factor <= 0.0
+        if at_target or unloaded or (has_fallen and rises):
+            return
+        last, has_fallen = state.load_factor, has_fallen or not rises
 
 
 class NewtonOnArc(Newton):
     """Newton's method with the load factor as an unknown, at a given arc length."""
+
+    def path(
+        self, displacement: np.ndarray, factor: float, first_step: float, largest_step: float
+    ) -> Iterator[StaticStep]:
+        """Yield the equilibria along the path from an equilibrium, without end.
+
+        ``first_step`` of the load factor fixes the first arc length, ``largest_step`` limits the
+        others relative to it.
+        """
+        length: float | None = None
+        previous: np.ndarray | None = None
+        while True:
+            result = self.correct_on_arc(displacement, factor, first_step, length, previous)
+            if length is None:
+                first_length = length = result.length
+            if not result.converged:
+                length *= 0.5
+                if length < SMALLEST_STEP * first_length:
+                    raise self.failure(result, displacement, factor)
+                continue
+            factor, previous = result.load_factor, result.change
+            displacement = result.displacement
+            yield StaticStep(factor, displacement, result.iterations, result.residual)
+            if result.iterations <= QUICK_ITERATIONS:
+                length = min(GROWTH * length, largest_step * first_length)
 
     def correct_on_arc(
         self,
@@ -90,6 +134,7 @@ class NewtonOnArc(Newton):
         system, problem = self.system, self.problem
         displacement, start_factor = start, factor
         resultants, first_energy, change = None, None, None
+        now = self.balance(displacement, factor)
         for iteration in range(1, MAXIMUM_ITERATIONS + 1):
             state = linearise(problem.model, displacement, resultants)
             K = system.assemble(state.stiffness, self._load_stiffness(displacement, factor))
@@ -110,8 +155,7 @@ class NewtonOnArc(Newton):
                 correction, energy = step * along, abs(step * step * (along @ load))
                 change = correction
             else:
-                residual, _ = self._out_of_balance(displacement, factor)
-                right = system.reduce(residual)
+                right = system.reduce(now.residual)
                 towards = factors.solve(right)
                 miss = 0.5 * (change @ change - length**2)  # type: ignore[operator]
                 step = -(miss + change @ towards) / (change @ along)
@@ -124,8 +168,8 @@ class NewtonOnArc(Newton):
                 return self._failed(displacement, factor, iteration, "divergence", length)
             displacement = displacement + move
             first_energy = energy if first_energy is None else first_energy
-            residual, relative = self._out_of_balance(displacement, factor)
-            if self._converged(relative, energy, first_energy):
+            now = self.balance(displacement, factor)
+            if in_equilibrium(now, correction, energy, first_energy, self.force_tolerance):
                 if previous is not None and change @ previous < 0.0:
                     return self._failed(displacement, factor, iteration, "turned back", length)
                 return StepResult(
@@ -133,10 +177,10 @@ class NewtonOnArc(Newton):
                     factor,
                     displacement,
                     iteration,
-                    relative,
+                    now.relative,
                     "",
                     change,
                     length,  # type: ignore[arg-type]
                 )
             resultants = self._extrapolated(state, move)
-        return self._failed(displacement, start_factor, iteration, "no convergence", length)
+        return self._failed(displacement, start_factor, iteration, unsettled(move), length)

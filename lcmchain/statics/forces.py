@@ -10,9 +10,14 @@ from lcmchain.model import Model
 
 
 def nodal_forces(model: Model, displacement: np.ndarray) -> np.ndarray:
-    """Return the internal forces (3, node_count) [N] of the compiled element kernel."""
+    """Return the internal forces (3, node_count) [N] of the compiled element kernel.
+
+    What elements share with their neighbours is that of the displacement.
+    """
     position = np.ascontiguousarray(model.blank.node_positions.T + displacement)
     corner_force = np.zeros(model.corner_force_size)
-    internal_forces(model.body.data, position, corner_force, np.empty(0))
+    history = np.zeros(model.history_size)
+    model.renew(position, history)
+    internal_forces(model.body.data, position, corner_force, history)
     slot = model.nodes.force_slot
     return np.stack([corner_force[slot + d * LANES].sum(axis=0) for d in range(3)])

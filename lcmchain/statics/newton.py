@@ -17,18 +17,22 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import SimulationError
-from lcmchain.statics.forces import nodal_forces
+from lcmchain.statics.convergence import Balance, balance, in_equilibrium
 from lcmchain.statics.pair_system import PairSystem
 from lcmchain.statics.problem import StaticProblem
 
 MAXIMUM_ITERATIONS = 20
-# Out-of-balance force relative to loads and reactions, and energy of the last correction relative
-# to that of the first one of the step: both must hold.
-FORCE_TOLERANCE = 1e-6
-ENERGY_TOLERANCE = 1e-8
-# Strain whose force over the whole sheet counts as round-off: a sheet that only turns has no force
-# to compare with.
-NEGLIGIBLE_STRAIN = 1e-13
+INVERSE_ITERATIONS = 30
+# Share of the lowest stiffness of the start below which an equilibrium is near a limit point, where
+# it is zero.
+NEARLY_SINGULAR = 0.1
+LIMIT_POINT = (
+    "a limit or bifurcation point; follow the path by its arc length, prescribe displacements "
+    "instead of forces, or support the sheet; where single elements give way, refine the mesh"
+)
+STEPS_TOO_LARGE = (
+    "steps too large for the sheet; start with a smaller step, or follow the path by its arc length"
+)
 LARGEST_MOVE = 10.0  # correction of a displacement over the size of the sheet
 
 
@@ -52,10 +56,6 @@ class Newton:
         self.problem = problem
         self.force_tolerance = force_tolerance
         self.size = float(np.ptp(problem.model.blank.node_positions, axis=0).max())
-        material = problem.model.material
-        stiffness = material.stress_and_tangent(np.zeros(6))[1].max()
-        section = self.size * material.thickness
-        self.negligible_force = NEGLIGIBLE_STRAIN * stiffness * section
         self.system = PairSystem(problem.model, problem.held, problem.held_middle)
 
     def correct(self, displacement: np.ndarray, factor: float, next_factor: float) -> StepResult:
@@ -63,11 +63,11 @@ class Newton:
         system = self.system
         support_motion = (next_factor - factor) * self.problem.prescribed
         resultants, first_energy = None, None
+        now = self.balance(displacement, next_factor)
         for iteration in range(1, MAXIMUM_ITERATIONS + 1):
             state = linearise(self.problem.model, displacement, resultants)
             K = system.assemble(state.stiffness, self._load_stiffness(displacement, next_factor))
-            residual, _ = self._out_of_balance(displacement, next_factor)
-            right = system.reduce(residual)
+            right = system.reduce(now.residual)
             if iteration == 1:
                 right = right - system.reduced_product(K, support_motion)
             else:
@@ -82,35 +82,54 @@ class Newton:
             displacement = displacement + move
             energy = abs(correction @ right)
             first_energy = energy if first_energy is None else first_energy
-            residual, relative = self._out_of_balance(displacement, next_factor)
-            if self._converged(relative, energy, first_energy):
-                return StepResult(True, next_factor, displacement, iteration, relative)
+            now = self.balance(displacement, next_factor)
+            if in_equilibrium(now, correction, energy, first_energy, self.force_tolerance):
+                return StepResult(True, next_factor, displacement, iteration, now.relative)
             resultants = self._extrapolated(state, move)
-        return self._failed(displacement, next_factor, iteration, "no convergence")
+        return self._failed(displacement, next_factor, iteration, unsettled(move))
 
-    def failure(self, result: StepResult, factor: float) -> SimulationError:
-        """Return the error of a step that could not be made to converge."""
+    def balance(self, displacement: np.ndarray, factor: float) -> Balance:
+        """Return the balance of forces of a displacement at a load factor."""
+        return balance(self.problem, self.system, displacement, factor, self.size)
+
+    def failure(
+        self, result: StepResult, displacement: np.ndarray, factor: float
+    ) -> SimulationError:
+        """Return the error of a step from an equilibrium that could not be made to converge."""
         model = self.problem.model
-        residual, _ = self._out_of_balance(result.displacement, result.load_factor)
+        residual = self.balance(result.displacement, result.load_factor).residual
         supported = self.problem.held
         if self.problem.held_middle is not None:
             supported = supported | np.tile(self.problem.held_middle, 2)
         size = np.linalg.norm(np.where(supported, 0.0, residual), axis=0)
         node = int(np.argmax(size))
         x, y, z = model.blank.node_positions[node]
+        start = self.lowest_stiffness(np.zeros_like(displacement), 0.0)
+        left = self.lowest_stiffness(displacement, factor) / start if start else 0.0
+        cause = LIMIT_POINT if left < NEARLY_SINGULAR else STEPS_TOO_LARGE
         return SimulationError(
             f"no equilibrium was found beyond the load factor {factor:.6g} ({result.cause} after "
             f"{result.iterations} iterations, relative residual {result.residual:.3g}). "
             f"The largest out-of-balance force is {size[node]:.3g} N at node {node}, initially at "
-            f"({x:.4g}, {y:.4g}, {z:.4g}) m. Likely cause: a limit or bifurcation point; follow "
-            "the path by its arc length, prescribe displacements instead of forces, or support the "
-            "sheet"
+            f"({x:.4g}, {y:.4g}, {z:.4g}) m. The lowest stiffness before is {left:.2g} of that at "
+            f"the start. Likely cause: {cause}"
         )
 
-    def _converged(self, relative, energy, first_energy):
-        if relative == 0.0:
-            return True
-        return relative <= self.force_tolerance and energy <= ENERGY_TOLERANCE * first_energy
+    def lowest_stiffness(self, displacement: np.ndarray, factor: float) -> float:
+        """Return the lowest eigenvalue of the tangent at an equilibrium, 0 where it is singular.
+
+        By inverse iteration, without its sign; in the scaled unknowns of the system [N/m].
+        """
+        state = linearise(self.problem.model, displacement)
+        K = self.system.assemble(state.stiffness, self._load_stiffness(displacement, factor))
+        try:
+            factors = self.system.factorise(K)
+        except RuntimeError:
+            return 0.0
+        mode = np.ones(self.system.Z.shape[1])
+        for _ in range(INVERSE_ITERATIONS):
+            mode = factors.solve(mode / np.linalg.norm(mode))
+        return 1.0 / float(np.linalg.norm(mode))
 
     def _plausible(self, move):
         """Whether a correction is finite and no larger than a few times the sheet."""
@@ -120,16 +139,6 @@ class Newton:
         """Return the resultants (E, 42) predicted linearly over the displacement ``move``."""
         modes = self.system.modes(move)
         return state.resultants + np.einsum("eij,ej->ei", state.resultant_gradient, modes)
-
-    def _out_of_balance(self, displacement, factor):
-        """Return the nodal out-of-balance forces, and their norm over loads and reactions."""
-        external = factor * self.problem.external_forces(displacement)
-        residual = external - nodal_forces(self.problem.model, displacement)
-        free = np.linalg.norm(self.system.reduce(residual))
-        if free < self.negligible_force:
-            return residual, 0.0
-        # the residual at supports is their reaction
-        return residual, free / (np.linalg.norm(external) + np.linalg.norm(residual))
 
     def _load_stiffness(self, displacement, factor):
         """Return blocks (pairs, (n, 3, 3)) of -∂f/∂d of the couples on the director unknowns."""
@@ -144,5 +153,10 @@ class Newton:
         return pairs, np.concatenate(blocks)
 
     def _failed(self, displacement, factor, iteration, cause, length=0.0):
-        _, relative = self._out_of_balance(displacement, factor)
+        relative = self.balance(displacement, factor).relative
         return StepResult(False, factor, displacement, iteration, relative, cause, None, length)
+
+
+def unsettled(move: np.ndarray) -> str:
+    """Return how an iteration without an end ends: forces alone may be in balance already."""
+    return f"no convergence, the last correction still moves it by {abs(move).max():.2g} m"

@@ -75,7 +75,7 @@ class StaticProblem:
     dead_forces: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.model.history_size:
+        if self.model.remembers:
             raise InputError(
                 f'"{self.model.material.name}" has a law with memory, which the static solver does '
                 "not follow; use the explicit solver, or a law without",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lcmchain.elements.blocks import from_blocks
+from lcmchain.elements.blocks import from_blocks, in_blocks
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.frequency import frequency_bounds
 from lcmchain.elements.solid_shell.reference import ElementOptions
@@ -176,6 +176,18 @@ def positions_of(nodes: ArrayLike) -> np.ndarray:
     return np.ascontiguousarray(np.reshape(nodes, (-1, 3)).T)
 
 
+def shared_history(model: Model, curvature: np.ndarray) -> np.ndarray:
+    """Return the history of a model whose elements share these curvatures (E, 4)."""
+    return in_blocks(np.asarray(curvature, dtype=float))
+
+
+def random_curvature(rng: np.random.Generator, model: Model) -> np.ndarray:
+    """Return β11, β22, β12, q (E, 4) as of elements whose directors turn by up to 25°."""
+    span = np.linalg.norm(model.geometry.modes[:, :2], axis=2).min(axis=1) * model.geometry.height
+    turns = rng.uniform(-0.2, 0.2, (model.element_count, 3)) / span[:, None]
+    return np.column_stack([turns, rng.uniform(0.0, 0.04, model.element_count)])
+
+
 def corner_forces(
     model: Model, positions: np.ndarray, history: np.ndarray | None = None
 ) -> np.ndarray:
@@ -207,18 +219,23 @@ def bounds_and_frequencies(
     x: ArrayLike,
     material: Material,
     options: Any = None,
+    rng: np.random.Generator | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return bound and true highest frequency [1/s] of elements (E, 8, 3) deformed to ``x``."""
+    """Return bound and true highest frequency [1/s] of elements (E, 8, 3) deformed to ``x``.
+
+    With ``rng`` they share random curvatures with neighbours.
+    """
     X, fibres = map(np.array, zip(*references, strict=True))
     x = np.array(x)
     model = separate_elements(X, fibres, material, options or ElementOptions())
     data = model.body.data
     padded = data.corner_node.size // 8
     omega2, mode = np.zeros(padded), np.zeros(padded, dtype=np.int64)
-    frequency_bounds(data, positions_of(x), np.empty(0), omega2, mode)
+    history = np.empty(0) if rng is None else shared_history(model, random_curvature(rng, model))
+    frequency_bounds(data, positions_of(x), history, omega2, mode)
 
     def forces(x):
-        return corner_forces(model, positions_of(x)).reshape(len(x), 24)
+        return corner_forces(model, positions_of(x), history).reshape(len(x), 24)
 
     step = 1e-5 * model.geometry.height.min()
     K = np.zeros((len(x), 24, 24))

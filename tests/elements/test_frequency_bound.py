@@ -32,6 +32,18 @@ def test_fabric_sheared_compacted_and_stretched(make, shape, compaction, shear):
     assert_close_from_above(*bounds_and_frequencies(references, x, make.md600()))
 
 
+@pytest.mark.parametrize("shape", ["flat", "curved"])
+def test_fabric_that_is_curved_with_its_neighbours(make, shape):
+    rng = np.random.default_rng(27)
+    reference = make.flat_reference if shape == "flat" else make.curved_reference
+    references = [reference(rng) for _ in range(COUNT)]
+    x = [
+        make.deformed(rng, *element, gradient=make.sheared(0.5, 0.65), warp=0.05)
+        for element in references
+    ]
+    assert_close_from_above(*bounds_and_frequencies(references, x, make.md600(), rng=rng))
+
+
 def test_fabric_as_published(make):
     rng = np.random.default_rng(22)
     references = [make.flat_reference(rng) for _ in range(COUNT)]
@@ -39,7 +51,9 @@ def test_fabric_as_published(make):
         make.deformed(rng, *element, gradient=make.sheared(0.5, 0.65), warp=0.05)
         for element in references
     ]
-    options = ElementOptions(compaction_strain="director", hourglass="published")
+    options = ElementOptions(
+        compaction_strain="director", hourglass="published", fibre_hourglass=1.0
+    )
     assert_close_from_above(*bounds_and_frequencies(references, x, make.md600(), options))
 
 

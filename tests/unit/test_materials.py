@@ -18,7 +18,14 @@ from lcmchain.materials.fabric import (
     shear_tangent_curvature,
     shear_tangent_slope,
 )
-from lcmchain.materials.law import bending_stiffness, membrane_response
+from lcmchain.materials.law import (
+    bending_stiffness,
+    hourglass_tangent,
+    membrane_response,
+    stabilising_tangent,
+    tangent_curvature,
+    tangent_slope,
+)
 from lcmchain.materials.st_venant_kirchhoff import (
     StVenantKirchhoff,
     isotropic_stiffness,
@@ -228,6 +235,59 @@ def test_slope_and_curvature_are_derivatives_of_the_tangent():
         )
         size = abs(curvature).max() + MPA
         np.testing.assert_allclose(compiled / size, curvature[[2, 3]] / size, atol=1e-6)
+
+
+def stabilising(law, g):
+    """Tangent 12, slope and curvature of the stabilising tangent at g, compiled."""
+    E = (0.0, 0.0, 0.0, g, 0.0, 0.0)
+    C_M = membrane_response(law, E, ())[1]
+    return (
+        hourglass_tangent(law, E, C_M, ())[3],
+        tangent_slope(law, E, ())[3],
+        tangent_curvature(law, E, ())[3],
+    )
+
+
+@pytest.mark.parametrize("g", [-0.9, -0.1, -0.05, -1e-3, 0.0, 1e-3, 0.03, 0.0872, 0.3])
+def test_the_stabilising_shear_tangent_is_smooth(g):
+    """Its slope and curvature are derivatives, also across zero; compiled and in NumPy."""
+    fabric, h = md600(), 1e-5
+    points = [stabilising(fabric.law, g + k * h) for k in (-2, -1, 0, 1, 2)]
+    for below, own in ((0, 1), (1, 2)):
+        before2, before, _, after, after2 = (p[below] for p in points)
+        derivative = (8 * (after - before) - (after2 - before2)) / (12 * h)
+        assert points[2][own] == pytest.approx(derivative, rel=1e-4, abs=1e-2 * MPA)
+    E = np.array([0.0, 0.0, 0.0, g, 0.0, 0.0])
+    tangent, slope, curvature = stabilising_tangent(fabric, E)
+    plain = (tangent[3, 3], slope[3], curvature[3])
+    assert points[2] == pytest.approx(plain, rel=1e-10, abs=1.0)
+
+
+def test_the_stabilising_tangent_is_that_of_the_law_beyond_five_degrees():
+    fabric = md600()
+    for angle in (5.01, 20.0, -40.0):
+        g = np.sin(np.radians(angle))
+        assert stabilising(fabric.law, g)[0] == membrane_response(
+            fabric.law, (0.0, 0.0, 0.0, g, 0.0, 0.0), ()
+        )[1][3]
+
+
+@pytest.mark.parametrize("change", [10.0, 19.0])
+def test_the_shear_stress_keeps_its_sign_where_the_shear_angle_changes_over_an_element(change):
+    """With the kink of the tangent it was wrong below 0.2° and more."""
+    fabric = md600()
+    half = np.radians(0.5 * change)
+
+    def stress(g, slope):
+        return membrane_response(fabric.law, (0.0, 0.0, 0.0, g, 0.0, 0.0), ())[0][3] + (
+            slope * half**2 / 6.0
+        )
+
+    for angle in (0.01, 0.1, 0.5, 1.0, 3.0):
+        g = np.radians(angle)
+        assert stress(g, stabilising(fabric.law, g)[1]) > 0.0
+        assert stress(-g, stabilising(fabric.law, -g)[1]) < 0.0
+    assert stress(1e-3, shear_tangent_slope(fabric.law, 1e-3)) < 0.0  # as it was
 
 
 @pytest.mark.parametrize("c2", [2.4528, 1.5])

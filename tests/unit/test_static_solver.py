@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,10 @@ from lcmchain.statics import (
     solve,
     trace,
 )
+from lcmchain.statics.convergence import Balance, in_equilibrium
+from lcmchain.statics.newton import Newton
 from lcmchain.verification.benchmarks.meshes import (
+    AS_PUBLISHED,
     X,
     Y,
     Z,
@@ -153,6 +158,84 @@ def test_history_is_at_the_load_factors_and_tells_every_step(strip):
     np.testing.assert_allclose(history[-1].displacement, back.displacement, atol=1e-6)
 
 
+# --- convergence ----------------------------------------------------------------------------------
+
+ROUND_OFF = 1e-9
+
+
+def forces_of(free, work=1.0):
+    """A balance of forces of 1 N; the internal forces are exact to ROUND_OFF."""
+    return Balance(np.zeros((3, 1)), free=free, scale=1.0, round_off=ROUND_OFF, work=work)
+
+
+@pytest.mark.parametrize(
+    ("free", "energy", "found"),
+    [
+        (1e-7, 1e-9, True),  # both small
+        (1e-5, 1e-9, False),  # out of balance, though nothing moves
+        (1e-7, 1e-3, False),  # nearly in balance, though a soft sheet still moves
+    ],
+)
+def test_equilibrium_takes_a_small_force_and_a_small_energy(free, energy, found):
+    correction = np.full(3, 1e-3)
+    after = forces_of(free, work=1.0)
+    assert in_equilibrium(after, correction, energy, 1.0, 1e-6) is found
+
+
+def test_a_small_step_is_measured_by_the_work_of_all_forces():
+    """Its first correction is as small as the last one; the work so far is not."""
+    correction, energy = np.full(3, 1e-7), 1e-13
+    assert in_equilibrium(forces_of(1e-7), correction, energy, energy, 1e-6)
+    assert not in_equilibrium(forces_of(1e-7, work=1e-3), correction, energy, energy, 1e-6)
+
+
+def test_forces_within_their_round_off_are_in_balance():
+    correction = np.full(3, 1e-8)
+    after = forces_of(1.9 * ROUND_OFF, work=0.0)
+    assert in_equilibrium(after, correction, 1e-18, 1e-18, 1e-12)
+    assert not in_equilibrium(after._replace(free=2.1 * ROUND_OFF), correction, 0.0, 1.0, 1e-12)
+    assert not in_equilibrium(after, correction, 1e-15, 1e-15, 1e-12)  # a correction of its own
+
+
+def test_a_step_within_the_tolerance_converges(strip):
+    """Near a limit point steps shrink until their start is in balance already."""
+    mesh, model = strip
+    held, moved = mixed_supports(mesh)
+    problem = StaticProblem(model=model, held=held, displacements=moved)
+    first, second = solve(problem, [1.0, 1.0 + 1e-13])
+    assert second.iterations <= 2
+    np.testing.assert_allclose(second.displacement, first.displacement, atol=1e-12)
+
+
+def test_very_thin_strips_bend_as_thin_ones_do():
+    """At a slenderness of 10⁵ the forces are out of balance by their round-off, above 10⁻⁶."""
+    tips = []
+    for slenderness in (1e3, 1e5):
+        thickness = 10.0 / slenderness
+        mesh = rectangle(10.0, 1.0, thickness, 16, 1)
+        model = isotropic_model(mesh, 1.2e6, 0.0, AS_PUBLISHED)
+        load = 4.0 * 1.2e6 * thickness**3 / 12.0 / 10.0**2
+        forces = mesh.edge_load(mesh.grid[-1], [0.0, 0.0, load])
+        held = mesh.held((mesh.grid[0], [X, Y, Z]))
+        (state,) = solve(StaticProblem(model=model, held=held, forces=forces), [1.0])
+        tips.append(mesh.middle(state.displacement, mesh.grid[-1]).mean(axis=0))
+    assert state.residual > 1e-6
+    np.testing.assert_allclose(tips[1], tips[0], atol=1e-5)
+
+
+def test_lowest_stiffness_is_the_eigenvalue_nearest_to_zero(strip):
+    mesh, model = strip
+    newton = Newton(StaticProblem(model=model, held=mixed_supports(mesh)[0]), 1e-6)
+    start = np.zeros((3, model.node_count))
+    K = newton.system.reduced(newton.system.assemble(linearise(model, start).stiffness)).toarray()
+    assert newton.lowest_stiffness(start, 0.0) == pytest.approx(
+        abs(np.linalg.eigvalsh(K)).min(), rel=1e-6
+    )
+
+
+# --- paths ----------------------------------------------------------------------------------------
+
+
 def test_few_large_steps_find_the_state_of_many_small_ones():
     """A strip of slenderness 1000 rolled by a quarter turn in one step."""
     mesh = rectangle(10.0, 1.0, 0.01, 16, 1)
@@ -250,10 +333,43 @@ def test_arc_length_follows_a_snap_through(arch):
 
 
 def test_load_control_names_the_limit(arch):
+    """The load at which the arch snaps through, 1.165: there its stiffness vanishes."""
+    mesh, model, held = arch
+    forces = mesh.edge_load(mesh.grid[8], [0.0, 0.0, -10.0])
+    problem = StaticProblem(model=model, held=held, forces=forces)
+    with pytest.raises(SimulationError, match="a limit or bifurcation point; follow") as stop:
+        solve(problem, [1.5], first_step=0.1)
+    load, left = re.search(
+        r"beyond the load factor (\S+) .*lowest stiffness before is (\S+) of", str(stop.value)
+    ).groups()
+    assert float(load) == pytest.approx(1.165, abs=1e-3)
+    assert float(left) < 0.01
+
+
+def test_load_control_passes_a_limit_where_it_is_asked_to(arch):
+    """It finds the snapped arch, on the path that the arc length follows to the same load."""
+    mesh, model, held = arch
+    crown = mesh.grid[8]
+    forces = mesh.edge_load(crown, [0.0, 0.0, -10.0])
+    problem = StaticProblem(model=model, held=held, forces=forces)
+    seen = []
+    states = solve(problem, [1.0, 1.5], first_step=0.1, past_limits=True, on_step=seen.append)
+    assert [state.load_factor for state in states] == [1.0, 1.5]
+    assert min(np.diff([state.load_factor for state in seen])) < -0.1
+    before, after = (-mesh.middle(s.displacement, crown)[:, Z].mean() for s in states)
+    assert before < 0.1 < 0.8 < after
+    assert all(state.residual < 1e-6 for state in states)
+    last = trace(problem, 1.4, first_step=0.2)[-1]
+    (there,) = solve(problem, [last.load_factor], first_step=0.1, past_limits=True)
+    np.testing.assert_allclose(there.displacement, last.displacement, atol=1e-6)
+
+
+def test_load_control_names_the_node_and_steps_that_are_too_large(arch):
     mesh, model, held = arch
     ends = mesh.held((mesh.grid[0], [X, Y, Z]))
     forces = mesh.edge_load(mesh.grid[-1], [-1e7, 0.0, 0.0])
-    with pytest.raises(SimulationError, match=r"beyond the load factor .*force is .* at node \d+"):
+    message = r"beyond the load factor 0 .*force is .* at node \d+.*steps too large"
+    with pytest.raises(SimulationError, match=message):
         solve(StaticProblem(model=model, held=ends, forces=forces), [1.0])
 
 

@@ -7,10 +7,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from lcmchain.scene import Element
+from lcmchain.scene import Element, scene_from_text
 from lcmchain.verification.benchmarks import beams, plates, shells
 from lcmchain.verification.benchmarks.meshes import AS_PUBLISHED, NO_SHEAR_ROW
+from lcmchain.verification.benchmarks.meshes import OPTIONS as OPTION_SETS
 from lcmchain.verification.benchmarks.patch import patch_test
+from lcmchain.verification.benchmarks.result import CurveResult
 from lcmchain.verification.benchmarks.table import Report, linear_benchmarks
 
 CURVED = (shells.scordelis_lo, shells.pinched_cylinder, shells.hemisphere)
@@ -20,6 +22,11 @@ OPTIONS = {
     "normal thickness": Element(),
     "normal thickness, no shear row": Element(in_plane_shear_hourglass=False),
 }
+SCENE_WITHOUT_ELEMENT = """
+blank = { size = ["10 mm", "10 mm"], edge_length = "5 mm" }
+process = { time = "1 ms" }
+material = { preset = "MD600" }
+"""
 
 
 @pytest.fixture(scope="session")
@@ -118,28 +125,69 @@ def test_cantilever_frequency_is_that_of_beam_theory():
     assert np.all(np.log2(np.divide(errors[:-1], errors[1:])) > 1.8)
 
 
-def test_tables_show_every_result(results):
+# --- tables ---------------------------------------------------------------------------------------
+
+
+def test_every_benchmark_runs_with_the_options_of_a_scene_and_as_published(results):
+    """The default options are those of a scene that says nothing about its element."""
+    assert OPTION_SETS["default"] == scene_from_text(SCENE_WITHOUT_ELEMENT).element
+    meshes = {
+        name: {(r.name, r.mesh) for r in results if r.options == name} for name in OPTION_SETS
+    }
+    assert meshes["default"] == meshes["as published"] > meshes["published without shear row"]
+    assert all(meshes.values())
+
+
+def test_tables_show_every_result_with_its_options(results):
     report = Report(full=False, results=list(results))
-    shown = "\n".join(row[-1] for row in report.linear_rows())
-    assert shown.count(": ") == len(results)
-    assert all(f"{r.mesh}: {r.normalised:.3f}" in shown for r in results)
-    assert all(row[0] in report.markdown() for row in report.linear_rows())
+    rows = report.linear_rows()
+    assert sum(cell != "" for row in rows for cell in row[3:]) == len(results)
+    shown = {row[:3]: dict(zip(OPTION_SETS, row[3:], strict=True)) for row in rows}
+    assert len(shown) == len(rows)
+    for r in results:
+        cell = shown[r.name, f"{r.reference:.5g} ({r.origin})", r.mesh][r.options]
+        assert cell.split()[0] == f"{r.normalised:.3f}"
+        assert ("(" in cell) == (r.expected is not None)
+    page = report.markdown()
+    assert all(f"| {row[0]} | {row[1]} | " in page for row in rows)
+
+
+def test_a_curve_that_ends_before_the_last_load_is_told():
+    values = np.array([[1.0], [2.2], [np.nan]])
+    references = np.array([[1.0], [2.0], [4.0]])
+    curve = CurveResult("shell", "8x8", "default", np.array([0.1, 0.2, 1.0]), ("w",), values,
+                        references, "book", "no equilibrium")  # fmt: skip
+    other = curve._replace(options="as published", values=references, end="")
+    report = Report(full=False, curves=[curve, other])
+    ((*head, default, published),) = report.large_rows()
+    assert head == ["shell", "book", "8x8"]
+    assert default == "w +5.00% (5.00%); no equilibrium beyond 0.2 of the load"
+    assert published == "w +0.00% (0.00%)"
+    assert "| problem | reference | mesh | default | as published |" in report.markdown()
 
 
 def test_the_table_of_the_manual_is_that_of_these_results(results, manual_table):
     """Problems, references, meshes, and values to 0.002; it holds finer meshes as well."""
-    kept = {(row[0], row[1]): row[2].split(", ") for row in manual_table("benchmark-table")}
-    for name, reference, by_mesh in Report(full=False, results=results).linear_rows():
-        cells = dict(cell.split(": ") for cell in kept[name, reference])
-        for entry in by_mesh.split(", "):
-            mesh, value = entry.split(": ")
-            now, before = value.split(), cells[mesh].split()
-            assert now[1:] == before[1:], f"{name}, {mesh}"
-            assert float(now[0]) == pytest.approx(float(before[0]), abs=2e-3), f"{name}, {mesh}"
-    full = linear_benchmarks(64)
-    assert sum(len(kept[row[0], row[1]]) for row in _linear_rows(manual_table)) == len(full)
+    kept = dict(linear_part(manual_table("benchmark-table")))
+    for *head, default, published, no_row in Report(full=False, results=results).linear_rows():
+        cells = zip((default, published, no_row), kept[tuple(head)], strict=True)
+        for now, before in ((now.split(), before.split()) for now, before in cells):
+            assert now[1:] == before[1:], head
+            if now:
+                assert float(now[0]) == pytest.approx(float(before[0]), abs=2e-3), head
+    assert sum(cell != "" for cells in kept.values() for cell in cells) == len(
+        linear_benchmarks(64)
+    )
 
 
-def _linear_rows(manual_table):
-    rows = manual_table("benchmark-table")
-    return [row for row in rows if len(row) == 3 and row[0] != "problem"]
+def linear_part(rows):
+    """Yield (problem, reference, mesh) and the cells of the first table of the page."""
+    assert rows[0] == ["problem", "reference", "mesh", *OPTION_SETS], (
+        "run `lcmchain verify benchmarks --full --out FILE.md`"
+    )
+    problem = reference = ""
+    for row in rows[1:]:
+        if row[0] == "problem":
+            return
+        problem, reference = row[0] or problem, row[1] or reference
+        yield (problem, reference, row[2]), row[3:]

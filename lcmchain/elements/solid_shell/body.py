@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,15 +14,17 @@ from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
 from lcmchain.elements.family import Condition, Unsound
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
 from lcmchain.elements.shear_wave import shear_may_stiffen
+from lcmchain.elements.solid_shell.curvature import edge_neighbours, renew_curvature
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import (
+    MODES,
     ReferenceGeometry,
     reference_geometry,
     strain_transformation,
 )
-from lcmchain.elements.solid_shell.kernel import Options, SolidShellData
+from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS, Options, SolidShellData
 from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows
 from lcmchain.errors import InputError
 from lcmchain.materials.law import MOST_HISTORY, Material, MaterialWithMemory, history_count
@@ -79,7 +82,7 @@ class SolidShellBody:
                 f"element; kernels hold up to {MOST_HISTORY}",
                 key="material.law",
             )
-        if choices.fibre_hourglass != 1.0 and not material.is_diagonal:
+        if choices.fibre_hourglass not in (None, 1.0) and not material.is_diagonal:
             raise InputError(
                 f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
                 "leave it out",
@@ -105,7 +108,11 @@ class SolidShellBody:
             transformation=_padded(T, padded),
             transformation_change=change,
             density=float(material.density),
+            neighbour=_padded(edge_neighbours(mesh.elements).T, padded).T.copy(),
+            reference_curvature=np.zeros(padded),
         )
+        if data.options.director is None and not flat:
+            data.reference_curvature[:] = _reference_curvature(data, mesh, first_node)
         return cls(name, mesh, material, geometry, data, first_node, first_element)
 
     @property
@@ -121,6 +128,11 @@ class SolidShellBody:
     def node_area(self) -> np.ndarray:
         """Reference area of the nodes on their face [m²], a quarter of each element's."""
         return self._at_nodes(self.geometry.volume / (2.0 * self.geometry.height) / 4.0)
+
+    @property
+    def history_count(self) -> int:
+        shared = CURVATURE_ROWS if self.data.options.director is None else 0
+        return shared + history_count(self.material.law)
 
     @cached_property
     def shortest_length(self) -> float:
@@ -146,8 +158,14 @@ class SolidShellBody:
         membrane = self.material.membrane_energy(strain[real], past) * self.geometry.volume
         return membrane.sum() + bending[real].sum(), hourglass[real].sum()
 
+    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
+        if self.data.options.director is not None:
+            return 0.0
+        given = renew_curvature(self.data, positions, history)
+        return float(given[: self.mesh.element_count].sum())
+
     def dissipated_energy(self, history: np.ndarray) -> float:
-        if not history.size:
+        if not history_count(self.material.law):
             return 0.0
         material = cast(MaterialWithMemory, self.material)
         density = material.dissipated_energy(self.element_history(history))
@@ -207,9 +225,10 @@ class SolidShellBody:
         return Unsound(worst, text, self._cause_of_collapse(worst, tools_near))
 
     def element_history(self, history: np.ndarray) -> np.ndarray:
-        """Return the history values by element (history_count, element_count)."""
-        count = history.size // self._padded_count
-        return from_blocks(history, count, self.mesh.element_count).T
+        """Return what the law remembers by element (history_count, element_count)."""
+        remembered = history_count(self.material.law)
+        rows = from_blocks(history, self.history_count, self.mesh.element_count).T
+        return rows[self.history_count - remembered :]
 
     def _cause_of_collapse(self, worst: int, tools_near) -> str:
         if self.data.options.director is not None:
@@ -266,8 +285,23 @@ def kernel_options(material: Material, choices: Any, *, flat: bool) -> Options:
         zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,
         cross=1.0 / 3.0 if choices.cross_terms else 0.0,
         in_plane_shear=1.0 if choices.in_plane_shear_hourglass else 0.0,
-        fibre_share=float(choices.fibre_hourglass),
+        fibre_share=choices.fibre_hourglass,
     )
+
+
+def _reference_curvature(data: SolidShellData, mesh: BlankMesh, first_node: int) -> np.ndarray:
+    """Return the constant that lets E33 vanish in the reference (block_count * 16,)."""
+    positions = np.zeros((3, first_node + mesh.node_count))
+    positions[:, first_node:] = mesh.node_positions.T
+    padded = data.corner_node.size // CORNERS
+    history = np.zeros(padded * (CURVATURE_ROWS + history_count(data.law)))
+    renew_curvature(data, positions, history)
+    shared = from_blocks(history, history.size // padded, padded)[:, :CURVATURE_ROWS]
+    a = MODES @ positions.T[from_blocks(data.corner_node, CORNERS, padded)]
+    a1, a2, a5, a6 = (a[:, k] for k in (0, 1, 4, 5))
+    dot = functools.partial(np.einsum, "ed,ed->e")
+    zeta = np.stack([dot(a1, a6), dot(a2, a5), dot(a1, a5) + dot(a2, a6)], axis=1)
+    return np.sum(shared[:, :3] * zeta, axis=1) - shared[:, 3]
 
 
 def _padded(array: np.ndarray, count: int) -> np.ndarray:

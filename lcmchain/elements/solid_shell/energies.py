@@ -10,8 +10,11 @@ from numba import prange
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import (
     SolidShellData,
+    curvature_rows,
     element_stress,
+    full_history,
     load_component,
+    load_curvature,
     mode_vectors,
     stresses,
 )
@@ -88,7 +91,7 @@ def strain_energies(
         positions,
         body.corner_node,
         body.element_data,
-        history,
+        full_history(body.options.director, body.corner_node, history),
         body.law,
         body.options,
         centre_strain,
@@ -111,11 +114,13 @@ def element_energies(
 ):
     block_count = corner_node.size // (8 * LANES)
     rows = element_data.size // (block_count * LANES)
-    history_rows = history.size // (block_count * LANES)
+    history_size = history.size // block_count
+    curvature_size = curvature_rows(options.director) * LANES
     for block in prange(block_count):
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
-        past = history[block * history_rows * LANES : (block + 1) * history_rows * LANES]
+        own = history[block * history_size : (block + 1) * history_size]
+        shared, past = own[:curvature_size], own[curvature_size:]
         corner = np.empty(24 * LANES)
         gather(positions, nodes, corner)
         for lane in range(LANES):
@@ -125,7 +130,10 @@ def element_energies(
                 load_component(corner, lane + 2 * LANES),
             )
             lane_history = load_history(law, past, lane, LANES)
-            _, E, _, _, volume, _ = element_stress(a, data, lane, law, lane_history, options)
+            curvature = load_curvature(options.director, shared, lane)
+            _, E, _, _, volume, _ = element_stress(
+                a, data, lane, law, lane_history, curvature, options
+            )
             S = stresses(law, lane_history, options, options.enhanced, E)
             bending = options.zeta2 * product6(S.zeta, E.zeta)
             bending += options.zeta4 * product6(S.zeta2, E.zeta2)

@@ -203,6 +203,20 @@ def normal_compaction(a1, a2, a3, inverse_height):
     return E33, cross(a2, q), cross(q, a1), scaled(w, c)
 
 
+@equation
+def curvature_compaction(curvature, zeta):
+    """Return the part of E33 that a3·n misses where the element is curved (``curvature.py``).
+
+    ``zeta`` holds the covariant products a1·a6, a2·a5, a1·a5 + a2·a6 first.
+    """
+    return (
+        curvature[0] * zeta[0]
+        + curvature[1] * zeta[1]
+        + curvature[2] * zeta[2]
+        - curvature[3]
+    )
+
+
 # --- covariant <-> material axes, flat reference (K constant over the element) --------------------
 
 

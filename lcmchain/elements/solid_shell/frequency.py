@@ -20,9 +20,14 @@ from numba import prange
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import (
     SolidShellData,
+    curvature_rows,
     element_stress,
+    full_history,
+    hourglass_stiffness,
     load_component,
+    load_curvature,
     mode_vectors,
+    stabilising_tangent,
 )
 from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
 from lcmchain.elements.vectors import cross, dot
@@ -68,6 +73,11 @@ def values_or_zero(x):
         value_or_zero(x[4]),
         value_or_zero(x[5]),
     )
+
+
+@equation
+def without_fibres(x):
+    return (0.0, 0.0, x[2], x[3], x[4], x[5])
 
 
 @routine
@@ -124,6 +134,11 @@ def add_diagonal_stiffness(C_M, C_B, rows, law, history, options, conservative, 
     if conservative is not None:
         slope = values_or_zero(tangent_slope(law, E.centre, history))
         curvature = values_or_zero(tangent_curvature(law, E.centre, history))
+        if options.fibre_share is None:
+            # C^B takes their place, which is constant
+            slope, curvature = without_fibres(slope), without_fibres(curvature)
+    C_hg = stabilising_tangent(conservative, law, E.centre, C_M, history)
+    C_hg = hourglass_stiffness(C_hg, C_B, options.fibre_share)
     lengths, other = np.empty(7), np.empty(7)
     for i in range(6):
         xi, eta = abs(E.xi[i]), abs(E.eta[i])
@@ -131,8 +146,8 @@ def add_diagonal_stiffness(C_M, C_B, rows, law, history, options, conservative, 
         add_row(rows[0, i], centre, norms, lengths)
         add_row(rows[1, i], options.zeta2 * C_B[i], norms, lengths)
         add_row(rows[2, i], options.zeta4 * C_B[i], norms, lengths)
-        add_row(rows[3, i], C_M[i] / 3.0, norms, lengths)
-        add_row(rows[4, i], C_M[i] / 3.0, norms, lengths)
+        add_row(rows[3, i], C_hg[i] / 3.0, norms, lengths)
+        add_row(rows[4, i], C_hg[i] / 3.0, norms, lengths)
         add_row(rows[5, i], C_B[i] / 9.0, norms, lengths)
         add_row(rows[6, i], C_B[i] / 9.0, norms, lengths)
         # cross terms of B^0 and B^ζζ: not symmetric, their symmetric part counts
@@ -286,6 +301,15 @@ def add_normal_compaction(a1, a2, a3, gradients, S33, inverse_height, row, norms
 
 
 @routine
+def add_curvature(curvature, zeta_rows, row):
+    """Add the gradient of :func:`curvature_compaction` to the row of E33."""
+    for k in range(21):
+        row[k] += curvature[0] * zeta_rows[0, k]
+        row[k] += curvature[1] * zeta_rows[1, k]
+        row[k] += curvature[2] * zeta_rows[3, k]
+
+
+@routine
 def spectral_radius_bound(norms, weight, image):
     """Return an upper bound of the spectral radius of a matrix with blocks of these ``norms``.
 
@@ -332,7 +356,7 @@ def frequency_bounds(
         body.transformation,
         body.transformation_change,
         body.density,
-        history,
+        full_history(body.options.director, body.corner_node, history),
         body.law,
         body.options,
         omega2,
@@ -356,11 +380,13 @@ def element_frequency_bounds(
 ):
     block_count = corner_node.size // (8 * LANES)
     rows = element_data.size // (block_count * LANES)
-    history_rows = history.size // (block_count * LANES)
+    history_size = history.size // block_count
+    curvature_size = curvature_rows(options.director) * LANES
     for block in prange(block_count):
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
-        past = history[block * history_rows * LANES : (block + 1) * history_rows * LANES]
+        own = history[block * history_size : (block + 1) * history_size]
+        shared, past = own[:curvature_size], own[curvature_size:]
         corner = np.empty(24 * LANES)
         a_array = np.empty((7, 3))
         covariant = np.empty((7, 6, 21))
@@ -379,8 +405,9 @@ def element_frequency_bounds(
             for k in range(7):
                 a_array[k, 0], a_array[k, 1], a_array[k, 2] = mx[k], my[k], mz[k]
             lane_history = load_history(law, past, lane, LANES)
+            shared_curvature = load_curvature(options.director, shared, lane)
             sigma, E, S33, normal, _, inverse_height = element_stress(
-                a, data, lane, law, lane_history, options
+                a, data, lane, law, lane_history, shared_curvature, options
             )
             element = block * LANES + lane
             covariant_gradients(a_array, covariant)
@@ -410,6 +437,7 @@ def element_frequency_bounds(
                 add_normal_compaction(
                     a[0], a[1], a[2], normal[1:], S33, inverse_height, material[0, 2], norms
                 )
+                add_curvature(shared_curvature, covariant[1], material[0, 2])
             C_M = membrane_response(law, E.centre, lane_history)[1]
             add_stiffness(
                 C_M,

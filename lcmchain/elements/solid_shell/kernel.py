@@ -23,6 +23,7 @@ from lcmchain.elements.solid_shell.equations import (
     Taylor,
     condensed_enhanced_strain,
     covariant_products,
+    curvature_compaction,
     curved_covariant_stress,
     curved_material_strain,
     flat_covariant_stress,
@@ -43,6 +44,7 @@ from lcmchain.jit import equation, kernel, routine
 from lcmchain.materials.law import (
     bending_stiffness,
     evolved_history,
+    hourglass_tangent,
     load_history,
     membrane_response,
     store_history,
@@ -51,6 +53,8 @@ from lcmchain.materials.law import (
 from lcmchain.materials.stiffness import by_structure, product
 
 CORNER_ROWS = 24
+# First rows of an element's history, where compaction is measured by the normal thickness.
+CURVATURE_ROWS = 4
 FLAT_ROWS = 19
 CURVED_ROWS = 66
 
@@ -65,7 +69,8 @@ class Options(NamedTuple):
     cross : weight of the terms that couple E^0 and E^ζζ: <ζ²> as printed in Eqs. (15) and (19), 0
         to drop them.
     in_plane_shear : 1, or 0 to drop the in-plane shear of the ξ- and η-terms in covariant axes.
-    fibre_share : of the fibre stiffness in the in-plane hourglass terms, 1 as in Eq. (18).
+    fibre_share : of the membrane stiffness of the fibres in the in-plane hourglass terms, 1 as in
+        Eq. (18); ``None``: their bending stiffness C^B instead.
     """
 
     flat: Any
@@ -77,7 +82,7 @@ class Options(NamedTuple):
     zeta4: float
     cross: float
     in_plane_shear: float
-    fibre_share: float
+    fibre_share: Any
 
 
 class SolidShellData(NamedTuple):
@@ -89,6 +94,8 @@ class SolidShellData(NamedTuple):
     transformation : (block_count * 16, 6, 6) T⁰; transformation_change : (..., 3, 6, 6) T^ξ, T^η,
         T^ζ, read only for curved references.
     density : [kg/m³]; nodal masses are one eighth of the element's.
+    neighbour : (4, block_count * 16) int32, elements across the edges, -1 where there is none.
+    reference_curvature : (block_count * 16,), see ``curvature.py``; 0 for a flat reference.
     """
 
     law: Any
@@ -98,6 +105,8 @@ class SolidShellData(NamedTuple):
     transformation: np.ndarray
     transformation_change: np.ndarray
     density: float
+    neighbour: np.ndarray
+    reference_curvature: np.ndarray
 
 
 @equation
@@ -180,7 +189,15 @@ def slope_stress(slope, x, e):
 
 
 @equation
-def hourglass_tangent_stress(slope, x, e):
+def fibre_slope_stress(fibre_share, slope, x, e):
+    """Return the part of a fibre direction, none where C^B, which is constant, takes its place."""
+    if fibre_share is None:
+        return 0.0
+    return fibre_share * slope_stress(slope, x, e)
+
+
+@equation
+def hourglass_tangent_stress(fibre_share, slope, x, e):
     """Return the centre stress from the change of the hourglass energy with the tangent.
 
     The hourglass energy (V/6)(E^ξ:C(E⁰):E^ξ + E^η:C(E⁰):E^η) of Eq. (16) depends on E⁰ through the
@@ -188,8 +205,8 @@ def hourglass_tangent_stress(slope, x, e):
     feeds energy to a sheet that is compacted and warped at once (manual: departures).
     """
     return (
-        slope_stress(slope[0], x[0], e[0]),
-        slope_stress(slope[1], x[1], e[1]),
+        fibre_slope_stress(fibre_share, slope[0], x[0], e[0]),
+        fibre_slope_stress(fibre_share, slope[1], x[1], e[1]),
         slope_stress(slope[2], x[2], e[2]),
         slope_stress(slope[3], x[3], e[3]),
         slope_stress(slope[4], x[4], e[4]),
@@ -198,19 +215,30 @@ def hourglass_tangent_stress(slope, x, e):
 
 
 @equation
-def diagonal_hourglass_stiffness(C_M, fibre_share):
-    """Return C^hg of the ξ- and η-terms, Eq. (18), from the tangent C^M.
-
-    With ``fibre_share`` < 1 elements whose edges cross the fibres lock less in tension.
-    """
-    f = fibre_share
-    return (f * C_M[0], f * C_M[1], C_M[2], C_M[3], C_M[4], C_M[5])
+def stabilising_tangent(conservative, law, E, C_M, history):
+    """Return the tangent of Eq. (18); where its slope makes stress too, one without kinks."""
+    if conservative is None:
+        return C_M
+    return hourglass_tangent(law, E, C_M, history)
 
 
 @equation
-def full_hourglass_stiffness(C_M, fibre_share):
-    """Return C^M: a full stiffness has no fibres apart (``build`` refuses another share)."""
-    return C_M
+def diagonal_hourglass_stiffness(C, C_B, fibre_share):
+    """Return C^hg of the ξ- and η-terms, Eq. (18), from the stabilising tangent C.
+
+    E11^η and E22^ξ are the bending of an element's fibres within the plane. Fibres slide over each
+    other there as they do over the thickness: with C^M such an element is as stiff as a solid strip
+    of fibre as wide as itself, which grows with its square (manual: departures).
+    """
+    if fibre_share is None:
+        return (C_B[0], C_B[1], C[2], C[3], C[4], C[5])
+    return (fibre_share * C[0], fibre_share * C[1], C[2], C[3], C[4], C[5])
+
+
+@equation
+def full_hourglass_stiffness(C, C_B, fibre_share):
+    """Return C: a full stiffness has no fibres apart (``build`` refuses a share of them)."""
+    return C
 
 
 @equation
@@ -248,7 +276,8 @@ def stresses(law, history, options, enhanced, E):
     """Return the stresses of the strains E: the law's at the centre, C^B along ζ, Eq. (19)."""
     S_centre, C_M = membrane_response(law, E.centre, history)
     C_B = bending_stiffness(law)
-    C_hg = hourglass_stiffness(C_M, options.fibre_share)
+    C_hg = stabilising_tangent(options.conservative, law, E.centre, C_M, history)
+    C_hg = hourglass_stiffness(C_hg, C_B, options.fibre_share)
     S_zeta = product(C_B, E.zeta)
     if enhanced is not None:
         S_zeta = relieved(C_M, S_zeta)
@@ -272,7 +301,7 @@ def resultants(law, history, options, conservative, enhanced, E):
     c, z, q = thickness_resultants(options, S.centre, S.zeta, S.zeta2)
     if conservative is not None:
         slope = tangent_slope(law, E.centre, history)
-        c = sum6(c, hourglass_tangent_stress(slope, E.xi, E.eta))
+        c = sum6(c, hourglass_tangent_stress(options.fibre_share, slope, E.xi, E.eta))
     return Taylor(
         c,
         z,
@@ -408,8 +437,30 @@ def mode_vectors(mx, my, mz):
 
 
 @equation
-def element_stress(a, data, i, law, history, options):
-    """Return Σ (:func:`stress_matrix`) per volume, the centre strain, and the normal compaction.
+def load_curvature(director, data, i):
+    """Return what the lane takes of its neighbours' curvature (``curvature.py``)."""
+    if director is not None:
+        return (0.0, 0.0, 0.0, 0.0)
+    return (data[i], data[i + LANES], data[i + 2 * LANES], data[i + 3 * LANES])
+
+
+@equation
+def add_curvature_stress(curvature, S33, S):
+    """Return covariant resultants with the derivatives of :func:`curvature_compaction`."""
+    z = S.zeta
+    zeta = (
+        z[0] + curvature[0] * S33,
+        z[1] + curvature[1] * S33,
+        z[2] + curvature[2] * S33,
+        z[3],
+        z[4],
+    )
+    return Taylor(S.centre, zeta, S.zeta2, S.xi, S.eta, S.eta_zeta, S.xi_zeta)
+
+
+@equation
+def element_stress(a, data, i, law, history, curvature, options):
+    """Return Σ (:func:`stress_matrix`) per volume, the strains, S33, and the normal compaction.
 
     The compaction by the normal thickness is no product of mode vectors: its stress resultant S33
     is returned beside Σ, followed by (E33, gradients), the volume 8 J⁰ and 1/h.
@@ -417,13 +468,24 @@ def element_stress(a, data, i, law, history, options):
     # as arguments of their own, options that are None prune the code of what is not called for
     o = options
     return chosen_element_stress(
-        a, data, i, law, history, o, o.flat, o.curved, o.director, o.conservative, o.enhanced
+        a,
+        data,
+        i,
+        law,
+        history,
+        curvature,
+        o,
+        o.flat,
+        o.curved,
+        o.director,
+        o.conservative,
+        o.enhanced,
     )
 
 
 @equation
 def chosen_element_stress(
-    a, data, i, law, history, options, flat, curved, director, conservative, enhanced
+    a, data, i, law, history, curvature, options, flat, curved, director, conservative, enhanced
 ):
     products = covariant_products(a)
     if curved is not None:
@@ -439,7 +501,7 @@ def chosen_element_stress(
 
     normal = normal_compaction(a[0], a[1], a[2], inverse_height)
     if director is None:
-        E = with_centre33(E, normal[0])
+        E = with_centre33(E, normal[0] + curvature_compaction(curvature, products.zeta))
     S = resultants(law, history, options, conservative, enhanced, E)
     S33 = 0.0
     if director is None:
@@ -451,12 +513,14 @@ def chosen_element_stress(
         Sbar = curved_covariant_stress(curved_axes, S)
     if flat is not None:
         Sbar = scaled_shear_rows(flat_covariant_stress(flat_axes, S), options.in_plane_shear)
+    if director is None:
+        Sbar = add_curvature_stress(curvature, S33, Sbar)
     sigma = stress_matrix(Sbar)
     return sigma, E, S33, normal, volume, inverse_height
 
 
 @equation
-def element_in_lane(i, corner, data, law, history, options):
+def element_in_lane(i, corner, data, law, history, shared, options):
     """Replace the corner positions at ``corner[i + row*16]`` by the internal corner forces.
 
     The history of the lane goes on to the end of the step.
@@ -465,8 +529,9 @@ def element_in_lane(i, corner, data, law, history, options):
     my = load_component(corner, i + LANES)
     mz = load_component(corner, i + 2 * LANES)
     past = load_history(law, history, i, LANES)
+    curvature = load_curvature(options.director, shared, i)
     sigma, E, S33, normal, volume, _ = element_stress(
-        mode_vectors(mx, my, mz), data, i, law, past, options
+        mode_vectors(mx, my, mz), data, i, law, past, curvature, options
     )
     store_history(law, evolved_history(law, E.centre, past), history, i, LANES)
     px = mode_force_components(sigma, mx[0], mx[1], mx[2], mx[3], mx[4], mx[5], mx[6])
@@ -490,31 +555,47 @@ def solid_shell_forces(body, positions, corner_force, history):
     body : :class:`SolidShellData`.
     positions : (3, node_count) [m].
     corner_force : (block_count * 24 * 16,) or longer [N], row ``3*corner + component``, written.
-    history : (block_count * history_count * 16,) of a law with memory, otherwise empty.
+    history : (block_count * rows * 16,): :data:`CURVATURE_ROWS` unless compaction is measured by
+        the director, then those of a law with memory. Empty: neither neighbours nor memory.
     """
     element_forces(
         positions,
         body.corner_node,
         body.element_data,
         corner_force,
-        history,
+        full_history(body.options.director, body.corner_node, history),
         body.law,
         body.options,
     )
+
+
+@routine
+def curvature_rows(director):
+    return CURVATURE_ROWS if director is None else 0
+
+
+@routine
+def full_history(director, corner_node, history):
+    """Return the history, zeros for one that is empty."""
+    if history.size == 0:
+        return np.zeros(corner_node.size // 8 * curvature_rows(director))
+    return history
 
 
 @kernel
 def element_forces(positions, corner_node, element_data, corner_force, history, law, options):
     block_count = corner_node.size // (8 * LANES)
     rows = element_data.size // (block_count * LANES)
-    history_rows = history.size // (block_count * LANES)
+    history_size = history.size // block_count
+    curvature_size = curvature_rows(options.director) * LANES
     for block in prange(block_count):
         # views per block: indices made of a lane and literals are provably not negative, which
         # spares the wrap-around test that would keep the lane loop scalar
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         corner = corner_force[block * CORNER_ROWS * LANES : (block + 1) * CORNER_ROWS * LANES]
         data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
-        past = history[block * history_rows * LANES : (block + 1) * history_rows * LANES]
+        own = history[block * history_size : (block + 1) * history_size]
+        shared, past = own[:curvature_size], own[curvature_size:]
         for c in range(8):
             for lane in range(LANES):
                 node = nodes[c * LANES + lane]
@@ -522,4 +603,4 @@ def element_forces(positions, corner_node, element_data, corner_force, history, 
                 corner[(3 * c + 1) * LANES + lane] = positions[1, node]
                 corner[(3 * c + 2) * LANES + lane] = positions[2, node]
         for lane in range(LANES):
-            element_in_lane(lane, corner, data, law, past, options)
+            element_in_lane(lane, corner, data, law, past, shared, options)

@@ -7,12 +7,13 @@ round brackets are those of Schäfer, Mitsch, Kärger.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lcmchain.elements.solid_shell.geometry import MODES, reference_geometry
-from lcmchain.materials.law import Material
+from lcmchain.materials.law import Material, stabilising_tangent
 
 TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
 
@@ -26,7 +27,7 @@ class ElementOptions:
     cross_terms: bool = False
     in_plane_shear_hourglass: bool = True
     hourglass: str = "conservative"
-    fibre_hourglass: float = 1.0
+    fibre_hourglass: float | None = None
     type: str = "solid-shell"
 
 
@@ -49,6 +50,7 @@ class ReferenceElement:
     fibre_direction : (3,) first material axis.
     material : with ``stress_and_tangent``, ``bending_matrix`` and ``membrane_energy``.
     options : element options.
+    curvature : β11, β22, β12, q shared with neighbours (``curvature.py``), for normal thickness.
     """
 
     def __init__(
@@ -57,8 +59,10 @@ class ReferenceElement:
         fibre_direction: np.ndarray,
         material: Material,
         options: ElementOptions | None = None,
+        curvature: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
     ) -> None:
         self.material = material
+        self.curvature = curvature
         self.options = options or ElementOptions()
         geometry = reference_geometry(np.asarray(nodes)[None], np.asarray(fibre_direction)[None])
         self.K, self.dK = geometry.K[0], geometry.dK[0]
@@ -83,6 +87,11 @@ class ReferenceElement:
                 B[term] = keep @ B[term]
         if self.options.compaction_strain == "normal":
             E["centre"][2], B["centre"][2] = self._normal_compaction(a)
+            b11, b22, b12, q = self.curvature
+            for row, factor in ((0, b11), (1, b22), (3, b12)):
+                E["centre"][2] += factor * products["zeta"][row]
+                B["centre"][2] += factor * operators["zeta"][row]
+            E["centre"][2] -= q
         return E, B
 
     def evaluate(self, nodes: np.ndarray) -> ElementResult:
@@ -125,8 +134,17 @@ class ReferenceElement:
         energy += four_J0 * bending_energy
 
         hourglass = np.zeros(24)  # Eq. (16): C^M in the ξ, η terms, C^B in the ηζ, ξζ terms
-        f = self.options.fibre_hourglass if self.material.is_diagonal else 1.0
-        C_hg = C_M * np.array([f, f, 1.0, 1.0, 1.0, 1.0])[:, None]
+        conservative = self.options.hourglass == "conservative"
+        C_hg, slope = C_M.copy(), np.zeros(6)
+        if conservative:
+            C_hg, slope, _ = stabilising_tangent(self.material, E["centre"])
+        if self.material.is_diagonal:
+            for i in (0, 1):  # fibres within the plane
+                if self.options.fibre_hourglass is None:
+                    C_hg[i, i], slope[i] = C_B[i, i], 0.0
+                else:
+                    C_hg[i, i] *= self.options.fibre_hourglass
+                    slope[i] *= self.options.fibre_hourglass
         hourglass_energy = 0.0
         for term, weight, C in (  # type: ignore[assignment]
             ("xi", 1.0 / 3.0, C_hg),
@@ -136,9 +154,8 @@ class ReferenceElement:
         ):
             hourglass += self.volume * weight * B[term].T @ (C @ E[term])
             hourglass_energy += 0.5 * self.volume * weight * E[term] @ C @ E[term]
-        if self.options.hourglass == "conservative":
+        if conservative:
             # derivative of that energy with respect to E⁰, on which the tangent of Eq. (18) depends
-            slope = self.material.tangent_slope(E["centre"])
             squares = E["xi"] ** 2 + E["eta"] ** 2
             hourglass += self.volume / 6.0 * B["centre"].T @ (slope * squares)
         total = (force + hourglass).reshape(8, 3)

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from lcmchain.quantities.entry_types import Number, Range, Switch
+from lcmchain.quantities.entry_types import AbsentMeans, Number, Range, Switch
 from lcmchain.quantities.scene_model import SceneModel
 
 
@@ -33,10 +33,14 @@ class Element(SceneModel):
         default="conservative",
         description="Derive the hourglass forces from an energy, or take Eq. (16) as printed.",
     )
-    fibre_hourglass: Annotated[float, Number(1.0, Range(0.0, 1.0, (0.0,)))] = Field(
-        default=1.0,
-        description="Share of the fibre stiffness in the in-plane hourglass terms; 0.03 unlocks a "
-        "mesh whose edges cross the fibres.",
+    fibre_hourglass: Annotated[
+        Annotated[float, Number(1.0, Range(0.0, 1.0, (0.0,)))] | None,
+        AbsentMeans("the fibres' bending stiffness C^B"),
+    ] = Field(
+        default=None,
+        description="Stiffness of the fibres in the in-plane hourglass terms: their bending "
+        "stiffness, or this share of their membrane stiffness; 1 as published locks the tools' "
+        "forces.",
     )
     in_plane_shear_hourglass: Switch = Field(
         default=True, description="Keep the in-plane shear row in the hourglass stabilisation."

@@ -20,9 +20,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lcmchain.elements.blocks import from_blocks
 from lcmchain.elements.solid_shell.equations import NINTH, THIRD
 from lcmchain.elements.solid_shell.geometry import MODES
+from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS
 from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
+from lcmchain.materials.law import stabilising_tangent
 
 # bounds the temporary arrays to about 50 MB
 ELEMENTS_PER_BLOCK = 512
@@ -49,6 +52,9 @@ _CURVED = (
     (XI_ZETA, XI, 2),
 )
 
+# Products of modes (counted from 0) in the shared curvature's part of E33, and their row there
+_CURVATURE_PRODUCTS = ((0, 5, 0), (1, 4, 1), (0, 4, 2), (1, 5, 2))
+
 # Mode vectors from the corners' means and half differences of top and bottom, (7, 8): the means
 # (first four columns) only enter a1, a2, a4, the half differences only a3, a5, a6, a7.
 PAIR_MODES = MODES @ np.block([[np.eye(4), -np.eye(4)], [np.eye(4), np.eye(4)]])
@@ -68,7 +74,10 @@ class Linearisation(NamedTuple):
 
 
 def linearise(
-    model: Any, displacement: np.ndarray, resultants: np.ndarray | None = None
+    model: Any,
+    displacement: np.ndarray,
+    resultants: np.ndarray | None = None,
+    history: np.ndarray | None = None,
 ) -> Linearisation:
     """Linearise the internal forces of all elements of a model about a displacement.
 
@@ -78,15 +87,21 @@ def linearise(
     displacement : (3, node_count) [m].
     resultants : (E, 42) stress resultants [Pa] for the geometric stiffness in place of those of the
         displacement, see ``statics/newton.py``.
+    history : (history_size,), what elements share with neighbours, taken as constant; that of the
+        displacement by default.
     """
     count = model.element_count
+    if history is None:
+        history = np.zeros(model.history_size)
+        model.renew(model.blank.node_positions.T + displacement, history)
+    shared = from_blocks(history, model.body.history_count, count)[:, :CURVATURE_ROWS]
     result = Linearisation(
         np.empty((count, 7, 3, 7, 3)), np.empty((count, 42)), np.empty((count, 42, 21))
     )
     for first in range(0, count, ELEMENTS_PER_BLOCK):
         block = slice(first, min(first + ELEMENTS_PER_BLOCK, count))
         given = None if resultants is None else resultants[block]
-        part = _linearise_block(model, displacement, block, given)
+        part = _linearise_block(model, displacement, block, given, shared)
         for whole, piece in zip(result, part, strict=True):
             whole[block] = piece.reshape(whole[block].shape)
     return result
@@ -105,7 +120,7 @@ def node_stiffness(mode_stiffness: np.ndarray, basis: np.ndarray = MODES) -> np.
     return full.transpose(0, 4, 1, 3, 2).reshape(count, 24, 24)
 
 
-def _linearise_block(model, displacement, block, given):
+def _linearise_block(model, displacement, block, given, shared):
     options = model.body.data.options
     A = model.geometry.modes[block]
     corner = displacement.T[model.blank.elements[block]]
@@ -117,6 +132,14 @@ def _linearise_block(model, displacement, block, given):
         E[:, CENTRE, NORMAL], gradient, hessian = normal_compaction(a[:, :3], height)
         B[:, CENTRE, NORMAL] = 0.0
         B[:, CENTRE, NORMAL, :9] = gradient
+        curvature = shared[block]
+        E[:, CENTRE, NORMAL] -= curvature[:, 3]
+        for k, m, column in _CURVATURE_PRODUCTS:
+            factor = curvature[:, column]
+            E[:, CENTRE, NORMAL] += factor * np.einsum("ed,ed->e", a[:, k], a[:, m])
+            row = B[:, CENTRE, NORMAL].reshape(-1, 7, 3)
+            row[:, k] += factor[:, None] * a[:, m]
+            row[:, m] += factor[:, None] * a[:, k]
     R, D = _resultants(model, E)
     R, D, B = R.reshape(-1, 42), D.reshape(-1, 42, 42), B.reshape(-1, 42, 21)
 
@@ -128,6 +151,11 @@ def _linearise_block(model, displacement, block, given):
         geometric = geometric.copy()
         geometric[:, CENTRE, NORMAL] = 0.0
     sigma = _stress_matrix(model, block, geometric)
+    if options.director is None:
+        S33 = (R if given is None else given).reshape(-1, 7, 6)[:, CENTRE, NORMAL]
+        for k, m, column in _CURVATURE_PRODUCTS:
+            sigma[:, k, m] += S33 * curvature[:, column]
+            sigma[:, m, k] += S33 * curvature[:, column]
     blocks = K.reshape(-1, 7, 3, 7, 3)
     for d in range(3):
         blocks[:, :, d, :, d] += sigma
@@ -194,10 +222,17 @@ def _resultants(model, E):
         # the enhanced strain -S33^ζ / C^M_33 of ``condensed_enhanced_strain`` adds C^M_i3 of it
         share = C_M[:, :, NORMAL] / C_M[:, NORMAL, NORMAL, None]
         C_zeta = C_B - share[:, :, None] * C_B[NORMAL]
-    C_hg = C_M
+    fibres = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    share = np.ones(6)
+    if options.conservative is None:
+        C_hg, slope = C_M, material.tangent_slope(E[:, CENTRE])
+    else:
+        C_hg, slope, curvature = stabilising_tangent(material, E[:, CENTRE])
     if material.is_diagonal:
-        f = options.fibre_share
-        C_hg = C_M * np.array([f, f, 1.0, 1.0, 1.0, 1.0])[:, None]
+        share = 1.0 - fibres + (options.fibre_share or 0.0) * fibres
+        C_hg = C_hg * share[:, None]
+        if options.fibre_share is None:
+            C_hg = C_hg + C_B * fibres[:, None]
     D = np.zeros((len(E), 7, 6, 7, 6))
     D[:, CENTRE, :, CENTRE] = C_M
     D[:, CENTRE, :, ZETA2] = options.cross * C_B
@@ -217,7 +252,7 @@ def _resultants(model, E):
     R[:, ZETA2] += options.cross * S_centre
 
     # the hourglass terms ξ, η follow the tangent at the centre, Eq. (18)
-    slope = material.tangent_slope(E[:, CENTRE])
+    slope = share * slope
     i = np.arange(6)
     for term in (XI, ETA):
         coupling = THIRD * slope * E[:, term]
@@ -227,8 +262,7 @@ def _resultants(model, E):
     if options.conservative is not None:
         squares = E[:, XI] ** 2 + E[:, ETA] ** 2
         R[:, CENTRE] += 0.5 * THIRD * slope * squares
-        curvature = material.tangent_curvature(E[:, CENTRE])
-        D[:, CENTRE, i, CENTRE, i] += 0.5 * THIRD * curvature * squares
+        D[:, CENTRE, i, CENTRE, i] += 0.5 * THIRD * share * curvature * squares
     return R, D
 
 

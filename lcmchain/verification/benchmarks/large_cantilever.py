@@ -19,6 +19,7 @@ from lcmchain.verification.benchmarks.meshes import (
     Y,
     Z,
     isotropic_model,
+    options_of,
     rectangle,
 )
 from lcmchain.verification.benchmarks.result import CurveResult
@@ -57,6 +58,7 @@ def end_shear(
     return CurveResult(
         "cantilever, end shear",
         mesh.mesh,
+        options_of(element),
         END_SHEAR[:, 0],
         ("-u tip", "w tip"),
         moved[:, [X, Z]] * [-1.0, 1.0],
@@ -92,6 +94,7 @@ def roll_up(
     return CurveResult(
         "cantilever, roll-up",
         mesh.mesh,
+        options_of(element),
         np.asarray(load_factors),
         ("-u tip", "w tip"),
         moved[:, [X, Z]] * [-1.0, 1.0],

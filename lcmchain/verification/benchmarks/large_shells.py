@@ -23,6 +23,7 @@ from lcmchain.verification.benchmarks.meshes import (
     cylinder_sector,
     hemisphere_quarter,
     isotropic_model,
+    options_of,
 )
 from lcmchain.verification.benchmarks.result import CurveResult
 
@@ -89,6 +90,7 @@ def hemisphere(
     return CurveResult(
         "hemisphere with an 18° hole, large deformation",
         mesh.mesh,
+        options_of(element),
         table[:, 0],
         ("outward", "inward"),
         moved,
@@ -127,6 +129,7 @@ def pinched_cylinder(
     return CurveResult(
         "pinched cylinder, large deformation",
         mesh.mesh,
+        options_of(element),
         table[:, 0],
         ("under the force", "side"),
         moved,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -16,51 +16,78 @@ from lcmchain.verification.benchmarks import (
     large_shells,
     patch,
     plates,
+    semi_cylinder,
     shells,
 )
-from lcmchain.verification.benchmarks.meshes import AS_PUBLISHED, NO_SHEAR_ROW
+from lcmchain.verification.benchmarks.meshes import NO_SHEAR_ROW, OPTIONS
 from lcmchain.verification.benchmarks.result import BenchmarkResult, CurveResult
 
 Benchmark = Callable[[], BenchmarkResult | CurveResult]
 
 
 def linear_benchmarks(finest: int = 32) -> list[Benchmark]:
-    """Return the benchmarks of the linear theory, up to ``finest`` elements along an edge."""
+    """Return the benchmarks of the linear theory, up to ``finest`` elements along an edge.
+
+    Each with the default options and as published; those that bend in their plane also without the
+    shear row that locks them.
+    """
     counts = [count for count in (4, 8, 16, 32, 64) if count <= finest]
     cases: list[Benchmark] = []
-    for element in (AS_PUBLISHED, NO_SHEAR_ROW):
-        cases += [partial(patch.patch_test, kind, element) for kind in ("membrane", "bending")]
-    for load in beams.STRAIGHT:
-        for shape in ("rectangle", "trapezoid", "parallelogram"):
-            cases.append(partial(beams.straight_cantilever, load, shape))
-            if load == "in-plane":
-                cases.append(partial(beams.straight_cantilever, load, shape, element=NO_SHEAR_ROW))
-    for n1, n2 in ((12, 1), (24, 2), (48, 4), (96, 8)):
-        for element in (AS_PUBLISHED, NO_SHEAR_ROW):
+    for element in OPTIONS.values():
+        locks = element == NO_SHEAR_ROW  # what only this choice is about
+        cases += [
+            partial(patch.patch_test, kind, element=element) for kind in ("membrane", "bending")
+        ]
+        for load in ("in-plane",) if locks else beams.STRAIGHT:
+            for shape in ("rectangle", "trapezoid", "parallelogram"):
+                cases.append(partial(beams.straight_cantilever, load, shape, element=element))
+        for n1, n2 in ((12, 1), (24, 2), (48, 4), (96, 8)):
             cases.append(
                 partial(beams.straight_cantilever, "in-plane", "rectangle", n1, n2, element)
             )
-    cases.append(partial(beams.straight_cantilever, "out-of-plane", "rectangle", 24, 2))
-    cases.append(partial(beams.straight_cantilever, "extension", "rectangle", 48, 4))
+        if not locks:
+            cases += _bending_benchmarks(counts, element)
+    return cases
+
+
+def _bending_benchmarks(counts: list[int], element: Element) -> list[Benchmark]:
+    cases: list[Benchmark] = [
+        partial(beams.straight_cantilever, "out-of-plane", "rectangle", 24, 2, element),
+        partial(beams.straight_cantilever, "extension", "rectangle", 48, 4, element),
+    ]
     for thickness, load in beams.TWISTED:
-        cases += [partial(beams.twisted_beam, thickness, load, n1) for n1 in (12, 24, 48)]
+        cases += [partial(beams.twisted_beam, thickness, load, n1, element) for n1 in (12, 24, 48)]
     for problem in (shells.scordelis_lo, shells.pinched_cylinder, shells.hemisphere):
-        cases += [partial(problem, count) for count in counts]
-        cases += [partial(problem, count, Element()) for count in (8, 32)]
+        cases += [partial(problem, count, element) for count in counts]
     for load in plates.COEFFICIENTS:
         for slenderness in (100, 1000, 10_000):
-            cases += [partial(plates.clamped_plate, load, slenderness, count) for count in counts]
-    cases.append(beams.cantilever_frequency)
+            cases += [
+                partial(plates.clamped_plate, load, slenderness, count, element) for count in counts
+            ]
+    cases.append(partial(beams.cantilever_frequency, element=element))
     return cases
 
 
 def large_deformation_benchmarks(full: bool) -> list[Benchmark]:
-    """Return the benchmarks with large rotations; with ``full`` those of shells too."""
-    cases: list[Benchmark] = [large_cantilever.end_shear]
-    cases += [partial(large_cantilever.roll_up, count) for count in (16, 24, 48)]
-    if full:
-        cases += [partial(large_shells.hemisphere, count) for count in (16, 32)]
-        cases.append(partial(large_shells.pinched_cylinder, 48))
+    """Return the benchmarks with large rotations; with ``full`` those of shells too.
+
+    Each with the default options and as published.
+    """
+    cases: list[Benchmark] = []
+    for element in OPTIONS.values():
+        if element == NO_SHEAR_ROW:
+            continue
+        cases.append(partial(large_cantilever.end_shear, element=element))
+        cases += [
+            partial(large_cantilever.roll_up, count, element=element) for count in (16, 24, 48)
+        ]
+        if full:
+            cases += [partial(large_shells.hemisphere, count, element) for count in (16, 32)]
+            cases.append(partial(large_shells.pinched_cylinder, 48, element))
+            cases += [
+                partial(semi_cylinder.semi_cylinder, layup, 40, element)
+                for layup in semi_cylinder.LAYUPS
+            ]
     return cases
 
 
@@ -73,38 +100,30 @@ class Report:
     curves: list[CurveResult] = field(default_factory=list)
     wall_s: float = 0.0
 
-    def linear_rows(self) -> list[tuple[str, str, str]]:
-        """Return problem, reference with its origin, and value over reference by mesh."""
-        problems: dict[tuple, list[BenchmarkResult]] = {}
-        for result in self.results:
-            problems.setdefault((result.name, result.reference, result.origin), []).append(result)
-        return [
-            (name, f"{reference:.5g} ({origin})", ", ".join(map(_by_mesh, results)))
-            for (name, reference, origin), results in problems.items()
-        ]
+    def linear_rows(self) -> list[tuple[str, ...]]:
+        """Return problem, reference with its origin, mesh, and value over reference by options."""
+        rows: dict[tuple, dict[str, str]] = {}
+        problems = list(dict.fromkeys(result.name for result in self.results))
+        for result in sorted(self.results, key=lambda result: problems.index(result.name)):
+            reference = f"{result.reference:.5g} ({result.origin})"
+            cells = rows.setdefault((result.name, reference, result.mesh), {})
+            cells[result.options] = _normalised(result)
+        return _filled(rows, _options(self.results))
 
-    def large_rows(self) -> list[tuple[str, str, str, str, str]]:
-        """Return problem, mesh, origin of the reference, and deviations at the end and at most."""
-        return [
-            (
-                curve.name,
-                curve.mesh,
-                curve.origin,
-                ", ".join(
-                    f"{label} {deviation:+.2%}"
-                    for label, deviation in zip(curve.labels, curve.deviation[-1])
-                ),
-                f"{abs(curve.deviation).max():.2%}",
-            )
-            for curve in self.curves
-        ]
+    def large_rows(self) -> list[tuple[str, ...]]:
+        """Return problem, origin of the reference, mesh, and deviations by options."""
+        rows: dict[tuple, dict[str, str]] = {}
+        for curve in self.curves:
+            cells = rows.setdefault((curve.name, curve.origin, curve.mesh), {})
+            cells[curve.options] = _deviations(curve)
+        return _filled(rows, _options(self.curves))
 
     def tables(self) -> list[Table]:
         """Return the tables for the terminal."""
         tables = []
         for title, meaning, columns, rows in self._sections():
             table = Table(*columns, title=f"{title}. {meaning}", title_justify="left")
-            for row in rows:
+            for row in _without_repeats(rows):
                 table.add_row(*row)
             tables.append(table)
         return tables
@@ -121,29 +140,66 @@ class Report:
         for title, meaning, columns, rows in self._sections():
             lines += [f"## {title}", "", f"{meaning}.", ""]
             lines += [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
-            lines += [f"| {' | '.join(row)} |" for row in rows] + [""]
+            lines += [f"| {' | '.join(row)} |" for row in _without_repeats(rows)] + [""]
         return "\n".join(lines)
 
     def _sections(self):
         kind = "full" if self.full else "fast"
+        columns = ("problem", "reference", "mesh")
         yield (
             f"Linear benchmarks, {kind} version",
-            "Value over reference by mesh; in brackets that of an independent implementation "
+            "Value over reference by options of the element, the default being that of a scene "
+            "without any entry for it; in brackets the value of an independent implementation "
             f"({self.wall_s:.0f} s for all benchmarks)",
-            ("problem", "reference", "value / reference"),
+            (*columns, *_options(self.results)),
             self.linear_rows(),
         )
         yield (
             "Large deformation",
-            "Deviation at the last load, and the largest on the way, over the largest reference",
-            ("problem", "mesh", "reference", "at the last load", "largest"),
+            "Deviation at the last load over the largest reference; in brackets the largest on the "
+            "way",
+            (*columns, *_options(self.curves)),
             self.large_rows(),
         )
 
 
-def _by_mesh(result: BenchmarkResult) -> str:
+def _options(results: Sequence[BenchmarkResult | CurveResult]) -> list[str]:
+    """Return the sets of options that occur, in the order of the list."""
+    return [name for name in OPTIONS if any(result.options == name for result in results)]
+
+
+def _filled(rows: dict[tuple, dict[str, str]], options: list[str]) -> list[tuple[str, ...]]:
+    """Return rows with a cell for every set of options, empty where it was not run."""
+    return [(*head, *(cells.get(name, "") for name in options)) for head, cells in rows.items()]
+
+
+def _without_repeats(rows: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Return rows whose problem and reference are empty where they are those of the row above."""
+    above = [("", ""), *(row[:2] for row in rows)]
+    return [
+        ("", "", *row[2:]) if row[:2] == last else row
+        for row, last in zip(rows, above[:-1], strict=True)
+    ]
+
+
+def _normalised(result: BenchmarkResult) -> str:
     expected = "" if result.expected is None else f" ({result.expected:.3f})"
-    return f"{result.mesh}: {result.normalised:.3f}{expected}"
+    return f"{result.normalised:.3f}{expected}"
+
+
+def _deviations(curve: CurveResult) -> str:
+    """Return the deviations at the last load that was reached, and the largest one."""
+    if not curve.reached:
+        return "no equilibrium"
+    reached = curve.deviation[: curve.reached]
+    last = ", ".join(
+        f"{label} {deviation:+.2%}"
+        for label, deviation in zip(curve.labels, reached[-1], strict=True)
+    )
+    text = f"{last} ({abs(reached).max():.2%})"
+    if curve.reached < len(curve.load_factor):
+        text += f"; no equilibrium beyond {curve.load_factor[curve.reached - 1]:g} of the load"
+    return text
 
 
 def run_benchmarks(
