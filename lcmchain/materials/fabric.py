@@ -233,16 +233,7 @@ def fabric_plane_bending_stiffness(law):
     return (law.B11, law.B22, law.B12)
 
 
-LockingFabricLaw = locking_class(
-    FabricLaw,
-    membrane_response,
-    hourglass_tangent,
-    tangent_slope,
-    tangent_curvature,
-    bending_stiffness,
-    plane_response,
-    plane_bending_stiffness,
-)
+LockingFabricLaw = locking_class(FabricLaw)
 
 
 class Fabric:

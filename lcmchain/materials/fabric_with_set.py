@@ -108,14 +108,7 @@ def evolved(law, E, history):
 implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
 implements(hourglass_tangent, FabricWithSetLaw)(fabric_hourglass_tangent)
 
-LockingFabricWithSetLaw = locking_class(
-    FabricWithSetLaw,
-    membrane_response,
-    tangent_slope,
-    tangent_curvature,
-    evolved_history,
-    bending_stiffness,
-)
+LockingFabricWithSetLaw = locking_class(FabricWithSetLaw)
 
 
 class FabricWithSet(Fabric):

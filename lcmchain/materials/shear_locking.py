@@ -25,6 +25,7 @@ import numpy as np
 
 from lcmchain.dispatch import implements, optional
 from lcmchain.jit import equation
+from lcmchain.materials import law as protocol
 
 
 class ShearLocking(NamedTuple):
@@ -101,8 +102,8 @@ def cubic_tangent_curvature(law, g):
 _locking_classes: dict[type, type] = {}
 
 
-def locking_class(law_class: Any, *functions: Any) -> Any:
-    """Return the twin of a class of laws that locks; it answers ``functions`` as the class does.
+def locking_class(law_class: Any) -> Any:
+    """Return the twin of a class of laws that locks; it answers all that the class answers so far.
 
     It must be a global of the class's own module, under its own name: compiled kernels on disk
     look it up there.
@@ -113,8 +114,10 @@ def locking_class(law_class: Any, *functions: Any) -> Any:
     twin.__module__ = law_class.__module__
     if hasattr(law_class, "remembers"):
         twin.remembers = law_class.remembers
-    for function in functions:
-        implements(function, twin)(function.implementations[law_class])
+    for function in vars(protocol).values():
+        answers = getattr(function, "implementations", {})
+        if law_class in answers:
+            implements(function, twin)(answers[law_class])
     implements(locking_response, twin)(cubic_response)
     implements(locking_tangent_slope, twin)(cubic_tangent_slope)
     implements(locking_tangent_curvature, twin)(cubic_tangent_curvature)
