@@ -79,9 +79,7 @@ def measured(arguments, name: str, overrides: tuple[str, ...]) -> dict[str, floa
     twice = f'"{2e-9 * penalty:.6g} N/mm^3"'  # from N/m³
     overrides = tuple(entry.format(penalty=twice) for entry in overrides)
     try:
-        result = run(
-            read_scene(arguments.scene, ["output.pictures=false", *overrides]), folder
-        )
+        result = run(read_scene(arguments.scene, ["output.pictures=false", *overrides]), folder)
     except LcmchainError as error:  # a guard that stops a coarse mesh is a result too
         return str(error).split(". Likely")[0]
     values = measures(result)
