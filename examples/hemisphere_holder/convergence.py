@@ -6,7 +6,7 @@
 Runs both hemispheres as they are and with one entry changed at a time; writes tables: punch force,
 work, draw-in, shear angles, least thickness, largest fibre volume fraction, hourglass energy; for
 the edge lengths with the order observed over the three finest meshes and the value that they lead
-to (Richardson). Results that lie in the folder already are taken from there, so that a study can go on
+to (Richardson). Results that lie in the folder already are taken from there: a study can go on
 after an interruption. The 2.5 mm mesh needs eight times the work of the scene; ``--quick`` leaves
 out all but the edge lengths.
 """

@@ -54,7 +54,7 @@ def bend_part(elements: np.ndarray, neighbours: np.ndarray, positions: np.ndarra
         normal = normal / np.linalg.norm(normal, axis=-1)[..., None]
     centre = positions[..., elements, :].mean(axis=-2)
     metric = np.einsum("...kd,...ld->...kl", tangents, tangents)
-    inverse = np.linalg.pinv(metric, hermitian=True)
+    inverse = _inverse(metric)
 
     there = neighbours >= 0
     way = np.where(there[..., None], centre[..., neighbours, :] - centre[..., None, :, :], 0.0)
@@ -65,9 +65,10 @@ def bend_part(elements: np.ndarray, neighbours: np.ndarray, positions: np.ndarra
     turn = np.einsum("...ekd,...bed->...bek", tangents, turn)
     squares = np.einsum("...bek,...bel->...ekl", way, way)
     ridge = RIDGE * np.trace(squares, axis1=-2, axis2=-1)
-    squares = squares + ridge[..., None, None] * np.eye(2)
+    # an element without neighbours shares nothing
+    squares = squares + np.where(ridge > 0.0, ridge, 1.0)[..., None, None] * np.eye(2)
     products = np.einsum("...bek,...bel->...ekl", way, turn)
-    shared = np.linalg.pinv(squares, hermitian=True) @ products  # ∂n/∂ξ_k·a_l
+    shared = _inverse(squares) @ products  # ∂n/∂ξ_k·a_l
     shared = shared * np.einsum("...ed,...ed->...e", half, normal)[..., None, None]
 
     own = np.einsum("...ekd,...eld->...ekl", changes, tangents)
@@ -77,3 +78,13 @@ def bend_part(elements: np.ndarray, neighbours: np.ndarray, positions: np.ndarra
     linear = raised[..., 0, 0] * own[..., 0, 0] + raised[..., 1, 1] * own[..., 1, 1]
     linear += 2.0 * mixed * own[..., 0, 1]
     return 2.0 * linear - np.einsum("...ekl,...ekl->...e", raised, shared)
+
+
+def _inverse(A: np.ndarray) -> np.ndarray:
+    """Return the inverses of symmetric matrices (..., 2, 2); not a number where there is none."""
+    determinant = A[..., 0, 0] * A[..., 1, 1] - A[..., 0, 1] ** 2
+    cofactors = np.empty_like(A)
+    cofactors[..., 0, 0], cofactors[..., 1, 1] = A[..., 1, 1], A[..., 0, 0]
+    cofactors[..., 0, 1] = cofactors[..., 1, 0] = -A[..., 0, 1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return cofactors / determinant[..., None, None]

@@ -294,6 +294,10 @@ class SolidShellBody:
 def kernel_options(material: Material, choices: Any, *, flat: bool) -> Options:
     """Choose the effects of the element: what material and reference geometry call for."""
     conservative = choices.hourglass == "conservative" and not material.constant_tangent
+    # a full stiffness has no fibres apart
+    share = 0.0 if choices.fibre_hourglass is None and material.is_diagonal else 1.0
+    if choices.fibre_hourglass is not None:
+        share = float(choices.fibre_hourglass)
     return Options(
         flat=True if flat else None,
         curved=None if flat else True,
@@ -307,7 +311,8 @@ def kernel_options(material: Material, choices: Any, *, flat: bool) -> Options:
         zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,
         cross=1.0 / 3.0 if choices.cross_terms else 0.0,
         in_plane_shear=1.0 if choices.in_plane_shear_hourglass else 0.0,
-        fibre_share=choices.fibre_hourglass,
+        fibre_share=share,
+        fibre_bending=1.0 - share if choices.fibre_hourglass is None else 0.0,
     )
 
 

@@ -78,8 +78,8 @@ def values_or_zero(x):
 
 
 @equation
-def without_fibres(x):
-    return (0.0, 0.0, x[2], x[3], x[4], x[5])
+def with_fibre_share(f, x):
+    return (f * x[0], f * x[1], x[2], x[3], x[4], x[5])
 
 
 @routine
@@ -136,11 +136,11 @@ def add_diagonal_stiffness(C_M, C_B, rows, law, history, options, conservative, 
     if conservative is not None:
         slope = values_or_zero(tangent_slope(law, E.centre, history))
         curvature = values_or_zero(tangent_curvature(law, E.centre, history))
-        if options.fibre_share is None:
-            # C^B takes their place, which is constant
-            slope, curvature = without_fibres(slope), without_fibres(curvature)
+        # C^B takes the place of the fibres' tangent, which is constant
+        slope = with_fibre_share(options.fibre_share, slope)
+        curvature = with_fibre_share(options.fibre_share, curvature)
     C_hg = stabilising_tangent(conservative, law, E.centre, C_M, history)
-    C_hg = hourglass_stiffness(C_hg, C_B, options.fibre_share)
+    C_hg = hourglass_stiffness(C_hg, C_B, options)
     lengths, other = np.empty(7), np.empty(7)
     for i in range(6):
         xi, eta = abs(E.xi[i]), abs(E.eta[i])

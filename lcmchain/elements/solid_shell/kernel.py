@@ -74,8 +74,8 @@ class Options(NamedTuple):
     cross : weight of the terms that couple E^0 and E^ζζ: <ζ²> as printed in Eqs. (15) and (19), 0
         to drop them.
     in_plane_shear : 1, or 0 to drop the in-plane shear of the ξ- and η-terms in covariant axes.
-    fibre_share : of the membrane stiffness of the fibres in the in-plane hourglass terms, 1 as in
-        Eq. (18); ``None``: their bending stiffness C^B instead.
+    fibre_share, fibre_bending : of the membrane and the bending stiffness of the fibres in the
+        in-plane hourglass terms: 0 and 1, or as in Eq. (18) 1 and 0.
     """
 
     flat: Any
@@ -88,7 +88,8 @@ class Options(NamedTuple):
     zeta4: float
     cross: float
     in_plane_shear: float
-    fibre_share: Any
+    fibre_share: float
+    fibre_bending: float
 
 
 class SolidShellData(NamedTuple):
@@ -195,14 +196,6 @@ def slope_stress(slope, x, e):
 
 
 @equation
-def fibre_slope_stress(fibre_share, slope, x, e):
-    """Return the part of a fibre direction, none where C^B, which is constant, takes its place."""
-    if fibre_share is None:
-        return 0.0
-    return fibre_share * slope_stress(slope, x, e)
-
-
-@equation
 def hourglass_tangent_stress(fibre_share, slope, x, e):
     """Return the centre stress from the change of the hourglass energy with the tangent.
 
@@ -211,8 +204,8 @@ def hourglass_tangent_stress(fibre_share, slope, x, e):
     feeds energy to a sheet that is compacted and warped at once (manual: departures).
     """
     return (
-        fibre_slope_stress(fibre_share, slope[0], x[0], e[0]),
-        fibre_slope_stress(fibre_share, slope[1], x[1], e[1]),
+        fibre_share * slope_stress(slope[0], x[0], e[0]),
+        fibre_share * slope_stress(slope[1], x[1], e[1]),
         slope_stress(slope[2], x[2], e[2]),
         slope_stress(slope[3], x[3], e[3]),
         slope_stress(slope[4], x[4], e[4]),
@@ -229,20 +222,19 @@ def stabilising_tangent(conservative, law, E, C_M, history):
 
 
 @equation
-def diagonal_hourglass_stiffness(C, C_B, fibre_share):
+def diagonal_hourglass_stiffness(C, C_B, options):
     """Return C^hg of the ξ- and η-terms, Eq. (18), from the stabilising tangent C.
 
     E11^η and E22^ξ are the bending of an element's fibres within the plane. Fibres slide over each
     other there as they do over the thickness: with C^M such an element is as stiff as a solid strip
     of fibre as wide as itself, which grows with its square (manual: departures).
     """
-    if fibre_share is None:
-        return (C_B[0], C_B[1], C[2], C[3], C[4], C[5])
-    return (fibre_share * C[0], fibre_share * C[1], C[2], C[3], C[4], C[5])
+    f, b = options.fibre_share, options.fibre_bending
+    return (f * C[0] + b * C_B[0], f * C[1] + b * C_B[1], C[2], C[3], C[4], C[5])
 
 
 @equation
-def full_hourglass_stiffness(C, C_B, fibre_share):
+def full_hourglass_stiffness(C, C_B, options):
     """Return C: a full stiffness has no fibres apart (``build`` refuses a share of them)."""
     return C
 
@@ -283,7 +275,7 @@ def stresses(law, history, options, enhanced, E):
     S_centre, C_M = membrane_response(law, E.centre, history)
     C_B = bending_stiffness(law)
     C_hg = stabilising_tangent(options.conservative, law, E.centre, C_M, history)
-    C_hg = hourglass_stiffness(C_hg, C_B, options.fibre_share)
+    C_hg = hourglass_stiffness(C_hg, C_B, options)
     S_zeta = product(C_B, E.zeta)
     if enhanced is not None:
         S_zeta = relieved(C_M, S_zeta)
