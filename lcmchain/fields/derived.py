@@ -50,15 +50,14 @@ def derive_fields(
     if not mesh.has_thickness:
         return in_plane
 
-    height_0 = _half_thickness(mesh, mesh.node_positions, _dot(reference[..., 2, :], normal_0))
-    height = _half_thickness(mesh, positions, _dot(current[..., 2, :], normal))
-    fields = {"thickness": 2.0 * height}
+    chord_0, chord = _dot(reference[..., 2, :], normal_0), _dot(current[..., 2, :], normal)
+    bend_0, bend = mesh.bend_part(mesh.node_positions), mesh.bend_part(positions)
+    stretch = _thickness_stretch(chord / chord_0, (bend - bend_0) / chord_0**2)
+    fields = {"thickness": 2.0 * np.sqrt(chord_0**2 + bend_0) * stretch}
     if material.fibre_density is not None:
-        initial_fraction = material.areal_mass / (material.fibre_density * 2.0 * height_0)
+        initial_fraction = material.areal_mass / (material.fibre_density * 2.0 * chord_0)
         with np.errstate(divide="ignore"):
-            fields["fibre_volume_fraction"] = initial_fraction * (
-                (area_0 * height_0) / (area * height)
-            )
+            fields["fibre_volume_fraction"] = initial_fraction * (area_0 / (area * stretch))
     return fields | in_plane
 
 
@@ -76,9 +75,9 @@ def _in_plane_fields(material, area_ratio, normal, fibre_1, fibre_2) -> dict[str
     return fields
 
 
-def _half_thickness(mesh: SheetMesh, positions: np.ndarray, on_chord: np.ndarray) -> np.ndarray:
-    """Half the thickness [m]; an inverted element keeps what it has on the chord."""
-    squared = on_chord**2 + mesh.bend_part(positions)
+def _thickness_stretch(on_chord: np.ndarray, bend: np.ndarray) -> np.ndarray:
+    """Present over initial thickness; an inverted element keeps what it has on the chord."""
+    squared = on_chord**2 + bend
     sound = (on_chord > 0.0) & (squared > 0.0)
     return np.where(sound, np.sqrt(np.where(sound, squared, 1.0)), on_chord)
 

@@ -248,9 +248,7 @@ def pinched(name: str, full: bool) -> Iterator[CaseResult]:
     off_gap = np.abs(1e3 * face["thickness"] / gap - 1.0)
     law = float(sim.model.material.compaction_pressure(1e-3 * gap / THICKNESS))
     # in the sheet: of the tools and of its bending together
-    inside = sum(
-        pressure_fields(sim.model.body, sim.state.position.T, sim.state.history).values()
-    )
+    inside = sum(pressure_fields(sim.model.body, sim.state.position.T, sim.state.history).values())
     off_law = np.abs(inside / law - 1.0)
     tilt = director_tilts(sim)
     centre = sim.model.blank.mid_surface_positions[sim.model.blank.faces].mean(axis=1)
