@@ -125,7 +125,7 @@ def test_memory_is_active_where_the_state_holds_a_history():
     for law in MATERIALS:
         model = build_model(sheet_scene(law))
         effect = by_name(effects_of(model))["memory"]
-        assert effect.active == (model.history_size > 0) == (law == "fabric-with-set")
+        assert effect.active == model.remembers == (law == "fabric-with-set")
     assert "largest compaction strain" in by_name(effects_of(build_model(
         sheet_scene("fabric-with-set"))))["memory"].reason  # fmt: skip
 

@@ -67,9 +67,7 @@ def test_fabric_as_published(make):
         make.deformed(rng, *element, gradient=make.sheared(0.5, 0.65), warp=0.05)
         for element in references
     ]
-    options = ElementOptions(
-        compaction_strain="director", hourglass="published", fibre_hourglass=1.0
-    )
+    options = ElementOptions(compaction_strain="director", hourglass="published")
     assert_close_from_above(*bounds_and_frequencies(references, x, make.md600(), options))
 
 

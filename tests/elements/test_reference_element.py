@@ -152,9 +152,7 @@ class IndependentElement:
                 E[3] = w * (3.0 + 6.0 * (E[3] / w) ** 2 - (E[3] / w) ** 4) / 8.0
         C = self.tangent(E)
         for i in (0, 1):
-            if self.is_fabric and self.options.fibre_hourglass is None:
-                C[i, i] = self.bending[i, i]
-            elif self.is_fabric:
+            if self.is_fabric:
                 C[i, i] *= self.options.fibre_hourglass
         return C
 
@@ -262,7 +260,7 @@ OPTIONS = [
         cross_terms=True, hourglass="published", compaction_strain="director", integration_points=2
     ),
     ElementOptions(
-        cross_terms=True, hourglass="published", compaction_strain="director", fibre_hourglass=1.0
+        cross_terms=True, hourglass="published", compaction_strain="director", fibre_hourglass=0.3
     ),
 ]
 
@@ -272,7 +270,7 @@ def name_of(options):
         f"n={options.integration_points} {options.compaction_strain}"
         f"{' cross' if options.cross_terms else ''}"
         f"{'' if options.in_plane_shear_hourglass else ' no-shear-row'} {options.hourglass}"
-        f"{'' if options.fibre_hourglass is None else f' fibres {options.fibre_hourglass:g}'}"
+        f"{'' if options.fibre_hourglass == 1.0 else f' fibres {options.fibre_hourglass:g}'}"
     )
 
 

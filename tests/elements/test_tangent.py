@@ -25,7 +25,6 @@ CASES = {
     "fabric curved, director": ("fabric", "curved", {"compaction_strain": "director"}),
     "fabric flat, no cross terms": ("fabric", "flat", {"cross_terms": False}),
     "fabric curved, soft fibres in hourglass": ("fabric", "curved", {"fibre_hourglass": 0.1}),
-    "fabric flat, fibres as published": ("fabric", "flat", {"fibre_hourglass": 1.0}),
     "full flat": ("full", "flat", {}),
     "full curved": ("full", "curved", {}),
     "full curved, director": ("full", "curved", {"compaction_strain": "director"}),

@@ -54,10 +54,10 @@ def _hourglass(material: Material, options: Options) -> str:
     row = "with" if options.in_plane_shear == 1.0 else "without"
     kind = "published" if published else "conservative"
     reason = f"one in-plane integration point; {kind}, {row} the in-plane shear row"
-    if material.is_diagonal and options.fibre_bending == 1.0:
-        reason += ", C^B for fibres within the plane"
-    elif material.is_diagonal and options.fibre_share != 1.0:
-        reason += f", {options.fibre_share:g} of the fibre stiffness"
+    if options.fibre_share != 1.0:
+        reason += (
+            f", fibres bend within the plane with {options.fibre_share:.2g} of their stiffness"
+        )
     return reason
 
 

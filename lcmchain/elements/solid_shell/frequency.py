@@ -136,11 +136,10 @@ def add_diagonal_stiffness(C_M, C_B, rows, law, history, options, conservative, 
     if conservative is not None:
         slope = values_or_zero(tangent_slope(law, E.centre, history))
         curvature = values_or_zero(tangent_curvature(law, E.centre, history))
-        # C^B takes the place of the fibres' tangent, which is constant
         slope = with_fibre_share(options.fibre_share, slope)
         curvature = with_fibre_share(options.fibre_share, curvature)
     C_hg = stabilising_tangent(conservative, law, E.centre, C_M, history)
-    C_hg = hourglass_stiffness(C_hg, C_B, options)
+    C_hg = hourglass_stiffness(C_hg, options.fibre_share)
     lengths, other = np.empty(7), np.empty(7)
     for i in range(6):
         xi, eta = abs(E.xi[i]), abs(E.eta[i])

@@ -74,8 +74,7 @@ class Options(NamedTuple):
     cross : weight of the terms that couple E^0 and E^ζζ: <ζ²> as printed in Eqs. (15) and (19), 0
         to drop them.
     in_plane_shear : 1, or 0 to drop the in-plane shear of the ξ- and η-terms in covariant axes.
-    fibre_share, fibre_bending : of the membrane and the bending stiffness of the fibres in the
-        in-plane hourglass terms: 0 and 1, or as in Eq. (18) 1 and 0.
+    fibre_share : of the fibre stiffness in the in-plane hourglass terms, 1 as in Eq. (18).
     """
 
     flat: Any
@@ -89,7 +88,6 @@ class Options(NamedTuple):
     cross: float
     in_plane_shear: float
     fibre_share: float
-    fibre_bending: float
 
 
 class SolidShellData(NamedTuple):
@@ -222,19 +220,19 @@ def stabilising_tangent(conservative, law, E, C_M, history):
 
 
 @equation
-def diagonal_hourglass_stiffness(C, C_B, options):
+def diagonal_hourglass_stiffness(C, fibre_share):
     """Return C^hg of the ξ- and η-terms, Eq. (18), from the stabilising tangent C.
 
-    E11^η and E22^ξ are the bending of an element's fibres within the plane. Fibres slide over each
-    other there as they do over the thickness: with C^M such an element is as stiff as a solid strip
-    of fibre as wide as itself, which grows with its square (manual: departures).
+    E11^η and E22^ξ are the bending of an element's fibres within the plane. Where strips of fibre
+    slide over each other, it is that of the strips, less than that of a solid of fibre as wide as
+    the element by the square of the widths (``body.strip_share``).
     """
-    f, b = options.fibre_share, options.fibre_bending
-    return (f * C[0] + b * C_B[0], f * C[1] + b * C_B[1], C[2], C[3], C[4], C[5])
+    f = fibre_share
+    return (f * C[0], f * C[1], C[2], C[3], C[4], C[5])
 
 
 @equation
-def full_hourglass_stiffness(C, C_B, options):
+def full_hourglass_stiffness(C, fibre_share):
     """Return C: a full stiffness has no fibres apart (``build`` refuses a share of them)."""
     return C
 
@@ -275,7 +273,7 @@ def stresses(law, history, options, enhanced, E):
     S_centre, C_M = membrane_response(law, E.centre, history)
     C_B = bending_stiffness(law)
     C_hg = stabilising_tangent(options.conservative, law, E.centre, C_M, history)
-    C_hg = hourglass_stiffness(C_hg, C_B, options)
+    C_hg = hourglass_stiffness(C_hg, options.fibre_share)
     S_zeta = product(C_B, E.zeta)
     if enhanced is not None:
         S_zeta = relieved(C_M, S_zeta)

@@ -27,7 +27,7 @@ class ElementOptions:
     cross_terms: bool = False
     in_plane_shear_hourglass: bool = True
     hourglass: str = "conservative"
-    fibre_hourglass: float | None = None
+    fibre_hourglass: float = 1.0
     bending_thickness: str = "current"
     type: str = "solid-shell"
 
@@ -148,11 +148,8 @@ class ReferenceElement:
             C_hg, slope, _ = stabilising_tangent(self.material, E["centre"])
         if self.material.is_diagonal:
             for i in (0, 1):  # fibres within the plane
-                if self.options.fibre_hourglass is None:
-                    C_hg[i, i], slope[i] = C_B[i, i], 0.0
-                else:
-                    C_hg[i, i] *= self.options.fibre_hourglass
-                    slope[i] *= self.options.fibre_hourglass
+                C_hg[i, i] *= self.options.fibre_hourglass
+                slope[i] *= self.options.fibre_hourglass
         hourglass_energy = 0.0
         for term, weight, C in (  # type: ignore[assignment]
             ("xi", 1.0 / 3.0, C_hg),

@@ -35,12 +35,12 @@ class Element(SceneModel):
     )
     fibre_hourglass: Annotated[
         Annotated[float, Number(1.0, Range(0.0, 1.0, (0.0,)))] | None,
-        AbsentMeans("the fibres' bending stiffness C^B"),
+        AbsentMeans("that of strips twice as wide as the fabric is thick"),
     ] = Field(
         default=None,
-        description="Stiffness of the fibres in the in-plane hourglass terms: their bending "
-        "stiffness, or this share of their membrane stiffness; 1 as published locks the tools' "
-        "forces.",
+        description="Share of the fibre stiffness in the in-plane hourglass terms, by which "
+        "elements bend their fibres within the plane; 1 as published locks the tools' forces on "
+        "coarse meshes.",
     )
     bending_thickness: Literal["current", "reference"] = Field(
         default="current",

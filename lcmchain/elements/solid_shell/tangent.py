@@ -237,7 +237,7 @@ def _resultants(model, E):
         C_hg, slope, curvature = stabilising_tangent(material, E[:, CENTRE])
     if material.is_diagonal:
         share = 1.0 - fibres + options.fibre_share * fibres
-        C_hg = C_hg * share[:, None] + options.fibre_bending * C_B * fibres[:, None]
+        C_hg = C_hg * share[:, None]
     D = np.zeros((len(E), 7, 6, 7, 6))
     D[:, CENTRE, :, CENTRE] = C_M
     D[:, CENTRE, :, ZETA2] = options.cross * C_B
