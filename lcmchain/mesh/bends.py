@@ -15,6 +15,9 @@ from lcmchain.mesh.hexahedron import MODES
 EDGES = ((1, 2), (3, 0), (2, 3), (0, 1))
 # Keeps the least squares regular where all neighbours lie in one direction: part of the trace.
 RIDGE = 1e-4
+# Largest c over half the thickness, the sine of half the angle by which directors turn: an element
+# that turns by more than 60° resolves no bend; where a sheet folds on itself normals mean little.
+LARGEST_TURN = 0.5
 
 
 def edge_neighbours(elements: np.ndarray) -> np.ndarray:
@@ -69,7 +72,10 @@ def bend_part(elements: np.ndarray, neighbours: np.ndarray, positions: np.ndarra
     squares = squares + np.where(ridge > 0.0, ridge, 1.0)[..., None, None] * np.eye(2)
     products = np.einsum("...bek,...bel->...ekl", way, turn)
     shared = _inverse(squares) @ products  # ∂n/∂ξ_k·a_l
-    shared = shared * np.einsum("...ed,...ed->...e", half, normal)[..., None, None]
+    height = np.einsum("...ed,...ed->...e", half, normal)
+    turned = np.einsum("...ekl,...ekl->...e", shared @ inverse, shared)
+    part = LARGEST_TURN / np.sqrt(np.maximum(turned, LARGEST_TURN**2))
+    shared = shared * (part * height)[..., None, None]
 
     own = np.einsum("...ekd,...eld->...ekl", changes, tangents)
     own[..., 0, 1] = own[..., 1, 0] = 0.5 * (own[..., 0, 1] + own[..., 1, 0])

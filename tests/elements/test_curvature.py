@@ -274,3 +274,15 @@ def test_fields_have_the_thickness_of_the_kernel():
         model.blank.elements, model.blank.neighbours, np.stack([flat_positions, 2 * flat_positions])
     )
     np.testing.assert_allclose(several[1], 4.0 * several[0], rtol=1e-9)
+
+
+def test_a_fold_shares_no_more_than_a_turn_of_sixty_degrees():
+    """Normals that flip from element to element must not make a thickness of their own."""
+    model = sheet(flat())
+    folded = cylinder(np.radians(150.0))
+    strain, history = compaction(model, folded)
+    rows = from_blocks(history, 4, model.element_count)
+    half = 0.5 * THICKNESS * np.cos(np.radians(75.0))
+    assert 2.0 * rows[:, 3].max() == pytest.approx(0.25 * (2.0 * half / THICKNESS) ** 2, rel=1e-9)
+    thickness = derive_fields(model.blank, model.material, folded.reshape(-1, 3))["thickness"]
+    np.testing.assert_allclose(thickness, THICKNESS * np.sqrt(1.0 + 2.0 * strain), rtol=1e-9)

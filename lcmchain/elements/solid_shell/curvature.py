@@ -42,7 +42,7 @@ from lcmchain.elements.solid_shell.kernel import (
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel, routine
 from lcmchain.materials.law import load_history
-from lcmchain.mesh.bends import RIDGE
+from lcmchain.mesh.bends import LARGEST_TURN, RIDGE
 
 # Changes of E33 below this put no energy in that double precision would show.
 SMALLEST_CHANGE = 1e-13
@@ -209,5 +209,7 @@ def shared_curvature(a, element, neighbour, centre, normal, inverse_height):
     p1, p2 = r * (g22 * x1 - g12 * x2), r * (g11 * x2 - g12 * x1)
     q1, q2 = r * (g22 * y1 - g12 * y2), r * (g11 * y2 - g12 * y1)
     square = x1 * p1 + x2 * p2 + y1 * q1 + y2 * q2
-    h = inverse_height
-    return h * p1, h * q2, 0.5 * h * (p2 + q1), 0.5 * square
+    limit = LARGEST_TURN * abs(w)
+    part = limit / math.sqrt(square) if square > limit * limit else 1.0
+    h = inverse_height * part
+    return h * p1, h * q2, 0.5 * h * (p2 + q1), 0.5 * part * part * square
