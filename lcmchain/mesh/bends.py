@@ -18,6 +18,9 @@ RIDGE = 1e-4
 # Largest c over half the thickness, the sine of half the angle by which directors turn: an element
 # that turns by more than 60° resolves no bend; where a sheet folds on itself normals mean little.
 LARGEST_TURN = 0.5
+# Largest b - c over half the thickness: beyond it the directors tilt to and fro instead of turning
+# with the sheet, and the element keeps the thickness on its chord.
+LARGEST_TILT = 0.25
 
 
 def edge_neighbours(elements: np.ndarray) -> np.ndarray:
@@ -75,9 +78,14 @@ def bend_part(elements: np.ndarray, neighbours: np.ndarray, positions: np.ndarra
     height = np.einsum("...ed,...ed->...e", half, normal)
     turned = np.einsum("...ekl,...ekl->...e", shared @ inverse, shared)
     part = LARGEST_TURN / np.sqrt(np.maximum(turned, LARGEST_TURN**2))
-    shared = shared * (part * height)[..., None, None]
+    shared = shared * height[..., None, None]
 
     own = np.einsum("...ekd,...eld->...ekl", changes, tangents)
+    tilt = shared - own
+    tilt = np.einsum("...ekl,...ekl->...e", tilt @ inverse, tilt)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        agreement = np.maximum(1.0 - tilt / (LARGEST_TILT * height) ** 2, 0.0)
+    shared = shared * (part * agreement**2)[..., None, None]
     own[..., 0, 1] = own[..., 1, 0] = 0.5 * (own[..., 0, 1] + own[..., 1, 0])
     raised = shared @ inverse
     mixed = 0.5 * (raised[..., 0, 1] + raised[..., 1, 0])

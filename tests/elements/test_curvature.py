@@ -283,6 +283,6 @@ def test_a_fold_shares_no_more_than_a_turn_of_sixty_degrees():
     strain, history = compaction(model, folded)
     rows = from_blocks(history, 4, model.element_count)
     half = 0.5 * THICKNESS * np.cos(np.radians(75.0))
-    assert 2.0 * rows[:, 3].max() == pytest.approx(0.25 * (2.0 * half / THICKNESS) ** 2, rel=1e-9)
+    assert 2.0 * rows[:, 3].max() <= 0.25 * (2.0 * half / THICKNESS) ** 2 * (1.0 + 1e-9)
     thickness = derive_fields(model.blank, model.material, folded.reshape(-1, 3))["thickness"]
     np.testing.assert_allclose(thickness, THICKNESS * np.sqrt(1.0 + 2.0 * strain), rtol=1e-9)

@@ -42,7 +42,7 @@ from lcmchain.elements.solid_shell.kernel import (
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel, routine
 from lcmchain.materials.law import load_history
-from lcmchain.mesh.bends import LARGEST_TURN, RIDGE
+from lcmchain.mesh.bends import LARGEST_TILT, LARGEST_TURN, RIDGE
 
 # Changes of E33 below this put no energy in that double precision would show.
 SMALLEST_CHANGE = 1e-13
@@ -211,5 +211,13 @@ def shared_curvature(a, element, neighbour, centre, normal, inverse_height):
     square = x1 * p1 + x2 * p2 + y1 * q1 + y2 * q2
     limit = LARGEST_TURN * abs(w)
     part = limit / math.sqrt(square) if square > limit * limit else 1.0
+    # where the directors tilt to and fro, b - c is large and renewals would feed energy to it
+    h = inverse_height
+    x1, x2 = x1 - h * dot(a[5], a1), x2 - h * dot(a[5], a2)
+    y1, y2 = y1 - h * dot(a[4], a1), y2 - h * dot(a[4], a2)
+    tilt = r * (g22 * (x1 * x1 + y1 * y1) - 2.0 * g12 * (x1 * x2 + y1 * y2))
+    tilt += r * g11 * (x2 * x2 + y2 * y2)
+    agreement = max(1.0 - tilt / (LARGEST_TILT * w) ** 2, 0.0)
+    part *= agreement * agreement
     h = inverse_height * part
     return h * p1, h * q2, 0.5 * h * (p2 + q1), 0.5 * part * part * square
