@@ -54,8 +54,8 @@ PEAK_ENTRIES = 2
 # named as in :meth:`lcmchain.solver.simulation.Simulation.energy`; the mass damping is the part of
 # ``damping`` that is not contact damping.
 SAMPLED_ENERGIES = (
-    "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "damping", "renewal",
-    "external", "balance_error", "mass_damping",
+    "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "damping", "external",
+    "balance_error", "mass_damping",
 )  # fmt: skip
 SAMPLE_COLUMNS = ("time", "last_step", *SAMPLED_ENERGIES)
 TOOL_SAMPLE_COLUMNS = (

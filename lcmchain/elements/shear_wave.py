@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from lcmchain.elements.family import Body, Condition
+from lcmchain.elements.family import Condition
 
 # Part of the governing ω² from which on the shear wave is followed in every chunk of steps: within
 # a chunk the tangent of a law that locks may grow several times.
 SHEAR_SHARE = 0.1
 
 
-def shear_may_stiffen(body: Body, condition: Condition, omega2: float) -> bool:
+def shear_may_stiffen(body: Any, condition: Condition, omega2: float) -> bool:
     """Tell whether the shear wave of a law that locks has come near ``omega2`` [1/s²].
 
     The area of a sheet with inextensible fibres shrinks by cos γ; its shear strain is sin γ.

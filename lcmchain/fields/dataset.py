@@ -144,8 +144,8 @@ def build_datasets(
     -------
     Datasets by group name. Face variables have the dimensions ``frame`` and ``sheet_face``.
     """
-    material = scene.material.build() if material is None else material
-    body = family_of(scene.element).build("sheet", blank, material, scene.element, 0, 0)
+    own: Any = scene.material.build() if material is None else material
+    body = family_of(scene.element).build("sheet", blank, own, scene.element, 0, 0)
     past = []
     for positions in frames.positions:
         past.append(body.no_history())

@@ -24,10 +24,10 @@ def packing_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
     else:
         full = material.fibre_density * material.thickness
         fraction = sheet["areal_fibre_mass"].values / full
-    over = (fraction > LARGEST_FIBRE_VOLUME_FRACTION).any(axis=0)
+    over = np.any(fraction > LARGEST_FIBRE_VOLUME_FRACTION, axis=0)
     if not over.any():
         return []
-    frame, worst = np.unravel_index(np.argmax(fraction), fraction.shape)
+    frame, worst = map(int, np.unravel_index(np.argmax(fraction), fraction.shape))
     angle = np.degrees(np.abs(sheet["shear_angle"].values[frame, worst]))
     thickness = (
         f"thickness {1e3 * sheet['thickness'].values[frame, worst]:.3f} mm"
@@ -50,7 +50,7 @@ def shear_range_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
     over = (angle > material.shear_range).any(axis=0)
     if not over.any():
         return []
-    frame, worst = np.unravel_index(np.argmax(angle), angle.shape)
+    frame, worst = map(int, np.unravel_index(np.argmax(angle), angle.shape))
     return [
         f"the shear angle exceeds {np.degrees(material.shear_range):.3g} deg, up to which the "
         f"shear law was measured, in {_share(sheet, over)}, up to "

@@ -25,7 +25,7 @@ LEAST_TRAVEL = 1e-3
 
 #: Parts of the force of a tool, and the energies that they follow from, with their signs.
 PARTS = {
-    "sheet_N": ("internal", "hourglass", "inelastic", "renewal"),
+    "sheet_N": ("internal", "hourglass", "inelastic"),
     "friction_N": ("friction",),
     "contact_N": ("contact", "contact_damping"),
     "damping_N": ("mass_damping",),

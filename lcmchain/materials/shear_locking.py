@@ -113,7 +113,7 @@ def locking_class(law_class: Any) -> Any:
     twin.__doc__ = f"Parameters of :class:`{law_class.__name__}` and of :class:`ShearLocking`."
     twin.__module__ = law_class.__module__
     if hasattr(law_class, "remembers"):
-        twin.remembers = law_class.remembers
+        setattr(twin, "remembers", law_class.remembers)  # noqa: B010
     for function in vars(protocol).values():
         answers = getattr(function, "implementations", {})
         if law_class in answers:

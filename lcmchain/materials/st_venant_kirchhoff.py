@@ -110,7 +110,7 @@ class StVenantKirchhoff:
 
     is_diagonal = False
     constant_tangent = True
-    shear_range = None
+    shear_range: float | None = None
     locks = False
 
     def __init__(

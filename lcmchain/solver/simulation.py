@@ -228,8 +228,8 @@ class Simulation:
             "friction": work[FRICTION],
             **({"inelastic": inelastic} if self.model.remembers else {}),
             "damping": work[CONTACT_DAMPING] + work[MASS_DAMPING],
-            "renewal": work[RENEWAL],
-            "external": work[EXTERNAL],
+            # what renewals of the shared curvature put in comes from outside the elements
+            "external": work[EXTERNAL] - work[RENEWAL],
         }
         energy = {name: float(value) for name, value in energy.items()}
         spent = sum(value for name, value in energy.items() if name != "external")
