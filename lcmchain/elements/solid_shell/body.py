@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +18,6 @@ from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import (
-    MODES,
     ReferenceGeometry,
     reference_geometry,
     strain_transformation,
@@ -115,10 +113,11 @@ class SolidShellBody:
             transformation_change=change,
             density=float(material.density),
             neighbour=_padded(mesh.neighbours.T, padded).T.copy(),
-            reference_curvature=np.zeros(padded),
+            # lets E33 vanish in the reference
+            reference_curvature=_padded(
+                mesh.bend_part(mesh.node_positions) / (2.0 * geometry.height**2), padded
+            ),
         )
-        if data.options.director is None and not flat:
-            data.reference_curvature[:] = _reference_curvature(data, mesh, first_node)
         return cls(name, mesh, material, geometry, data, first_node, first_element)
 
     @property
@@ -331,21 +330,6 @@ def kernel_options(
         in_plane_shear=1.0 if choices.in_plane_shear_hourglass else 0.0,
         fibre_share=fibre_share,
     )
-
-
-def _reference_curvature(data: SolidShellData, mesh: BlankMesh, first_node: int) -> np.ndarray:
-    """Return the constant that lets E33 vanish in the reference (block_count * 16,)."""
-    positions = np.zeros((3, first_node + mesh.node_count))
-    positions[:, first_node:] = mesh.node_positions.T
-    padded = data.corner_node.size // CORNERS
-    history = np.zeros(padded * (CURVATURE_ROWS + history_count(data.law)))
-    renew_curvature(data, positions, history)
-    shared = from_blocks(history, history.size // padded, padded)[:, :CURVATURE_ROWS]
-    a = MODES @ positions.T[from_blocks(data.corner_node, CORNERS, padded)]
-    a1, a2, a5, a6 = (a[:, k] for k in (0, 1, 4, 5))
-    dot = functools.partial(np.einsum, "ed,ed->e")
-    zeta = np.stack([dot(a1, a6), dot(a2, a5), dot(a1, a5) + dot(a2, a6)], axis=1)
-    return np.sum(shared[:, :3] * zeta, axis=1) - shared[:, 3]
 
 
 def _padded(array: np.ndarray, count: int) -> np.ndarray:
