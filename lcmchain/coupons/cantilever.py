@@ -40,7 +40,11 @@ from lcmchain.tools.motion import STANDARD_GRAVITY
 
 ORIENTATIONS = (0.0, 0.25 * math.pi, 0.5 * math.pi)  # of fibre 1 to the strip [rad]
 ANGLE_TOLERANCE = math.radians(0.005)
-MOST_STRIPS = 8  # overhangs that are tried until the tip falls by the angle
+# Two overhangs this close [m] with the angle between them end the search: the test itself reads no
+# finer (ISO 9073-7: to 1 mm). The mesh of a strip at an angle to the fibres depends on its length,
+# so that the tip's fall jumps by up to some degrees from one overhang to the next.
+OVERHANG_TOLERANCE = 0.5e-3
+MOST_STRIPS = 20  # overhangs that are tried until the tip falls by the angle
 LOAD_STEP = 0.1
 CURVE_POINTS = 41
 # Closer than this to a fibre direction a strip bends as along the fibre.
@@ -166,16 +170,28 @@ def bent_strip(
 def _strip_at_angle(material, element, orientation, width, edge_length, overhang, angle) -> Strip:
     """Vary the overhang until the chord falls by ``angle``.
 
-    The next overhang is that of a uniform elastica that fell as far as the strip did.
+    The next overhang is that of a uniform elastica that fell as far as the strip did, or halves the
+    interval in which the angle is known to lie.
     """
     target = load_parameter_at_chord_angle(angle)
+    too_short: Strip | None = None
+    too_long: Strip | None = None
     for _ in range(MOST_STRIPS):
         strip = bent_strip(
             material, element, orientation, overhang=overhang, width=width, edge_length=edge_length
         )
         if abs(strip.chord_angle - angle) < ANGLE_TOLERANCE:
             return strip
+        if strip.chord_angle < angle:
+            too_short = strip
+        else:
+            too_long = strip
         overhang *= (target / load_parameter_at_chord_angle(strip.chord_angle)) ** (1.0 / 3.0)
+        if too_short is not None and too_long is not None:
+            if too_long.overhang - too_short.overhang < OVERHANG_TOLERANCE:
+                return min(too_short, too_long, key=lambda s: abs(s.chord_angle - angle))
+            if not too_short.overhang < overhang < too_long.overhang:
+                overhang = 0.5 * (too_short.overhang + too_long.overhang)
     raise SimulationError(
         f"no overhang was found at which a strip at {math.degrees(orientation):g}° falls by "
         f"{math.degrees(angle):.4g}°; the last one, {1e3 * strip.overhang:.4g} mm, fell by "

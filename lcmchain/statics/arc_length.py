@@ -13,6 +13,7 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import SimulationError
+from lcmchain.statics.acceleration import SecantAcceleration
 from lcmchain.statics.control import GROWTH, QUICK_ITERATIONS, SMALLEST_STEP, StaticStep
 from lcmchain.statics.convergence import FORCE_TOLERANCE, in_equilibrium
 from lcmchain.statics.newton import MAXIMUM_ITERATIONS, Newton, StepResult, unsettled
@@ -134,6 +135,7 @@ class NewtonOnArc(Newton):
         system, problem = self.system, self.problem
         displacement, start_factor = start, factor
         resultants, first_energy, change = None, None, None
+        acceleration = SecantAcceleration()
         now = self.balance(displacement, factor)
         for iteration in range(1, MAXIMUM_ITERATIONS + 1):
             state = linearise(problem.model, displacement, resultants)
@@ -161,6 +163,8 @@ class NewtonOnArc(Newton):
                 step = -(miss + change @ towards) / (change @ along)
                 correction = towards + step * along
                 energy = abs(correction @ (right + step * load))
+                *moved, step = acceleration.move(np.append(correction, step))
+                correction = np.array(moved)
                 change = change + correction
             factor += step
             move = system.expand(correction) + step * problem.prescribed

@@ -17,6 +17,7 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import SimulationError
+from lcmchain.statics.acceleration import SecantAcceleration
 from lcmchain.statics.convergence import Balance, balance, in_equilibrium
 from lcmchain.statics.pair_system import PairSystem
 from lcmchain.statics.problem import StaticProblem
@@ -63,6 +64,7 @@ class Newton:
         system = self.system
         support_motion = (next_factor - factor) * self.problem.prescribed
         resultants, first_energy = None, None
+        acceleration = SecantAcceleration()
         now = self.balance(displacement, next_factor)
         for iteration in range(1, MAXIMUM_ITERATIONS + 1):
             state = linearise(self.problem.model, displacement, resultants)
@@ -76,7 +78,7 @@ class Newton:
                 correction = system.factorise(K).solve(right)
             except RuntimeError:
                 return self._failed(displacement, next_factor, iteration, "singular tangent")
-            move = system.expand(correction) + support_motion
+            move = system.expand(acceleration.move(correction)) + support_motion
             if not self._plausible(move):
                 return self._failed(displacement, next_factor, iteration, "divergence")
             displacement = displacement + move

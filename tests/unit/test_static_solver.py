@@ -22,6 +22,7 @@ from lcmchain.statics import (
     solve,
     trace,
 )
+from lcmchain.statics.acceleration import SecantAcceleration
 from lcmchain.statics.arc_length import NewtonOnArc
 from lcmchain.statics.convergence import Balance, in_equilibrium
 from lcmchain.statics.newton import Newton
@@ -197,6 +198,24 @@ def test_forces_within_their_round_off_are_in_balance():
     assert in_equilibrium(after, correction, 1e-18, 1e-18, 1e-12)
     assert not in_equilibrium(after._replace(free=2.1 * ROUND_OFF), correction, 0.0, 1.0, 1e-12)
     assert not in_equilibrium(after, correction, 1e-15, 1e-15, 1e-12)  # a correction of its own
+
+
+@pytest.mark.parametrize("factor", [0.96, -0.7, -1.7])
+def test_corrections_along_one_direction_are_accelerated(factor):
+    """A part left out of the tangent makes the error change by a factor with every correction."""
+    factors = np.array([1e-3, factor, 2e-3])
+    error = np.array([1.0, 0.02, 1.0])
+    acceleration = SecantAcceleration()
+    for _ in range(6):
+        error = error + acceleration.move((factors - 1.0) * error)
+    assert np.linalg.norm(error) < 1e-8
+
+
+def test_quadratic_convergence_is_left_alone():
+    acceleration = SecantAcceleration()
+    for size in (1.0, 0.2, 2e-3, 2e-7):
+        correction = np.array([size, -0.5 * size])
+        assert acceleration.move(correction) is correction
 
 
 def test_very_thin_strips_bend_as_thin_ones_do():

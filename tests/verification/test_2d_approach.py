@@ -49,19 +49,20 @@ motion = { type = "guided", direction = [0, 0, -1], mass = "0.4 kg", ramp = "10 
 
 
 # A sheet of MD600 shears over its thickness within sqrt(D / (C13 t)) = 5.7 mm, half the radius of
-# the die. Triangles whose normals stay normal know no such shear: to be the same model, the
-# solid-shell must be stiff against it.
-STIFF_IN_TRANSVERSE_SHEAR = [
+# the die. Triangles whose normals stay normal know no such shear, and two of them to a square
+# strain their fibres fully where these bend within the plane: to be the same model, the solid-shell
+# must be stiff against both.
+AS_STIFF_AS_TRIANGLES = [
     f'material.{part}.{name}="5 MPa"' for part in ("membrane", "bending") for name in ("C13", "C23")
-]
+] + ["element.fibre_hourglass=1"]
 
 
 @pytest.fixture(scope="module")
 def formed(tmp_path_factory):
     """Sheet and summary of the half-size hemisphere, once for each model."""
     variants = {
-        "3D": ["element=solid-shell"],
-        "3D stiff": ["element=solid-shell", *STIFF_IN_TRANSVERSE_SHEAR],
+        "3D": [],
+        "3D stiff": AS_STIFF_AS_TRIANGLES,
         "2D": ["element=membrane-shell"],
     }
     results = {}
@@ -101,8 +102,8 @@ def test_contours_and_draw_in_agree(formed):
     assert draw_in(triangles) == pytest.approx(draw_in(stiff), abs=0.05e-3)
 
 
-def test_works_and_forces_agree_but_for_transverse_shear(formed):
-    """All that distinguishes the two approaches in forces is the shear over the thickness."""
+def test_works_and_forces_agree_but_for_two_stiffnesses(formed):
+    """The approaches differ by shear over the thickness and by fibres bending in the plane."""
     (_, solid), (_, stiff), (_, triangles) = formed.values()
     for actual, expected in zip(work_in(triangles), work_in(stiff), strict=True):
         assert actual == pytest.approx(expected, rel=0.01)
@@ -110,7 +111,7 @@ def test_works_and_forces_agree_but_for_transverse_shear(formed):
         assert softer < actual < 1.15 * softer
     forces = [summary["punch_force_max_N"] for summary in (solid, stiff, triangles)]
     assert forces[2] == pytest.approx(forces[1], rel=0.03)
-    assert forces[0] < forces[2] < 1.15 * forces[0]
+    assert forces[0] < forces[2] < 1.08 * forces[0]
 
 
 def test_the_2d_run_is_sound(formed):
@@ -118,7 +119,9 @@ def test_the_2d_run_is_sound(formed):
     assert summary["balance_error_max"] < 1e-3
     assert summary["fibre_strain_max"] < 0.003
     assert summary["kinetic_to_internal_end"] < 0.05
-    assert len(summary["warnings"]) == 1 and "no thickness" in summary["warnings"][0]
+    no_thickness, *others = summary["warnings"]
+    assert "no thickness" in no_thickness
+    assert all("process.time" in warning for warning in others)  # 100 ms are short for it
     for axis in (0, 1):
         assert mirror_difference(sheet, axis)["contour"] < 0.5e-3
 
