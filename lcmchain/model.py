@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lcmchain.effects.fibre_bending import FibreBending, build_fibre_bending
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
@@ -82,11 +83,14 @@ class Model:
     averaging : time over which the mean velocity is taken that damping leaves alone [s], or None.
     automatic_penalty : whether the contact stiffness was chosen by the program.
     history_interval : between two samples of the histories [s], infinite without histories.
-    corner_force_size : corner forces of all bodies, then zeros for nodes with fewer elements.
+    fibre_bending : of the fibres within the plane, or None.
+    corner_force_size : corner forces of all bodies, those of the fibres' bending, then zeros for
+        nodes with fewer elements.
     """
 
     bodies: tuple[Body, ...]
     placed: tuple[PlacedBody, ...]
+    fibre_bending: FibreBending | None
     corner_force_size: int
     nodes: NodeData
     tools: ToolTable
@@ -250,15 +254,20 @@ def assemble_bodies(
     placed = _placed(bodies)
     positions = np.concatenate([body.mesh.node_positions for body in bodies])
     support_table, free = build_supports(supports, positions, float(process.time))
+    fibre_bending = build_fibre_bending(bodies, placed[-1].last_force)
+    last_force = placed[-1].last_force
+    if fibre_bending is not None:
+        last_force += fibre_bending.force_size
     penalty = contact.penalty
     if penalty is None:
         penalty = min(_automatic_penalty(b.material, b.shortest_length) for b in bodies)
     return Model(
         bodies=tuple(bodies),
         placed=placed,
-        corner_force_size=placed[-1].last_force + 2 * LANES + 1,
+        fibre_bending=fibre_bending,
+        corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
-            force_slot=_force_slots(bodies, placed),
+            force_slot=_force_slots(bodies, placed, fibre_bending, last_force),
             mass=np.concatenate([body.node_mass for body in bodies]),
             area=np.concatenate([body.node_area for body in bodies]),
             free=free,
@@ -325,11 +334,17 @@ def _placed(bodies: Sequence[Body]) -> tuple[PlacedBody, ...]:
     return tuple(placed)
 
 
-def _force_slots(bodies: Sequence[Body], placed: Sequence[PlacedBody]) -> np.ndarray:
-    """Return where each node finds the forces of its elements, (valence, node_count) int32.
+def _force_slots(
+    bodies: Sequence[Body],
+    placed: Sequence[PlacedBody],
+    fibre_bending: FibreBending | None,
+    last_force: int,
+) -> np.ndarray:
+    """Return where each node finds its forces, (valence, node_count) int32.
 
-    The corner forces lie in blocks of 16 elements with 3 rows per corner; slots without an element
-    point to a zero behind them all.
+    The corner forces lie in blocks of 16 elements with 3 rows per corner, those of the fibres'
+    bending behind them in blocks of 16 nodes; slots without an element point to the zeros behind
+    them all, which begin at ``last_force``.
     """
     nodes, slots = [], []
     for body, place in zip(bodies, placed, strict=True):
@@ -341,6 +356,11 @@ def _force_slots(bodies: Sequence[Body], placed: Sequence[PlacedBody]) -> np.nda
         there = corners >= 0
         nodes.append(corners[there] + body.first_node)
         slots.append(slot[there])
+    if fibre_bending is not None:
+        slot = fibre_bending.force_slots()
+        one_layer = fibre_bending.below == fibre_bending.above
+        nodes += [fibre_bending.below, fibre_bending.above[~one_layer]]
+        slots += [slot, slot[~one_layer]]
     node, slot = np.concatenate(nodes), np.concatenate(slots)
 
     # a fixed order of the corners of each node keeps sums bit-identical for any thread count
@@ -348,7 +368,7 @@ def _force_slots(bodies: Sequence[Body], placed: Sequence[PlacedBody]) -> np.nda
     node, slot = node[order], slot[order]
     rank = np.arange(node.size) - np.searchsorted(node, node)
     node_count = sum(body.mesh.node_count for body in bodies)
-    force_slot = np.full((rank.max() + 1, node_count), placed[-1].last_force, dtype=np.int32)
+    force_slot = np.full((rank.max() + 1, node_count), last_force, dtype=np.int32)
     force_slot[rank, node] = slot
     return force_slot
 

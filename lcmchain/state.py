@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from lcmchain.effects.fibre_bending import VECTOR_ROWS
 from lcmchain.errors import InputError
 from lcmchain.model import Model
 
@@ -101,6 +102,8 @@ def sizes(model: Model) -> dict[str, int]:
         "time and place": 4,
         "history": model.history_size,
         "corner force": model.corner_force_size,
+        "bent node": 0 if model.fibre_bending is None else model.fibre_bending.mid_count,
+        "bending vector": VECTOR_ROWS,
         "peak": PEAK_ENTRIES,
         "sample": model.sample_count,
         "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
@@ -304,6 +307,12 @@ class Scratch(_Arrays):
 
     corner_force: np.ndarray = entry("corner force", unit="N", meaning="in blocks of elements")
     force: np.ndarray = entry("xyz", "node", unit="N", meaning="sum of forces on each node")
+    mid_position: np.ndarray = entry(
+        "xyz", "bent node", unit="m", meaning="mid-surface nodes of fibres that bend in the plane"
+    )
+    bending_vector: np.ndarray = entry(
+        "bending vector", "bent node", unit="N", meaning="what they send to their neighbours"
+    )
     chunk_sums: np.ndarray = entry(
         "chunk", "chunk sum", unit="J, N, m", meaning="energies, tool forces, gaps by chunk"
     )

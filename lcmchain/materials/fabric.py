@@ -248,6 +248,8 @@ class Fabric:
     name : as in the scene.
     shear_range : shear angle [rad] up to which the law was measured, None where nobody says.
     locking : beyond a shear angle, None for a law that does not lock.
+    in_plane_bending : stiffness of the fibres against bending within the plane, over that against
+        bending out of it.
     """
 
     is_diagonal = True
@@ -264,8 +266,11 @@ class Fabric:
         name: str = "fabric",
         shear_range: float | None = None,
         locking: ShearLocking | None = None,
+        in_plane_bending: float = 0.0,
     ) -> None:
         self.law = with_locking(law, locking)
+        inertia = in_plane_bending * thickness**3 / 12.0
+        self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
         self.locking = locking
         self.shear_range = shear_range
         self.thickness = thickness
@@ -510,6 +515,11 @@ class FabricBending(SceneModel):
     C12: PositiveStiffness = Field(description="Torsional stiffness.")
     C23: PositiveStiffness = Field(description="Transverse shear stiffness 23.")
     C13: PositiveStiffness = Field(description="Transverse shear stiffness 13.")
+    in_plane: Annotated[float, Number(0.1, NOT_NEGATIVE)] = Field(
+        default=0.1,
+        description="Stiffness of the fibres against bending within the plane, over that against "
+        "bending out of it; 0: none, as published.",
+    )
 
 
 class FabricMaterial(MaterialTable):
@@ -582,6 +592,7 @@ class FabricMaterial(MaterialTable):
             "name": self.name,
             "shear_range": self.membrane.shear_range,
             "locking": self.membrane.locking,
+            "in_plane_bending": self.bending.in_plane,
         }
 
     def remarks(self) -> list[str]:

@@ -188,6 +188,8 @@ class Material(Protocol):
     is_diagonal : whether C^M and C^B are diagonal in the fibre axes.
     constant_tangent : whether C^M never changes.
     shear_range : shear angle [rad] up to which the law was measured, None where nobody says.
+    fibre_bending : stiffness per width of the fibres 1 and 2 against bending within the plane
+        [N m]; zeros without.
     locks : whether the shear tangent may come to that of the fibres.
     couples_thickness : whether C^B couples the normal stress 33 with other strains than 33.
     """
@@ -201,6 +203,7 @@ class Material(Protocol):
     is_diagonal: bool
     constant_tangent: bool
     shear_range: float | None
+    fibre_bending: tuple[float, float]
 
     @property
     def locks(self) -> bool: ...

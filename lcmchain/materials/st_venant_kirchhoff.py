@@ -129,6 +129,7 @@ class StVenantKirchhoff:
         self.density = density
         self.areal_mass = density * thickness
         self.fibre_density = fibre_density
+        self.fibre_bending = (0.0, 0.0)  # a continuum, whatever its fibres
         self.name = name
         self.law = StiffnessLaw(self.C_membrane.ravel(), self.C_bending.ravel())
 

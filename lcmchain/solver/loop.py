@@ -17,6 +17,7 @@ from numba import literal_unroll, prange
 
 from lcmchain.effects.contact import normal_force
 from lcmchain.effects.damping import averaged_velocity, damped_velocity
+from lcmchain.effects.fibre_bending import fibre_bending_forces
 from lcmchain.effects.friction import friction
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
@@ -52,11 +53,14 @@ Arrays: Any = NamedTuple(  # type: ignore[misc]
 
 
 @routine
-def advance(arrays, bodies, tools, environment, supports, averaging, step_count, dt):
+def advance(
+    arrays, bodies, fibre_bending, tools, environment, supports, averaging, step_count, dt
+):
     """Make ``step_count`` steps of size ``dt`` [s].
 
-    ``bodies`` are those placed in the model; ``supports`` is a table or None; ``averaging`` is the
-    time over which the mean velocity is taken that damping leaves alone [s], or None.
+    ``bodies`` are those placed in the model; ``fibre_bending`` and ``supports`` are tables or None;
+    ``averaging`` is the time over which the mean velocity is taken that damping leaves alone [s],
+    or None.
     """
     clock = arrays.clock
     for _ in range(step_count):
@@ -67,6 +71,14 @@ def advance(arrays, bodies, tools, environment, supports, averaging, step_count,
                 arrays.position,
                 arrays.corner_force[body.first_force : body.last_force],
                 arrays.history[body.first_history : body.last_history],
+            )
+        if fibre_bending is not None:
+            fibre_bending_forces(
+                fibre_bending,
+                arrays.position,
+                arrays.corner_force,
+                arrays.mid_position,
+                arrays.bending_vector,
             )
         move_nodes(arrays, tools, environment, averaging, dt_last, dt)
         add_chunk_sums(arrays)

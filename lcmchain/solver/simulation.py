@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lcmchain.effects import fibre_bending
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model, build_model
@@ -219,6 +220,8 @@ class Simulation:
             internal += strain
             hourglass += stabilising
             inelastic += body.dissipated_energy(past)
+        if self.model.fibre_bending is not None:
+            internal += fibre_bending.stored_energy(self.model.fibre_bending, position)
         work = state.work
         energy = {
             "kinetic": work[KINETIC],
@@ -359,6 +362,7 @@ class Simulation:
         advance(
             self._arrays,
             model.placed,
+            model.fibre_bending,
             model.tools,
             model.environment,
             model.supports,
@@ -378,7 +382,11 @@ class Simulation:
                 self.state.position, self._history(body), self.model.nodes.mass
             )
             found.append((omega2, body.first_element + element, code))
-        return max(found, key=lambda bound: bound[0])
+        omega2, element, code = max(found, key=lambda bound: bound[0])
+        if self.model.fibre_bending is not None:
+            bending = self.model.fibre_bending
+            omega2 += fibre_bending.frequency_bound(bending, self.model.nodes.mass)
+        return omega2, element, code
 
     def _renew(self) -> None:
         """Renew what elements take from their neighbours, at the start and now and then."""

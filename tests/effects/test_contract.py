@@ -133,7 +133,7 @@ def test_memory_is_active_where_the_state_holds_a_history():
 def test_the_element_effects_of_the_2d_approach():
     told = by_name(effects_of(build_model(sheet_scene("fabric", "membrane-shell"))))
     active = {name for name, effect in told.items() if effect.active}
-    assert active == {"bending"}
+    assert active == {"bending", "in-plane bending of fibres"}
 
 
 def test_check_and_summary_list_what_the_model_contains(tmp_path):

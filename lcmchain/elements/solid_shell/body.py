@@ -30,8 +30,8 @@ from lcmchain.materials.law import MOST_HISTORY, Material, MaterialWithMemory, h
 from lcmchain.mesh.blank import BlankMesh
 
 CORNERS = 8
-# Width of the strips of fibre that bend within the plane, over the thickness of the fabric.
-STRIP_WIDTH = 2.0
+# Width of the strips of fibre that bend within an element, over the thickness of the fabric.
+STRIP_WIDTH = 1.0
 # The in-plane frequency changes slowly: its bound is renewed every so many chunks of steps, unless
 # the thickness wave comes near it.
 THICKNESS_SHARE = 0.3
@@ -298,10 +298,10 @@ class SolidShellBody:
 def strip_share(material: Material, geometry: ReferenceGeometry) -> float:
     """Return the part of the fibre stiffness with which elements bend their fibres in the plane.
 
-    Within a tow fibres hold together, between tows they slide. With strips of the width b a sheet
-    has the bending stiffness C11 b²/12 per area within its plane, whatever the mesh; an element of
-    the width L with C^M in the hourglass terms has C11 L²/12. The width of the tows is taken for
-    twice the thickness of the fabric (manual: departures).
+    Where strips of the width b slide over each other a sheet has the bending stiffness C11 b²/12
+    per area within its plane, whatever the mesh; an element of the width L with C^M in the
+    hourglass terms has C11 L²/12. The strips are taken as wide as the fabric is thick (manual:
+    departures).
     """
     if not material.is_diagonal:
         return 1.0

@@ -35,7 +35,7 @@ class Element(SceneModel):
     )
     fibre_hourglass: Annotated[
         Annotated[float, Number(1.0, Range(0.0, 1.0, (0.0,)))] | None,
-        AbsentMeans("that of strips twice as wide as the fabric is thick"),
+        AbsentMeans("that of strips as wide as the fabric is thick"),
     ] = Field(
         default=None,
         description="Share of the fibre stiffness in the in-plane hourglass terms, by which "
