@@ -93,8 +93,12 @@ def build_fibre_bending(bodies: Sequence[Any], first_force: int) -> FibreBending
                 first_mid += part.mid_count
     if not parts:
         return None
-    columns = [np.concatenate(arrays, axis=-1) for arrays in zip(*(part[:-1] for part in parts))]
-    return FibreBending(*columns, first_force)
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts], axis=-1)
+        for name in FibreBending._fields
+        if name != "first_force"
+    }
+    return FibreBending(**columns, first_force=first_force)
 
 
 def _of_body(body: Any, first_mid: int) -> FibreBending:
@@ -108,7 +112,11 @@ def _of_body(body: Any, first_mid: int) -> FibreBending:
     before = np.where(lines.before == NO_NODE, own, lines.before)
     after = np.where(lines.after == NO_NODE, own, lines.after)
     inner = (before != own) & (after != own)
-    lengths = [np.where(inner, np.linalg.norm(X[ends] - X, axis=-1), 1.0) for ends in (before, after)]
+    # the direction across a fibre is that of the other one
+    inner &= ((before != own) | (after != own))[::-1]
+    lengths = [
+        np.where(inner, np.linalg.norm(X[ends] - X, axis=-1), 1.0) for ends in (before, after)
+    ]
     mean = 0.5 * (lengths[0] + lengths[1])
     D = np.array(body.material.fibre_bending)[:, None]
     table = FibreBending(
@@ -155,7 +163,9 @@ def curvatures(table: FibreBending, x: np.ndarray) -> np.ndarray:
 
 def stored_energy(table: FibreBending, position: np.ndarray) -> float:
     """Return the energy [J] at node positions (3, node_count) [m]."""
-    return float(0.5 * (table.stiffness * curvatures(table, mid_positions(table, position)) ** 2).sum())
+    return float(
+        0.5 * (table.stiffness * curvatures(table, mid_positions(table, position)) ** 2).sum()
+    )
 
 
 def frequency_bound(table: FibreBending, mass: np.ndarray) -> float:
