@@ -28,6 +28,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Theory": ("element", "materials", "departures", "contact", "time-integration"),
     "Evidence": (
         "hemisphere",
+        "convergence-table",
         "verification",
         "benchmark-table",
         "hard-case-table",

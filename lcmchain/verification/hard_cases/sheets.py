@@ -72,6 +72,7 @@ def linear_fabric(thickness: float = 1.004, **moduli: float) -> str:
 
     Given are those of ``moduli``: C11, C12, C33, C13 of the membrane, B11, B12, B33, B13 of the
     bending; 22 equals 11 and 23 equals 13, and the bending equals the membrane where not given.
+    Fibres kink freely within the plane: a stiffness against it would hide a shear so soft.
     """
     m = {"C11": 1000.0, "C12": 0.1, "C33": 0.1563, "C13": 0.1, **moduli}
     m = {**{f"B{key[1:]}": m[key] for key in ("C11", "C12", "C33", "C13")}, **m}
@@ -84,7 +85,7 @@ membrane = {{ C11 = "{m["C11"]} MPa", C22 = "{m["C11"]} MPa", C23 = "{m["C13"]} 
 C13 = "{m["C13"]} MPa", shear_polynomial = "{m["C12"]} 0 0 0 0 MPa" }}
 compaction = {{ c0 = "{m["C33"]} MPa", c1 = 0.0, c2 = 2.0 }}
 bending = {{ C11 = "{m["B11"]} MPa", C22 = "{m["B11"]} MPa", C33 = "{m["B33"]} MPa", \
-C12 = "{m["B12"]} MPa", C23 = "{m["B13"]} MPa", C13 = "{m["B13"]} MPa" }}
+C12 = "{m["B12"]} MPa", C23 = "{m["B13"]} MPa", C13 = "{m["B13"]} MPa", in_plane = 0.0 }}
 """
 
 
