@@ -111,7 +111,7 @@ def test_works_and_forces_agree_but_for_two_stiffnesses(formed):
         assert softer < actual < 1.15 * softer
     forces = [summary["punch_force_max_N"] for summary in (solid, stiff, triangles)]
     assert forces[2] == pytest.approx(forces[1], rel=0.03)
-    assert forces[0] < forces[2] < 1.08 * forces[0]
+    assert forces[0] < forces[2] < 1.1 * forces[0]
 
 
 def test_the_2d_run_is_sound(formed):
