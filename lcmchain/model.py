@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.effects.fibre_bending import FibreBending, build_fibre_bending
+from lcmchain.effects.fibre_bending import FORCE_ROWS, FibreBending, build_fibre_bending
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
@@ -257,7 +257,7 @@ def assemble_bodies(
     fibre_bending = build_fibre_bending(bodies, placed[-1].last_force)
     last_force = placed[-1].last_force
     if fibre_bending is not None:
-        last_force += fibre_bending.force_size
+        last_force += fibre_bending.padded_count * FORCE_ROWS
     penalty = contact.penalty
     if penalty is None:
         penalty = min(_automatic_penalty(b.material, b.shortest_length) for b in bodies)

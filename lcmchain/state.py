@@ -88,6 +88,7 @@ def entry(
 def sizes(model: Model) -> dict[str, int]:
     """Return the sizes that declarations name."""
     tool_count = len(model.tool_names)
+    bending = model.fibre_bending
     return {
         "xyz": 3,
         "node": model.node_count,
@@ -102,8 +103,8 @@ def sizes(model: Model) -> dict[str, int]:
         "time and place": 4,
         "history": model.history_size,
         "corner force": model.corner_force_size,
-        "bent node": 0 if model.fibre_bending is None else model.fibre_bending.mid_count,
-        "bending vector": VECTOR_ROWS,
+        "bent node": 0 if bending is None else bending.mid_count,
+        "bending vector": 0 if bending is None else bending.padded_count * VECTOR_ROWS,
         "peak": PEAK_ENTRIES,
         "sample": model.sample_count,
         "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
@@ -311,7 +312,7 @@ class Scratch(_Arrays):
         "xyz", "bent node", unit="m", meaning="mid-surface nodes of fibres that bend in the plane"
     )
     bending_vector: np.ndarray = entry(
-        "bending vector", "bent node", unit="N", meaning="what they send to their neighbours"
+        "bending vector", unit="N", meaning="what they send to their neighbours, in blocks"
     )
     chunk_sums: np.ndarray = entry(
         "chunk", "chunk sum", unit="J, N, m", meaning="energies, tool forces, gaps by chunk"

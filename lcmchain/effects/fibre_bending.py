@@ -17,6 +17,7 @@ Fields: ``energy_internal`` (history) holds its energy; it shows as ``shear_angl
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -24,18 +25,36 @@ import numpy as np
 from numba import prange
 
 from lcmchain.effects.effect import Effect
-from lcmchain.elements.blocks import LANES
-from lcmchain.elements.vectors import cross, dot, plus, scaled
+from lcmchain.elements.blocks import LANES, in_blocks
+from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel, routine
 from lcmchain.mesh.fibre_lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
 
-# Rows of the nodal vectors that the forces are made of: what a node sends to its neighbours after
-# and before it along fibre 1, then along fibre 2.
-VECTOR_ROWS = 12
-ROWS_OF_FORCE = 3
-# Loop over nodes in pieces of this size.
-PIECE = 128
+# Rows of a node in a block of 16: constants; nodes; what it sends along and against fibre 1, then
+# fibre 2, and the sum of that; the force on it.
+CONSTANT_ROWS = 9
+NODE_ROWS = 7
+VECTOR_ROWS = 15
+FORCE_ROWS = 3
+# Keeps what ends of lines divide by from being zero; nothing is as small.
+TINY = 1e-300
+
+
+class FibreBendingData(NamedTuple):
+    """Constants of the kernel, flat arrays in blocks of 16 nodes (``elements/blocks.py``).
+
+    constants : weights before and after along fibre 1, then 2; stiffness 1, 2; rest 1, 2; share of
+        the force on a node of the model.
+    nodes : below and above in the model; the node itself, before and after along fibre 1, then 2.
+    source : where a node finds what is sent to it by those before and after along fibre 1, then 2.
+    first_force : where the forces begin in the corner forces.
+    """
+
+    constants: np.ndarray
+    nodes: np.ndarray
+    source: np.ndarray
+    first_force: int
 
 
 class FibreBending(NamedTuple):
@@ -48,7 +67,7 @@ class FibreBending(NamedTuple):
     weight_before, weight_after : (2, mid_count) of their positions in the curvature [1/m²].
     stiffness : (2, mid_count) D times the node's area [N m³]; 0 where a line ends.
     rest : (2, mid_count) curvature of the reference [1/m].
-    first_force : where the forces lie in the corner forces, in blocks of 16 nodes.
+    data : the same for the kernel.
     """
 
     below: np.ndarray
@@ -59,21 +78,21 @@ class FibreBending(NamedTuple):
     weight_after: np.ndarray
     stiffness: np.ndarray
     rest: np.ndarray
-    first_force: int
+    data: FibreBendingData | None
 
     @property
     def mid_count(self) -> int:
         return self.below.size
 
     @property
-    def force_size(self) -> int:
-        """Numbers that the forces take, in blocks."""
-        return -(-self.mid_count // LANES) * LANES * ROWS_OF_FORCE
+    def padded_count(self) -> int:
+        """Number of mid-surface nodes in full blocks."""
+        return -(-self.mid_count // LANES) * LANES
 
     def force_slots(self) -> np.ndarray:
         """Return where the force on each mid-surface node begins (mid_count,)."""
-        block, lane = np.divmod(np.arange(self.mid_count), LANES)
-        return self.first_force + block * ROWS_OF_FORCE * LANES + lane
+        assert self.data is not None
+        return self.data.first_force + _place(np.arange(self.mid_count), FORCE_ROWS)
 
 
 def build_fibre_bending(bodies: Sequence[Any], first_force: int) -> FibreBending | None:
@@ -96,9 +115,41 @@ def build_fibre_bending(bodies: Sequence[Any], first_force: int) -> FibreBending
     columns: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts], axis=-1)
         for name in FibreBending._fields
-        if name != "first_force"
+        if name != "data"
     }
-    return FibreBending(**columns, first_force=first_force)
+    table = FibreBending(**columns, data=None)
+    return table._replace(data=_in_blocks(table, first_force))
+
+
+def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
+    own = np.arange(table.mid_count, dtype=np.int32)
+    along = [
+        rows[family] for family in (0, 1) for rows in (table.weight_before, table.weight_after)
+    ]
+    share = np.where(table.below == table.above, 1.0, 0.5)
+    constants = np.column_stack([*along, *table.stiffness, *table.rest, share])
+    ends = [rows[family] for family in (0, 1) for rows in (table.before, table.after)]
+    # The node before sends along the fibre, the one after against it. Where a line ends the node is
+    # its own neighbour, and what it sends there comes back.
+    rows = np.array([0, 3, 6, 9])
+    back = rows[[1, 0, 3, 2]]
+    source = [
+        _place(end, VECTOR_ROWS) + LANES * np.where(end == own, back[k], rows[k])
+        for k, end in enumerate(ends)
+    ]
+    nodes = np.column_stack([table.below, table.above, own, *ends])
+    return FibreBendingData(
+        constants=in_blocks(constants),
+        nodes=in_blocks(nodes.astype(np.int32)),
+        source=in_blocks(np.column_stack(source).astype(np.int32)),
+        first_force=first_force,
+    )
+
+
+def _place(node: np.ndarray, row_count: int) -> np.ndarray:
+    """Return where nodes have their first row in blocks of ``row_count`` rows."""
+    block, lane = np.divmod(node, LANES)
+    return block * row_count * LANES + lane
 
 
 def _of_body(body: Any, first_mid: int) -> FibreBending:
@@ -128,7 +179,7 @@ def _of_body(body: Any, first_mid: int) -> FibreBending:
         weight_after=np.where(inner, 1.0 / (lengths[1] * mean), 0.0),
         stiffness=np.where(inner, D * body.node_area[sides[0]], 0.0),
         rest=np.zeros((2, len(X))),
-        first_force=0,
+        data=None,
     )
     shift = np.int32(first_mid)
     return table._replace(
@@ -186,111 +237,126 @@ def frequency_bound(table: FibreBending, mass: np.ndarray) -> float:
 
 
 @kernel
-def fibre_bending_forces(table, position, corner_force, mid, vector):
+def fibre_bending_forces(data, position, corner_force, mid, vector):
     """Write the internal forces of the fibres' bending behind those of the elements.
 
     Parameters
     ----------
-    table : :class:`FibreBending`.
-    position : (3, node_count) [m]. corner_force : written from ``table.first_force`` on; a node of
+    data : :class:`FibreBendingData`.
+    position : (3, node_count) [m]. corner_force : written from ``data.first_force`` on; a node of
         either face finds half of the force on the middle [N], the only one of a layer all of it.
-    mid, vector : scratch, (3, mid_count) and (VECTOR_ROWS, mid_count).
+    mid, vector : scratch, (3, mid_count) and in blocks (padded_count * VECTOR_ROWS,).
     """
-    count = table.below.size
-    pieces = -(-count // PIECE)
-    for piece in prange(pieces):
-        find_middle(table, position, mid, piece * PIECE, min((piece + 1) * PIECE, count))
-    for piece in prange(pieces):
-        find_vectors(table, mid, vector, piece * PIECE, min((piece + 1) * PIECE, count))
-    for piece in prange(pieces):
-        add_vectors(table, vector, corner_force, piece * PIECE, min((piece + 1) * PIECE, count))
+    block_count = data.constants.size // (CONSTANT_ROWS * LANES)
+    for block in prange(block_count):
+        find_middle(data, position, mid, block)
+    for block in prange(block_count):
+        find_vectors(data, mid, vector, block)
+    for block in prange(block_count):
+        add_vectors(data, vector, corner_force, block)
 
 
 @routine
-def find_middle(table, position, mid, first, last):
-    for node in range(first, last):
-        a, b = table.below[node], table.above[node]
+def find_middle(data, position, mid, block):
+    nodes = data.nodes[block * NODE_ROWS * LANES : (block + 1) * NODE_ROWS * LANES]
+    for lane in range(LANES):
+        below, above, own = nodes[lane], nodes[LANES + lane], nodes[2 * LANES + lane]
         for d in range(3):
-            mid[d, node] = 0.5 * (position[d, a] + position[d, b])
+            mid[d, own] = 0.5 * (position[d, below] + position[d, above])
 
 
 @routine
-def find_vectors(table, mid, vector, first, last):
+def find_vectors(data, mid, vector, block):
     """Write what the nodes send to their neighbours along the fibres."""
-    for node in range(first, last):
-        x = at(mid, node)
-        before1, after1 = at(mid, table.before[0, node]), at(mid, table.after[0, node])
-        before2, after2 = at(mid, table.before[1, node]), at(mid, table.after[1, node])
-        t1, t2 = plus(-1.0, before1, after1), plus(-1.0, before2, after2)
-        u1, v1, g12 = bending_of(table, 0, node, x, before1, after1, t1, t2)
-        u2, v2, g21 = bending_of(table, 1, node, x, before2, after2, t2, t1)
-        # the tangent of one fibre is where the other's p comes from
-        v1, v2 = plus(1.0, v1, g21), plus(1.0, v2, g12)
-        p1, m1 = table.weight_after[0, node], table.weight_before[0, node]
-        p2, m2 = table.weight_after[1, node], table.weight_before[1, node]
-        for d in range(3):
-            vector[d, node] = p1 * u1[d] + v1[d]
-            vector[3 + d, node] = m1 * u1[d] - v1[d]
-            vector[6 + d, node] = p2 * u2[d] + v2[d]
-            vector[9 + d, node] = m2 * u2[d] - v2[d]
+    nodes = data.nodes[block * NODE_ROWS * LANES : (block + 1) * NODE_ROWS * LANES]
+    constants = data.constants[block * CONSTANT_ROWS * LANES : (block + 1) * CONSTANT_ROWS * LANES]
+    own = vector[block * VECTOR_ROWS * LANES : (block + 1) * VECTOR_ROWS * LANES]
+    near = np.empty(15 * LANES)  # the node, before and after along fibre 1, then 2
+    for k in range(5):
+        for lane in range(LANES):
+            node = nodes[(2 + k) * LANES + lane]
+            near[3 * k * LANES + lane] = mid[0, node]
+            near[(3 * k + 1) * LANES + lane] = mid[1, node]
+            near[(3 * k + 2) * LANES + lane] = mid[2, node]
+    for lane in range(LANES):
+        bend_in_lane(near, constants, own, lane)
 
 
 @routine
-def add_vectors(table, vector, corner_force, first, last):
-    """Write the forces on the nodes, the sums of what they get less what they send."""
-    for node in range(first, last):
-        a1, b1 = table.after[0, node], table.before[0, node]
-        a2, b2 = table.after[1, node], table.before[1, node]
-        share = 1.0 if table.below[node] == table.above[node] else 0.5
-        slot = table.first_force + (node // LANES) * LANES * ROWS_OF_FORCE + node % LANES
+def add_vectors(data, vector, corner_force, block):
+    """Write the forces on the nodes: the sums of what they get, less what they send."""
+    source = data.source[block * 4 * LANES : (block + 1) * 4 * LANES]
+    constants = data.constants[block * CONSTANT_ROWS * LANES : (block + 1) * CONSTANT_ROWS * LANES]
+    own = vector[block * VECTOR_ROWS * LANES : (block + 1) * VECTOR_ROWS * LANES]
+    first = data.first_force + block * FORCE_ROWS * LANES
+    force = corner_force[first : first + FORCE_ROWS * LANES]
+    for lane in range(LANES):
+        i, j = source[lane], source[LANES + lane]
+        k, m = source[2 * LANES + lane], source[3 * LANES + lane]
+        share = constants[8 * LANES + lane]
         for d in range(3):
-            sent = vector[d, node] + vector[3 + d, node] + vector[6 + d, node] + vector[9 + d, node]
-            # where a line ends the node is its own neighbour: what it sends there comes back
-            got = vector[d, b1] if b1 != node else vector[3 + d, node]
-            got += vector[3 + d, a1] if a1 != node else vector[d, node]
-            got += vector[6 + d, b2] if b2 != node else vector[9 + d, node]
-            got += vector[9 + d, a2] if a2 != node else vector[6 + d, node]
-            corner_force[slot + d * LANES] = share * (got - sent)
+            got = vector[i + d * LANES] + vector[j + d * LANES]
+            got += vector[k + d * LANES] + vector[m + d * LANES]
+            force[d * LANES + lane] = share * (got - own[(12 + d) * LANES + lane])
 
 
-@routine
-def bending_of(table, family, node, x, before, after, t, across):
-    """Return the moment D A κ times ∂κ/∂w, ∂κ/∂t of the own tangent and of the other fibre's.
+@equation
+def load3(array, i):
+    return (array[i], array[i + LANES], array[i + 2 * LANES])
+
+
+@equation
+def bend_in_lane(near, constants, own, i):
+    L = LANES
+    x = load3(near, i)
+    before1, after1 = load3(near, i + 3 * L), load3(near, i + 6 * L)
+    before2, after2 = load3(near, i + 9 * L), load3(near, i + 12 * L)
+    m1, p1 = constants[i], constants[i + L]
+    m2, p2 = constants[i + 2 * L], constants[i + 3 * L]
+    t1, t2 = plus(-1.0, before1, after1), plus(-1.0, before2, after2)
+    w1 = curvature_vector(m1, p1, before1, x, after1)
+    w2 = curvature_vector(m2, p2, before2, x, after2)
+    u1, v1, g12 = bending_of(constants[i + 4 * L], constants[i + 6 * L], w1, t1, t2)
+    u2, v2, g21 = bending_of(constants[i + 5 * L], constants[i + 7 * L], w2, t2, t1)
+    # the tangent of one fibre is where the other's p comes from
+    v1, v2 = plus(1.0, v1, g21), plus(1.0, v2, g12)
+    store3(own, i, combination2(p1, u1, 1.0, v1))
+    store3(own, i + 3 * L, combination2(m1, u1, -1.0, v1))
+    store3(own, i + 6 * L, combination2(p2, u2, 1.0, v2))
+    store3(own, i + 9 * L, combination2(m2, u2, -1.0, v2))
+    store3(own, i + 12 * L, combination2(m1 + p1, u1, m2 + p2, u2))
+
+
+@equation
+def curvature_vector(m, p, before, x, after):
+    """Return w: its part within the sheet is the curvature."""
+    return plus(-m - p, x, combination2(m, before, p, after))
+
+
+@equation
+def bending_of(stiffness, rest, w, t, across):
+    """Return the moment D A (κ - rest) times ∂κ/∂w, ∂κ/∂t of the own tangent and of the other's.
 
     With w = κ p̂ + τ t̂ + ν n and c = t·t₂/|t|²: ∂κ/∂w = p̂, ∂κ/∂t₂ = ν n/|p| and
     ∂κ/∂t = -c ν n/|p| - τ p̂/|t|.
     """
-    stiffness = table.stiffness[family, node]
-    zero = (0.0, 0.0, 0.0)
-    if stiffness == 0.0:
-        return zero, zero, zero
-    p, m = table.weight_after[family, node], table.weight_before[family, node]
-    w = (
-        p * after[0] + m * before[0] - (p + m) * x[0],
-        p * after[1] + m * before[1] - (p + m) * x[1],
-        p * after[2] + m * before[2] - (p + m) * x[2],
-    )
-    squared = dot(t, t)
+    squared = dot(t, t) + TINY
     c = dot(t, across) / squared
-    q = (across[0] - c * t[0], across[1] - c * t[1], across[2] - c * t[2])
-    inverse = 1.0 / np.sqrt(dot(q, q))
+    q = plus(-c, t, across)
+    inverse = 1.0 / math.sqrt(dot(q, q) + TINY)
     q = scaled(inverse, q)
-    n = scaled(1.0 / np.sqrt(squared), cross(t, q))
-    kappa = dot(w, q)
-    moment = stiffness * (kappa - table.rest[family, node])
+    n = scaled(1.0 / math.sqrt(squared), cross(t, q))
+    moment = stiffness * (dot(w, q) - rest)
     lift = inverse * dot(w, n) * moment
     slide = dot(w, t) / squared * moment
-    own = (
-        -c * lift * n[0] - slide * q[0],
-        -c * lift * n[1] - slide * q[1],
-        -c * lift * n[2] - slide * q[2],
-    )
-    return scaled(moment, q), own, scaled(lift, n)
+    return scaled(moment, q), combination2(-c * lift, n, -slide, q), scaled(lift, n)
 
 
 @equation
-def at(array, node):
-    return (array[0, node], array[1, node], array[2, node])
+def store3(array, i, a):
+    array[i] = a[0]
+    array[i + LANES] = a[1]
+    array[i + 2 * LANES] = a[2]
 
 
 def active(model: Any) -> list[Effect]:

@@ -362,7 +362,7 @@ class Simulation:
         advance(
             self._arrays,
             model.placed,
-            model.fibre_bending,
+            None if model.fibre_bending is None else model.fibre_bending.data,
             model.tools,
             model.environment,
             model.supports,

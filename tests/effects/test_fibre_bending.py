@@ -44,8 +44,8 @@ def forces_on_nodes(model, position):
     """Internal forces (3, node_count) [N] of the fibres' bending alone, summed as the loop does."""
     table = model.fibre_bending
     corner_force = np.zeros(model.corner_force_size)
-    scratch = np.empty((3, table.mid_count)), np.empty((VECTOR_ROWS, table.mid_count))
-    fibre_bending_forces(table, np.ascontiguousarray(position), corner_force, *scratch)
+    scratch = np.empty((3, table.mid_count)), np.empty(table.padded_count * VECTOR_ROWS)
+    fibre_bending_forces(table.data, np.ascontiguousarray(position), corner_force, *scratch)
     slot = model.nodes.force_slot
     return np.stack([corner_force[slot + d * LANES].sum(axis=0) for d in range(3)])
 
