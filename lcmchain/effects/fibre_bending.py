@@ -37,6 +37,8 @@ CONSTANT_ROWS = 9
 NODE_ROWS = 7
 VECTOR_ROWS = 15
 FORCE_ROWS = 3
+# Blocks that a thread takes at a time.
+PIECE = 8
 # Keeps what ends of lines divide by from being zero; nothing is as small.
 TINY = 1e-300
 
@@ -248,12 +250,16 @@ def fibre_bending_forces(data, position, corner_force, mid, vector):
     mid, vector : scratch, (3, mid_count) and in blocks (padded_count * VECTOR_ROWS,).
     """
     block_count = data.constants.size // (CONSTANT_ROWS * LANES)
-    for block in prange(block_count):
-        find_middle(data, position, mid, block)
-    for block in prange(block_count):
-        find_vectors(data, mid, vector, block)
-    for block in prange(block_count):
-        add_vectors(data, vector, corner_force, block)
+    pieces = -(-block_count // PIECE)
+    for piece in prange(pieces):
+        for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
+            find_middle(data, position, mid, block)
+    for piece in prange(pieces):
+        for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
+            find_vectors(data, mid, vector, block)
+    for piece in prange(pieces):
+        for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
+            add_vectors(data, vector, corner_force, block)
 
 
 @routine
