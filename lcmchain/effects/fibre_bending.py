@@ -210,7 +210,12 @@ def curvatures(table: FibreBending, x: np.ndarray) -> np.ndarray:
         t, across, squared = t[bent], across[bent], squared[bent]
         normal_to_t = across - (np.einsum("nd,nd->n", across, t) / squared)[:, None] * t
         size = np.linalg.norm(normal_to_t, axis=1)
-        result[family, bent] = np.einsum("nd,nd->n", w[bent], normal_to_t) / size
+        # fibres that lie on each other have no direction across; the compiled forces leave them out
+        along = np.einsum("nd,nd->n", w[bent], normal_to_t)
+        with np.errstate(invalid="ignore"):  # guards tell of what has no bounds any more
+            result[family, bent] = np.divide(
+                along, size, where=size != 0.0, out=np.zeros(len(size))
+            )
     return result - table.rest
 
 
