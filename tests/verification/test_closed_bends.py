@@ -53,6 +53,10 @@ def test_pressure_in_a_closed_bend_is_that_between_plates(
     plates, _ = between(model, thickness)
     bend, measured = between(model, thickness, radius)
     assert bend == pytest.approx(plates, rel=pressure_error)
+    half_turn = 0.5 * 5e-3 / radius  # of an element
+    chord_over_arc = np.sin(half_turn) / half_turn
+    # the same force on the arc, where the tools press
+    assert bend * chord_over_arc == pytest.approx(plates, rel=0.015)
     assert measured == pytest.approx(thickness, rel=thickness_error)
 
 
