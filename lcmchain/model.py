@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.effects.fibre_bending import FORCE_ROWS, FibreBending, build_fibre_bending
+from lcmchain.effects.fibre_bending import (
+    FORCE_ROWS,
+    FibreBending,
+    build_fibre_bending,
+    frequency_bound,
+)
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
@@ -155,6 +161,13 @@ class Model:
     def geometry(self) -> Any:
         """Reference geometry of the only body."""
         return self.body.geometry
+
+    @cached_property
+    def fibre_bending_omega2(self) -> float:
+        """Bound of the highest ω² of the fibres' bending [1/s²], which no deformation changes."""
+        if self.fibre_bending is None:
+            return 0.0
+        return frequency_bound(self.fibre_bending, self.nodes.mass)
 
     @property
     def remembers(self) -> bool:

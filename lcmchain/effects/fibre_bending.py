@@ -10,7 +10,7 @@ part of the other fibre's tangent t₂ (difference over its own two neighbours) 
 fibre's tangent t₁. Forces are the exact derivative.
 Source: second-gradient models of fabrics, Ferretti, Madeo, dell'Isola, Boisse: Z. angew. Math.
 Phys. 65 (2014) 587-612; the discrete form: own.
-Stability limit: its ω², bounded by Gershgorin's theorem, is added to that of the elements.
+Stability limit: its ω², bounded by Cauchy's inequality, is added to that of the elements.
 Scene: ``material.bending.in_plane`` (0 switches it off).
 Fields: ``energy_internal`` (history) holds its energy; it shows as ``shear_angle``.
 """

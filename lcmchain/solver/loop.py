@@ -53,9 +53,7 @@ Arrays: Any = NamedTuple(  # type: ignore[misc]
 
 
 @routine
-def advance(
-    arrays, bodies, fibre_bending, tools, environment, supports, averaging, step_count, dt
-):
+def advance(arrays, bodies, fibre_bending, tools, environment, supports, averaging, step_count, dt):
     """Make ``step_count`` steps of size ``dt`` [s].
 
     ``bodies`` are those placed in the model; ``fibre_bending`` and ``supports`` are tables or None;

@@ -383,10 +383,7 @@ class Simulation:
             )
             found.append((omega2, body.first_element + element, code))
         omega2, element, code = max(found, key=lambda bound: bound[0])
-        if self.model.fibre_bending is not None:
-            bending = self.model.fibre_bending
-            omega2 += fibre_bending.frequency_bound(bending, self.model.nodes.mass)
-        return omega2, element, code
+        return omega2 + self.model.fibre_bending_omega2, element, code
 
     def _renew(self) -> None:
         """Renew what elements take from their neighbours, at the start and now and then."""
