@@ -155,7 +155,12 @@ def build_datasets(
 
 
 def model_datasets(
-    scene: Scene, model: Model, frames: FrameSeries, histories: Histories | None = None
+    scene: Scene,
+    model: Model,
+    frames: FrameSeries,
+    histories: Histories | None = None,
+    *,
+    attributes: Mapping[str, str] | None = None,
 ) -> dict[str, xr.Dataset]:
     """Turn the saved frames of a model into the groups of ``forming.nc``.
 
@@ -165,16 +170,18 @@ def model_datasets(
     variable ``body`` (flags) that tells them apart; a field that a body does not have is nan there.
 
     histories : of the run; ``"/history"`` holds those of the frames without them.
+    attributes : further global attributes of the file, such as the state of the run.
     """
-    if len(model.bodies) == 1:
-        sheet = SheetFrames.of_body(model, model.body, frames)
-        return _one_sheet(scene, sheet, frames) | {HISTORY: history_dataset(frames, histories)}
     sheets = {body.name: SheetFrames.of_body(model, body, frames) for body in model.bodies}
-    groups = {SHEET: _all_sheets(scene, sheets, frames)}
-    for name, sheet in sheets.items():
-        groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
-        if sheet.mesh.volumes is not None:
-            groups[f"/{name}/solid"] = _solid(sheet, frames)
+    if len(sheets) == 1:
+        groups = _one_sheet(scene, *sheets.values(), frames)
+    else:
+        groups = {SHEET: _all_sheets(scene, sheets, frames)}
+        for name, sheet in sheets.items():
+            groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
+            if sheet.mesh.volumes is not None:
+                groups[f"/{name}/solid"] = _solid(sheet, frames)
+    groups[SHEET].attrs.update(attributes or {})
     return groups | {HISTORY: history_dataset(frames, histories)}
 
 
