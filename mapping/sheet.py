@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
+from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.surface import Surface
 
 # The two fibre families, in the order of the material's axes.
@@ -86,11 +87,12 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
             f"a forming result has one two-dimensional mesh, this has {len(topology)}", file=name
         )
     mesh = topology[0].attrs
-    if "frame" in dataset.dims:
-        frame_count = dataset.sizes["frame"]
+    states = "frame" if "frame" in dataset.dims else TIME  # as the files of version 0.1 named it
+    if states in dataset.dims:
+        frame_count = dataset.sizes[states]
         if not -frame_count <= frame < frame_count:
             raise InputError(f"frame {frame} does not exist; there are {frame_count}", file=name)
-        dataset = dataset.isel(frame=frame)
+        dataset = dataset.isel({states: frame})
     points = _node_positions(dataset, mesh, name)
     faces = _faces(dataset[mesh["face_node_connectivity"]], len(points), name)
 
@@ -152,7 +154,10 @@ def _node_positions(dataset: xr.Dataset, mesh: Mapping, name: str) -> np.ndarray
             parts = np.stack([np.asarray(dataset[key].values, dtype=float) for key in moved], 1)
             points = parts[:, :3] + parts[:, 3:]
         else:
+            # Their order is the writer's own (x z y in a mapped file); `axis` says which is which.
             keys = mesh["node_coordinates"].split()
+            if all(dataset[key].attrs.get("axis") for key in keys):
+                keys.sort(key=lambda key: dataset[key].attrs["axis"])
             points = np.stack([np.asarray(dataset[key].values, dtype=float) for key in keys], 1)
         if points.shape[1] != 3:
             raise ValueError

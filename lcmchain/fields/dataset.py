@@ -19,13 +19,12 @@ from lcmchain.fields.pressure import pressure_fields, tool_pressure
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
-    FRAME,
-    FRAME_TIME,
     NO_NODE,
     ROOT,
+    TIME,
     UgridMesh,
     Variable,
-    frame_time,
+    saved_times,
 )
 from lcmchain.materials.law import Material, remembered
 from lcmchain.mesh.sheet_mesh import SheetMesh
@@ -142,7 +141,7 @@ def build_datasets(
 
     Returns
     -------
-    Datasets by group name. Face variables have the dimensions ``frame`` and ``sheet_face``.
+    Datasets by group name. Face variables have the dimensions ``time`` and ``sheet_face``.
     """
     own: Any = scene.material.build() if material is None else material
     body = family_of(scene.element).build("sheet", blank, own, scene.element, 0, 0)
@@ -203,7 +202,7 @@ def add_face_variables(
     ValueError : wrong shape; no unit or name known for a field.
     """
     sheet = datasets[SHEET].copy()
-    shape = (sheet.sizes[FRAME], sheet.sizes[SHEET_MESH.cell_dimension])
+    shape = (sheet.sizes[TIME], sheet.sizes[SHEET_MESH.cell_dimension])
     for name, entry in variables.items():
         values, attributes = entry if isinstance(entry, tuple) else (entry, None)
         for variable, component in _scalars(name, np.asarray(values, dtype=float), shape):
@@ -304,9 +303,7 @@ def _moving_nodes(
 ) -> dict[str, Variable]:
     return {
         **_coordinates(mesh, current[-1]),
-        FRAME_TIME: frame_time(frames.time),
-        # VTK's reader finds time steps only under this name, and shows the first frame without it.
-        "time": frame_time(frames.time, dimension="time"),
+        TIME: saved_times(frames.time),
         **_node_fields(mesh, reference, current),
     }
 
@@ -349,7 +346,7 @@ def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
         ),
         **mesh.volume_shapes(volumes, long_name="shape of each volume", node_counts=(6, 8)),
         **_coordinates(mesh, sheet.positions[-1]),
-        FRAME_TIME: frame_time(frames.time),
+        TIME: saved_times(frames.time),
         **_node_fields(mesh, sheet.mesh.node_positions, sheet.positions),
     }
     if sheet.tool_pressure is not None:
@@ -362,9 +359,7 @@ def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
 
 
 def _coordinates(mesh: UgridMesh, positions: np.ndarray) -> dict[str, Variable]:
-    return mesh.node_positions(
-        positions, long_name="coordinate of the node in the last frame", positive="up"
-    )
+    return mesh.node_positions(positions, long_name="coordinate of the node in the last frame")
 
 
 def _node_fields(

@@ -97,7 +97,7 @@ def test_result_file_has_the_frames_of_the_scene(unit, scene_file, direct, tmp_p
         output=["punch.travel"],
     )
     sheet = sheet_of(out)
-    np.testing.assert_allclose(sheet["frame_time"], [0.0, 1e-3, 2e-3, 3e-3], rtol=1e-9)
+    np.testing.assert_allclose(sheet["time"], [0.0, 1e-3, 2e-3, 3e-3], rtol=1e-9)
     np.testing.assert_array_equal(sheet["thickness"][-1], fields_of(direct)["thickness"])
     assert [path.name for path in out.iterdir()] == ["forming.nc"]
 
@@ -197,7 +197,7 @@ def test_serialized_state_goes_on_in_another_instance(new_master, tmp_path):
     other.step(time, STEP)
     np.testing.assert_array_equal(other.field("thickness"), one.field("thickness"))
     other.slave.terminate()
-    np.testing.assert_allclose(sheet_of(tmp_path)["frame_time"], [0.0, 1e-3, 1.5e-3], rtol=1e-9)
+    np.testing.assert_allclose(sheet_of(tmp_path)["time"], [0.0, 1e-3, 1.5e-3], rtol=1e-9)
 
 
 def test_reset_starts_over(new_master):

@@ -297,7 +297,7 @@ def test_positions_and_fields_belong_to_the_same_frame(make, write_mesh, tmp_pat
     for k, axis in enumerate("xyz"):
         moves = np.stack([0.0 * formed[:, k], formed[:, k] - flat[:, k]])
         result[f"reference_position_{axis}"] = ("sheet_node", flat[:, k])
-        result[f"displacement_{axis}"] = (("frame", "sheet_node"), moves)
+        result[f"displacement_{axis}"] = (("time", "sheet_node"), moves)
     np.testing.assert_allclose(read_sheet(result).surface.points, formed, atol=1e-15)
     np.testing.assert_array_equal(read_sheet(result, frame=0).surface.points, flat)
     report = map_file(

@@ -81,7 +81,7 @@ def test_a_failed_mapping_leaves_the_forming_results(failed, folder):
     scene = read_scene(folder / "scene.toml")
     assert summary["scene_sha256"] == scene.source.sha256
     assert summary["run_fingerprint"] == run_fingerprint(scene).sha256
-    assert read_forming(out / "forming.nc").sizes["frame"] == 3
+    assert read_forming(out / "forming.nc").sizes["time"] == 3
     assert summary["mapping"]["near"]["status_count"]["unmapped"] == 0
     assert (out / "near.nc").is_file() and not (out / "far.nc").exists()
     assert "no sheet within 3 mm" in summary["mapping"]["far"]["error"]
