@@ -5,10 +5,12 @@ import re
 import fmpy
 import numpy as np
 import pytest
+import xarray as xr
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import fmi2LastSuccessfulTime, fmi2Terminated
 
 from lcmchain.fields import derive_fields, read_forming
+from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
 from lcmchain.solver.simulation import Simulation
 
@@ -100,6 +102,34 @@ def test_result_file_has_the_frames_of_the_scene(unit, scene_file, direct, tmp_p
     np.testing.assert_allclose(sheet["time"], [0.0, 1e-3, 2e-3, 3e-3], rtol=1e-9)
     np.testing.assert_array_equal(sheet["thickness"][-1], fields_of(direct)["thickness"])
     assert [path.name for path in out.iterdir()] == ["forming.nc"]
+
+
+def test_result_file_is_that_of_a_run(unit, scene_file, tmp_path):
+    """Every group, field, history and attribute, at the same communication points."""
+    fmpy.simulate_fmu(
+        str(unit),
+        stop_time=POINTS[-1],
+        output_interval=1e-3,  # of the frames
+        start_values={"out_dir": str(tmp_path / "unit")},
+        output=["punch.travel"],
+    )
+    quick = ["output.pictures=false", "output.vtu=false"]
+    run(read_scene(scene_file, quick), tmp_path / "run")
+    with (
+        xr.open_datatree(tmp_path / "unit" / "forming.nc") as of_unit,
+        xr.open_datatree(tmp_path / "run" / "forming.nc") as of_run,
+    ):
+        assert of_unit.groups == of_run.groups
+        assert "permeability_direction_2_y" in of_unit
+        for group in of_run.groups:
+            xr.testing.assert_equal(of_unit[group].to_dataset(), of_run[group].to_dataset())
+            for name, variable in of_run[group].variables.items():
+                assert str(of_unit[group][name].attrs) == str(variable.attrs), (group, name)
+        changed = {"history", "scene", "scene_sha256"}  # its time, and the overrides of the run
+        expected = {key: of_run.attrs[key] for key in of_run.attrs.keys() - changed}
+        assert of_unit.attrs.keys() == of_run.attrs.keys()
+        assert {key: of_unit.attrs[key] for key in expected} == expected
+        assert of_unit.attrs["state"] == "complete"
 
 
 # --- inputs ---------------------------------------------------------------------------------------
@@ -197,7 +227,10 @@ def test_serialized_state_goes_on_in_another_instance(new_master, tmp_path):
     other.step(time, STEP)
     np.testing.assert_array_equal(other.field("thickness"), one.field("thickness"))
     other.slave.terminate()
-    np.testing.assert_allclose(sheet_of(tmp_path)["time"], [0.0, 1e-3, 1.5e-3], rtol=1e-9)
+    sheet = sheet_of(tmp_path)
+    np.testing.assert_allclose(sheet["time"], [0.0, 1e-3, 1.5e-3], rtol=1e-9)
+    early = "stopped: the master ended the simulation after 1.5 of 3 ms"
+    assert sheet.attrs["state"] == early
 
 
 def test_reset_starts_over(new_master):
