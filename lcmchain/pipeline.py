@@ -164,7 +164,7 @@ def _map_fields(scene: Scene, result: Result) -> None:
     for target in scene.mapping:
         try:
             report = map_forming(
-                result.datasets["/"],
+                result.folder / "forming.nc",
                 scene.source.directory / target.mesh,
                 name=target.name,
                 kind=target.kind,

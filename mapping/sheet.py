@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -20,7 +22,29 @@ FIBRE_FAMILIES = ("fibre_direction_1", "fibre_direction_2")
 # Fields that later stages cannot do without: a hole in one of them stops the mapping.
 NEEDED = ("thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle", *FIBRE_FAMILIES)
 
+# Principal permeabilities and their axes, which are mapped together, as tensors.
+PERMEABILITIES = tuple(f"permeability_{number}" for number in (1, 2, 3))
+PERMEABILITY_AXES = tuple(f"permeability_direction_{number}" for number in (1, 2, 3))
+
+# What a forming result says of itself and a mapped one repeats.
+_PROVENANCE = (
+    "title", "history", "source", "institution", "comment", "state",
+    "material", "areal_mass_kg_m2", "fibre_density_kg_m3",
+)  # fmt: skip
+
+_KEPT = ("units", "long_name", "comment")
 _COMPONENT = re.compile(r"(.+)_([xyz])")
+
+
+class PrincipalPermeability(NamedTuple):
+    """Principal permeabilities of faces or cells, and their axes.
+
+    values : two in the plane of the sheet, the larger one first, and through it [m2], shape (F, 3).
+    axes : unit vectors without a sense, one a row, shape (F, 3, 3).
+    """
+
+    values: np.ndarray
+    axes: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -30,12 +54,14 @@ class Sheet:
     Parameters
     ----------
     surface : mid-surface at the chosen frame.
-    scalars : face fields by name, each of shape (F,).
+    scalars : face fields by name, each of shape (F,); those of nodes as the mean of each face.
     directions : unit vectors by name (``fibre_direction_1`` ...), each of shape (F, 3).
     attributes : unit, name and definition of every field.
     unused : names of face fields that are not mapped: vectors that are no directions, and
         fields with holes.
-    provenance : what the source file says about where it comes from.
+    provenance : what the source file says about where it comes from, its name and its hash.
+    permeability : principal values and axes, if the result has them all.
+    time : of the saved state [s], if it is known.
     """
 
     surface: Surface
@@ -43,8 +69,10 @@ class Sheet:
     directions: Mapping[str, np.ndarray]
     attributes: Mapping[str, dict] = field(default_factory=dict)
     unused: tuple[str, ...] = ()
-    provenance: Mapping[str, str] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
     name: str = "forming result"
+    permeability: PrincipalPermeability | None = None
+    time: float | None = None
 
 
 def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> Sheet:
@@ -72,7 +100,15 @@ def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> S
     except (OSError, ValueError) as error:
         raise InputError(f"this is not a netCDF forming result ({error})", file=path) from None
     with dataset:
-        return _sheet_from_dataset(dataset, frame, str(path))
+        sheet = _sheet_from_dataset(dataset, frame, str(path))
+    origin = {"source_file": path.name, "source_sha256": file_sha256(path)}
+    return replace(sheet, provenance={**sheet.provenance, **origin})
+
+
+def file_sha256(path: Path | str) -> str:
+    """Return the SHA-256 of a file's contents."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
@@ -87,7 +123,8 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
             f"a forming result has one two-dimensional mesh, this has {len(topology)}", file=name
         )
     mesh = topology[0].attrs
-    states = "frame" if "frame" in dataset.dims else TIME  # as the files of version 0.1 named it
+    # Files of earlier versions have the dimension `frame` with the coordinate `frame_time`.
+    states, clock = ("frame", "frame_time") if "frame" in dataset.dims else (TIME, TIME)
     if states in dataset.dims:
         frame_count = dataset.sizes[states]
         if not -frame_count <= frame < frame_count:
@@ -95,13 +132,9 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
         dataset = dataset.isel({states: frame})
     points = _node_positions(dataset, mesh, name)
     faces = _faces(dataset[mesh["face_node_connectivity"]], len(points), name)
+    fields, attributes = _face_fields(dataset, mesh, faces)
+    permeability = _take_permeability(fields)
 
-    face_dimension = mesh.get("face_dimension") or dataset[mesh["face_node_connectivity"]].dims[0]
-    fields = {
-        str(key): np.asarray(variable.values, dtype=float)
-        for key, variable in dataset.data_vars.items()
-        if variable.dims == (face_dimension,) and variable.dtype.kind == "f"
-    }
     holes = {key: np.flatnonzero(~np.isfinite(values)) for key, values in fields.items()}
     for key, bad in holes.items():
         if len(bad) and _stem(key) in NEEDED:
@@ -127,16 +160,54 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
         [stem for stem in whole if stem not in directions]
         + [key for key in fields if key not in in_vectors and key not in scalars]
     )
-    kept = ("units", "long_name", "comment")
-    attributes = {
-        key: {a: dataset[key].attrs[a] for a in kept if a in dataset[key].attrs} for key in fields
-    }
     provenance = {
-        key: str(value)
+        key: value
         for key, value in dataset.attrs.items()
-        if key in ("title", "history", "source", "institution") or key.startswith("scene")
+        if key in _PROVENANCE or key.startswith("scene")
     }
-    return Sheet(Surface(points, faces), scalars, directions, attributes, unused, provenance, name)
+    time = float(dataset[clock]) if clock in dataset and dataset[clock].ndim == 0 else None
+    return Sheet(
+        Surface(points, faces), scalars, directions, attributes, unused, provenance, name,
+        permeability, time,
+    )  # fmt: skip
+
+
+def _face_fields(
+    dataset: xr.Dataset, mesh: Mapping, faces: np.ndarray
+) -> tuple[dict[str, np.ndarray], dict[str, dict]]:
+    """Return values on the faces (F,) and attributes of every field of faces or nodes.
+
+    Of the nodes only scalars are taken, such as the pressure of tools: a displacement or position
+    of the sheet says nothing of the target.
+    """
+    face_dimension = mesh.get("face_dimension") or dataset[mesh["face_node_connectivity"]].dims[0]
+    node_dimension = dataset[mesh["node_coordinates"].split()[0]].dims[0]
+    corners = faces >= 0
+    fields, attributes = {}, {}
+    for key, variable in dataset.data_vars.items():
+        name = str(key)
+        if variable.dtype.kind != "f":
+            continue
+        about = {a: variable.attrs[a] for a in _KEPT if a in variable.attrs}
+        values = np.asarray(variable.values, dtype=float)
+        if variable.dims == (face_dimension,):
+            fields[name], attributes[name] = values, about
+        elif variable.dims == (node_dimension,) and not _COMPONENT.fullmatch(name):
+            at_corners = np.where(corners, values[faces], 0.0)
+            fields[name] = at_corners.sum(axis=1) / corners.sum(axis=1)
+            told = f"{about.get('comment', '')}; mean of the nodes of each face of the sheet"
+            attributes[name] = about | {"comment": told.removeprefix("; ")}
+    return fields, attributes
+
+
+def _take_permeability(fields: dict[str, np.ndarray]) -> PrincipalPermeability | None:
+    """Take principal permeabilities and their axes out of the fields, if all are there."""
+    components = [[f"{axis}_{c}" for c in "xyz"] for axis in PERMEABILITY_AXES]
+    if not {*PERMEABILITIES, *sum(components, [])} <= fields.keys():
+        return None
+    values = np.stack([fields.pop(name) for name in PERMEABILITIES], axis=1)
+    axes = np.stack([np.stack([fields.pop(c) for c in row], axis=1) for row in components], axis=1)
+    return PrincipalPermeability(values, axes)
 
 
 def _stem(variable: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -111,12 +112,27 @@ def map_file(
     report.files = {what: path.name for what, path in files.items()}
     if weights_file is not None and not Path(weights_file).exists():
         weights.save(weights_file)
-    write_netcdf(files["netcdf"], {ROOT: mapped_dataset(sheet, target, weights, mapped, report)})
+    command = _command(report, target, length_unit, allow_unmapped)
+    dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
+    write_netcdf(files["netcdf"], {ROOT: dataset})
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
     report.save(files["report"])
     return report
+
+
+def _command(
+    report: MappingReport, target: TargetMesh, length_unit: str, allow_unmapped: bool
+) -> str:
+    """Return the command line that maps as this mapping did, with the names of files alone."""
+    words = [
+        "lcmchain", "map", Path(report.source).name, target.file.name if target.file else "TARGET",
+        "--out", report.files["netcdf"], "--kind", report.kind, "--method", report.method,
+        "--maximum-distance", f"{1e3 * report.maximum_distance:.10g} mm",
+        "--length-unit", length_unit,
+    ]  # fmt: skip
+    return shlex.join(words + ["--allow-unmapped"] * allow_unmapped)
 
 
 def _weights(
