@@ -287,7 +287,9 @@ def test_master_that_ignores_the_failed_step_is_told_at_the_end(unit, capfd, tmp
             start_values=start_values,
         )
     assert "the results end at 0 s" in capfd.readouterr().err
-    assert sheet_of(tmp_path)["thickness"].shape == (1, 400), "the last good frame is kept"
+    sheet = sheet_of(tmp_path)
+    assert sheet["thickness"].shape == (1, 400), "the last good frame is kept"
+    assert re.match(r"stopped: .* was stopped and undone: .*element \d+", sheet.attrs["state"])
 
 
 @pytest.mark.parametrize(
