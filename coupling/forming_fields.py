@@ -10,21 +10,22 @@ import xarray as xr
 from lcmchain.coupling.permeability import principal_permeabilities
 from lcmchain.fields import FIELDS, FrameSeries, Histories, add_face_variables, model_datasets
 from lcmchain.fields.sheet import vector
+from lcmchain.results import COMPLETE
 from lcmchain.scene import Scene
 from lcmchain.scene.permeability import Permeability
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 
 def forming_datasets(
-    scene: Scene, simulation: Simulation, snapshots: Sequence[Snapshot], *, state: str = "complete"
+    scene: Scene, simulation: Simulation, snapshots: Sequence[Snapshot], *, state: str = COMPLETE
 ) -> dict[str, xr.Dataset]:
     """Return the groups of ``forming.nc``, as a run and a unit of a co-simulation write them.
 
     Parameters
     ----------
     snapshots : saved frames, the first of them the start.
-    state : what became of the run: ``"complete"``, ``"interrupted"``, or ``"stopped: REASON"``; the
-        global attribute of that name.
+    state : what became of the run (:mod:`lcmchain.results.state`), the global attribute of that
+        name.
     """
     model = simulation.model
     frames = FrameSeries.from_snapshots(snapshots, model.tool_names)

@@ -9,6 +9,7 @@ from pathlib import Path
 from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.errors import InputError
 from lcmchain.fields import write_forming_netcdf
+from lcmchain.results import COMPLETE, stopped
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
 
@@ -69,10 +70,10 @@ def write_result(
 def _state_of(scene: Scene, simulation: Simulation, failure: str) -> str:
     """Return what became of the process, in the words of a run's results."""
     if failure:
-        return f"stopped: {failure}"
+        return stopped(failure)
     if simulation.time < scene.process.time * (1.0 - TIME_TOLERANCE):
-        return (
-            f"stopped: the master ended the simulation after {1e3 * simulation.time:.4g} of "
+        return stopped(
+            f"the master ended the simulation after {1e3 * simulation.time:.4g} of "
             f"{1e3 * scene.process.time:.4g} ms"
         )
-    return "complete"
+    return COMPLETE

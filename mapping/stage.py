@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from lcmchain.mapping.sheet import Sheet, read_sheet
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.transfer import transfer
 from lcmchain.mapping.weights import MappingWeights, compute_weights
+from lcmchain.results import require_complete
 
 
 def map_forming(
@@ -31,6 +33,7 @@ def map_forming(
     length_unit: str = "m",
     frame: int = -1,
     allow_unmapped: bool = False,
+    allow_incomplete: bool = False,
     weights_file: Path | str | None = None,
     picture: bool = True,
 ) -> MappingReport:
@@ -49,6 +52,7 @@ def map_forming(
         length_unit=length_unit,
         frame=frame,
         allow_unmapped=allow_unmapped,
+        allow_incomplete=allow_incomplete,
         weights_file=weights_file,
         picture=picture,
     )
@@ -66,6 +70,7 @@ def map_file(
     length_unit: str = "m",
     frame: int = -1,
     allow_unmapped: bool = False,
+    allow_incomplete: bool = False,
     weights_file: Path | str | None = None,
     picture: bool = True,
 ) -> MappingReport:
@@ -84,6 +89,8 @@ def map_file(
     length_unit : unit of the target's coordinates; what is written is in metres.
     frame : saved frame to map, the last one by default.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
+    allow_incomplete : map the fields of a run that did not come to its end, with a warning,
+        instead of refusing them.
     weights_file : ``.npz`` with stored weights: used where it exists, else written.
     picture : draw source and target side by side.
 
@@ -96,23 +103,29 @@ def map_file(
     if out.suffix not in (".nc", ".vtu"):
         raise InputError("the mapped file has to end in .nc or .vtu", file=out)
     name = name if name is not None else out.stem
+    # Names only in the report: it stays right when the folder moves.
+    endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
+    if picture:
+        endings["picture"] = ".png"
+    files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
+    _require_apart(files.values(), source, target_mesh)
     sheet = read_sheet(source, frame=frame)
+    unfinished = require_complete(
+        sheet.provenance.get("state"), file=sheet.name, allowed=allow_incomplete
+    )
     target = read_target(target_mesh, kind=kind, length_unit=length_unit)
     weights = _weights(sheet, target, method, maximum_distance, weights_file)
     if not allow_unmapped:
         _refuse_unmapped(sheet, target, weights, length_unit)
     mapped = transfer(sheet, target, weights)
     report = mapping_report(sheet, target, weights, mapped, name=name, kind=kind)
+    report.warnings = [*unfinished, *report.warnings]
 
-    # Names only: the report stays right when the folder moves.
-    endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
-    if picture:
-        endings["picture"] = ".png"
-    files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
     report.files = {what: path.name for what, path in files.items()}
     if weights_file is not None and not Path(weights_file).exists():
         weights.save(weights_file)
-    command = _command(report, target, length_unit, allow_unmapped)
+    allowed = {"unmapped": allow_unmapped, "incomplete": allow_incomplete}
+    command = _command(report, target, length_unit, **allowed)
     dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
     write_netcdf(files["netcdf"], {ROOT: dataset})
     write_vtu(files["vtu"], sheet, target, weights, mapped)
@@ -122,17 +135,29 @@ def map_file(
     return report
 
 
-def _command(
-    report: MappingReport, target: TargetMesh, length_unit: str, allow_unmapped: bool
-) -> str:
-    """Return the command line that maps as this mapping did, with the names of files alone."""
+def _command(report: MappingReport, target: TargetMesh, length_unit: str, **allowed: bool) -> str:
+    """Return the command line that maps as this mapping did, with the names of files alone.
+
+    allowed : which of the options ``--allow-...`` it has.
+    """
     words = [
         "lcmchain", "map", Path(report.source).name, target.file.name if target.file else "TARGET",
         "--out", report.files["netcdf"], "--kind", report.kind, "--method", report.method,
         "--maximum-distance", f"{1e3 * report.maximum_distance:.10g} mm",
         "--length-unit", length_unit,
     ]  # fmt: skip
-    return shlex.join(words + ["--allow-unmapped"] * allow_unmapped)
+    return shlex.join(words + [f"--allow-{what}" for what, given in allowed.items() if given])
+
+
+def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> None:
+    """Refuse to write over what is read."""
+    read = {Path(file).resolve() for file in inputs if isinstance(file, (str, Path))}
+    for file in files:
+        if file.resolve() in read:
+            raise InputError(
+                "the mapping reads this file and would write over it; choose another name",
+                file=file,
+            )
 
 
 def _weights(

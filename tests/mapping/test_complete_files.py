@@ -63,6 +63,7 @@ def mapped(formed, make):
     report = map_file(
         formed / "forming.nc", formed / "part.vtu", formed / "mapped.nc",
         kind="infiltration", length_unit="mm", maximum_distance=3e-3, picture=False,
+        allow_incomplete=True,
     )  # fmt: skip
     with xr.open_dataset(formed / "mapped.nc") as dataset:
         return dataset.load(), report
