@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.atomic import replacing
+from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.orientation import perpendicular_family_error
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, Sheet
 from lcmchain.mapping.target import TargetMesh
@@ -202,9 +203,3 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     if sheet.unused:
         found.append(f"fields left aside, no scalars or with holes: {', '.join(sheet.unused)}")
     return found
-
-
-def first_few(numbers: np.ndarray, count: int = 5) -> str:
-    """The first few cell numbers, for messages."""
-    shown = ", ".join(str(number) for number in numbers[:count])
-    return f"cell {shown}" + (", ..." if len(numbers) > count else "")

@@ -10,7 +10,14 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, shortened
+from lcmchain.mapping.source_checks import (
+    UNREADABLE,
+    mesh_of,
+    require_si,
+    require_sound_fields,
+    require_whole_faces,
+)
 from lcmchain.mapping.surface import Surface
 
 # The two fibre families, in the order of the material's axes.
@@ -64,37 +71,39 @@ def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> S
     if isinstance(source, xr.Dataset):
         return _sheet_from_dataset(source, frame, "dataset")
     path = Path(source)
+    if path.is_dir():
+        raise InputError("this is a folder; name the forming.nc in it", file=path)
     if not path.is_file():
         raise InputError("the forming result does not exist", file=path)
     try:
-        dataset = xr.open_dataset(path, engine="netcdf4", mask_and_scale=False)
-    except (OSError, ValueError) as error:
-        raise InputError(f"this is not a netCDF forming result ({error})", file=path) from None
-    with dataset:
-        return _sheet_from_dataset(dataset, frame, str(path))
+        with xr.open_dataset(path, engine="netcdf4", mask_and_scale=False) as dataset:
+            loaded = _frame_of(dataset, frame, str(path)).load()
+    except UNREADABLE as error:
+        reason = shortened(str(error), 300)
+        raise InputError(f"this is not a netCDF forming result ({reason})", file=path) from None
+    sheet = _sheet_from_dataset(loaded, frame, str(path))
+    require_sound_fields(sheet.scalars, sheet.directions, str(path))
+    return sheet
+
+
+def _frame_of(dataset: xr.Dataset, frame: int, name: str) -> xr.Dataset:
+    """One saved frame of a dataset; a dataset without saved frames as it is."""
+    if "frame" not in dataset.dims:
+        return dataset
+    frame_count = dataset.sizes["frame"]
+    if not -frame_count <= frame < frame_count:
+        raise InputError(f"frame {frame} does not exist; there are {frame_count}", file=name)
+    return dataset.isel(frame=frame)
 
 
 def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
-    topology = [
-        variable
-        for variable in dataset.variables.values()
-        if variable.attrs.get("cf_role") == "mesh_topology"
-        and int(variable.attrs.get("topology_dimension", 0)) == 2
-    ]
-    if len(topology) != 1:
-        raise InputError(
-            f"a forming result has one two-dimensional mesh, this has {len(topology)}", file=name
-        )
-    mesh = topology[0].attrs
-    if "frame" in dataset.dims:
-        frame_count = dataset.sizes["frame"]
-        if not -frame_count <= frame < frame_count:
-            raise InputError(f"frame {frame} does not exist; there are {frame_count}", file=name)
-        dataset = dataset.isel(frame=frame)
+    dataset = _frame_of(dataset, frame, name)
+    mesh, connectivity = mesh_of(dataset, name)
     points = _node_positions(dataset, mesh, name)
-    faces = _faces(dataset[mesh["face_node_connectivity"]], len(points), name)
+    faces = _faces(connectivity, name)
+    require_whole_faces(points, faces, name)
 
-    face_dimension = mesh.get("face_dimension") or dataset[mesh["face_node_connectivity"]].dims[0]
+    face_dimension = connectivity.dims[0]
     fields = {
         str(key): np.asarray(variable.values, dtype=float)
         for key, variable in dataset.data_vars.items()
@@ -146,36 +155,34 @@ def _stem(variable: str) -> str:
 def _node_positions(dataset: xr.Dataset, mesh: Mapping, name: str) -> np.ndarray:
     """Node positions in the frame that the dataset was cut down to."""
     moved = [f"{field}_{a}" for field in ("reference_position", "displacement") for a in "xyz"]
+    # The coordinates of the mesh are those of the last frame, for programs that draw it.
+    keys = moved
+    if not all(key in dataset for key in moved):
+        keys = str(mesh.get("node_coordinates", "")).split()
+    require_si(dataset, keys, name)
     try:
-        if all(key in dataset for key in moved):
-            # The coordinates of the mesh are those of the last frame, for programs that draw it.
-            parts = np.stack([np.asarray(dataset[key].values, dtype=float) for key in moved], 1)
-            points = parts[:, :3] + parts[:, 3:]
-        else:
-            keys = mesh["node_coordinates"].split()
-            points = np.stack([np.asarray(dataset[key].values, dtype=float) for key in keys], 1)
-        if points.shape[1] != 3:
+        parts = np.stack([np.asarray(dataset[key].values, dtype=float) for key in keys], 1)
+        if parts.ndim != 2 or parts.shape[1] not in (3, 6):
             raise ValueError
-    except (KeyError, ValueError):
+    except (KeyError, ValueError, TypeError):
         raise InputError("the mesh has no x, y and z node coordinates", file=name) from None
-    if not np.isfinite(points).all():
-        raise InputError("the mesh has node positions that are not finite", file=name)
-    return points
+    return parts[:, :3] + parts[:, 3:] if parts.shape[1] == 6 else parts
 
 
-def _faces(connectivity: xr.DataArray, node_count: int, name: str) -> np.ndarray:
+def _faces(connectivity: xr.DataArray, name: str) -> np.ndarray:
     values = np.asarray(connectivity.values)
     fill = connectivity.attrs.get("_FillValue", connectivity.encoding.get("_FillValue", -1))
     # xarray turns integers with a fill value into floating point numbers when it masks them.
     missing = ~np.isfinite(values) if values.dtype.kind == "f" else values == fill
     missing |= values == fill
     faces = np.where(missing, 0, values).astype(np.int64)
-    faces -= int(connectivity.attrs.get("start_index", 0))
+    start_index = connectivity.attrs.get("start_index", 0)
+    if str(start_index) not in ("0", "1"):
+        raise InputError(f"start_index of the faces is {start_index}, not 0 or 1", file=name)
+    faces -= int(start_index)
     faces[missing] = -1
     if faces.shape[1] == 3:
         faces = np.concatenate([faces, np.full((len(faces), 1), -1)], axis=1)
     if faces.shape[1] != 4 or missing[:, :3].any():
         raise InputError("faces have to be triangles or quadrilaterals", file=name)
-    if len(faces) == 0 or faces.max() >= node_count:
-        raise InputError("faces point to nodes that do not exist", file=name)
     return faces
