@@ -55,7 +55,9 @@ def make(rng: random.Random, folder: Path) -> Case:
     shutil.rmtree(work, ignore_errors=True)
     shutil.copytree(folder / "sound", work)
     path = work / rng.choice(FILES)
-    kind = rng.choice(["bytes", "bytes", "bytes", "gone", "empty", "other", "names", "folder", "member"])
+    kind = rng.choice(
+        ["bytes", "bytes", "bytes", "gone", "empty", "other", "names", "folder", "member"]
+    )
     must_refuse = kind in ("gone", "empty", "other", "names", "folder")
     if kind == "bytes":
         path.write_bytes(mutated_bytes(rng, path.read_bytes())[0])

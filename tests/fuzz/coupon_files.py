@@ -58,8 +58,27 @@ def make(rng: random.Random, folder: Path) -> Case:
         option = rng.choice({"shear": ["--length", "--width", "--thickness"],
                              "compaction": ["--thickness", "--areal-mass", "--fibre-density"],
                              "bending": ["--thickness", "--areal-mass", "--angle"]}[law])  # fmt: skip
-        options = [option, rng.choice(["5", "-5 mm", "0 mm", "1e302 m", "1e-9 m", "1e5 m", "5 mm", "1 kg",
-                                       "nan mm", "89.9 deg", "1e-6 deg", "1 kg/m^2", "9 kg/m^3", ""])]
+        options = [
+            option,
+            rng.choice(
+                [
+                    "5",
+                    "-5 mm",
+                    "0 mm",
+                    "1e302 m",
+                    "1e-9 m",
+                    "1e5 m",
+                    "5 mm",
+                    "1 kg",
+                    "nan mm",
+                    "89.9 deg",
+                    "1e-6 deg",
+                    "1 kg/m^2",
+                    "9 kg/m^3",
+                    "",
+                ]
+            ),
+        ]
     elif kind == "wide":
         count = rng.choice([100, 20_000])
         rows = [[*row, *["1"] * count] for row in rows]

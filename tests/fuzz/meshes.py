@@ -78,7 +78,10 @@ def make(rng: random.Random, folder: Path) -> Case:
     if rng.random() < 0.3:
         options += ["--kind", rng.choice(["infiltration", "structure"])]
     if rng.random() < 0.2:
-        options += ["--length-unit", rng.choice(["mm", "inch", "um", "km", "1e9 m", "kg", "", "m*" * 99])]
+        options += [
+            "--length-unit",
+            rng.choice(["mm", "inch", "um", "km", "1e9 m", "kg", "", "m*" * 99]),
+        ]
     if rng.random() < 0.2:
         distance = rng.choice(["1 mm", "0 mm", "1e302 m", "nan mm", "5", "1e5 m", "1e-9 m"])
         options += ["--maximum-distance", distance]
@@ -112,7 +115,9 @@ def _wrong_target(rng: random.Random, folder: Path) -> tuple[Path, str, bool]:
                        "mixed", "shuffled", "far", "scaled", "bytes", "bytes", "format", "empty", "plane",
                        "random", "folder", "absent", "sound"])  # fmt: skip
     row, corner = rng.randrange(len(cells)), rng.randrange(cells.shape[1])
-    path = folder / f"target.{rng.choice(['vtu', 'vtk', 'msh', 'inp', 'stl', 'obj', 'xdmf', 'nas'])}"
+    path = (
+        folder / f"target.{rng.choice(['vtu', 'vtk', 'msh', 'inp', 'stl', 'obj', 'xdmf', 'nas'])}"
+    )
     if path.suffix in (".stl", ".obj") and name != "triangle":
         path = path.with_suffix(".vtu")
     must_refuse = kind in ("index", "negative", "nan", "inf", "point", "lines", "folder", "absent")
@@ -160,7 +165,9 @@ def _wrong_target(rng: random.Random, folder: Path) -> tuple[Path, str, bool]:
     if kind == "bytes":
         path.write_bytes(mutated_bytes(rng, path.read_bytes())[0])
     elif kind == "format":
-        path = Path(shutil.copy(path, path.with_suffix(rng.choice([".msh", ".vtk", ".xyz", ".h5m", ""]))))
+        path = Path(
+            shutil.copy(path, path.with_suffix(rng.choice([".msh", ".vtk", ".xyz", ".h5m", ""])))
+        )
     elif kind == "empty":
         path.write_bytes(b"")
     return path, f"target: {kind} {name} {path.suffix}", must_refuse
@@ -218,7 +225,9 @@ def _wrong_source(rng: random.Random, folder: Path) -> tuple[Path, str, bool]:
         if rng.random() < 0.5:
             del dataset[variable].attrs[name]
         else:
-            dataset[variable].attrs[name] = rng.choice(["", "nothing", np.int32(7), 2.5, "a b", [1, 2]])
+            dataset[variable].attrs[name] = rng.choice(
+                ["", "nothing", np.int32(7), 2.5, "a b", [1, 2]]
+            )
     elif kind == "no mesh":
         dataset, what = dataset.drop_vars(["sheet", "sheet_face_nodes"]), ""
     elif kind == "other netcdf":

@@ -30,7 +30,20 @@ NUMBERS = (
     "0", "-1", "1e-12", "1e-9", "1e-6", "1e-3", "0.5", "1", "2", "10", "1e3", "1e6", "1e9", "1e30",
     "1e302", "1e400", "-1e302", "1e-302", "00", "+5", "5.", ".5", "5e", "1_000", "nan", "inf",
 )  # fmt: skip
-TEXTS = ("é", "日本語", "\u202eabc", "a\u0301", "🧵" * 20, "a b", "a/b", "a\\b", "a\nb", "\x1b[2J", "'", '"')
+TEXTS = (
+    "é",
+    "日本語",
+    "\u202eabc",
+    "a\u0301",
+    "🧵" * 20,
+    "a b",
+    "a/b",
+    "a\\b",
+    "a\nb",
+    "\x1b[2J",
+    "'",
+    '"',
+)
 
 
 def mutated_bytes(rng: random.Random, content: bytes) -> tuple[bytes, str]:
@@ -185,9 +198,7 @@ def _key(key: str) -> str:
 
 
 def _text(text: str) -> str:
-    escaped = "".join(
-        f"\\u{ord(c):04x}" if c < " " or c in '"\\\x7f' else c for c in text
-    )
+    escaped = "".join(f"\\u{ord(c):04x}" if c < " " or c in '"\\\x7f' else c for c in text)
     return f'"{escaped}"'
 
 

@@ -36,7 +36,9 @@ def make(rng: random.Random, folder: Path) -> Case:
 
 def _override(rng: random.Random, name: str) -> str:
     key = rng.choice(_keys(name))
-    kind = rng.choice(["value", "value", "value", "new", "index", "odd key", "raw", "long", "lines"])
+    kind = rng.choice(
+        ["value", "value", "value", "new", "index", "odd key", "raw", "long", "lines"]
+    )
     value = _value(rng)
     if kind == "new":
         key = rng.choice(["output.vtu", "contact.damping_ratio", "process.step_safety", "title",
@@ -54,7 +56,9 @@ def _override(rng: random.Random, name: str) -> str:
         value = rng.choice(["[" * 5000, "{a=" * 2000, "1" * 9000, "0x" + "f" * 9000, "x" * 100_000,
                             "[" + "1," * 50_000 + "]", '"' + "m" * 50_000])  # fmt: skip
     elif kind == "lines":
-        value = rng.choice(["1\n[blank]", "1\nb = 2", "'''a\nb'''", "5 mm # no", '"5 mm" # yes', "\n"])
+        value = rng.choice(
+            ["1\n[blank]", "1\nb = 2", "'''a\nb'''", "5 mm # no", '"5 mm" # yes', "\n"]
+        )
     return f"{key}={value}"
 
 

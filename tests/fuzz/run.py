@@ -160,7 +160,15 @@ def _events(results):
 
 def table(found: dict[str, Counter]) -> str:
     """Lay the verdicts out as a table."""
-    columns = ("valid", "refused", "traceback", "hang", "bad message", "left behind", "silent error")
+    columns = (
+        "valid",
+        "refused",
+        "traceback",
+        "hang",
+        "bad message",
+        "left behind",
+        "silent error",
+    )
     rows = [["kind", "cases", *columns]]
     rows += [
         [kind, str(sum(found[kind].values())), *(str(found[kind][column]) for column in columns)]
@@ -177,12 +185,16 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("fuzz-failures"), metavar="DIR")
-    parser.add_argument("--only", metavar="KIND:NUMBER", help="make and judge one case, and show it")
+    parser.add_argument(
+        "--only", metavar="KIND:NUMBER", help="make and judge one case, and show it"
+    )
     arguments = parser.parse_args()
     if arguments.only:
         kind, _, number = arguments.only.partition(":")
         with tempfile.TemporaryDirectory() as folder:
-            case, outcome = Fuzzer(kind, arguments.seed, Path(folder)).run(int(number), arguments.out)
+            case, outcome = Fuzzer(kind, arguments.seed, Path(folder)).run(
+                int(number), arguments.out
+            )
         print(case.what, " ".join(map(str, case.arguments)), outcome.verdict.value, outcome.detail,
               f"{outcome.seconds:.2f} s", sep="\n")  # fmt: skip
         return int(outcome.failed)
