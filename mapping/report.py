@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.atomic import replacing
+from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.orientation import perpendicular_family_error
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
 from lcmchain.mapping.target import TargetMesh
@@ -215,9 +216,3 @@ def _permeability_warnings(weights: MappingWeights, mapped: MappedFields) -> lis
         f"{len(missing)} cells have no permeability (NaN): they take from faces whose fibre volume "
         f"fraction the permeability law does not reach ({first_few(missing)})"
     ]
-
-
-def first_few(numbers: np.ndarray, count: int = 5) -> str:
-    """The first few cell numbers, for messages."""
-    shown = ", ".join(str(number) for number in numbers[:count])
-    return f"cell {shown}" + (", ..." if len(numbers) > count else "")

@@ -17,6 +17,10 @@ _SPECIMEN = "specimen"
 _TIME = "time"
 # A loading branch may step back by this share of its range (resolution of the sensors).
 _JITTER = 0.01
+# Far above any test: what is larger is another file, or was written at a rate to be thinned out.
+MOST_BYTES = 20_000_000
+MOST_COLUMNS = 200
+MOST_ROWS = 20_000
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,11 @@ def _read_text(path: Path):
     import pandas
 
     try:
-        text = path.read_text(encoding="utf-8-sig").splitlines()
+        with open(path, "rb") as opened:
+            content = opened.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise InputError(f"holds more than {MOST_BYTES // 1_000_000} MB", file=path)
+        text = content.decode("utf-8-sig").splitlines()
     except FileNotFoundError:
         raise InputError("there is no such file", file=path) from None
     except (OSError, UnicodeDecodeError) as error:
@@ -152,6 +160,12 @@ def _read_text(path: Path):
         )  # fmt: skip
     except (pandas.errors.ParserError, pandas.errors.EmptyDataError) as error:
         raise InputError(f"cannot be read as CSV: {str(error).strip()}", file=path) from None
+    if len(table.columns) > MOST_COLUMNS or len(table) > MOST_ROWS:
+        raise InputError(
+            f"has {len(table.columns):,} columns and {len(table):,} rows; at most "
+            f"{MOST_COLUMNS} and {MOST_ROWS:,} are read, so that the fit ends in a moment",
+            file=path,
+        )
     # Short rows come back with not-a-number in the missing cells.
     return table.fillna(""), start + 1
 

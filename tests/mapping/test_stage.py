@@ -175,6 +175,84 @@ def test_coordinates_in_millimetres(result, part, tmp_path):
         map_file(result, path, tmp_path / "mapped.nc", length_unit="kg")
 
 
+@pytest.mark.parametrize("scale", [1e3, 25.4, 1e-3, 1 / 25.4])
+def test_a_wrong_unit_is_told_also_where_cells_may_stay_unmapped(result, part, tmp_path, scale):
+    """And no cell takes values from farther away than an edge of the sheet."""
+    path = part(scale=scale)
+    try:
+        report = map_file(result, path, tmp_path / "mapped.nc", allow_unmapped=True, picture=False)
+    except InputError as error:
+        assert "check length_unit" in str(error) and not list(tmp_path.glob("mapped*"))
+        return
+    assert any("check length_unit" in warning for warning in report.warnings)
+    assert report.worst_distance < 0.01
+    values = meshio.read(tmp_path / "mapped.vtu").cell_data
+    status, distance = values["mapping_status"][0], values["mapping_distance"][0]
+    assert np.isnan(values["thickness"][0][status == 3]).all()
+    assert np.nanmax(distance, initial=0.0) < 0.01
+
+
+def test_a_mesh_of_the_size_of_the_sheet_gives_no_hint(result, part, tmp_path):
+    for half in (0.04, 0.02):
+        report = map_file(result, part(half=half), tmp_path / "mapped.nc", picture=False)
+        assert not any("length_unit" in warning for warning in report.warnings)
+
+
+def test_a_mesh_nowhere_near_the_sheet_is_refused_in_any_case(result, make, write_mesh, tmp_path):
+    points, quads = make.grid(4, 4, (5.0, 5.0), (5.1, 5.1))
+    path = write_mesh(make.lifted(points), [("quad", quads)])
+    with pytest.raises(InputError, match="16 of 16 cells have no sheet within") as error:
+        map_file(result, path, tmp_path / "out" / "mapped.nc", allow_unmapped=True)
+    assert "allow unmapped" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
+
+
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [
+        ([("triangle", [[0, 1, 9]])], "1 triangle cells have nodes that do not exist .cell 0."),
+        ([("quad", [[0, 1, 2, 3], [0, 1, 2, -2]])], "nodes that do not exist .cell 1."),
+        ([("triangle", [[0, 1, 2]]), ("quad", [[0, 1, 1, 0]])], "no area .cell 1."),
+        ([("triangle", [[0, 1, 1]] * 9)], "9 triangle cells have no area .cell 0, 1, 2, 3, 4, ..."),
+        ([("quad", [[0, 2, 1, 3]])], "no area"),
+        ([("tetra", [[0, 1, 2, 3]])], "no volume"),
+        ([("hexahedron", [[0, 1, 2, 3, 0, 1, 2, 3]])], "no volume"),
+        ([("line", [[0, 1]])], "no shells or solids to map onto .cell types found: line."),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_cells_that_are_none_are_refused(cells, words, write_mesh):
+    path = write_mesh(POINTS, [(name, np.array(nodes)) for name, nodes in cells])
+    with pytest.raises(InputError, match=words):
+        read_target(path)
+
+
+def test_nodes_at_no_place_are_refused(write_mesh):
+    for value, words in ((np.nan, "places that are not finite"), (1e200, "beyond 1e")):
+        points = POINTS.copy()
+        points[1, 0] = value
+        path = write_mesh(points, [("triangle", np.array([[0, 1, 2]]))])
+        with pytest.raises(InputError, match=words):
+            read_target(path)
+
+
+def test_a_quadrilateral_that_stands_for_a_triangle_is_read(write_mesh):
+    assert read_target(write_mesh(POINTS, [("quad", np.array([[0, 1, 2, 2]]))])).cell_count == 1
+
+
+def test_folders_are_said_to_be_folders(result, part, tmp_path):
+    with pytest.raises(InputError, match="is a folder"):
+        map_file(result, tmp_path, tmp_path / "mapped.nc")
+    with pytest.raises(InputError, match="is a folder"):
+        map_file(tmp_path, part(), tmp_path / "mapped.nc")
+    (tmp_path / "folder.nc").mkdir()
+    with pytest.raises(InputError, match="is a folder"):
+        map_file(result, part(), tmp_path / "folder.nc")
+
+
 def test_weights_are_stored_and_used_again(result, part, tmp_path):
     path, stored = part(), tmp_path / "weights.npz"
     first = map_file(result, path, tmp_path / "a.nc", weights_file=stored, picture=False)
