@@ -151,11 +151,8 @@ class _Job:
         self._set_state(RUNNING)
         try:
             yield
-        except (KeyboardInterrupt, SimulationInterrupted) as error:
-            self._end(INTERRUPTED, error)
-            raise
         except BaseException as error:
-            self._end(stopped(error), error)
+            self._end(_state_after(error), error)
             raise
 
     def form(self, checkpoint: Checkpoint | None) -> None:
@@ -170,15 +167,11 @@ class _Job:
         try:
             forming.complete(checkpoint)
         except UnfinishedRun as error:
-            interrupted = isinstance(error, SimulationInterrupted)
-            state = INTERRUPTED if interrupted else stopped(error)
-            self._write_fields(forming, compile_s, state)
+            self._write_fields(forming, compile_s, _state_after(error))
+            error.result = self.result
             last = 1e3 * forming.snapshots[-1].time
-            where = self.folder / "forming.nc"
-            message = f"{error}. The frames up to {last:.4g} ms are in {where}"
-            unfinished = type(error)(message)
-            unfinished.result = self.result
-            raise unfinished from None
+            error.where = f"The frames up to {last:.4g} ms are in {self.folder / 'forming.nc'}"
+            raise
         self.tell(self.scene.process.time, "writing fields")
         self._write_fields(forming, compile_s, COMPLETE)
         self._set_state(RUNNING)  # forming is complete: nothing that fails from here may lose it
@@ -285,6 +278,12 @@ class _Job:
             f"{summary['element_count']:,} elements, {self.threads} threads, process "
             f"{place['process']} on {place['host']}"
         )
+
+
+def _state_after(error: BaseException) -> str:
+    """Return the state of results whose run ended with this error."""
+    asked_for = isinstance(error, KeyboardInterrupt | SimulationInterrupted)
+    return INTERRUPTED if asked_for else stopped(str(error) or type(error).__name__)
 
 
 def _input_files(scene: Scene) -> list[Path]:
