@@ -397,3 +397,22 @@ def test_a_mapping_is_not_written_over_its_inputs(complete, scenes, tmp_path, wh
         cli.main(["map", str(source), str(target), "--out", str(out)])
     assert stop.value.code == 2 and "write over it" in capsys.readouterr().err
     assert (source.read_bytes(), target.read_bytes()) == before
+
+
+def test_no_command_writes_over_its_own_input(tmp_path, capsys):
+    """Test data that bear the name of a result, and a scene that bears that of the unit."""
+    data = tmp_path / "parameters.toml"
+    rows = [f"{u},{1e-3 * u + 1e-6 * u**4:.6g}" for u in range(0, 61, 4)]
+    text = "\n".join(["displacement [mm],force [N]", *rows, ""])
+    data.write_text(text, encoding="utf-8")
+    scene = tmp_path / "scene.fmu"
+    scene.write_text(SCENE.split("[[mapping]]")[0].replace("DISTANCE", "0.1 mm"), encoding="utf-8")
+    before = scene.read_bytes()
+    for command in (
+        ["identify", "shear", str(data), "--out", str(tmp_path)],
+        ["fmu", "build", str(scene), "-o", str(scene)],
+    ):
+        with pytest.raises(SystemExit) as stop:
+            cli.main(command)
+        assert stop.value.code == 2 and "write over it" in capsys.readouterr().err, command
+    assert data.read_text(encoding="utf-8") == text and scene.read_bytes() == before
