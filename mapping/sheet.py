@@ -161,7 +161,7 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
         + [key for key in fields if key not in in_vectors and key not in scalars]
     )
     provenance = {
-        key: value
+        key: value if isinstance(value, int | float | np.number) else str(value)
         for key, value in dataset.attrs.items()
         if key in _PROVENANCE or key.startswith("scene")
     }
