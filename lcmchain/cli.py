@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from lcmchain.atomic import replacing
 from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.folders import default_out, output_folder
@@ -110,7 +111,7 @@ def check(
     from lcmchain.scene import read_scene
 
     the_scene = read_scene(scene, overrides or ())
-    with output_folder(out or default_out(scene)) as folder:
+    with output_folder(out or default_out(scene), inputs=[scene]) as folder:
         from lcmchain.check import check_scene
 
         report = check_scene(the_scene, folder)
@@ -137,10 +138,8 @@ def schema(
     if out is None:
         sys.stdout.write(text)
         return
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=out) from None
+    with output_folder(out.parent), replacing(out) as path:
+        path.write_text(text, encoding="utf-8")
 
 
 @app.command("map")
@@ -182,7 +181,7 @@ def map_fields(
         None if maximum_distance is None else length_of("--maximum-distance", maximum_distance)
     )
     length_of("--length-unit", f"1 {length_unit}")
-    with output_folder(out.parent):
+    with output_folder(out.parent, inputs=[source, target]):
         from lcmchain.mapping import map_file
 
         report = map_file(
@@ -217,7 +216,7 @@ def fmu_build(
     read_scene(scene)  # wrong input is told before anything is built
     if out.suffix != ".fmu":
         raise InputError("the name of a functional mock-up unit ends in .fmu", file=out)
-    with output_folder(out.parent):
+    with output_folder(out.parent, inputs=[scene]):
         from lcmchain.fmu.build import build_fmu
 
         build_fmu(scene, out)
@@ -243,7 +242,8 @@ def main(arguments: list[str] | None = None) -> None:
         with show_python_warnings():
             app(args=arguments)
     except LcmchainError as error:
-        print_error(str(error))
+        where = error.where if isinstance(error, UnfinishedRun) else ""
+        print_error(f"{error}. {where}" if where else str(error))
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         print_error("stopped by the user")

@@ -21,13 +21,15 @@ import pytest
 import xarray as xr
 
 from lcmchain import atomic, cli
-from lcmchain.errors import InputError, OutputError, SimulationInterrupted
+from lcmchain.errors import InputError, OutputError, SimulationError, SimulationInterrupted
+from lcmchain.mapping import map_file
 from lcmchain.pipeline import run
 from lcmchain.results import ResultsFolder
 from lcmchain.results.folder import HIDDEN
 from lcmchain.scene import read_scene
 from lcmchain.solver import frame_file
 from lcmchain.solver.checkpoint import FILE_NAME, FRAME_FILE_NAME
+from lcmchain.solver.simulation import Simulation
 
 SCENE = """
 title = "dent"
@@ -233,6 +235,31 @@ def test_a_fresh_run_keeps_an_interrupted_one_until_it_is_complete(scenes, compl
     require_same_results(folder, complete[1])
 
 
+def test_a_run_that_a_guard_stops_says_why(scenes, complete, tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "results"
+
+    def require_resolved(simulation, energy):
+        if simulation.time > 0.3e-3:
+            raise SimulationError("element 7 is folded")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Simulation, "require_resolved", require_resolved)
+        with pytest.raises(SystemExit) as stop:
+            cli.main(["run", str(scenes[0]), "--out", str(folder)])
+    assert stop.value.code == 1
+    captured = capsys.readouterr()
+    assert "element 7 is folded. The frames up to 0.2 ms are in" in captured.err
+    assert "0.4 of 0.4 ms" in captured.out, "the numbers of what there is"
+    assert summary_in(folder)["state"] == "stopped: element 7 is folded"
+    with xr.open_dataset(folder / "forming.nc") as sheet:
+        assert sheet.attrs["state"] == "stopped: element 7 is folded"
+    assert "element 7 is folded" in (folder / "lcmchain.log").read_text(encoding="utf-8")
+    with pytest.raises(InputError, match="element 7 is folded.*--allow-incomplete"):
+        map_file(folder / "forming.nc", scenes[0].parent / "square.vtu", tmp_path / "m.nc")
+    run(read_scene(scenes[0]), folder)
+    require_same_results(folder, complete[0])
+
+
 def test_a_failed_mapping_is_a_stopped_run(scenes, complete, tmp_path):
     points = np.array([[-5.0, -5, 9], [5, -5, 9], [5, 5, 9]])
     meshio.write(scenes[0].parent / "far.vtu", meshio.Mesh(points, [("triangle", [[0, 1, 2]])]))
@@ -370,3 +397,22 @@ def test_a_mapping_is_not_written_over_its_inputs(complete, scenes, tmp_path, wh
         cli.main(["map", str(source), str(target), "--out", str(out)])
     assert stop.value.code == 2 and "write over it" in capsys.readouterr().err
     assert (source.read_bytes(), target.read_bytes()) == before
+
+
+def test_no_command_writes_over_its_own_input(tmp_path, capsys):
+    """Test data that bear the name of a result, and a scene that bears that of the unit."""
+    data = tmp_path / "parameters.toml"
+    rows = [f"{u},{1e-3 * u + 1e-6 * u**4:.6g}" for u in range(0, 61, 4)]
+    text = "\n".join(["displacement [mm],force [N]", *rows, ""])
+    data.write_text(text, encoding="utf-8")
+    scene = tmp_path / "scene.fmu"
+    scene.write_text(SCENE.split("[[mapping]]")[0].replace("DISTANCE", "0.1 mm"), encoding="utf-8")
+    before = scene.read_bytes()
+    for command in (
+        ["identify", "shear", str(data), "--out", str(tmp_path)],
+        ["fmu", "build", str(scene), "-o", str(scene)],
+    ):
+        with pytest.raises(SystemExit) as stop:
+            cli.main(command)
+        assert stop.value.code == 2 and "write over it" in capsys.readouterr().err, command
+    assert data.read_text(encoding="utf-8") == text and scene.read_bytes() == before

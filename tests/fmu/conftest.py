@@ -22,9 +22,6 @@ edge_length = "5 mm"
 height = "0.502 mm"
 [material]
 preset = "MD600"
-[permeability]
-law = "gebart"
-fibre_radius = "3.5 um"
 [contact]
 friction = 0.157
 [[tools]]
