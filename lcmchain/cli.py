@@ -243,7 +243,8 @@ def main(arguments: list[str] | None = None) -> None:
         with show_python_warnings():
             app(args=arguments)
     except LcmchainError as error:
-        print_error(str(error))
+        where = error.where if isinstance(error, UnfinishedRun) else ""
+        print_error(f"{error}. {where}" if where else str(error))
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         print_error("stopped by the user")

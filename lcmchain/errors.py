@@ -59,10 +59,12 @@ class OutputError(LcmchainError):
 class UnfinishedRun(LcmchainError):
     """A run that did not come to its end (exit code 1).
 
-    ``result`` is the :class:`lcmchain.pipeline.Result` that it has left, None where it has none.
+    ``result`` is the :class:`lcmchain.pipeline.Result` that it has left, None where it has none;
+    ``where`` says which frames lie where.
     """
 
     result: Any = None
+    where: str = ""
 
 
 class SimulationError(UnfinishedRun):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -123,9 +123,9 @@ class _Job:
         self.scene, self.folder, self.results = scene, results.path, results
         self.threads = threads
         self.fingerprint = run_fingerprint(scene)
-        self._progress = progress
-        self._log: RunLog | None = None
-        self._lines: ProgressLines | None = None
+        self.result: Result
+        self._log: Callable[[str], None] = _ignore
+        self._listeners: list[Progress] = [progress or _ignore]
 
     def build(self) -> None:
         """Build the model: what is wrong with the input is found here."""
@@ -134,28 +134,23 @@ class _Job:
         model = self.simulation.model
         require_no_initial_overlap(self.scene, model.blank, model.tools)
         self.summary = run_head(self.scene, self.simulation, self.fingerprint.sha256)
-        self.result: Result | None = None
 
     def tell(self, time: float, text: str) -> None:
         """Report a stage, and the process time [s] that it has come to."""
-        for listener in (self._progress, self._lines):
-            if listener is not None:
-                listener(time, self.scene.process.time, text)
+        for listener in self._listeners:
+            listener(time, self.scene.process.time, text)
 
     @contextlib.contextmanager
     def accounted(self) -> Iterator[None]:
         """Keep the log and the state of the results, however the stages end."""
         self._log = RunLog(self.folder)
-        self._lines = ProgressLines(self._log)
+        self._listeners.append(ProgressLines(self._log))
         self._log(self._opening())
         self._set_state(RUNNING)
         try:
             yield
-        except (KeyboardInterrupt, SimulationInterrupted) as error:
-            self._end(INTERRUPTED, error)
-            raise
         except BaseException as error:
-            self._end(stopped(error), error)
+            self._end(_state_after(error), error)
             raise
 
     def form(self, checkpoint: Checkpoint | None) -> None:
@@ -170,22 +165,18 @@ class _Job:
         try:
             forming.complete(checkpoint)
         except UnfinishedRun as error:
-            interrupted = isinstance(error, SimulationInterrupted)
-            state = INTERRUPTED if interrupted else stopped(error)
-            self._write_fields(forming, compile_s, state)
+            self._write_fields(forming, compile_s, _state_after(error))
+            error.result = self.result
             last = 1e3 * forming.snapshots[-1].time
-            where = self.folder / "forming.nc"
-            message = f"{error}. The frames up to {last:.4g} ms are in {where}"
-            unfinished = type(error)(message)
-            unfinished.result = self.result
-            raise unfinished from None
+            error.where = f"The frames up to {last:.4g} ms are in {self.folder / 'forming.nc'}"
+            raise
         self.tell(self.scene.process.time, "writing fields")
         self._write_fields(forming, compile_s, COMPLETE)
         self._set_state(RUNNING)  # forming is complete: nothing that fails from here may lose it
 
     def draw(self) -> None:
         """Draw what the scene asks for."""
-        if self.scene.output.pictures and self.result is not None:
+        if self.scene.output.pictures:
             from lcmchain.report.pictures import draw_result
 
             self.tell(self.scene.process.time, "drawing")
@@ -285,6 +276,16 @@ class _Job:
             f"{summary['element_count']:,} elements, {self.threads} threads, process "
             f"{place['process']} on {place['host']}"
         )
+
+
+def _ignore(*_: object) -> None:
+    """Take what nobody asked for."""
+
+
+def _state_after(error: BaseException) -> str:
+    """Return the state of results whose run ended with this error."""
+    asked_for = isinstance(error, KeyboardInterrupt | SimulationInterrupted)
+    return INTERRUPTED if asked_for else stopped(str(error) or type(error).__name__)
 
 
 def _input_files(scene: Scene) -> list[Path]:

@@ -21,13 +21,15 @@ import pytest
 import xarray as xr
 
 from lcmchain import atomic, cli
-from lcmchain.errors import InputError, OutputError, SimulationInterrupted
+from lcmchain.errors import InputError, OutputError, SimulationError, SimulationInterrupted
+from lcmchain.mapping import map_file
 from lcmchain.pipeline import run
 from lcmchain.results import ResultsFolder
 from lcmchain.results.folder import HIDDEN
 from lcmchain.scene import read_scene
 from lcmchain.solver import frame_file
 from lcmchain.solver.checkpoint import FILE_NAME, FRAME_FILE_NAME
+from lcmchain.solver.simulation import Simulation
 
 SCENE = """
 title = "dent"
@@ -231,6 +233,31 @@ def test_a_fresh_run_keeps_an_interrupted_one_until_it_is_complete(scenes, compl
     require_same_results(folder / "previous-interrupted", complete[0])
     run(read_scene(scenes[1]), folder, resume=True)
     require_same_results(folder, complete[1])
+
+
+def test_a_run_that_a_guard_stops_says_why(scenes, complete, tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "results"
+
+    def require_resolved(simulation, energy):
+        if simulation.time > 0.3e-3:
+            raise SimulationError("element 7 is folded")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Simulation, "require_resolved", require_resolved)
+        with pytest.raises(SystemExit) as stop:
+            cli.main(["run", str(scenes[0]), "--out", str(folder)])
+    assert stop.value.code == 1
+    captured = capsys.readouterr()
+    assert "element 7 is folded. The frames up to 0.2 ms are in" in captured.err
+    assert "0.4 of 0.4 ms" in captured.out, "the numbers of what there is"
+    assert summary_in(folder)["state"] == "stopped: element 7 is folded"
+    with xr.open_dataset(folder / "forming.nc") as sheet:
+        assert sheet.attrs["state"] == "stopped: element 7 is folded"
+    assert "element 7 is folded" in (folder / "lcmchain.log").read_text(encoding="utf-8")
+    with pytest.raises(InputError, match="element 7 is folded.*--allow-incomplete"):
+        map_file(folder / "forming.nc", scenes[0].parent / "square.vtu", tmp_path / "m.nc")
+    run(read_scene(scenes[0]), folder)
+    require_same_results(folder, complete[0])
 
 
 def test_a_failed_mapping_is_a_stopped_run(scenes, complete, tmp_path):
