@@ -159,8 +159,7 @@ def _time_limit():
         raise _TooLong
 
     # Computing time: on a busy machine a call may take longer without being slow.
-    signal.signal(signal.SIGPROF, stop)
-    signal.signal(signal.SIGALRM, stop)
+    before = {number: signal.signal(number, stop) for number in (signal.SIGPROF, signal.SIGALRM)}
     signal.setitimer(signal.ITIMER_PROF, TIME_LIMIT)
     signal.setitimer(signal.ITIMER_REAL, WALL_LIMIT)
     try:
@@ -168,6 +167,8 @@ def _time_limit():
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

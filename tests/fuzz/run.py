@@ -73,6 +73,11 @@ def keep(folder: Path, case, outcome) -> None:
 
 def work(tasks, results, done, seed: int, failures: Path) -> None:
     """Judge batches of cases until all are done."""
+    from scenes import drawn_rarely
+
+    from lcmchain.check import report
+
+    report.draw_start = drawn_rarely(report.draw_start)
     folder = Path(tempfile.mkdtemp(prefix="lcmchain-fuzz-"))
     fuzzers: dict[str, Fuzzer] = {}
     try:

@@ -13,7 +13,6 @@ import numpy as np
 from contract import Case
 from mutations import mutated_bytes, mutated_document, mutated_lines, near_document, to_toml
 
-from lcmchain.check import report as check_report
 from lcmchain.errors import LcmchainError
 from lcmchain.model import build_model
 from lcmchain.scene import Scene, read_scene
@@ -113,11 +112,10 @@ def prepare(folder: Path) -> None:
     """Copy the files that the examples name into a folder."""
     for file in [*EXAMPLES.glob("*/*.stl"), *EXAMPLES.glob("*/*.vtu")]:
         shutil.copy(file, folder / file.name)
-    # The picture of the start takes longer than all the rest; it is drawn for every tenth case.
-    check_report.draw_start = _drawn_rarely(check_report.draw_start)
 
 
-def _drawn_rarely(draw):
+def drawn_rarely(draw):
+    """Draw the picture of the start for every tenth case: it takes longer than all the rest."""
     count = 0
 
     def drawn(path, scene, blank):
