@@ -23,9 +23,13 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cache
 from pathlib import Path
+from unittest import mock
 
-from lcmchain.cli import main
+import typer
+
+from lcmchain import cli
 from lcmchain.errors import LcmchainError
 
 TIME_LIMIT = 10.0  # of one call [s], of computing time
@@ -133,10 +137,17 @@ def _called(case: Case) -> int:
             return error.exit_code
         return 0
     try:
-        main(list(case.arguments))
+        with mock.patch.object(cli, "app", _commands()):
+            cli.main(list(case.arguments))
     except SystemExit as stop:
         return int(stop.code or 0)
     return 0
+
+
+@cache
+def _commands():
+    """The commands, put together once: that takes as long as a call."""
+    return typer.main.get_command(cli.app)
 
 
 def _message_complaint(message: str, code: int, case: Case) -> str | None:

@@ -6,6 +6,7 @@ import math
 import random
 import shutil
 import tomllib
+import warnings
 from functools import cache
 from pathlib import Path
 
@@ -306,7 +307,9 @@ def _complaint(file: Path) -> str | None:
     """Say what is wrong with a scene that was accepted: numbers that are none."""
     scene: Scene = read_scene(file)
     try:
-        model = build_model(scene)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            model = build_model(scene)
     except LcmchainError as error:
         return f"check accepted what the model refuses: {error}"
     for body in model.bodies:
