@@ -17,6 +17,14 @@ UNREADABLE = (OSError, ValueError, RuntimeError, KeyError, TypeError, AttributeE
 # Farthest place of a node [m] that squares and products of lengths can be computed with.
 FARTHEST = 1e9
 
+# Lowest and highest values that a formed textile may have, far from any that one has (SI).
+PLAUSIBLE = {
+    "thickness": (0.0, 1.0),
+    "areal_fibre_mass": (0.0, 1e4),
+    "fibre_volume_fraction": (0.0, 100.0),
+    "shear_angle": (-np.pi, np.pi),
+}
+
 _POSITION_UNITS = ("m", "metre", "meter")
 
 
@@ -97,15 +105,17 @@ def require_sound_fields(
 
     Raises
     ------
-    InputError : there is no field; a thickness, mass or fraction below zero; a fibre direction whose
+    InputError : there is no field; a value that no formed textile has; a fibre direction whose
         length is not one, or whose components are not all there.
     """
     if not scalars and not directions:
         raise InputError("the forming result has no field on the faces of its mesh", file=name)
-    for key in ("thickness", "areal_fibre_mass", "fibre_volume_fraction"):
-        below = np.flatnonzero(scalars.get(key, np.zeros(0)) < 0.0)
-        if len(below):
-            raise InputError(f"{key} of face {below[0]} is negative", file=name)
+    for key, (low, high) in PLAUSIBLE.items():
+        values = scalars.get(key, np.zeros(0))
+        outside = np.flatnonzero((values < low) | (values > high))
+        if len(outside):
+            value = values[outside[0]]
+            raise InputError(f"{key} of face {outside[0]} is {value:g}, which is none", file=name)
     for family in ("fibre_direction_1", "fibre_direction_2"):
         alone = [key for key in scalars if key.rpartition("_")[0] == family]
         if alone:

@@ -121,7 +121,10 @@ def read_coupon(
             if name != _SPECIMEN:
                 unused.append(str(table.columns[position]))
             continue
-        columns[name] = factor * _numbers(cells[:, position], name, lines, path)
+        values = _numbers(cells[:, position], name, lines, path)
+        if name in wanted:
+            _require_usual_size(values, factor, wanted[name], name, lines, path)
+        columns[name] = factor * values
     specimen = np.zeros(len(lines), dtype=int)
     if _SPECIMEN in headers:
         names = [str(cell).strip() for cell in cells[:, headers[_SPECIMEN][0]]]
@@ -223,6 +226,24 @@ def _numbers(cells, name: str, lines, path: Path) -> np.ndarray:
                 file=path,
             )
     return values
+
+
+def _require_usual_size(
+    values: np.ndarray, factor: float, dimension: Dimension, name: str, lines, path: Path
+) -> None:
+    """Refuse a value that no test has; ``factor`` makes it one in SI units."""
+    with np.errstate(over="ignore"):
+        size = np.abs(values * factor)
+    wrong = np.flatnonzero(
+        (size > dimension.largest) | ((0.0 < size) & (size < dimension.smallest))
+    )
+    if len(wrong):
+        row = wrong[0]
+        raise InputError(
+            f'line {lines[row]}, column "{name}": {values[row]:g} is '
+            f"{dimension.complaint(float(size[row]))}; remove or correct it",
+            file=path,
+        )
 
 
 def _check_order(data: CouponData, layout) -> None:

@@ -14,18 +14,22 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import re
 import signal
 import sys
+import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cache
 from pathlib import Path
+from unittest import mock
 
-from lcmchain.cli import main
+import typer
+
+from lcmchain import cli
 from lcmchain.errors import LcmchainError
 
 TIME_LIMIT = 10.0  # of one call [s], of computing time
@@ -100,7 +104,7 @@ def judge(case: Case) -> Outcome:
     """Make the call of a case and say what came of it."""
     before = _contents(case.out)
     said = _Said()
-    start = os.times()
+    start = time.process_time()
     try:
         with _time_limit(), _captured(said):
             code = _called(case)
@@ -133,10 +137,17 @@ def _called(case: Case) -> int:
             return error.exit_code
         return 0
     try:
-        main(list(case.arguments))
+        with mock.patch.object(cli, "app", _commands()):
+            cli.main(list(case.arguments))
     except SystemExit as stop:
         return int(stop.code or 0)
     return 0
+
+
+@cache
+def _commands():
+    """The commands, put together once: that takes as long as a call."""
+    return typer.main.get_command(cli.app)
 
 
 def _message_complaint(message: str, code: int, case: Case) -> str | None:
@@ -159,8 +170,7 @@ def _time_limit():
         raise _TooLong
 
     # Computing time: on a busy machine a call may take longer without being slow.
-    signal.signal(signal.SIGPROF, stop)
-    signal.signal(signal.SIGALRM, stop)
+    before = {number: signal.signal(number, stop) for number in (signal.SIGPROF, signal.SIGALRM)}
     signal.setitimer(signal.ITIMER_PROF, TIME_LIMIT)
     signal.setitimer(signal.ITIMER_REAL, WALL_LIMIT)
     try:
@@ -168,6 +178,8 @@ def _time_limit():
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager
@@ -185,9 +197,8 @@ def _contents(folder: Path | None) -> dict[str, int] | None:
     return {str(path): path.lstat().st_mtime_ns for path in sorted(folder.rglob("*"))}
 
 
-def _spent(start) -> float:
-    now = os.times()
-    return now.user + now.system - start.user - start.system
+def _spent(start: float) -> float:
+    return time.process_time() - start
 
 
 def _last_line() -> str:

@@ -14,7 +14,8 @@ from scenes import EXAMPLES
 
 LAWS = ("shear", "compaction", "bending")
 CELLS = (
-    "", " ", "nan", "inf", "-inf", "1e400", "1e308", "-1e308", "1e-320", "0", "-1", "1,5", "1.5.2", "x",
+    "", " ", "nan", "inf", "-inf", "1e400", "1e308", "-1e308", "1e-320", "0", "-1", "1,5",
+    "1.5.2", "x",
     "é", "1_0", "0x10", '"', '""', "=1+1", "1e5000", "None", "True", "9" * 400, "\0", "５",
 )  # fmt: skip
 
@@ -25,7 +26,8 @@ def make(rng: random.Random, folder: Path) -> Case:
     text = (EXAMPLES / "identification" / f"{law}.csv").read_text(encoding="utf-8")
     file = folder / "data.csv"
     must_refuse = False
-    kind = rng.choice(["cell", "cell", "cell", "column", "header", "scale", "rows", "lines", "bytes",
+    kind = rng.choice(["cell", "cell", "cell", "column", "header", "scale", "rows", "lines",
+                       "bytes",
                        "separator", "encoding", "law", "size", "wide"])  # fmt: skip
     options: list[str] = []
     rows = [line.split(",") for line in text.strip().split("\n")]
@@ -42,8 +44,10 @@ def make(rng: random.Random, folder: Path) -> Case:
         column = rng.randrange(len(rows[1]))
         name = rows[1][column].split(" [")[0]
         rows[1][column] = rng.choice(
-            [name, f"{name} [{rng.choice(UNITS)}]", f"{name[1:]} [mm]", f"{name} [mm", "", name * 999,
-             rows[1][0], f"{name} [{'m' * 50_000}]", f"{name} (mm)", f'"{name} [mm]', "specimen", "time"]
+            [name, f"{name} [{rng.choice(UNITS)}]", f"{name[1:]} [mm]", f"{name} [mm", "",
+             name * 999,
+             rows[1][0], f"{name} [{'m' * 50_000}]", f"{name} (mm)", f'"{name} [mm]',
+             "specimen", "time"]
         )  # fmt: skip
     elif kind == "scale":
         factor = 10.0 ** rng.uniform(-320, 300)
@@ -57,7 +61,8 @@ def make(rng: random.Random, folder: Path) -> Case:
     elif kind == "size":
         option = rng.choice({"shear": ["--length", "--width", "--thickness"],
                              "compaction": ["--thickness", "--areal-mass", "--fibre-density"],
-                             "bending": ["--thickness", "--areal-mass", "--angle"]}[law])  # fmt: skip
+                             "bending": ["--thickness", "--areal-mass",
+                                         "--angle"]}[law])  # fmt: skip
         options = [
             option,
             rng.choice(
@@ -95,7 +100,8 @@ def make(rng: random.Random, folder: Path) -> Case:
     file.write_bytes(content)
     out = folder / "out"
     return Case(
-        ["identify", law, str(file), "--out", str(out), *options], f"{law}: {kind} {options}", [file],
+        ["identify", law, str(file), "--out", str(out), *options], f"{law}: {kind} {options}",
+        [file],
         out, must_refuse, check=lambda: _complaint(out),
     )  # fmt: skip
 

@@ -45,7 +45,8 @@ def forming_result() -> xr.Dataset:
     })  # fmt: skip
     dataset["sheet_face_nodes"] = (
         ("sheet_face", "sheet_face_corner"), faces.astype(np.int32),
-        {"cf_role": "face_node_connectivity", "start_index": np.int32(0), "_FillValue": np.int32(-1)},
+        {"cf_role": "face_node_connectivity", "start_index": np.int32(0),
+         "_FillValue": np.int32(-1)},
     )  # fmt: skip
     for axis, values in zip("xyz", points.T):
         dataset[f"sheet_node_{axis}"] = ("sheet_node", values, {"units": "m"})
@@ -111,8 +112,10 @@ def _wrong_target(rng: random.Random, folder: Path) -> tuple[Path, str, bool]:
         lifted = points + [0.0, 0.0, 1e-3]
         name, cells = "hexahedron", np.hstack([quads, quads + len(points)])
         points = np.concatenate([points, lifted])
-    kind = rng.choice(["index", "negative", "repeated", "nan", "inf", "huge", "flat", "point", "lines",
-                       "mixed", "shuffled", "far", "scaled", "bytes", "bytes", "format", "empty", "plane",
+    kind = rng.choice(["index", "negative", "repeated", "nan", "inf", "huge", "flat", "point",
+                       "lines",
+                       "mixed", "shuffled", "far", "scaled", "bytes", "bytes", "format",
+                       "empty", "plane",
                        "random", "folder", "absent", "sound"])  # fmt: skip
     row, corner = rng.randrange(len(cells)), rng.randrange(cells.shape[1])
     path = (
@@ -165,9 +168,7 @@ def _wrong_target(rng: random.Random, folder: Path) -> tuple[Path, str, bool]:
     if kind == "bytes":
         path.write_bytes(mutated_bytes(rng, path.read_bytes())[0])
     elif kind == "format":
-        path = Path(
-            shutil.copy(path, path.with_suffix(rng.choice([".msh", ".vtk", ".xyz", ".h5m", ""])))
-        )
+        path = path.rename(path.with_suffix(rng.choice([".msh", ".vtk", ".xyz", ".h5m", ""])))
     elif kind == "empty":
         path.write_bytes(b"")
     return path, f"target: {kind} {name} {path.suffix}", must_refuse
@@ -176,10 +177,13 @@ def _wrong_target(rng: random.Random, folder: Path) -> tuple[Path, str, bool]:
 def _wrong_source(rng: random.Random, folder: Path) -> tuple[Path, str, bool]:
     path = folder / "source.nc"
     shutil.copy(folder / "sound.nc", path)
-    kind = rng.choice(["bytes", "bytes", "truncated", "drop", "rename", "units", "nan", "index", "negative",
-                       "dims", "attribute", "no mesh", "text", "folder", "other netcdf", "positions",
+    kind = rng.choice(["bytes", "bytes", "truncated", "drop", "rename", "units", "nan",
+                       "index", "negative",
+                       "dims", "attribute", "no mesh", "text", "folder", "other netcdf",
+                       "positions",
                        "repeated", "sound"])  # fmt: skip
-    must_refuse = kind in ("truncated", "no mesh", "text", "folder", "other netcdf", "index", "units",
+    must_refuse = kind in ("truncated", "no mesh", "text", "folder", "other netcdf", "index",
+                           "units",
                            "repeated")  # fmt: skip
     if kind == "bytes":
         path.write_bytes(mutated_bytes(rng, path.read_bytes())[0])
@@ -266,7 +270,9 @@ def _complaint(out: Path) -> str | None:
             values = dataset[name].values
             if values.dtype.kind != "f" or name == "mapping_distance":
                 continue
-            if not np.isfinite(values[mapped]).all():
+            # A fibre at right angles to a cell has no direction in it, and the report says so.
+            tilted = "direction" in name and "leaves the plane" in dataset.attrs["mapping_warnings"]
+            if not np.isfinite(values[mapped]).all() and not tilted:
                 return f"{name} of a mapped cell is not finite"
             if name != "mapping_coverage" and np.isfinite(values[~mapped]).any():
                 return f"{name} has values in unmapped cells"

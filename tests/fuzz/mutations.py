@@ -6,14 +6,18 @@ import copy
 import datetime
 import math
 import random
+import re
 from typing import Any
 
 #: Values of every type that TOML has, and sizes that numbers may wrongly have.
 ODD_VALUES: tuple[Any, ...] = (
     0, 1, -1, 2**31, 2**62, 10**18, 0.0, -0.0, 1e-300, 1e300, -1e300, math.nan, math.inf, -math.inf,
-    True, False, "", " ", "none", "nan", "1", "5 mm", "-5 mm", "0 mm", "5 kg", "1e302 ms", "1e400 m",
-    "1e-320 m", "nan mm", "inf mm", "5", "mm", "5 mm mm", "5 m^40", "1/0 mm", "5 mm; 6 mm", "5,5 mm",
-    "0x10 mm", "５ mm", "5 µm", "5 \u212b", "5 mm\u0000", "\ufeff5 mm", "5\u00a0mm", "✂ 5 mm", "{0}",
+    True, False, "", " ", "none", "nan", "1", "5 mm", "-5 mm", "0 mm", "5 kg", "1e302 ms",
+    "1e400 m",
+    "1e-320 m", "nan mm", "inf mm", "5", "mm", "5 mm mm", "5 m^40", "1/0 mm", "5 mm; 6 mm",
+    "5,5 mm",
+    "0x10 mm", "５ mm", "5 µm", "5 \u212b", "5 mm\u0000", "\ufeff5 mm", "5\u00a0mm", "✂ 5 mm",
+    "{0}",
     "%s", "../../../etc/passwd", "/dev/zero", "/", ".", "~", "a" * 300, "1" * 500, "(" * 90,
     "5 " + "m*" * 90 + "m", "5 mm^99999999999", "5 mm**0.3333", "5 dB", "5 degC", "5 mm/0",
     [], [[]], [1], [1, 2, 3], ["5 mm"], ["5 mm", "6 mm"], ["0 mm"] * 3, [0, 0, 0], [0, 0, -1],
@@ -23,8 +27,10 @@ ODD_VALUES: tuple[Any, ...] = (
 )  # fmt: skip
 
 UNITS = (
-    "mm", "m", "cm", "um", "km", "inch", "kg", "g", "t", "ms", "s", "h", "N", "kN", "MPa", "mPa", "Pa",
-    "GPa", "deg", "rad", "1/s", "Hz", "g/m^2", "kg/m^3", "N*s/m", "MPa/mm", "bar", "%", "", "parsec",
+    "mm", "m", "cm", "um", "km", "inch", "kg", "g", "t", "ms", "s", "h", "N", "kN", "MPa",
+    "mPa", "Pa",
+    "GPa", "deg", "rad", "1/s", "Hz", "g/m^2", "kg/m^3", "N*s/m", "MPa/mm", "bar", "%", "",
+    "parsec",
 )  # fmt: skip
 NUMBERS = (
     "0", "-1", "1e-12", "1e-9", "1e-6", "1e-3", "0.5", "1", "2", "10", "1e3", "1e6", "1e9", "1e30",
@@ -166,6 +172,25 @@ def mutated_document(rng: random.Random, document: dict) -> tuple[dict, str, boo
         holder[step] = rng.choice(TEXTS) + (value if isinstance(value, str) else "")
         kind = "text"
     return document, f"{kind} at {where}", must_refuse
+
+
+def near_document(rng: random.Random, document: dict) -> tuple[dict, int]:
+    """Change many sizes a little or by some factor; return the document and how many."""
+    document = copy.deepcopy(document)
+    width, share, count = rng.choice([0.02, 0.1, 0.3]), rng.choice([0.1, 0.5, 1.0]), 0
+    for path in places(document):
+        holder, value = at(document, path[:-1]), at(document, path)
+        if rng.random() > share:
+            continue
+        factor = 10.0 ** rng.uniform(-width, width)
+        if isinstance(value, str) and re.fullmatch(r"-?[\d.]+ [^\d ]+", value):
+            number, _, unit = value.partition(" ")
+            holder[path[-1]] = f"{float(number) * factor:.5g} {unit}"
+            count += 1
+        elif isinstance(value, float):
+            holder[path[-1]] = value * factor
+            count += 1
+    return document, count
 
 
 def _scaled(rng: random.Random, number: str, unit: str) -> str:

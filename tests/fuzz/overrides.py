@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import random
+import re
 import tomllib
 from functools import cache
 from pathlib import Path
 
 from contract import Case
-from mutations import NUMBERS, ODD_VALUES, TEXTS, UNITS, places, to_toml
+from mutations import NUMBERS, ODD_VALUES, TEXTS, UNITS, at, places, to_toml
 from scenes import base_documents, prepare
 
 from lcmchain.scene import read_scene
@@ -36,13 +37,13 @@ def make(rng: random.Random, folder: Path) -> Case:
 
 def _override(rng: random.Random, name: str) -> str:
     key = rng.choice(_keys(name))
-    kind = rng.choice(
-        ["value", "value", "value", "new", "index", "odd key", "raw", "long", "lines"]
-    )
-    value = _value(rng)
+    kinds = ["value", "value", "new", "index", "odd key", "raw", "long", "lines", *["near"] * 4]
+    kind = rng.choice(kinds)
+    value = _near(rng, name, key) if kind == "near" else _value(rng)
     if kind == "new":
         key = rng.choice(["output.vtu", "contact.damping_ratio", "process.step_safety", "title",
-                          "element.type", "permeability", "tools", "mapping", "element"])  # fmt: skip
+                          "element.type", "permeability", "tools", "mapping",
+                          "element"])  # fmt: skip
     elif kind == "index":
         key = f"tools[{rng.choice([0, 1, 99, 10**9, '-1', '0][0', '', 'x'])}].friction"
     elif kind == "odd key":
@@ -50,7 +51,8 @@ def _override(rng: random.Random, name: str) -> str:
                           "x" * 5000, "a." * 3000 + "b", "tools." + "9" * 5000, "a b", "é", "--set",
                           "blank.size.0", "blank.size[0]", "title.x"])  # fmt: skip
     elif kind == "raw":
-        return rng.choice(["", "=", "==", "a", "=1", "a=", " = ", "\n=\n", "blank.edge_length", "\0=1",
+        return rng.choice(["", "=", "==", "a", "=1", "a=", " = ", "\n=\n", "blank.edge_length",
+                           "\0=1",
                            "title=\udcff", "title=\0", "\udcff=1"])  # fmt: skip
     elif kind == "long":
         value = rng.choice(["[" * 5000, "{a=" * 2000, "1" * 9000, "0x" + "f" * 9000, "x" * 100_000,
@@ -60,6 +62,17 @@ def _override(rng: random.Random, name: str) -> str:
             ["1\n[blank]", "1\nb = 2", "'''a\nb'''", "5 mm # no", '"5 mm" # yes', "\n"]
         )
     return f"{key}={value}"
+
+
+def _near(rng: random.Random, name: str, key: str) -> str:
+    """A value that is probably right: that of the scene, or a little more or less."""
+    value = at(base_documents()[name], tuple(int(s) if s.isdigit() else s for s in key.split(".")))
+    if isinstance(value, float):
+        return str(value * rng.uniform(0.9, 1.1))
+    if isinstance(value, str) and re.fullmatch(r"[\d.]+ [^\d ]+", value):
+        number, _, unit = value.partition(" ")
+        return f"{float(number) * rng.uniform(0.9, 1.1):.4g} {unit}"
+    return to_toml({"v": value}).partition(" = ")[2].strip()
 
 
 def _value(rng: random.Random) -> str:
@@ -87,6 +100,8 @@ def _complaint(file: Path, overrides: list[str]) -> str | None:
         if isinstance(value, (dict, list)) or value == "none":
             continue  # one key of the record for each entry
         named = _named(key, document)
+        if named.rpartition(".")[2].isdigit():
+            continue  # a value in a list
         if named not in given and f"{named}.type" not in given:
             return f"{key} was accepted, but the scene does not record it"
         recorded = given.get(named, given.get(f"{named}.type"))

@@ -15,6 +15,7 @@ import importlib
 import json
 import multiprocessing
 import os
+import queue
 import random
 import shutil
 import sys
@@ -70,13 +71,21 @@ def keep(folder: Path, case, outcome) -> None:
     (folder / "what.txt").write_text("\n\n".join(lines), encoding="utf-8", errors="replace")
 
 
-def work(tasks, results, seed: int, failures: Path) -> None:
-    """Judge batches of cases until there are no more."""
+def work(tasks, results, done, seed: int, failures: Path) -> None:
+    """Judge batches of cases until all are done."""
+    from scenes import drawn_rarely
+
+    from lcmchain.check import report
+
+    report.draw_start = drawn_rarely(report.draw_start)
     folder = Path(tempfile.mkdtemp(prefix="lcmchain-fuzz-"))
     fuzzers: dict[str, Fuzzer] = {}
     try:
-        while (task := tasks.get()) is not None:
-            kind, first, last = task
+        while not done.is_set():
+            try:
+                kind, first, last = tasks.get(timeout=1.0)
+            except queue.Empty:
+                continue
             if kind not in fuzzers:
                 fuzzers[kind] = Fuzzer(kind, seed, folder / kind)
             for number in range(first, last):
@@ -84,7 +93,6 @@ def work(tasks, results, seed: int, failures: Path) -> None:
                 case, outcome = fuzzers[kind].run(number, failures)
                 results.put(("end", os.getpid(), kind, number, outcome.verdict.value, case.what,
                              outcome.seconds))  # fmt: skip
-        results.put(("done", os.getpid(), "", 0, "", "", 0.0))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -102,12 +110,13 @@ def fuzz(counts: dict[str, int], *, seed: int, jobs: int, failures: Path) -> dic
     tasks, results = context.Queue(), context.Queue()
     for batch in batches(counts):
         tasks.put(batch)
-    for _ in range(2 * jobs):
-        tasks.put(None)
+    done = context.Event()
     workers = {}
 
     def start() -> None:
-        worker = context.Process(target=work, args=(tasks, results, seed, failures), daemon=True)
+        worker = context.Process(
+            target=work, args=(tasks, results, done, seed, failures), daemon=True
+        )
         worker.start()
         workers[worker.pid] = [worker, time.monotonic(), None]
 
@@ -115,15 +124,13 @@ def fuzz(counts: dict[str, int], *, seed: int, jobs: int, failures: Path) -> dic
         start()
     found: dict[str, Counter] = defaultdict(Counter)
     total, count = sum(counts.values()), 0
-    while workers:
+    while count < total and workers:
         for event in _events(results):
             state, pid, kind, number, verdict, what, seconds = event
             if pid in workers:
                 workers[pid][1] = time.monotonic()
                 workers[pid][2] = (kind, number) if state == "begin" else None
-            if state == "done":
-                workers.pop(pid, None)
-            elif state == "end":
+            if state == "end":
                 count += 1
                 found[kind][verdict] += 1
                 if verdict not in ("valid", "refused"):
@@ -131,25 +138,24 @@ def fuzz(counts: dict[str, int], *, seed: int, jobs: int, failures: Path) -> dic
                 if count % 500 == 0:
                     print(f"... {count} of {total}", flush=True)
         for pid, (worker, last, busy) in list(workers.items()):
-            silent = time.monotonic() - last > SILENCE
+            silent = busy is not None and time.monotonic() - last > SILENCE
             if worker.is_alive() and not silent:
                 continue
             del workers[pid]
             worker.kill()
             if busy is not None:
                 kind, number = busy
+                count += 1
                 found[kind]["hang" if silent else "traceback"] += 1
                 print(f"{kind}:{number} {'hangs' if silent else 'ended the process'}", flush=True)
                 # The rest of its batch.
                 tasks.put((kind, number + 1, min((number // BATCH + 1) * BATCH, counts[kind])))
-                tasks.put(None)
                 start()
+    done.set()
     return found
 
 
 def _events(results):
-    import queue
-
     try:
         yield results.get(timeout=5.0)
         while True:

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from lcmchain.errors import InputError
+from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping import MappingWeights, map_file, map_forming, read_sheet, read_target
 
 FIELDS = ["thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle"]
@@ -251,6 +252,66 @@ def test_folders_are_said_to_be_folders(result, part, tmp_path):
     (tmp_path / "folder.nc").mkdir()
     with pytest.raises(InputError, match="is a folder"):
         map_file(result, part(), tmp_path / "folder.nc")
+
+
+def thicker(dataset, value):
+    dataset["thickness"].values[..., 3] = value
+
+
+def faces(dataset, value):
+    dataset["sheet_face_nodes"].values[3, 1:] = value
+
+
+#: What is done to a sound file, and words of the message.
+DAMAGES = {
+    "no mesh": (lambda d: d.drop_vars("sheet"), "has one two-dimensional mesh, this has 0"),
+    "no faces": (lambda d: d.drop_vars("sheet_face_nodes"), 'no variable "sheet_face_nodes"'),
+    "no nodes": (lambda d: d.drop_vars("sheet_node_z"), "no x, y and z node coordinates"),
+    "no fields": (lambda d: d.drop_vars(["thickness", "fibre_volume_fraction"]), "has no field"),
+    "negative thickness": (lambda d: thicker(d, -1e-3), "thickness of face 3 is -0.001"),
+    "huge thickness": (lambda d: thicker(d, 1e300), r"thickness of face 3 is 1e\+300"),
+    "thickness that is none": (lambda d: thicker(d, np.nan), "thickness of face 3 is not finite"),
+    "node that does not exist": (lambda d: faces(d, 999), "nodes that do not exist"),
+    "negative node": (lambda d: faces(d, -7), "nodes that do not exist"),
+    "face without area": (lambda d: faces(d, 0), "1 faces of the mesh have no area, .* face 3"),
+    "positions in millimetres": (
+        lambda d: d["sheet_node_x"].attrs.update(units="mm"), 'sheet_node_x is in "mm"'
+    ),
+    "thickness in millimetres": (
+        lambda d: d["thickness"].attrs.update(units="mm"), 'has it in "m"; convert'
+    ),
+    "one component of a fibre": (
+        lambda d: d.assign(fibre_direction_1_x=d["fibre_volume_fraction"]), "has only the components"
+    ),
+    "numbering from 7": (
+        lambda d: d["sheet_face_nodes"].attrs.update(start_index=np.int32(7)), "start_index"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_source_is_refused(damage, make, tmp_path):
+    points, quads = make.grid(3, 3)
+    change, words = DAMAGES[damage]
+    dataset = make.forming_result(make.lifted(points), quads)
+    dataset["thickness"].values.setflags(write=True)
+    changed = change(dataset)
+    write_netcdf(tmp_path / "forming.nc", {"/": dataset if changed is None else changed})
+    with pytest.raises(InputError, match=words) as error:
+        read_sheet(tmp_path / "forming.nc")
+    assert "forming.nc" in str(error.value)
+
+
+def test_a_source_of_which_a_part_is_missing_is_refused(make, tmp_path):
+    points, quads = make.grid(3, 3)
+    path = tmp_path / "forming.nc"
+    write_netcdf(path, {"/": make.forming_result(make.lifted(points), quads)})
+    content = path.read_bytes()
+    assert read_sheet(path).surface.face_count == 9
+    for size in (0, 10, len(content) // 2, len(content) - 100):
+        path.write_bytes(content[:size])
+        with pytest.raises(InputError, match="not a netCDF forming result"):
+            read_sheet(path)
 
 
 def test_weights_are_stored_and_used_again(result, part, tmp_path):
