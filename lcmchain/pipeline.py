@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.atomic import replacing
-from lcmchain.check import require_no_initial_overlap
+from lcmchain.check import require_no_initial_overlap, run_effects
 from lcmchain.errors import LcmchainError, MappingError, SimulationError
 from lcmchain.fields import (
     FrameSeries,
@@ -25,6 +25,7 @@ from lcmchain.fields import (
 )
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
+from lcmchain.provenance import provenance
 from lcmchain.scene import Scene
 from lcmchain.scene.permeability import Permeability
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
@@ -77,6 +78,7 @@ def run(
     fingerprint = run_fingerprint(scene)
     checkpoint = read_checkpoint(folder, fingerprint) if resume else None
     _require_readable_targets(scene)
+    origin = provenance(scene, run_fingerprint=fingerprint.sha256, threads=thread_count)
 
     report(0.0, scene.process.time, "building the model")
     simulation, tool_warnings = _build_simulation(scene)
@@ -89,7 +91,7 @@ def run(
     compile_s = time.perf_counter() - start
 
     forming = FormingRun(scene, fingerprint, simulation, folder, report)
-    snapshots = _form(forming, checkpoint)
+    snapshots = _form(forming, checkpoint, origin)
 
     report(scene.process.time, scene.process.time, "writing fields")
     datasets = _write_fields(scene, simulation, snapshots, folder)
@@ -104,7 +106,7 @@ def run(
         threads=thread_count,
         warnings=[*tool_warnings, *simulation.warnings()],
     )
-    result = Result(datasets, summary, folder)
+    result = Result(datasets, summary | {"provenance": origin}, folder)
     _write_summary(result)  # forming is complete: nothing that fails from here on may lose it
     if scene.output.pictures:
         from lcmchain.report.pictures import draw_result
@@ -112,18 +114,23 @@ def run(
         report(scene.process.time, scene.process.time, "drawing")
         draw_result(folder, datasets)
     report(scene.process.time, scene.process.time, "mapping")
-    _map_fields(scene, result)
+    try:
+        _map_fields(scene, result)
+    finally:
+        _write_report(scene, simulation, result)
     remove_checkpoint(folder)
     return result
 
 
-def _form(forming: FormingRun, checkpoint: Checkpoint | None) -> list[Snapshot]:
+def _form(forming: FormingRun, checkpoint: Checkpoint | None, origin: dict) -> list[Snapshot]:
     """Complete the forming run; where a guard stops it, write the frames up to then."""
     try:
         return forming.complete(checkpoint)
     except SimulationError as error:
         folder = forming.folder
-        _write_fields(forming.scene, forming.simulation, forming.snapshots, folder)
+        datasets = _write_fields(forming.scene, forming.simulation, forming.snapshots, folder)
+        known = {"state": f"stopped: {error}", "provenance": origin}
+        _write_report(forming.scene, forming.simulation, Result(datasets, known, folder))
         (folder / SUMMARY_FILE).unlink(missing_ok=True)  # of an earlier run
         last = 1e3 * forming.snapshots[-1].time
         raise SimulationError(
@@ -145,6 +152,14 @@ def _write_fields(
         write_vtu(folder / "forming.vtu", datasets)
         write_pvd(folder / "forming.pvd", datasets)
     return datasets
+
+
+def _write_report(scene: Scene, simulation: Simulation, result: Result) -> None:
+    if scene.output.report:
+        from lcmchain.report import write_report
+
+        effects = run_effects(scene, simulation.model)
+        write_report(result.folder, scene, effects, result.datasets, result.summary)
 
 
 def _permeabilities(
