@@ -107,10 +107,10 @@ def _share(
 ) -> Verdict:
     """Judge a share: doubtful above its limit, bad above ``worst``, by default BAD times it.
 
-    quantity : what the share is; consequence : what it means where it is too large.
+    quantity : what the share is, with its place as {}; consequence : of one that is too large.
     """
     grade = _grade(part, limit, BAD * limit if worst is None else worst)
-    text = f"{quantity} {percent(part)} (good up to {limit:.0%})"
+    text = f"{quantity.format(percent(part))} (good up to {percent(limit)})"
     if grade == GOOD:
         return Verdict(check, grade, text)
     return Verdict(check, grade, f"{text}: {consequence}", remedy)
@@ -118,7 +118,7 @@ def _share(
 
 def percent(part: float) -> str:
     """Return a share in percent, with as many digits as say something."""
-    return "below 0.01 %" if 0.0 <= part < 1e-4 else f"{100.0 * part:.3g} %"
+    return "less than 0.01 %" if 0.0 <= part < 1e-4 else f"{100.0 * part:.3g} %"
 
 
 def _grade(value: float, limit: float, worst: float) -> str:
@@ -136,7 +136,7 @@ def _energy_balance(summary: Mapping[str, Any]) -> Iterator[Verdict]:
             "Energy balance",
             summary["balance_error_max"],
             LARGEST_BALANCE_ERROR,
-            "the balance is off by at most this share of the largest internal energy:",
+            "off by {} of the largest internal energy",
             "energy is lost or comes from nowhere",
             "process.step_safety, element.cross_terms",
         )
@@ -148,8 +148,8 @@ def _inertia(summary: Mapping[str, Any]) -> Iterator[Verdict]:
             "Quasi-static",
             summary["kinetic_to_internal_over_tenth_of_stroke"],
             LARGEST_KINETIC_PART,
-            f"over {LONGEST_DYNAMIC_PART:.0%} of the stroke the kinetic exceeds this share of the "
-            "internal energy:",
+            f"over {percent(LONGEST_DYNAMIC_PART)} of the stroke the kinetic energy exceeds "
+            "{} of the internal energy",
             "inertia is part of forces and shape",
             "process.time",
         )
@@ -162,7 +162,7 @@ def _rest(summary: Mapping[str, Any]) -> Iterator[Verdict]:
             "At rest at the end",
             summary["kinetic_to_internal_end"],
             LARGEST_KINETIC_PART_AT_END,
-            "in the last frame the kinetic energy is this share of the internal energy:",
+            "in the last frame the kinetic energy is {} of the internal energy",
             "the sheet still moves, and its shape is not the final one",
             "process.time, process.mass_damping",
         )
@@ -174,7 +174,7 @@ def _damping(summary: Mapping[str, Any]) -> Iterator[Verdict]:
             "Damping",
             summary["damping_to_external"],
             LARGEST_DAMPING_PART,
-            "damping took this share of the external work:",
+            "damping took {} of the external work",
             "the mean forces over the stroke are too high by it" + _of_punch(summary),
             "process.mass_damping, process.damping_average, process.time",
         )
@@ -198,7 +198,7 @@ def _hourglass(summary: Mapping[str, Any]) -> Iterator[Verdict]:
             "Resolution by elements",
             summary["hourglass_to_internal"],
             LARGEST_HOURGLASS_PART,
-            "the hourglass energy is this share of the internal energy:",
+            "the hourglass energy is {} of the internal energy",
             "the elements are too coarse for the radii of the tools",
             "blank.edge_length",
             worst=guards.LARGEST_HOURGLASS_PART,

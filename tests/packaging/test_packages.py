@@ -253,6 +253,8 @@ def test_wheel_works_outside_the_checkout(tmp_path):
         if file.is_file()
     } == pages
     assert any(page.endswith(".png") for page in pages)
+    packed_report = {file.name for file in (site / "lcmchain" / "report" / "assets").iterdir()}
+    assert packed_report == {"report.html", "report.css", "report.js"}
 
     code = f"""
 import importlib, pathlib
