@@ -19,6 +19,9 @@ LARGEST_PENETRATION = 1e-4
 #: Strain of fibres; carbon fibres break at three times as much (1.5 %, data sheet of T300).
 LARGEST_FIBRE_STRAIN = 0.005
 
+#: Elements per wavelength below which a wave of the sheet is not resolved; half as many form none.
+LEAST_ELEMENTS_PER_WAVE = 8
+
 #: A share this many times its threshold makes a result bad, no longer doubtful.
 BAD = 3.0
 #: Part of the area of the sheet up to which an excess is local: doubtful, and bad beyond.

@@ -133,10 +133,10 @@ def _field(shown: Shown, place: str, values: np.ndarray, frames: list[int]) -> d
 def _limits(shown: Shown, values: np.ndarray) -> tuple[float, float]:
     """Return the values of the first and the last colour, as in the pictures where there is one."""
     if shown.signed and shown not in SHOWN:  # pictures round up to whole units: too much here
-        limit = colour_scale(np.abs(values), _SHOWN["displacement"]).norm.vmax or 1.0
-        return -float(limit), float(limit)
-    norm = colour_scale(values, shown).norm
-    return float(norm.vmin or 0.0), float(norm.vmax or 0.0)
+        _, limit = colour_scale(np.abs(values), _SHOWN["displacement"]).get_clim()
+        return -float(limit or 1.0), float(limit or 1.0)
+    low, high = colour_scale(values, shown).get_clim()
+    return float(low), float(high if high > low else low + 1.0)  # all zero
 
 
 def _colours(name: str) -> list[list[Any]]:

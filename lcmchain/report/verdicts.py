@@ -16,6 +16,7 @@ import xarray as xr
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
 from lcmchain.fields.sheet import sheet_areas
+from lcmchain.report.waves import elements_per_wave
 from lcmchain.solver import guards
 from lcmchain.thresholds import (
     BAD,
@@ -26,6 +27,7 @@ from lcmchain.thresholds import (
     LARGEST_KINETIC_PART,
     LARGEST_KINETIC_PART_AT_END,
     LARGEST_PENETRATION,
+    LEAST_ELEMENTS_PER_WAVE,
     LOCAL_AREA,
     LONGEST_DYNAMIC_PART,
 )
@@ -70,6 +72,7 @@ def verdicts(
         *_damping(summary),
         *_process_time(summary, scene),
         *_hourglass(summary),
+        *_waves(sheet),
         *_halvings(summary),
         *_penetration(summary, scene),
         *_fibre_strain(sheet, scene),
@@ -205,6 +208,26 @@ def _hourglass(summary: Mapping[str, Any]) -> Iterator[Verdict]:
         )
 
 
+def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
+    found = elements_per_wave(sheet)
+    if found is None:
+        return
+    if not np.isfinite(found).any():
+        yield Verdict("Resolution of wrinkles", GOOD, "the sheet has no waves")
+        return
+    few, none = (
+        _area_where(sheet, found < count)
+        for count in (LEAST_ELEMENTS_PER_WAVE, 0.5 * LEAST_ELEMENTS_PER_WAVE)
+    )
+    grade = BAD_GRADE if none > LOCAL_AREA else DOUBTFUL if few else GOOD
+    text = (
+        f"the shortest wave has {found.min():.1f} elements; {_area(few)} lies in waves of fewer "
+        f"than {LEAST_ELEMENTS_PER_WAVE}"
+    )
+    remedy = "blank.edge_length" if grade != GOOD else ""
+    yield Verdict("Resolution of wrinkles", grade, text, remedy)
+
+
 # --- time -----------------------------------------------------------------------------------------
 
 
@@ -324,8 +347,12 @@ def _area(part: float) -> str:
 
 def _area_over(sheet: xr.Dataset, values: np.ndarray, limit: float) -> float:
     """Return the part of the undeformed area where values (F, face_count) ever exceed a limit."""
+    return _area_where(sheet, np.any(values > limit, axis=0))
+
+
+def _area_where(sheet: xr.Dataset, there: np.ndarray) -> float:
     areas = sheet_areas(sheet, 0)
-    return float(areas[np.any(values > limit, axis=0)].sum() / areas.sum())
+    return float(areas[there].sum() / areas.sum())
 
 
 # --- mapping --------------------------------------------------------------------------------------

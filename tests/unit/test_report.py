@@ -292,6 +292,15 @@ def test_a_field_that_nobody_knows_is_shown_in_its_own_unit(result):
     assert unpacked(wear["values"][0]) == pytest.approx(sheet["wear"].values[0], rel=1e-6)
 
 
+def test_a_field_of_zeros_has_colours(result):
+    sheet = result.datasets["/"].copy(deep=True)
+    names = ("thickness", "fibre_strain_1", "compaction_pressure", "shear_angle")
+    for name in names:
+        sheet[name][...] = 0.0
+    for field in view_data(sheet)["fields"]:
+        assert field["low"] < field["high"], field["name"]
+
+
 # --- in a browser ---------------------------------------------------------------------------------
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")

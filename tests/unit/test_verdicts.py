@@ -1,14 +1,18 @@
 """Verdicts on a result: every grade of every check, and that they agree with the warnings."""
 
+import re
+
 import numpy as np
 import pytest
 
 from lcmchain.check.quasi_static import process_time_needed, quasi_static_warnings
 from lcmchain.fields import FrameSeries, build_datasets
+from lcmchain.fields.sheet import sheet_faces
 from lcmchain.fields.summary import field_warnings
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
 from lcmchain.report.verdicts import Verdict, percent, verdicts, worst_grade
+from lcmchain.report.waves import elements_per_wave, rows_of_faces
 from lcmchain.scene import scene_from_text
 from lcmchain.summary import run_warnings
 
@@ -67,7 +71,7 @@ def judged(scene, datasets, **changes) -> dict[str, Verdict]:
 
 def test_a_sound_result_is_good_in_every_check_and_asks_for_no_change(scene, datasets):
     found = judged(scene, datasets)
-    assert len(found) == 13
+    assert len(found) == 14
     assert {verdict.grade for verdict in found.values()} == {"good"}
     assert {verdict.remedy_key for verdict in found.values()} == {""}
 
@@ -199,6 +203,58 @@ def test_grades_of_mappings(scene, datasets, changes, grade, words):
     assert words in verdict.text and 'mapping "part"' in verdict.remedy_key
 
 
+def wave(datasets, elements, slope=0.5):
+    """Give the last frame a wave along x, of a slope, with elements of 10 mm."""
+    sheet = datasets["/"]
+    x = sheet["reference_position_x"].values
+    number = 2.0 * np.pi / (elements * 0.01)
+    sheet["displacement_z"][-1] = slope / number * np.cos(number * (x - x.min()))
+    return sheet
+
+
+@pytest.mark.parametrize("elements", [3, 4, 5, 6, 8, 10])
+def test_a_wave_has_as_many_elements_as_were_given_to_it(elements):
+    scene = scene_from_text(SCENE.replace('"110 mm"', '"240 mm"'))
+    blank = build_blank(scene.blank, scene.material.thickness)
+    positions = blank.node_positions[None]
+    frames = FrameSeries(np.zeros(1), positions, np.zeros((1, 0)), np.zeros((1, 0, 3)))
+    found = elements_per_wave(wave(build_datasets(scene, blank, frames), elements))
+    inner = found[np.isfinite(found)]
+    assert inner.size > 0.5 * found.size
+    assert inner == pytest.approx(elements, abs=0.35)
+    assert inner.mean() == pytest.approx(elements, abs=0.1)
+
+
+def test_shallow_waves_domes_and_single_bends_are_no_waves(datasets):
+    assert np.isinf(elements_per_wave(wave(datasets, 8, slope=0.07))).all()
+    sheet = wave(datasets, 22)  # half a wave over the sheet
+    assert np.isinf(elements_per_wave(sheet)).all()
+    x = sheet["reference_position_x"].values
+    sheet["displacement_z"][-1] = np.maximum(x, 0.0)
+    assert np.isinf(elements_per_wave(sheet)).all()
+
+
+@pytest.mark.parametrize(("elements", "grade"), [(10, "good"), (5, "doubtful"), (3, "bad")])
+def test_grades_of_waves(scene, datasets, elements, grade):
+    wave(datasets, elements)
+    verdict = judged(scene, datasets)["Resolution of wrinkles"]
+    assert (verdict.grade, bool(verdict.remedy_key)) == (grade, grade != "good")
+    least = float(re.match(r"the shortest wave has ([\d.]+) elements", verdict.text)[1])
+    assert least == pytest.approx(elements, abs=0.35)
+
+
+def test_rows_of_a_lattice_cross_every_element_twice(datasets):
+    rows = rows_of_faces(sheet_faces(datasets["/"]))
+    assert sorted(len(row) for row in rows) == [10] * 11 + [11] * 10
+    assert np.array_equal(np.sort(np.concatenate(rows)), np.repeat(np.arange(110), 2))
+
+
+def test_rows_that_close_end():
+    """A ring of four elements, as around a tube, and its four crossing rows of one."""
+    faces = np.array([[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
+    assert sorted(len(row) for row in rows_of_faces(faces)) == [1, 1, 1, 1, 4]
+
+
 def test_halved_steps_are_doubtful(scene, datasets):
     verdict = judged(scene, datasets, step_halvings=2)["Time step"]
     assert (verdict.grade, verdict.remedy_key) == ("doubtful", "process.step_safety")
@@ -215,7 +271,7 @@ def test_a_stopped_run_is_bad_says_why_and_is_not_expected_at_rest(scene, datase
 def test_what_a_summary_does_not_hold_is_left_out(scene, datasets):
     found = verdicts({"state": "interrupted"}, scene, datasets)
     assert [verdict.check for verdict in found] == [
-        "Run", "Fibre strain", "Shear angle", "Thickness and packing"
+        "Run", "Resolution of wrinkles", "Fibre strain", "Shear angle", "Thickness and packing"
     ]  # fmt: skip
     assert worst_grade(found) == "bad"
 
