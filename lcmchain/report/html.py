@@ -20,6 +20,7 @@ from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table
 from lcmchain.report.style import SERIES
 from lcmchain.report.tool_view import tool_data
 from lcmchain.report.verdicts import GRADES, verdicts, worst_grade
+from lcmchain.results import COMPLETE
 
 if TYPE_CHECKING:
     from lcmchain.effects.effect import Effect
@@ -30,7 +31,6 @@ ASSETS = Path(__file__).resolve().parent / "assets"
 
 #: What the pictures of a run show, in the order of the report; others follow by their names.
 CAPTIONS = {
-    "initial": "Blank, tools and fibre directions before forming",
     "shear_angle": "Shear angle on the formed shape",
     "thickness": "Thickness on the formed shape",
     "fibre_volume_fraction": "Fibre volume fraction on the formed shape",
@@ -47,20 +47,24 @@ def write_report(
     effects: Sequence[Effect],
     datasets: Mapping[str, xr.Dataset],
     summary: Mapping[str, Any],
+    *,
+    pictures: Sequence[str] = (),
 ) -> Path:
     """Write ``report.html`` into the folder of the results, complete or not at all.
 
     Parameters
     ----------
-    folder : of the results; every PNG in it is shown.
+    folder : of the results.
     scene : of the run.
     effects : from :func:`lcmchain.check.run_effects`.
     datasets : groups of ``forming.nc``, also of a run that was stopped.
     summary : content of ``summary.json``; what it does not hold is left out.
+    pictures : names of PNG files of the run in the folder.
 
     Raises
     ------
     InputError : the folder cannot be written.
+    OutputError : writing failed on the way.
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from plotly.offline import get_plotlyjs
@@ -70,7 +74,8 @@ def write_report(
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     text = environment.get_template("report.html").render(
-        _content(Path(folder), scene, effects, datasets, summary),
+        _content(scene, effects, datasets, summary),
+        pictures=list(_pictures(Path(folder), pictures)),
         style=(ASSETS / "report.css").read_text(encoding="utf-8"),
         script=(ASSETS / "report.js").read_text(encoding="utf-8"),
         plotly=get_plotlyjs(),
@@ -82,7 +87,6 @@ def write_report(
 
 
 def _content(
-    folder: Path,
     scene: Scene,
     effects: Sequence[Effect],
     datasets: Mapping[str, xr.Dataset],
@@ -95,7 +99,7 @@ def _content(
     return {
         "title": scene.title,
         "version": __version__,
-        "state": summary.get("state", "complete"),
+        "state": summary.get("state", COMPLETE),
         "worst": worst_grade(found),
         "counts": {grade: count for grade, count in counts.items() if count},
         "verdicts": found,
@@ -103,7 +107,6 @@ def _content(
         "load_headings": headings,
         "loads": loads,
         "warnings": grouped_warnings(summary),
-        "pictures": list(_pictures(folder)),
         "data": {
             "series": SERIES,
             "curves": curve_data(history),
@@ -118,19 +121,18 @@ def _content(
     }
 
 
-def _pictures(folder: Path) -> Iterator[tuple[str, str, str]]:
-    """Yield file name, caption and data address of every picture of the results."""
+def _pictures(folder: Path, names: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield file name, caption and data address of pictures in the order of ``CAPTIONS``."""
     from PIL import Image
 
-    order = list(CAPTIONS)
-    files = {file.stem: file for file in sorted(folder.glob("*.png"))}
-    for stem in sorted(files, key=lambda s: order.index(s) if s in order else len(order)):
+    order = [f"{stem}.png" for stem in CAPTIONS]
+    for name in sorted(names, key=lambda n: order.index(n) if n in order else len(order)):
         packed = io.BytesIO()
-        with Image.open(files[stem]) as picture:
+        with Image.open(folder / name) as picture:
             picture.convert("RGB").save(packed, "WEBP", quality=WEBP_QUALITY)
         address = f"data:image/webp;base64,{base64.b64encode(packed.getvalue()).decode()}"
-        caption = CAPTIONS.get(stem, stem.replace("_", " ").capitalize())
-        yield files[stem].name, caption, address
+        stem = Path(name).stem
+        yield name, CAPTIONS.get(stem, stem.replace("_", " ").capitalize()), address
 
 
 def _mapping_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from lcmchain.quantities.durations import duration_text
 from lcmchain.report.verdicts import percent
 
 
@@ -70,9 +71,9 @@ def _cost(summary: Mapping[str, Any]) -> Iterator[Number]:
     if "wall_s" in summary:
         yield Number(
             "Computing time",
-            f"{summary['wall_s']:.3g} s",
+            duration_text(summary["wall_s"]),
             f"on {summary['threads']} threads, {summary['us_per_element_step']:.3g} µs per element "
-            f"and step; {summary['compile_s']:.3g} s of compiling before",
+            f"and step; {duration_text(summary['compile_s'])} of compiling before",
         )
 
 

@@ -17,6 +17,7 @@ from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
 from lcmchain.fields.sheet import sheet_areas
 from lcmchain.report.waves import elements_per_wave
+from lcmchain.results import COMPLETE
 from lcmchain.solver import guards
 from lcmchain.thresholds import (
     BAD,
@@ -88,15 +89,23 @@ def worst_grade(found: list[Verdict]) -> str:
 
 
 def _state(summary: Mapping[str, Any]) -> Iterator[Verdict]:
-    if _is_complete(summary):
+    state = summary.get("state", COMPLETE)
+    if state == COMPLETE:
         yield Verdict("Run", GOOD, "complete: the process was computed to its end")
+    elif _has_ended(summary):
+        text = f"{state}. The process was computed to its end, and its fields are whole"
+        yield Verdict("Run", BAD_GRADE, text, "what the reason names")
     else:
-        text = f"{summary['state']}. What follows is of the frames up to then"
+        text = f"{state}. What follows is of the frames up to then"
         yield Verdict("Run", BAD_GRADE, text, "what the reason names")
 
 
-def _is_complete(summary: Mapping[str, Any]) -> bool:
-    return summary.get("state", "complete") == "complete"
+def _has_ended(summary: Mapping[str, Any]) -> bool:
+    """Tell whether the process was computed to its end, whatever came after."""
+    if summary.get("state", COMPLETE) == COMPLETE:
+        return True
+    end = summary.get("process_time_s", np.inf)
+    return bool(np.isclose(summary.get("time_reached_s", 0.0), end, rtol=1e-9))
 
 
 def _share(
@@ -160,7 +169,7 @@ def _inertia(summary: Mapping[str, Any]) -> Iterator[Verdict]:
 
 def _rest(summary: Mapping[str, Any]) -> Iterator[Verdict]:
     # a stopped run has not come to its end
-    if "kinetic_to_internal_end" in summary and _is_complete(summary):
+    if "kinetic_to_internal_end" in summary and _has_ended(summary):
         yield _share(
             "At rest at the end",
             summary["kinetic_to_internal_end"],

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lcmchain.errors import InputError, SimulationError
+from lcmchain.errors import InputError, OutputError, SimulationError
 from lcmchain.fields import sheet_positions
 from lcmchain.pipeline import run
 from lcmchain.provenance import LIBRARIES, provenance
@@ -218,15 +218,26 @@ def test_a_failed_mapping_leaves_the_report(folder, tmp_path):
     with pytest.raises(InputError, match="no sheet within"):
         run(read_scene(folder / "scene.toml", changes), tmp_path)
     failed = Page(tmp_path / "report.html")
+    assert "its fields are whole" in failed.text["verdicts"]
     assert "failed: " in failed.text["verdicts"] and "no sheet within" in failed.text["mapping"]
 
 
 def test_a_full_disk_leaves_no_half_report(result, tmp_path, monkeypatch):
+    def write_text(path, *arguments, **options):
+        path.touch()
+        raise OSError(28, "No space left on device")
+
     scene = read_scene(result.folder.parent / "scene.toml")
-    monkeypatch.setattr(Path, "write_text", lambda *a, **k: (_ for _ in ()).throw(OSError(28, "x")))
-    with pytest.raises(OSError):
+    monkeypatch.setattr(Path, "write_text", write_text)
+    with pytest.raises(OutputError, match="no space left"):
         write_report(tmp_path, scene, [], result.datasets, result.summary)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_of_others_are_not_shown(folder, tmp_path):
+    (tmp_path / "mine.png").write_text("no picture")
+    run(read_scene(folder / "scene.toml", ["mapping=[]", "output.pictures=false"]), tmp_path)
+    assert "pictures" not in Page(tmp_path / "report.html").text
 
 
 # --- numbers for curves and 3D view ---------------------------------------------------------------

@@ -268,6 +268,15 @@ def test_a_stopped_run_is_bad_says_why_and_is_not_expected_at_rest(scene, datase
     assert "At rest at the end" not in found
 
 
+def test_a_run_that_failed_after_forming_is_expected_at_rest(scene, datasets):
+    times = {"process_time_s": 0.2, "time_reached_s": 0.2}
+    found = judged(scene, datasets, state="stopped: no sheet near", **times)
+    assert found["Run"].grade == "bad" and "its fields are whole" in found["Run"].text
+    assert found["At rest at the end"].grade == "good"
+    found = judged(scene, datasets, state="interrupted", **times | {"time_reached_s": 0.1})
+    assert "At rest at the end" not in found
+
+
 def test_what_a_summary_does_not_hold_is_left_out(scene, datasets):
     found = verdicts({"state": "interrupted"}, scene, datasets)
     assert [verdict.check for verdict in found] == [
