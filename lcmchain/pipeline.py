@@ -11,7 +11,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from lcmchain.check import require_no_initial_overlap
+from lcmchain.check import require_no_initial_overlap, run_effects
 from lcmchain.errors import (
     LcmchainError,
     MappingError,
@@ -22,6 +22,7 @@ from lcmchain.errors import (
 from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
+from lcmchain.provenance import provenance
 from lcmchain.results import (
     COMPLETE,
     INTERRUPTED,
@@ -124,6 +125,9 @@ class _Job:
         model = self.simulation.model
         require_no_initial_overlap(self.scene, model.blank, model.tools)
         self.summary = run_head(self.scene, self.simulation, self.fingerprint.sha256)
+        self.summary["provenance"] = provenance(
+            self.scene, run_fingerprint=self.fingerprint.sha256, threads=self.threads
+        )
 
     def tell(self, time: float, text: str) -> None:
         """Report a stage, and the process time [s] that it has come to."""
@@ -213,6 +217,8 @@ class _Job:
 
     def complete(self) -> None:
         """Say that everything is there, and remove what only an unfinished run needs."""
+        self.tell(self.scene.process.time, "writing the report")
+        self._write_report(COMPLETE)
         self._set_state(COMPLETE)
         for warning in all_warnings(self.summary):
             self._log(f"warning: {warning}")
@@ -246,6 +252,22 @@ class _Job:
         self.summary["time_reached_s"] = self.simulation.time
         self.result = Result(datasets, self.summary, self.folder)
 
+    def _write_report(self, state: str) -> None:
+        """Write ``report.html`` of what there is; a run that failed early has nothing to report."""
+        result = getattr(self, "result", None)
+        if not self.scene.output.report or result is None:
+            return
+        from lcmchain.report import write_report
+
+        write_report(
+            self.folder,
+            self.scene,
+            run_effects(self.scene, self.simulation.model),
+            result.datasets,
+            self.summary | {"state": state},
+            pictures=[name for name in self.results.files if name.endswith(".png")],
+        )
+
     def _set_state(self, state: str) -> None:
         self.summary["state"] = state
         write_summary(self.folder, self.summary)
@@ -257,6 +279,9 @@ class _Job:
         # the error that ended the run is what the user must see.
         with contextlib.suppress(OSError, LcmchainError):
             self._set_state(state)
+        if isinstance(error, LcmchainError):
+            with contextlib.suppress(OSError, LcmchainError):
+                self._write_report(state)
 
     def _opening(self) -> str:
         summary = self.summary

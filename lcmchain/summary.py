@@ -22,15 +22,16 @@ from lcmchain.fields import field_summary
 from lcmchain.fields.dataset import HISTORY
 from lcmchain.fields.summary import field_warnings, punch_index
 from lcmchain.results import RUNNING
+from lcmchain.state import HALVINGS
+from lcmchain.thresholds import (
+    LARGEST_BALANCE_ERROR,
+    LARGEST_KINETIC_PART_AT_END,
+    LARGEST_PENETRATION,
+)
 
 if TYPE_CHECKING:
     from lcmchain.scene import Scene
     from lcmchain.solver.simulation import Simulation
-
-# Above these a result is questionable, and the summary says so.
-LARGEST_BALANCE_ERROR = 0.01
-LARGEST_KINETIC_PART_AT_END = 0.05
-LARGEST_PENETRATION = 1e-4
 
 
 def run_head(scene: Scene, simulation: Simulation, run_fingerprint: str) -> dict:
@@ -101,6 +102,7 @@ def run_summary(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
         ),
         "step_control": dict(simulation.control.history),
+        "step_halvings": int(state.counters[HALVINGS]),
         "effects": [effect.name for effect in run_effects(scene, model) if effect.active],
     }
     found = [

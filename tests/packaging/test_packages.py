@@ -31,6 +31,7 @@ RANK_OF_CORE = {
     "jit": 0,
     "dispatch": 0,
     "threads": 0,
+    "thresholds": 0,
     "quantities": 1,
     "mesh": 2,
     "elements": 3,
@@ -53,6 +54,7 @@ RANK_OF_CORE = {
     "forming_run": 7,
     "summary": 7,
     "pipeline": 7,
+    "provenance": 5,
     "manual": 7,
     "__main__": 8,
     "commands": 8,
@@ -252,6 +254,8 @@ def test_wheel_works_outside_the_checkout(tmp_path):
         if file.is_file()
     } == pages
     assert any(page.endswith(".png") for page in pages)
+    packed_report = {file.name for file in (site / "lcmchain" / "report" / "assets").iterdir()}
+    assert packed_report == {"report.html", "report.css", "report.js"}
 
     code = f"""
 import importlib, pathlib

@@ -15,6 +15,7 @@ from lcmchain.fields import FrameSeries, build_datasets, field_summary
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
+from lcmchain.state import HALVINGS
 from lcmchain.summary import energy_measures, run_head, run_summary, run_warnings
 
 SCENE = """
@@ -89,7 +90,11 @@ def datasets(scene):
 def summary_of(scene, datasets, energies=ENERGIES, **changes):
     simulation = SimpleNamespace(
         model=build_model(scene),
-        state=SimpleNamespace(step_count=1250, penetration_max=np.array([2e-5, 3e-5])),
+        state=SimpleNamespace(
+            step_count=1250,
+            penetration_max=np.array([2e-5, 3e-5]),
+            counters=np.where(np.arange(HALVINGS + 1) == HALVINGS, 2, 7),
+        ),
         control=SimpleNamespace(history={"in-plane stiffness": 1000, "contact stiffness": 250}),
     )
     given = {"wall_s": 0.5, "compile_s": 7.5, "threads": 2} | changes
@@ -133,6 +138,7 @@ def test_every_entry(scene, datasets):
         "punch_force_max_N": 7.0,
         "penetration_max_m": {"die": 2e-5, "press": 3e-5},
         "step_control": {"in-plane stiffness": 1000, "contact stiffness": 250},
+        "step_halvings": 2,
         "mapping": {},
     }
     run = summary.pop("run")
