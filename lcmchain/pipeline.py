@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
 from lcmchain.check import require_no_initial_overlap, run_effects
@@ -20,15 +19,7 @@ from lcmchain.errors import (
     SimulationInterrupted,
     UnfinishedRun,
 )
-from lcmchain.fields import (
-    FrameSeries,
-    Histories,
-    add_face_variables,
-    model_datasets,
-    write_forming_netcdf,
-    write_pvd,
-    write_vtu,
-)
+from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
 from lcmchain.provenance import provenance
@@ -46,7 +37,6 @@ from lcmchain.results import (
 from lcmchain.results.log import LOG_FILE
 from lcmchain.results.state import SUMMARY_FILE
 from lcmchain.scene import Scene
-from lcmchain.scene.permeability import Permeability
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_head, run_summary
@@ -200,7 +190,7 @@ class _Job:
             self.tell(self.scene.process.time, f"mapping {target.name}")
             try:
                 report = map_forming(
-                    self.result.datasets["/"],
+                    self.folder / "forming.nc",
                     self.scene.source.directory / target.mesh,
                     name=target.name,
                     kind=target.kind,
@@ -335,43 +325,14 @@ def _write_fields(
     folder: Path,
     state: str,
 ) -> dict[str, xr.Dataset]:
-    model = simulation.model
-    frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
-    histories = Histories.from_state(model, simulation.state)
-    datasets = model_datasets(scene, model, frames, histories)
-    if scene.permeability is not None and model.material.fibre_density is not None:
-        datasets = add_face_variables(datasets, _permeabilities(scene.permeability, datasets["/"]))
-    datasets["/"].attrs["state"] = state
+    from lcmchain.coupling.forming_fields import forming_datasets
+
+    datasets = forming_datasets(scene, simulation, snapshots, state=state)
     write_forming_netcdf(folder / "forming.nc", datasets)
     if scene.output.vtu:
         write_vtu(folder / "forming.vtu", datasets)
         write_pvd(folder / "forming.pvd", datasets)
     return datasets
-
-
-def _permeabilities(
-    law: Permeability, sheet: xr.Dataset
-) -> dict[str, tuple[np.ndarray, dict[str, str]]]:
-    from lcmchain.coupling.permeability import principal_permeabilities
-
-    def vectors(name):
-        return np.stack([sheet[f"{name}_{axis}"].values for axis in "xyz"], axis=-1)
-
-    fraction = sheet["fibre_volume_fraction"].values
-    result = principal_permeabilities(
-        law,
-        fraction.ravel(),
-        vectors("fibre_direction_1").reshape(-1, 3),
-        vectors("fibre_direction_2").reshape(-1, 3),
-        out_of_range="nan",
-    )
-    return {
-        f"permeability_{i}": (
-            getattr(result, f"k{i}").reshape(fraction.shape),
-            {"units": "m2", "long_name": f"principal permeability {i} ({law.law})"},
-        )
-        for i in (1, 2, 3)
-    }
 
 
 def _require_readable_targets(scene: Scene) -> None:

@@ -19,13 +19,12 @@ from lcmchain.fields.pressure import pressure_fields, tool_pressure
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
-    FRAME,
-    FRAME_TIME,
     NO_NODE,
     ROOT,
+    TIME,
     UgridMesh,
     Variable,
-    frame_time,
+    saved_times,
 )
 from lcmchain.materials.law import Material, remembered
 from lcmchain.mesh.sheet_mesh import SheetMesh
@@ -142,7 +141,7 @@ def build_datasets(
 
     Returns
     -------
-    Datasets by group name. Face variables have the dimensions ``frame`` and ``sheet_face``.
+    Datasets by group name. Face variables have the dimensions ``time`` and ``sheet_face``.
     """
     own: Any = scene.material.build() if material is None else material
     body = family_of(scene.element).build("sheet", blank, own, scene.element, 0, 0)
@@ -155,7 +154,12 @@ def build_datasets(
 
 
 def model_datasets(
-    scene: Scene, model: Model, frames: FrameSeries, histories: Histories | None = None
+    scene: Scene,
+    model: Model,
+    frames: FrameSeries,
+    histories: Histories | None = None,
+    *,
+    attributes: Mapping[str, str] | None = None,
 ) -> dict[str, xr.Dataset]:
     """Turn the saved frames of a model into the groups of ``forming.nc``.
 
@@ -165,16 +169,18 @@ def model_datasets(
     variable ``body`` (flags) that tells them apart; a field that a body does not have is nan there.
 
     histories : of the run; ``"/history"`` holds those of the frames without them.
+    attributes : further global attributes of the file, such as the state of the run.
     """
-    if len(model.bodies) == 1:
-        sheet = SheetFrames.of_body(model, model.body, frames)
-        return _one_sheet(scene, sheet, frames) | {HISTORY: history_dataset(frames, histories)}
     sheets = {body.name: SheetFrames.of_body(model, body, frames) for body in model.bodies}
-    groups = {SHEET: _all_sheets(scene, sheets, frames)}
-    for name, sheet in sheets.items():
-        groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
-        if sheet.mesh.volumes is not None:
-            groups[f"/{name}/solid"] = _solid(sheet, frames)
+    if len(sheets) == 1:
+        groups = _one_sheet(scene, *sheets.values(), frames)
+    else:
+        groups = {SHEET: _all_sheets(scene, sheets, frames)}
+        for name, sheet in sheets.items():
+            groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
+            if sheet.mesh.volumes is not None:
+                groups[f"/{name}/solid"] = _solid(sheet, frames)
+    groups[SHEET].attrs.update(attributes or {})
     return groups | {HISTORY: history_dataset(frames, histories)}
 
 
@@ -196,7 +202,7 @@ def add_face_variables(
     ValueError : wrong shape; no unit or name known for a field.
     """
     sheet = datasets[SHEET].copy()
-    shape = (sheet.sizes[FRAME], sheet.sizes[SHEET_MESH.cell_dimension])
+    shape = (sheet.sizes[TIME], sheet.sizes[SHEET_MESH.cell_dimension])
     for name, entry in variables.items():
         values, attributes = entry if isinstance(entry, tuple) else (entry, None)
         for variable, component in _scalars(name, np.asarray(values, dtype=float), shape):
@@ -297,9 +303,7 @@ def _moving_nodes(
 ) -> dict[str, Variable]:
     return {
         **_coordinates(mesh, current[-1]),
-        FRAME_TIME: frame_time(frames.time),
-        # VTK's reader finds time steps only under this name, and shows the first frame without it.
-        "time": frame_time(frames.time, dimension="time"),
+        TIME: saved_times(frames.time),
         **_node_fields(mesh, reference, current),
     }
 
@@ -342,7 +346,7 @@ def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
         ),
         **mesh.volume_shapes(volumes, long_name="shape of each volume", node_counts=(6, 8)),
         **_coordinates(mesh, sheet.positions[-1]),
-        FRAME_TIME: frame_time(frames.time),
+        TIME: saved_times(frames.time),
         **_node_fields(mesh, sheet.mesh.node_positions, sheet.positions),
     }
     if sheet.tool_pressure is not None:
@@ -355,9 +359,7 @@ def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
 
 
 def _coordinates(mesh: UgridMesh, positions: np.ndarray) -> dict[str, Variable]:
-    return mesh.node_positions(
-        positions, long_name="coordinate of the node in the last frame", positive="up"
-    )
+    return mesh.node_positions(positions, long_name="coordinate of the node in the last frame")
 
 
 def _node_fields(

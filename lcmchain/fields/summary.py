@@ -47,7 +47,7 @@ def field_summary(
     not have.
     """
     sheet, history = datasets[SHEET], datasets[HISTORY]
-    last = sheet.isel(frame=frame)
+    last = sheet.isel(time=frame)
     mass = fibre_mass(sheet, frame)
     strains = [np.abs(last[f"fibre_strain_{i}"].values).max() for i in (1, 2)]
     summary: dict[str, Any] = {}

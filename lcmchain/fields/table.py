@@ -144,10 +144,14 @@ _FIELDS = (
             "1",
             f"direction of principal permeability {number}",
             FACE,
-            "unit vector without a sense",
+            meaning,
             is_vector=True,
         )
-        for number in (1, 2, 3)
+        for number, meaning in (
+            (1, "unit vector without a sense, in the plane of the sheet"),
+            (2, "unit vector without a sense, in the plane of the sheet, across the first"),
+            (3, "unit vector without a sense, along the normal of the sheet"),
+        )
     ),
     Field(
         "tool_pressure_top",

@@ -70,7 +70,7 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
     initial = 1e3 * reference_positions(sheet)
     faces = sheet_faces(sheet)
     values = shown.factor * sheet[shown.name].values[frame]
-    time = float(sheet["frame_time"].values[frame])
+    time = float(sheet["time"].values[frame])
 
     rim = boundary_edges(faces)
     view = oblique(from_below=hangs_down(points, rim))
