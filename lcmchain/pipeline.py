@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from lcmchain.check import require_no_initial_overlap
+from lcmchain.check import require_frames_fit, require_no_initial_overlap
 from lcmchain.errors import (
     LcmchainError,
     MappingError,
@@ -132,6 +132,7 @@ class _Job:
         self.tell(0.0, "building the model")
         self.simulation, self.warnings = _build_simulation(self.scene)
         model = self.simulation.model
+        require_frames_fit(self.scene.process.frames, model)
         require_no_initial_overlap(self.scene, model.blank, model.tools)
         self.summary = run_head(self.scene, self.simulation, self.fingerprint.sha256)
 
