@@ -11,7 +11,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from lcmchain.check import require_no_initial_overlap, run_effects
+from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
 from lcmchain.errors import (
     LcmchainError,
     MappingError,
@@ -123,6 +123,7 @@ class _Job:
         self.tell(0.0, "building the model")
         self.simulation, self.warnings = _build_simulation(self.scene)
         model = self.simulation.model
+        require_frames_fit(self.scene.process.frames, model)
         require_no_initial_overlap(self.scene, model.blank, model.tools)
         self.summary = run_head(self.scene, self.simulation, self.fingerprint.sha256)
         self.summary["provenance"] = provenance(

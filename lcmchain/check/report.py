@@ -13,6 +13,7 @@ from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
 from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.check.remarks import scene_warnings
+from lcmchain.check.saved_frames import require_frames_fit
 from lcmchain.check.tables import (
     cost_table,
     effect_table,
@@ -76,6 +77,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
     with warnings.catch_warnings(record=True) as tool_warnings:
         warnings.simplefilter("always")
         model = build_model(scene)
+    require_frames_fit(scene.process.frames, model)
     # the tools meet the faces of the sheet, whatever its elements
     blank = build_blank(scene.blank, scene.material.thickness)
     gaps = require_no_initial_overlap(scene, blank, model.tools)

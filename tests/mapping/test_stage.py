@@ -281,7 +281,7 @@ DAMAGES = {
         lambda d: d["thickness"].attrs.update(units="mm"), 'has it in "m"; convert'
     ),
     "one component of a fibre": (
-        lambda d: d.assign(fibre_direction_1_x=d["fibre_volume_fraction"]), "has only the components"
+        lambda d: d.assign(fibre_direction_1_x=d["fibre_volume_fraction"]), "only the components"
     ),
     "numbering from 7": (
         lambda d: d["sheet_face_nodes"].attrs.update(start_index=np.int32(7)), "start_index"

@@ -528,6 +528,7 @@ def test_units_separators_and_specimens(tmp_path):
     [
         (["shear", "shear.csv", "--length", "320"], "--length"),
         (["shear", "shear.csv", "--width", "200 mm"], "twice as long as wide"),
+        (["shear", "shear.csv", "--width", "200 mm"], "--length and --width: "),
         (["shear", "shear.csv", "--method", "guess"], "--method"),
         (["shear", "nothing.csv"], "there is no such file"),
         (["shear", "compaction.csv"], 'no column "displacement"'),

@@ -427,6 +427,15 @@ WRONG_AT_THE_START = {
                   'outline = ["0 0 mm", "50 50 mm", "50 0 mm", "0 50 mm"]')),
         "blank.outline", "intersects itself",
     ),
+    "sliver over millions of lattice cells": (
+        replaced(('size = ["100 mm", "80 mm"]',
+                  'outline = ["0 0 m", "9 9 m", "9 9.01 m"]'), ('"5 mm"', '"1 mm"')),
+        "blank.edge_length", "8.1e+07 cells; choose",
+    ),
+    "more frames than memory": (
+        replaced(('time = "20 ms"', 'time = "20 ms"\nframes = 100000'), ('"5 mm"', '"1 mm"')),
+        "process.frames", "GB of this machine; save",
+    ),
     "millions of elements": (edge('"0.001 mm"'), "blank.edge_length", "elements"),
 }  # fmt: skip
 
