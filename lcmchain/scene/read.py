@@ -18,6 +18,7 @@ from lcmchain.scene.explain import Problem, key_text, problems_of
 from lcmchain.scene.overrides import apply_overrides
 from lcmchain.scene.presets import PRESETS
 from lcmchain.scene.scene import Scene, SceneSource
+from lcmchain.text_files import decode_text
 
 
 def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
@@ -43,12 +44,7 @@ def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         raise InputError("there is no such scene file", file=path) from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from None
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"is not UTF-8 text (byte {error.start}); save the scene file as UTF-8", file=path
-        ) from None
+    text = decode_text(content, path)
     return scene_from_text(text, path, overrides)
 
 
