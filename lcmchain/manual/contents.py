@@ -35,7 +35,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "speed",
         "limits",
     ),
-    "Reference": ("scene-reference", "fields", "commands"),
+    "Reference": ("scene-reference", "presets", "fields", "commands"),
     "Development": ("extending",),
 }
 
