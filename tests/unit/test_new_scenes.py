@@ -119,9 +119,9 @@ def test_a_comment_stands_above_every_entry_when_it_first_occurs(moulds, name):
 @pytest.mark.parametrize("name", ["punch", "coupon"])
 def test_the_tables_that_stand_as_comments_are_right(moulds, name):
     text = new(name).read_text("utf-8")
-    head, mark, tables = text.partition("# --- More tables")
+    head, mark, rest = text.partition("# --- More tables")
     assert mark
-    tables = re.sub(r"^# ", "", "# ---" + tables, flags=re.MULTILINE).replace("--- ", "# --- ", 1)
+    tables = "\n".join(line.removeprefix("# ") for line in rest.splitlines()[1:])
     assert set(tomllib.loads(tables)) == {"element", "output", "permeability", "mapping"}
     Path("part.vtk").write_text("not empty")
     Path("all.toml").write_text(head + tables, "utf-8")
@@ -237,14 +237,18 @@ def test_moulds_that_are_apart_by_the_gap_already_stay_where_they_are(tmp_path):
 
 
 def test_walls_that_are_too_near_are_told(moulds, capsys):
-    def trough(width):
-        return lambda x, y: -20.0 * (abs(x) < width) + 0.0 * y
+    def trough(x, y):  # walls of 84 degrees, 20 mm deep
+        return -20.0 * np.clip((32.0 - abs(x)) / 2.0, 0.0, 1.0) + 0.0 * y
 
-    # walls of 2 degrees, 0.25 mm apart
-    write_stl(moulds / "lower.stl", grid(trough(30.3), count=(241, 3)))
-    write_stl(moulds / "upper.stl", grid(trough(30.3), count=(241, 3)), turned=True)
-    assert exit_code("new", "moulds", "--upper", "upper.stl", "--lower", "lower.stl") == 0
-    assert "walls are nearer than 1.004 mm" in capsys.readouterr().out
+    def write(lift):
+        write_stl(moulds / "lower.stl", grid(trough, count=(121, 3)))
+        upper = grid(lambda x, y: lift + trough(x, y), count=(121, 3))
+        write_stl(moulds / "upper.stl", upper, turned=True)
+
+    write(5.0)
+    assert exit_code("new", "moulds", *CASES["moulds"]) == 0
+    told = capsys.readouterr().out
+    assert "meet first at a wall of 84 deg" in told and "walls are nearer than 1.004 mm" in told
 
 
 def test_moulds_that_pass_each_other_are_refused(tmp_path):
