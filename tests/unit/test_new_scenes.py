@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 import struct
 import tomllib
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from lcmchain import cli
 from lcmchain.check import check_scene
 from lcmchain.errors import InputError
+from lcmchain.manual.contents import read_page
 from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
 from lcmchain.scene.cases.closing import close_moulds
@@ -131,11 +133,13 @@ def test_the_tables_that_stand_as_comments_are_right(moulds, name):
 
 @pytest.mark.parametrize("name", ["coupon", "moulds"])
 def test_a_written_scene_runs_as_it_is(moulds, name):
-    file = new(name, *(["--edge-length", "5 mm"] if name == "moulds" else []))
+    coarse = ["--edge-length", "5 mm", "--time", "80 ms"]
+    file = new(name, *(coarse if name == "moulds" else []))
     summary = run(read_scene(file), Path("out"), threads=1).summary
-    assert summary["warnings"] == [] or name == "coupon", summary["warnings"]
-    if name == "coupon":  # between plates to 0.7 of the thickness
-        assert summary["thickness_min_m"] == pytest.approx(0.7 * THICKNESS * 1e-3, rel=0.01)
+    # the moulds close faster than the scene proposes
+    assert all("kinetic" in warning for warning in summary["warnings"]), summary["warnings"]
+    if name == "coupon":  # between plates at 0.7 of the thickness, which yield a little
+        assert 0.7 * THICKNESS < 1e3 * summary["thickness_min_m"] < 0.75 * THICKNESS
     else:
         assert summary["shear_angle_max_rad"] < math.radians(30.0)
         # closed to the thickness at the steepest wall, wider elsewhere
@@ -147,7 +151,7 @@ def test_the_cases_are_listed_with_a_line_each(capsys):
     assert exit_code("new") == 0
     shown = capsys.readouterr().out
     for name in ("punch", "moulds", "drape", "coupon"):
-        assert re.search(rf"^ *{name} +[A-Z]\w+ ", shown, flags=re.MULTILINE), name
+        assert re.search(rf"^ *{name} +[A-Z]", shown, flags=re.MULTILINE), name
 
 
 def test_a_file_that_exists_is_never_overwritten(moulds, capsys):
@@ -202,7 +206,8 @@ def test_files_are_named_relative_to_the_scene_whatever_their_name(moulds):
 def test_the_blank_covers_the_moulds_and_the_stroke_closes_them(moulds):
     scene = read_scene(new("moulds"))
     lower, upper = scene.tools
-    assert scene.blank.size == (0.12, 0.09)
+    # two thicknesses off the rim at each side, in whole millimetres
+    assert scene.blank.size == (0.115, 0.085)
     assert lower.position == (-0.2, 0.03, 0.0)
     top = 5.0 + 0.1 + THICKNESS + 0.1
     assert scene.blank.height == pytest.approx(1e-3 * (5.1 + 0.5 * THICKNESS))
@@ -249,6 +254,21 @@ def test_walls_that_are_too_near_are_told(moulds, capsys):
     assert exit_code("new", "moulds", *CASES["moulds"]) == 0
     told = capsys.readouterr().out
     assert "meet first at a wall of 84 deg" in told and "walls are nearer than 1.004 mm" in told
+
+
+def test_the_moulds_of_the_manual_make_the_scene_that_it_tells_of(tmp_path, monkeypatch, capsys):
+    text = read_page("new").text
+    (script,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    (line,) = re.findall(r"^lcmchain (new moulds .* --out box/scene.toml)$", text, re.MULTILINE)
+    monkeypatch.chdir(tmp_path)
+    exec(script, {})
+    assert exit_code(*shlex.split(line)) == 0
+    (stroke,) = re.findall(r"Closed after ([\d.]+ mm)", capsys.readouterr().out)
+    report = check_scene(read_scene("box/scene.toml"))
+    assert f"closed after {stroke}" in text and report.warnings == []
+    x, y = report.scene.blank.size
+    assert f"{1e3 * x:g} mm x {1e3 * y:g} mm" in text
+    assert f"The {report.element_count:,} elements" in text
 
 
 def test_moulds_that_pass_each_other_are_refused(tmp_path):

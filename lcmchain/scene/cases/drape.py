@@ -5,8 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from lcmchain.errors import InputError
-from lcmchain.scene.cases.moulds import CLEARANCE, heights_over, position_text, relative_name
+from lcmchain.scene.cases.moulds import (
+    CLEARANCE,
+    heights_over,
+    position_text,
+    relative_name,
+    size_within,
+)
 from lcmchain.scene.cases.sheet import (
     ELEMENTS_ALONG_BLANK,
     Process,
@@ -113,8 +121,8 @@ def _from_file(
     corners = surface.points[surface.triangles][..., :2]
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     centre = 0.5 * (low + high)
-    size = sheet.size or tuple(float(side) for side in (high - low).round(3))
-    half = 0.5 * (high - low) if sheet.size is None else [0.5 * side for side in sheet.size]
+    size = sheet.size or size_within(low, high, sheet.thickness)
+    half = 0.5 * np.array(size)
     top = float(heights_over(surface, centre - half, centre + half).max())
     shape = (
         f'{{ type = "surface_mesh", file = {quoted(relative_name(form.file, scene_file))}, '
@@ -122,4 +130,4 @@ def _from_file(
     )
     position = position_text(-float(centre[0]), -float(centre[1]), -top - CLEARANCE)
     reason = f"its highest point lies {mm(CLEARANCE)} under the blank."
-    return shape, position, reason, (size[0], size[1])
+    return shape, position, reason, size

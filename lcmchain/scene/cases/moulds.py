@@ -24,6 +24,8 @@ from lcmchain.tools.surfaces.surface import Surface
 
 #: Between the faces of the blank and moulds at the start: they are known from facets and a grid.
 CLEARANCE = 0.1e-3  # [m]
+#: Between the edges of blank and mould, in thicknesses.
+RIM_PER_THICKNESS = 2.0
 # Steeper than this, a wall keeps moulds open that are only shifted against each other.
 STEEP = math.radians(70.0)
 
@@ -67,7 +69,7 @@ def place_moulds(sheet: Sheet, upper: Surface, lower: Surface, gap: float) -> Pl
     closing = close_moulds(upper, lower, gap)
     low, high = _common_rectangle(upper, lower)
     centre = 0.5 * (low + high)
-    size = sheet.size or tuple(float(side) for side in np.floor(1e3 * (high - low) + 1e-6) / 1e3)
+    size = sheet.size or size_within(low, high, sheet.thickness)
     half = 0.5 * np.array(size)
     lower_top = heights_over(lower, centre - half, centre + half).max()
     upper_bottom = heights_over(upper, centre - half, centre + half).min()
@@ -75,7 +77,7 @@ def place_moulds(sheet: Sheet, upper: Surface, lower: Surface, gap: float) -> Pl
     start = round(bottom + sheet.thickness + CLEARANCE - float(upper_bottom), 6)
     shift = -np.round(centre, 6) + 0.0
     return Placing(
-        size=(size[0], size[1]),
+        size=size,
         height=bottom + 0.5 * sheet.thickness,
         shift=(float(shift[0]), float(shift[1])),
         start=start,
@@ -92,8 +94,8 @@ def moulds_scene(sheet: Sheet, moulds: Moulds, scene_file: Path) -> tuple[str, l
     InputError : a file that is no surface, or moulds that do not face each other.
     """
     gap = moulds.gap or sheet.thickness
-    surfaces = [read_surface(file, moulds.length_unit) for file in (moulds.upper, moulds.lower)]
-    placing = place_moulds(sheet, *surfaces, gap)
+    upper, lower = (read_surface(f, moulds.length_unit) for f in (moulds.upper, moulds.lower))
+    placing = place_moulds(sheet, upper, lower, gap)
     x, y, z = (round(1e3 * value, 2) + 0.0 for value in placing.closing.place)
     slope = math.degrees(placing.closing.slope)
     closed = f"{mm(gap)} at ({x:g}, {y:g}, {z:g}) mm in the coordinates of the lower file"
@@ -152,6 +154,16 @@ def _common_rectangle(upper: Surface, lower: Surface) -> tuple[np.ndarray, np.nd
             file=upper.file,
         )
     return low, high
+
+
+def size_within(low: np.ndarray, high: np.ndarray, thickness: float) -> tuple[float, float]:
+    """Return the sides [m], in whole millimetres, of a blank within a rectangle (x, y).
+
+    It stays off the rim: a surface from a file may be a skin, whose back a sheet that sags over its
+    edge would meet.
+    """
+    sides = np.floor(1e3 * (high - low - 2.0 * RIM_PER_THICKNESS * thickness) + 1e-6) / 1e3
+    return float(sides[0]), float(sides[1])
 
 
 def heights_over(surface: Surface, low: np.ndarray, high: np.ndarray) -> np.ndarray:
