@@ -86,7 +86,7 @@ def new_punch(
     time: Time = None,
     out: Out = None,
 ) -> None:
-    """A spherical punch presses a blank through a round hole, with a blank holder or without."""
+    """A spherical punch presses a blank through a round hole."""
     from lcmchain.quantities.units import MASS
     from lcmchain.scene.cases.punch import Punch, punch_scene
 
@@ -124,7 +124,7 @@ def new_moulds(
     time: Time = None,
     out: Out = None,
 ) -> None:
-    """Two matched moulds from STL files close on a blank; positions and stroke are computed."""
+    """Two matched moulds from STL files close on a blank."""
     from lcmchain.scene.cases.moulds import Moulds, moulds_scene
 
     file = _new_file(out, "moulds")
@@ -153,7 +153,7 @@ def new_drape(
     time: Time = None,
     out: Out = None,
 ) -> None:
-    """A blank falls over a fixed form under its own weight: sphere, pillar, ridge or STL file."""
+    """A blank falls over a form: sphere, pillar, ridge or STL file."""
     from lcmchain.scene.cases.drape import Form, drape_scene
 
     file = _new_file(out, "drape")
@@ -173,7 +173,7 @@ def new_coupon(
     time: Time = None,
     out: Out = None,
 ) -> None:
-    """A fabric with all values spelled out: for coupon tests, and pressed between two plates."""
+    """A fabric with all its values spelled out, for coupon tests."""
     from lcmchain.scene.cases.coupon import coupon_scene
 
     file = _new_file(out, "coupon")

@@ -103,7 +103,7 @@ def test_check_accepts_a_written_scene_and_warns_of_nothing_but_carried_over_val
     assert report.element_count >= 16
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", ["punch", "moulds", "drape", "coupon"])
 def test_a_comment_stands_above_every_entry_when_it_first_occurs(moulds, name):
     lines = new(name).read_text("utf-8").splitlines()
     explained = set()
@@ -151,7 +151,7 @@ def test_the_cases_are_listed_with_a_line_each(capsys):
     assert exit_code("new") == 0
     shown = capsys.readouterr().out
     for name in ("punch", "moulds", "drape", "coupon"):
-        assert re.search(rf"^ *{name} +[A-Z]", shown, flags=re.MULTILINE), name
+        assert re.search(rf"^ *{name} +[A-Z].*\. *$", shown, flags=re.MULTILINE), name
 
 
 def test_a_file_that_exists_is_never_overwritten(moulds, capsys):
