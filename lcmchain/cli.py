@@ -14,6 +14,7 @@ from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
+from lcmchain.commands.new import new_app
 from lcmchain.commands.options import OutFolder, Overrides, SceneFile, Strict
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.terminal import (
@@ -41,6 +42,7 @@ app = typer.Typer(
 )
 fmu_app = typer.Typer(no_args_is_help=True, help="Package a scene as a functional mock-up unit.")
 app.add_typer(fmu_app, name="fmu")
+app.add_typer(new_app, name="new")
 app.add_typer(coupon_app, name="coupon")
 app.add_typer(identify_app, name="identify")
 app.add_typer(verify_app, name="verify")

@@ -216,7 +216,9 @@ def build_model(
         mesh,
         material,
         scene.element,
-        tools=build_tool_table(scene.tools, scene.source.directory, scene.process.time),
+        tools=build_tool_table(
+            scene.tools, scene.source.directory, scene.process.time, blank=mesh.node_positions
+        ),
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,

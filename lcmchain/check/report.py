@@ -15,6 +15,7 @@ from lcmchain.check.quasi_static import ProcessTime, process_time_needed, proces
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.saved_frames import require_frames_fit
 from lcmchain.check.tables import (
+    basis_table,
     cost_table,
     effect_table,
     entry_table,
@@ -26,6 +27,7 @@ from lcmchain.effects.effect import Effect
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.model import build_model
 from lcmchain.scene import Scene
+from lcmchain.scene.fabrics import preset_basis
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -47,11 +49,14 @@ class CheckReport:
 
     def tables(self) -> list[Table]:
         """Lay the report out as tables for a terminal."""
+        material = self.scene.material
+        name = getattr(material, "preset", "")
         return [
             entry_table("Given in the scene", self.scene.source.given),
             entry_table("Defaulted", self.scene.source.defaulted),
+            *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
             effect_table(self.effects),
-            *([gap_table(self.gaps, self.scene.material.thickness)] if self.gaps else []),
+            *([gap_table(self.gaps, material.thickness)] if self.gaps else []),
             cost_table(
                 self.estimate,
                 self.scene.process,

@@ -10,6 +10,7 @@ from lcmchain.check.quasi_static import PERIODS, ProcessTime
 from lcmchain.check.tools_at_start import OVERLAP_TOLERANCE, InitialGap
 from lcmchain.quantities.durations import duration_text
 from lcmchain.scene import Process
+from lcmchain.scene.fabrics import Basis
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -36,6 +37,15 @@ def entry_table(title: str, entries: list[tuple[str, str]]) -> Table:
     table = _table(title, "key", "value")
     for key, value in entries:
         table.add_row(_text(key), _text(value))
+    return table
+
+
+def basis_table(preset: str, rows: list[tuple[str, str, Basis]]) -> Table:
+    """What the values rest on that a preset gives."""
+    table = _table(f"Values of the preset {preset}", "key", "value", "rests on")
+    for key, value, basis in rows:
+        style = "yellow" if basis.carried_over else None
+        table.add_row(_text(key), _text(value), _text(str(basis)), style=style)
     return table
 
 

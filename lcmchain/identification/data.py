@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.quantities.units import Dimension, QuantityError, parse_quantity
+from lcmchain.text_files import decode_text
 
 _HEADER = re.compile(r"\s*(?P<name>[^\[\]()]+?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]+?)\s*[\])])?\s*")
 _SPECIMEN = "specimen"
@@ -140,15 +142,17 @@ def _read_text(path: Path):
 
     try:
         with open(path, "rb") as opened:
-            content = opened.read(MOST_BYTES + 1)
-        if len(content) > MOST_BYTES:
+            beginning = opened.read(MOST_BYTES + 1)
+        if len(beginning) > MOST_BYTES:
             raise InputError(f"holds more than {MOST_BYTES // 1_000_000} MB", file=path)
-        text = content.decode("utf-8-sig").splitlines()
+        content = decode_text(beginning, path)
     except FileNotFoundError:
         raise InputError("there is no such file", file=path) from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(f"cannot be read ({reason}); save it as CSV text", file=path) from None
+    except OSError as error:
+        raise InputError(
+            f"cannot be read ({error.strerror}); save it as CSV text", file=path
+        ) from None
+    text = content.splitlines()
     start = next(
         (i for i, line in enumerate(text) if line.strip() and not line.lstrip().startswith("#")),
         None,
@@ -158,8 +162,8 @@ def _read_text(path: Path):
     separator = max(",;\t", key=text[start].count)
     try:
         table = pandas.read_csv(
-            path, sep=separator, skiprows=start, dtype=str, keep_default_na=False,
-            skip_blank_lines=False, index_col=False, encoding="utf-8-sig",
+            io.StringIO(content), sep=separator, skiprows=start, dtype=str, keep_default_na=False,
+            skip_blank_lines=False, index_col=False,
         )  # fmt: skip
     except (pandas.errors.ParserError, pandas.errors.EmptyDataError) as error:
         raise InputError(f"cannot be read as CSV: {str(error).strip()}", file=path) from None

@@ -20,6 +20,7 @@ from lcmchain.scene.limits import MOST_BYTES, beyond_limits
 from lcmchain.scene.overrides import apply_overrides
 from lcmchain.scene.presets import PRESETS
 from lcmchain.scene.scene import Scene, SceneSource
+from lcmchain.text_files import decode_text
 
 #: Longest problem, and longest list of them [characters], that a message shows.
 LONGEST_PROBLEM = 400
@@ -54,12 +55,7 @@ def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         raise InputError(
             f"holds more than {MOST_BYTES // 1_000_000} MB, which no scene file does", file=path
         )
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"is not UTF-8 text (byte {error.start}); save the scene file as UTF-8", file=path
-        ) from None
+    text = decode_text(content, path)
     return scene_from_text(text, path, overrides)
 
 

@@ -44,7 +44,7 @@ class SceneSource:
     path : the scene file, or None for a text or a scene built in Python.
     directory : folder to which file names in the scene are relative.
     text : text of the scene file; overrides stand at its end as comments.
-    sha256 : of that text; without overrides the same as of the file.
+    sha256 : of that text; without overrides the same as of the file (less a byte-order mark).
     given, defaulted : dotted key and value as text, in the order of the tables.
     """
 

@@ -27,6 +27,7 @@ RANK_OF_CORE = {
     "compile_cache": 0,
     "errors": 0,
     "atomic": 0,
+    "text_files": 0,
     "fingerprint": 0,
     "jit": 0,
     "dispatch": 0,
