@@ -16,7 +16,7 @@ from lcmchain.tools.table import ToolTable
 #: Deepest overlap of a tool with the blank that still counts as touching, in parts of thickness.
 OVERLAP_TOLERANCE = 0.01
 #: Overlap in parts of thickness that is rounding, and too little to hold any energy.
-ROUNDING = 1e-9
+ROUNDING = 1e-6
 
 
 def without_initial_overlap(
