@@ -28,6 +28,7 @@ from lcmchain.check.tools_at_start import (
     overlapping,
     require_gaps,
 )
+from lcmchain.check.tools_without_touch import tools_out_of_reach
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh, build_blank
@@ -99,6 +100,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
         raise _with_picture(error, picture, scene, blank, marks) from None
     needed = process_time_needed(model)
     found = scene_warnings(scene) + process_time_remarks(scene, needed)
+    found += tools_out_of_reach(scene, model)
     if picture is not None:
         draw_start(picture, scene, blank)
     return CheckReport(
