@@ -450,12 +450,14 @@ def folder(tmp_path):
 def refused(capsys, folder, command: str) -> str:
     """Run a command on the scene; return its message after the checks that hold for all."""
     out = folder / "results"
-    before = sorted(folder.iterdir())
+    before = list(folder.rglob("*"))
     with pytest.raises(SystemExit) as stop:
         main([command, str(folder / "scene.toml"), "--out", str(out)])
     captured = capsys.readouterr()
     assert stop.value.code == 2
-    assert sorted(folder.iterdir()) == before, "nothing may be left behind"
+    left = [path for path in folder.rglob("*") if path not in before]
+    drawn = [out, out / "initial.png"] if f"{out / 'initial.png'} shows" in captured.err else []
+    assert sorted(left) == drawn, "nothing may be left behind but a picture that is named"
     assert captured.out == "", "nothing was done, so nothing is reported"
     assert captured.err.startswith("Error: ") and captured.err.count("Error:") == 1
     assert "Traceback" not in captured.err
@@ -485,6 +487,7 @@ def test_scene_that_cannot_start(name, folder, capsys):
     message = refused(capsys, folder, "check")
     assert key in message
     assert words in message
+    assert ("initial.png" in message) == ("tool" in key or "stl" in key)
 
 
 def test_touching_within_the_tolerance_is_no_overlap(folder):
