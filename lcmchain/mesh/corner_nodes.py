@@ -89,5 +89,5 @@ def _rank(
     edges = edges[near[edges].all(axis=1) & (cells.node_class[edges] == ON_OUTLINE).all(axis=1)]
     middles = cells.positions[edges].mean(axis=1)
     off = shapely.distance(ring, shapely.points(middles)) > 1e-6 * pitch
-    ratio = cut_nodes(cells.positions, cells.faces, pitch).ratio
-    return False, bool(heights.min() < LEAST_HEIGHT * pitch), int(off.sum()), round(float(ratio[near].max()), 6)
+    ratio = cut_nodes(cells.positions[cells.faces], cells.faces, pitch).ratio
+    return False, bool(heights.min() < LEAST_HEIGHT * pitch), int(off.sum()), round(float(ratio[near[: len(ratio)]].max()), 6)

@@ -39,18 +39,17 @@ class CutNodes(NamedTuple):
     cells: np.ndarray
 
 
-def cut_nodes(positions: np.ndarray, faces: np.ndarray, pitch: float) -> CutNodes:
+def cut_nodes(corner: np.ndarray, faces: np.ndarray, pitch: float) -> CutNodes:
     """Return the nodes that may shorten the step, and by how much.
 
     Parameters
     ----------
-    positions : nodes in fibre coordinates [m], shape (node_count, 2).
+    corner : corners of the cells in fibre coordinates [m], shape (cell_count, 4, 2).
     faces : cells, shape (cell_count, 4), triangles repeat the last node.
     pitch : edge length of whole cells [m].
     """
-    node_count = len(positions)
+    node_count = int(faces.max(initial=-1)) + 1
     weight, ratio = np.ones(node_count), np.zeros(node_count)
-    corner = positions[faces]
     taper = corner[:, 0] - corner[:, 1] + corner[:, 2] - corner[:, 3]
     is_cut = np.hypot(*taper.T) > PARALLELOGRAM * pitch
     near = np.zeros(node_count, dtype=bool)
@@ -59,7 +58,8 @@ def cut_nodes(positions: np.ndarray, faces: np.ndarray, pitch: float) -> CutNode
     if not is_cut.any():
         return CutNodes(ratio, weight, cells)
 
-    faces, (gradient, share, area) = faces[cells], _shape(corner[cells])
+    is_triangle = faces[cells, 2] == faces[cells, 3]
+    faces, (gradient, share, area) = faces[cells], _shape(corner[cells], is_triangle)
     nodes = faces.ravel()
     mass = np.bincount(nodes, (share * area[:, None]).ravel(), node_count)
     there = mass > 0.0
@@ -79,18 +79,19 @@ def cut_nodes(positions: np.ndarray, faces: np.ndarray, pitch: float) -> CutNode
 
 def step_ratio(positions: np.ndarray, faces: np.ndarray, pitch: float) -> float:
     """Return the stable step of whole cells over that of the mesh, at least 1."""
-    return max(1.0, float(cut_nodes(positions, faces, pitch).ratio.max(initial=0.0)))
+    return max(1.0, float(cut_nodes(positions[faces], faces, pitch).ratio.max(initial=0.0)))
 
 
-def _shape(corner: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _shape(
+    corner: np.ndarray, is_triangle: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return |gradients| at the centre (cells, 4, 2), shares of the mass (cells, 4), and areas."""
     first, second = corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]
     area = 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
     gradient = np.stack([-second, first, second, -first], axis=1)[:, :, ::-1] * [-1.0, 1.0]
     gradient = gradient / (2.0 * np.maximum(area, np.finfo(float).tiny))[:, None, None]
     share = np.full(corner.shape[:2], 0.25)
-    triangle = (corner[:, 2] == corner[:, 3]).all(axis=1)
-    gradient[triangle, 2] += gradient[triangle, 3]
-    gradient[triangle, 3] = 0.0
-    share[triangle, 2:] = 0.5, 0.0
+    gradient[is_triangle, 2] += gradient[is_triangle, 3]
+    gradient[is_triangle, 3] = 0.0
+    share[is_triangle, 2:] = 0.5, 0.0
     return np.abs(gradient), share, area

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
 
@@ -13,6 +13,7 @@ from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
 from lcmchain.elements.family import Condition, NormalPressure, Unsound
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
 from lcmchain.elements.shear_wave import shear_may_stiffen
+from lcmchain.elements.solid_shell.cut_frequency import CutElements
 from lcmchain.elements.solid_shell.curvature import renew_curvature
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
@@ -52,6 +53,7 @@ class SolidShellBody:
     data: SolidShellData
     first_node: int
     first_element: int
+    cut: CutElements | None = None
 
     type = "solid-shell"
     contact_offset = 0.0  # the nodes lie on the faces
@@ -104,11 +106,12 @@ class SolidShellBody:
                 axis=1,
             )
             change = _padded(change, padded)
+        rows = flat_rows(geometry) if flat else curved_rows(geometry)
         data = SolidShellData(
             law=material.law,
             options=kernel_options(material, choices, flat=flat, fibre_share=share),
             corner_node=in_blocks(mesh.elements + first_node).astype(np.int32),
-            element_data=in_blocks(flat_rows(geometry) if flat else curved_rows(geometry)),
+            element_data=in_blocks(rows),
             transformation=_padded(T, padded),
             transformation_change=change,
             density=float(material.density),
@@ -118,7 +121,11 @@ class SolidShellBody:
                 mesh.bend_part(mesh.node_positions) / (2.0 * geometry.height**2), padded
             ),
         )
-        return cls(name, mesh, material, geometry, data, first_node, first_element)
+        body = cls(name, mesh, material, geometry, data, first_node, first_element)
+        if mesh.is_triangle.any() and material.is_diagonal:
+            cut = CutElements.of_body(mesh.elements, geometry, data, rows, body.history_count)
+            body = replace(body, cut=cut)
+        return body
 
     @property
     def force_nodes(self) -> np.ndarray:
@@ -189,7 +196,14 @@ class SolidShellBody:
         omega2 = np.empty(self._padded_count)
         mode = np.empty(self._padded_count, dtype=np.int64)
         frequency_bounds(self.data, positions, history, omega2, mode)
-        element = int(np.argmax(omega2[: self.mesh.element_count]))
+        omega2 = omega2[: self.mesh.element_count]
+        if self.cut is not None:
+            # two bounds of the elements near the cut, of which the lower one counts
+            bound, element = self.cut.highest_frequency(positions, history, len(omega2))
+            near = self.cut.elements
+            if bound < omega2[near].max():
+                omega2[near] = np.where(near == element, bound, 0.0)
+        element = int(np.argmax(omega2))
         return float(omega2[element]), element, int(mode[element])
 
     def cause(self, code: int) -> str:
