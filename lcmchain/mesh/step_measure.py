@@ -58,23 +58,40 @@ def cut_nodes(corner: np.ndarray, faces: np.ndarray, pitch: float) -> CutNodes:
     if not is_cut.any():
         return CutNodes(ratio, weight, cells)
 
-    is_triangle = faces[cells, 2] == faces[cells, 3]
-    faces, (gradient, share, area) = faces[cells], _shape(corner[cells], is_triangle)
+    faces, is_triangle = faces[cells], faces[cells, 2] == faces[cells, 3]
+    bound, near_weight = nodal_bound(faces, *_shape(corner[cells], is_triangle))
+    ratio[: len(bound)] = 0.5 * pitch * np.sqrt(bound)
+    weight[: len(bound)] = near_weight
+    return CutNodes(ratio, weight, cells)
+
+
+def nodal_bound(
+    faces: np.ndarray, gradient: np.ndarray, share: np.ndarray, area: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the bound of ω²/c² by each node [1/m²], and the weights d that make it small.
+
+    Parameters
+    ----------
+    faces : nodes of the cells (cells, n). gradient : |gradients| of their shape functions along
+        the fibres (cells, n, 2) [1/m]. share : of a cell's mass at its nodes (cells, n).
+    area : of the cells [m²].
+    """
     nodes = faces.ravel()
-    mass = np.bincount(nodes, (share * area[:, None]).ravel(), node_count)
+    mass = np.bincount(nodes, (share * area[:, None]).ravel())
     there = mass > 0.0
-    trial, best = weight, np.inf
+    trial = np.ones(len(mass))
+    bound, weight = np.full(len(mass), np.inf), trial
     for _ in range(SWEEPS):
         total = (gradient * trial[faces][:, :, None]).sum(axis=1)
         stiffness = area[:, None, None] * total[:, None] * gradient
-        of_fibre = [np.bincount(nodes, stiffness[..., f].ravel(), node_count) for f in (0, 1)]
-        bound = np.zeros(node_count)
-        bound[there] = np.max(of_fibre, axis=0)[there] / (mass * trial)[there]
-        largest = bound.max()
-        if largest < best:
-            best, weight, ratio = largest, trial, 0.5 * pitch * np.sqrt(bound)
-        trial = np.where(there, np.maximum(trial * np.sqrt(bound / largest), LEAST_WEIGHT), 1.0)
-    return CutNodes(ratio, weight, cells)
+        of_fibre = [np.bincount(nodes, stiffness[..., f].ravel()) for f in (0, 1)]
+        present = np.zeros(len(mass))
+        present[there] = np.max(of_fibre, axis=0)[there] / (mass * trial)[there]
+        largest = present.max()
+        if largest < bound.max():
+            bound, weight = present, trial
+        trial = np.where(there, np.maximum(trial * np.sqrt(present / largest), LEAST_WEIGHT), 1.0)
+    return bound, weight
 
 
 def step_ratio(positions: np.ndarray, faces: np.ndarray, pitch: float) -> float:

@@ -143,7 +143,9 @@ class Sheet:
         part = np.empty(self.mesh.node_count, dtype=np.int64)
         scratch = np.empty((2, 6, self.mesh.node_count))
         x = np.ascontiguousarray(position.T)
-        nodal_frequency_bounds(self.data, x, self.mass, *scratch, omega2, part)
+        nodal_frequency_bounds(
+            self.data, x, self.mass, np.ones(len(self.mass)), *scratch, omega2, part
+        )
         return omega2.max(), part[np.argmax(omega2)]
 
 

@@ -28,6 +28,7 @@ from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
 from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.step_measure import nodal_bound
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 
 # Below this fraction of its initial area a triangle counts as collapsed: the fibres are sheared to
@@ -105,6 +106,16 @@ class MembraneShellBody:
         """Area of the nodes [m²], the parts of their triangles by angle."""
         return self._at_nodes(self.geometry.area)
 
+    @cached_property
+    def node_weight(self) -> np.ndarray:
+        """Weights of the nodes in the bound of the frequency; 1 where no cell is cut."""
+        if not self.mesh.is_cut:
+            return np.ones(self.mesh.node_count)
+        corners = self.mesh.elements
+        shares = angle_shares(self.mesh.node_positions[corners])
+        gradient = np.abs(self.geometry.gradient)
+        return nodal_bound(corners, gradient, shares, self.geometry.area)[1]
+
     def present_node_area(self, positions: np.ndarray) -> np.ndarray:
         own = positions[:, self.first_node : self.first_node + self.mesh.node_count].T
         return self._at_nodes(self.mesh.areas(own))
@@ -153,7 +164,9 @@ class MembraneShellBody:
         """The code is 0 where the membrane governs, 1 where bending does."""
         membrane, bending = np.empty((2, 6, mass.size))
         omega2, part = np.empty(mass.size), np.empty(mass.size, dtype=np.int64)
-        nodal_frequency_bounds(self.data, positions, mass, membrane, bending, omega2, part)
+        weight = np.ones(mass.size)
+        weight[self.first_node : self.first_node + self.mesh.node_count] = self.node_weight
+        nodal_frequency_bounds(self.data, positions, mass, weight, membrane, bending, omega2, part)
         node = int(np.argmax(omega2))
         own = self.mesh.elements + self.first_node
         element = int(np.flatnonzero((own == node).any(axis=1))[0])
