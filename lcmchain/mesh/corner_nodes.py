@@ -15,6 +15,8 @@ from lcmchain.mesh.step_measure import cut_nodes
 # units of the pitch. The window of the lattice in which it is tried reaches further.
 NEAR = 1.5
 WINDOW = 6
+# A node that shortens the step by no more than this is not improved upon.
+GOOD_RATIO = 1.08
 # Cells lower than this part of the pitch are as good as inverted.
 LEAST_HEIGHT = 0.05
 
@@ -48,9 +50,11 @@ def choose_corner_nodes(
                 if 0 <= c - first[0] < len(lines[0]) and 0 <= r - first[1] < len(lines[1])
             }
             cells = cut_lattice(outline, *lines, pitch, tried, reach)
-            rank = _rank(cells, tried[vertex], point, ring, pitch)
+            rank = _rank(cells, point, ring, pitch)
             if best is None or rank < best:
                 best, chosen_node = rank, candidate
+            if not any(rank[:3]) and rank[3] <= GOOD_RATIO:
+                break
         if best is not None:
             chosen[vertex] = chosen_node
     return chosen
@@ -77,11 +81,10 @@ def _nodes_near(
 
 
 def _rank(
-    cells: Cells, node: tuple[int, int], point: np.ndarray, ring: shapely.LinearRing, pitch: float
+    cells: Cells, point: np.ndarray, ring: shapely.LinearRing, pitch: float
 ) -> tuple[bool, bool, int, float]:
     """How bad the cells around a corner are: not there, inverted, off the outline, slow."""
-    number = node[0] * cells.row_count + node[1]
-    if not (cells.faces == number).any():
+    if not (cells.positions[np.unique(cells.faces)] == point).all(axis=1).any():
         return True, True, 0, np.inf
     near = np.hypot(*(cells.positions - point).T) < 2.0 * NEAR * pitch
     heights = cell_heights(cells.positions[cells.faces])[near[cells.faces].any(axis=1)]

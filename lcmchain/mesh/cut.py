@@ -18,6 +18,7 @@ from shapely import Polygon, contains_xy
 from lcmchain.mesh.cells import cell_heights, corner_sines, piece_count
 from lcmchain.mesh.outline import cross
 from lcmchain.mesh.step_measure import step_ratio
+from lcmchain.mesh.tips import fill_tips
 
 # Relative to the pitch: closer than this a point lies on a lattice line or node.
 COINCIDENT = 1e-9
@@ -102,6 +103,12 @@ def cut_lattice(
     _move_onto_outline(positions, node_class, cuts, is_inside, reach)
 
     faces, origin = _cells_inside(positions, node_class, column_count, row_count, outline, pitch)
+    if len(faces):
+        is_free = np.ones(len(positions), dtype=bool)
+        is_free[faces] = False
+        tips = fill_tips(outline, corner_vertices(outline), positions, is_free, faces, pitch)
+        node_class[tips] = ON_OUTLINE
+        faces, origin = np.concatenate([faces, tips]), np.concatenate([origin, tips[:, 2]])
     corner = positions[faces]
     heights = cell_heights(corner) / pitch
     areas = 0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
