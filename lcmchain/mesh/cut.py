@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -34,19 +36,58 @@ CORNER_ANGLE = math.radians(15.0)
 OUTSIDE, INSIDE, ON_OUTLINE = 0, 1, 2
 
 
-class Cells(NamedTuple):
-    """Lattice cells inside the outline, in fibre coordinates."""
+@dataclass(frozen=True)
+class Cells:
+    """Lattice cells inside the outline, in fibre coordinates.
 
-    positions: np.ndarray  # of all lattice nodes [m], shape (columns * rows, 2)
-    node_class: np.ndarray  # OUTSIDE, INSIDE or ON_OUTLINE, shape (columns * rows,)
+    positions : of all lattice nodes [m], shape (columns * rows, 2).
+    node_class : OUTSIDE, INSIDE or ON_OUTLINE, shape (columns * rows,).
+    row_count : of the lattice. pitch : edge length of whole cells [m].
+    faces : lattice nodes of the cells, triangles repeat the last, shape (cells, 4).
+    origin : lattice node at the lower left of the cells, shape (cells,).
+    """
+
+    positions: np.ndarray
+    node_class: np.ndarray
     row_count: int
-    faces: np.ndarray  # lattice nodes of the cells, triangles repeat the last, shape (cells, 4)
-    origin: np.ndarray  # lattice node at the lower left of the cells, shape (cells,)
-    area: float  # [m2]
-    piece_count: int  # pieces that hang together over edges
-    smallest_height: float  # of a cell, relative to the edge length
-    weakest: int  # cell with the smallest height
-    step_ratio: float  # stable step of whole cells over that of cut ones, at least 1
+    pitch: float
+    faces: np.ndarray
+    origin: np.ndarray
+
+    @cached_property
+    def area(self) -> float:
+        """Area of all cells [m2]."""
+        corner = self.positions[self.faces]
+        return math.fsum(
+            0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+        )
+
+    @cached_property
+    def piece_count(self) -> int:
+        """Number of pieces that hang together over edges."""
+        return piece_count(self.faces)
+
+    @cached_property
+    def heights(self) -> np.ndarray:
+        """Smallest height of each cell, relative to the pitch."""
+        return cell_heights(self.positions[self.faces]) / self.pitch
+
+    @property
+    def smallest_height(self) -> float:
+        """The least of the heights, 0 without cells."""
+        return float(self.heights.min()) if len(self.faces) else 0.0
+
+    @property
+    def weakest(self) -> int:
+        """The cell with the smallest height, -1 without cells."""
+        return int(np.argmin(self.heights)) if len(self.faces) else -1
+
+    @cached_property
+    def step_ratio(self) -> float:
+        """Stable step of whole cells over that of cut ones, at least 1."""
+        if self.smallest_height <= 0.0:
+            return math.inf
+        return step_ratio(self.positions, self.faces, self.pitch)
 
 
 class _CutEdges(NamedTuple):
@@ -109,21 +150,7 @@ def cut_lattice(
         tips = fill_tips(outline, corner_vertices(outline), positions, is_free, faces, pitch)
         node_class[tips] = ON_OUTLINE
         faces, origin = np.concatenate([faces, tips]), np.concatenate([origin, tips[:, 2]])
-    corner = positions[faces]
-    heights = cell_heights(corner) / pitch
-    areas = 0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
-    return Cells(
-        positions=positions,
-        node_class=node_class,
-        row_count=row_count,
-        faces=faces,
-        origin=origin,
-        area=math.fsum(areas),
-        piece_count=piece_count(faces),
-        smallest_height=float(heights.min(initial=np.inf)) if len(faces) else 0.0,
-        weakest=int(np.argmin(heights)) if len(faces) else -1,
-        step_ratio=step_ratio(positions, faces, pitch) if (heights > 0.0).all() else math.inf,
-    )
+    return Cells(positions, node_class, row_count, pitch, faces, origin)
 
 
 def _cut_edges(

@@ -10,6 +10,8 @@ from lcmchain.mesh.step_measure import step_ratio
 
 # Relative to the pitch: closer than this a node lies on an edge of the outline.
 ON_EDGE = 1e-6
+# Tips further from all nodes belong to another part of the lattice.
+REACH = 6.0
 # A tip that would shorten the step by more than this stays cut off.
 ACCEPTABLE_RATIO = 1.2
 # Triangles lower than this part of the pitch are left out.
@@ -35,15 +37,22 @@ def fill_tips(
     positions : lattice nodes [m]; is_free : which of them no cell has.
     faces : cells, shape (cells, 4). pitch : edge length of whole cells [m].
     """
+    used = positions[~is_free]
+    low, high = used.min(axis=0), used.max(axis=0)
+    lost = [
+        vertex
+        for vertex in vertices
+        if (outline[vertex] > low - REACH * pitch).all()
+        and (outline[vertex] < high + REACH * pitch).all()
+        and not (np.abs(used - outline[vertex]) < ON_EDGE * pitch).all(axis=1).any()
+    ]
+    if not lost:
+        return faces[:0]
     edges = boundary_edges(faces)
-    used = positions[np.unique(faces)]
-    filled = faces
-    limit = max(ACCEPTABLE_RATIO, step_ratio(positions, faces, pitch))
+    filled, limit = faces, max(ACCEPTABLE_RATIO, step_ratio(positions, faces, pitch))
     free = np.flatnonzero(is_free)
-    for vertex in vertices:
+    for vertex in lost[: len(free)]:
         corner = outline[vertex]
-        if len(free) == 0 or (np.abs(used - corner).max(axis=1) < ON_EDGE * pitch).any():
-            continue
         sides = corner, outline[vertex - 1], outline[(vertex + 1) % len(outline)]
         ends = positions[edges]
         before = _is_on(ends, sides[1], corner, pitch)
