@@ -155,6 +155,13 @@ class Body(Protocol):
         mass : (node_count,) of the whole model [kg].
         """
 
+    def reference_frequencies(self) -> dict[str, float]:
+        """Return ω² of the undeformed sheet [1/s²] by what governs it, without compiled code.
+
+        The fibre wave across the cells, and where there is a thickness the wave over it: what
+        :meth:`highest_frequency` finds, up to the small moduli.
+        """
+
     def cause(self, code: int) -> str:
         """Say in words what governs the step."""
 

@@ -66,7 +66,11 @@ def cut_nodes(corner: np.ndarray, faces: np.ndarray, pitch: float) -> CutNodes:
 
 
 def nodal_bound(
-    faces: np.ndarray, gradient: np.ndarray, share: np.ndarray, area: np.ndarray
+    faces: np.ndarray,
+    gradient: np.ndarray,
+    share: np.ndarray,
+    area: np.ndarray,
+    sweeps: int = SWEEPS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the bound of ω²/c² by each node [1/m²], and the weights d that make it small.
 
@@ -74,14 +78,14 @@ def nodal_bound(
     ----------
     faces : nodes of the cells (cells, n). gradient : |gradients| of their shape functions along
         the fibres (cells, n, 2) [1/m]. share : of a cell's mass at its nodes (cells, n).
-    area : of the cells [m²].
+    area : of the cells [m²]. sweeps : of the power iteration; the first has all weights 1.
     """
     nodes = faces.ravel()
     mass = np.bincount(nodes, (share * area[:, None]).ravel())
     there = mass > 0.0
     trial = np.ones(len(mass))
     bound, weight = np.full(len(mass), np.inf), trial
-    for _ in range(SWEEPS):
+    for _ in range(sweeps):
         total = (gradient * trial[faces][:, :, None]).sum(axis=1)
         stiffness = area[:, None, None] * total[:, None] * gradient
         of_fibre = [np.bincount(nodes, stiffness[..., f].ravel()) for f in (0, 1)]

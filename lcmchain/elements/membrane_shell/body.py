@@ -28,7 +28,7 @@ from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.mesh.step_measure import nodal_bound
+from lcmchain.mesh.step_measure import SWEEPS, nodal_bound
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 
 # Below this fraction of its initial area a triangle counts as collapsed: the fibres are sheared to
@@ -107,14 +107,17 @@ class MembraneShellBody:
         return self._at_nodes(self.geometry.area)
 
     @cached_property
-    def node_weight(self) -> np.ndarray:
-        """Weights of the nodes in the bound of the frequency; 1 where no cell is cut."""
-        if not self.mesh.is_cut:
-            return np.ones(self.mesh.node_count)
+    def fibre_bound(self) -> tuple[float, np.ndarray]:
+        """Bound of ω²/c² in the reference [1/m²], c the speed of the fibre wave, and its weights.
+
+        The weights of the nodes are 1 where no cell is cut.
+        """
         corners = self.mesh.elements
         shares = angle_shares(self.mesh.node_positions[corners])
+        sweeps = SWEEPS if self.mesh.is_cut else 1
         gradient = np.abs(self.geometry.gradient)
-        return nodal_bound(corners, gradient, shares, self.geometry.area)[1]
+        bound, weight = nodal_bound(corners, gradient, shares, self.geometry.area, sweeps)
+        return float(bound.max()), weight
 
     def present_node_area(self, positions: np.ndarray) -> np.ndarray:
         own = positions[:, self.first_node : self.first_node + self.mesh.node_count].T
@@ -165,12 +168,16 @@ class MembraneShellBody:
         membrane, bending = np.empty((2, 6, mass.size))
         omega2, part = np.empty(mass.size), np.empty(mass.size, dtype=np.int64)
         weight = np.ones(mass.size)
-        weight[self.first_node : self.first_node + self.mesh.node_count] = self.node_weight
+        weight[self.first_node : self.first_node + self.mesh.node_count] = self.fibre_bound[1]
         nodal_frequency_bounds(self.data, positions, mass, weight, membrane, bending, omega2, part)
         node = int(np.argmax(omega2))
         own = self.mesh.elements + self.first_node
         element = int(np.flatnonzero((own == node).any(axis=1))[0])
         return float(omega2[node]), element, int(part[node])
+
+    def reference_frequencies(self) -> dict[str, float]:
+        in_plane = self.material.wave_stiffness()[0]
+        return {self.cause(0): self.fibre_bound[0] * in_plane / self.material.density}
 
     def cause(self, code: int) -> str:
         return self.CAUSES[code]

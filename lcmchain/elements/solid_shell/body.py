@@ -206,6 +206,18 @@ class SolidShellBody:
         element = int(np.argmax(omega2))
         return float(omega2[element]), element, int(mode[element])
 
+    def reference_frequencies(self) -> dict[str, float]:
+        in_plane, normal = self.material.wave_stiffness()
+        squares = (self.geometry.K[:, :2, :2] ** 2).sum(axis=1).max(axis=1)
+        if self.cut is not None:
+            near = self.cut.elements
+            squares[near] = min(squares[near].max(), self.cut.fibre_bound)
+        lowest = float(self.geometry.height.min())
+        return {
+            self.cause(0): float(squares.max()) * in_plane / self.material.density,
+            self.cause(2): normal / (self.material.density * lowest**2),
+        }
+
     def cause(self, code: int) -> str:
         return "in-plane stiffness" if code in IN_PLANE_MODES else "compaction (thickness)"
 

@@ -31,6 +31,7 @@ class CutElements:
     shares : scratch and constants of the bound. history_rows : values of an element's history.
     node : nodes of the body that they have, by corner (count, 8), numbered from 0 on.
     volume : of each (count,) [m³]. mass : that they give to the nodes [kg].
+    fibre_bound : bound of ω²/c² in the reference, c the speed of the fibre wave [1/m²].
     """
 
     elements: np.ndarray
@@ -40,6 +41,7 @@ class CutElements:
     node: np.ndarray
     volume: np.ndarray
     mass: np.ndarray
+    fibre_bound: float
 
     @classmethod
     def of_body(
@@ -86,6 +88,7 @@ class CutElements:
             node=node,
             volume=volume,
             mass=data.density * np.bincount(node.ravel(), np.repeat(volume / 8.0, 8)),
+            fibre_bound=float((2.0 / pitch * near.ratio).max() ** 2),
         )
 
     def highest_frequency(
