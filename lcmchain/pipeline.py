@@ -13,6 +13,7 @@ import xarray as xr
 
 from lcmchain.atomic import replacing
 from lcmchain.check import require_no_initial_overlap
+from lcmchain.check.machine_speed import record_speed
 from lcmchain.errors import LcmchainError, MappingError, SimulationError
 from lcmchain.fields import (
     FrameSeries,
@@ -105,6 +106,9 @@ def run(
         warnings=[*tool_warnings, *simulation.warnings()],
     )
     result = Result(datasets, summary, folder)
+    record_speed(
+        simulation.model, thread_count, simulation.state.step_count, forming.wall_s
+    )
     _write_summary(result)  # forming is complete: nothing that fails from here on may lose it
     if scene.output.pictures:
         from lcmchain.report.pictures import draw_result

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, in_blocks
-from lcmchain.elements.family import Condition, Unsound
+from lcmchain.elements.family import Condition, ReferenceFrequencies, Unsound
 from lcmchain.elements.fibre_volume import (
     CAUSE_OF_SHEAR,
     initial_fibre_volume_fraction,
@@ -49,7 +49,7 @@ class MembraneShellBody:
     first_node: int
     first_element: int
 
-    type = "membrane-shell"
+    type = kernel = "membrane-shell"
     hourglass_tells = True  # there is none
     CAUSES = ("in-plane stiffness", "bending stiffness")
 
@@ -175,9 +175,9 @@ class MembraneShellBody:
         element = int(np.flatnonzero((own == node).any(axis=1))[0])
         return float(omega2[node]), element, int(part[node])
 
-    def reference_frequencies(self) -> dict[str, float]:
-        in_plane = self.material.wave_stiffness()[0]
-        return {self.cause(0): self.fibre_bound[0] * in_plane / self.material.density}
+    def reference_frequencies(self) -> ReferenceFrequencies:
+        in_plane = self.material.wave_stiffness()[0] / self.material.density
+        return ReferenceFrequencies(0.0, self.fibre_bound[0] * in_plane, 0.0)
 
     def cause(self, code: int) -> str:
         return self.CAUSES[code]

@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
-from lcmchain.elements.family import Condition, NormalPressure, Unsound
+from lcmchain.elements.family import Condition, NormalPressure, ReferenceFrequencies, Unsound
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
 from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.elements.solid_shell.cut_frequency import CutElements
@@ -128,6 +128,10 @@ class SolidShellBody:
         return body
 
     @property
+    def kernel(self) -> str:
+        return self.type if self.data.options.curved is None else f"curved {self.type}"
+
+    @property
     def force_nodes(self) -> np.ndarray:
         return self.mesh.elements
 
@@ -206,17 +210,19 @@ class SolidShellBody:
         element = int(np.argmax(omega2))
         return float(omega2[element]), element, int(mode[element])
 
-    def reference_frequencies(self) -> dict[str, float]:
-        in_plane, normal = self.material.wave_stiffness()
-        squares = (self.geometry.K[:, :2, :2] ** 2).sum(axis=1).max(axis=1)
+    def reference_frequencies(self) -> ReferenceFrequencies:
+        in_plane, normal = np.array(self.material.wave_stiffness()) / self.material.density
+        whole = (self.geometry.K[:, :2, :2] ** 2).sum(axis=1).max(axis=1)
+        at_nodes = 0.0
         if self.cut is not None:
-            near = self.cut.elements
-            squares[near] = min(squares[near].max(), self.cut.fibre_bound)
-        lowest = float(self.geometry.height.min())
-        return {
-            self.cause(0): float(squares.max()) * in_plane / self.material.density,
-            self.cause(2): normal / (self.material.density * lowest**2),
-        }
+            whole[self.cut.elements] = 0.0
+            at_nodes = self.cut.fibre_bound
+        lowest = self.geometry.height.min()
+        return ReferenceFrequencies(
+            in_plane=float(in_plane * whole.max()),
+            at_nodes=float(in_plane * at_nodes),
+            over_thickness=float(normal / lowest**2),
+        )
 
     def cause(self, code: int) -> str:
         return "in-plane stiffness" if code in IN_PLANE_MODES else "compaction (thickness)"
