@@ -106,9 +106,7 @@ def run(
         warnings=[*tool_warnings, *simulation.warnings()],
     )
     result = Result(datasets, summary, folder)
-    record_speed(
-        simulation.model, thread_count, simulation.state.step_count, forming.wall_s
-    )
+    record_speed(simulation.model, thread_count, simulation.state.step_count, forming.wall_s)
     _write_summary(result)  # forming is complete: nothing that fails from here on may lose it
     if scene.output.pictures:
         from lcmchain.report.pictures import draw_result

@@ -80,7 +80,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
     blank = build_blank(scene.blank, scene.material.thickness)
     gaps = require_no_initial_overlap(scene, blank, model.tools)
     needed = process_time_needed(model)
-    found = scene_warnings(scene) + process_time_remarks(scene, needed)
+    found = scene_warnings(scene) + blank.remarks() + process_time_remarks(scene, needed)
     picture = None
     if out is not None:
         picture = Path(out) / "initial.png"

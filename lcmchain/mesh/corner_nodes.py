@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import shapely
 
-from lcmchain.mesh.cells import boundary_edges, cell_heights
+from lcmchain.mesh.cells import boundary_edges
 from lcmchain.mesh.cut import ON_OUTLINE, Cells, corner_vertices, cut_lattice, nearest_node
 from lcmchain.mesh.step_measure import cut_nodes
 
@@ -46,7 +46,8 @@ def choose_corner_nodes(
             if candidate in taken:
                 continue
             tried = {
-                v: (c - first[0], r - first[1]) for v, (c, r) in (chosen | {vertex: candidate}).items()
+                v: (c - first[0], r - first[1])
+                for v, (c, r) in (chosen | {vertex: candidate}).items()
                 if 0 <= c - first[0] < len(lines[0]) and 0 <= r - first[1] < len(lines[1])
             }
             cells = cut_lattice(outline, *lines, pitch, tried, reach)
@@ -87,10 +88,13 @@ def _rank(
     if not (cells.positions[np.unique(cells.faces)] == point).all(axis=1).any():
         return True, True, 0, np.inf
     near = np.hypot(*(cells.positions - point).T) < 2.0 * NEAR * pitch
-    heights = cell_heights(cells.positions[cells.faces])[near[cells.faces].any(axis=1)]
+    is_near = near[cells.faces].any(axis=1)
+    sound = cells.heights > LEAST_HEIGHT
     edges = boundary_edges(cells.faces)
     edges = edges[near[edges].all(axis=1) & (cells.node_class[edges] == ON_OUTLINE).all(axis=1)]
     middles = cells.positions[edges].mean(axis=1)
     off = shapely.distance(ring, shapely.points(middles)) > 1e-6 * pitch
-    ratio = cut_nodes(cells.positions[cells.faces], cells.faces, pitch).ratio
-    return False, bool(heights.min() < LEAST_HEIGHT * pitch), int(off.sum()), round(float(ratio[near[: len(ratio)]].max()), 6)
+    faces = cells.faces[sound]
+    ratio = cut_nodes(cells.positions[faces], faces, pitch).ratio
+    slowest = float(ratio[near[: len(ratio)]].max(initial=0.0))
+    return False, not sound[is_near].all(), int(off.sum()), round(slowest, 6)

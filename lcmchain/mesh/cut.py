@@ -58,9 +58,7 @@ class Cells:
     def area(self) -> float:
         """Area of all cells [m2]."""
         corner = self.positions[self.faces]
-        return math.fsum(
-            0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
-        )
+        return math.fsum(0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]))
 
     @cached_property
     def piece_count(self) -> int:
@@ -85,8 +83,6 @@ class Cells:
     @cached_property
     def step_ratio(self) -> float:
         """Stable step of whole cells over that of cut ones, at least 1."""
-        if self.smallest_height <= 0.0:
-            return math.inf
         return step_ratio(self.positions, self.faces, self.pitch)
 
 

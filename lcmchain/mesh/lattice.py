@@ -19,7 +19,7 @@ DIAGONAL_FIT = 1.25
 # Positions of the lattice relative to the outline, in units of the pitch, and as many as are tried
 # where they give a whole mesh.
 SHIFTS = (0.0, 0.5, 0.2, 0.4, 0.6, 0.8)
-USUAL_VARIANTS = 8
+USUAL_VARIANTS = 4
 
 # A second way to cut: inside nodes are pulled out over less of a cut edge.
 SHORT_REACH = 0.7
@@ -77,9 +77,7 @@ def _cut(outline: np.ndarray, lines: list[np.ndarray], pitch: float, reach: floa
     return cut_lattice(outline, x_lines, y_lines, pitch, corner_nodes, reach)
 
 
-def _variants(
-    outline: np.ndarray, edge_length: float
-) -> Iterator[tuple[list[np.ndarray], float]]:
+def _variants(outline: np.ndarray, edge_length: float) -> Iterator[tuple[list[np.ndarray], float]]:
     """Yield lattice lines in both directions and the reach of inside nodes, the usual ones first.
 
     Nodes that reach less far follow details that are narrower than two cells.
@@ -89,8 +87,12 @@ def _variants(
     shifts.sort(key=lambda pair: sum(part not in (0.0, 0.5) for part in pair))
     usual = [shift for shift in shifts if set(shift) <= {0.0, 0.5}]
     pairs = [*product((INSIDE_REACH, SHORT_REACH), usual)]
-    pairs += [(reach, shift) for reach in (INSIDE_REACH, SHORT_REACH) for shift in shifts
-              if shift not in usual]
+    pairs += [
+        (reach, shift)
+        for reach in (INSIDE_REACH, SHORT_REACH)
+        for shift in shifts
+        if shift not in usual
+    ]
     for reach, shift in pairs:
         lines = []
         for axis, anchor in enumerate(anchors):

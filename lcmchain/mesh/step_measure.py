@@ -1,23 +1,26 @@
 """How much shorter cut cells make the stable time step than whole ones, from their shape alone.
 
-The stiff fibres govern the step. With the gradients g of the shape functions at a cell's centre and
-positive numbers d of the nodes, Cauchy's inequality bounds the energy of the fibre strains by a sum
-over the nodes, so that with lumped masses (a quarter of a cell to each corner, half of a triangle to
-its repeated one)
+The stiff fibres govern the step. With the gradients g of the shape functions at a cell's centre
+and positive numbers d of the nodes, Cauchy's inequality bounds the energy of the fibre strains by a
+sum over the nodes, so that with lumped masses (a quarter of a cell to each corner, half of a
+triangle to its repeated one)
 
     ω²/c² <= max over nodes n and fibres f of
              Σ_cells A (Σ_j |g_jf| d_j) |g_nf| / (d_n Σ_cells A s_n),
 
-c the speed of the fibre wave. For squares of the edge length l along the fibres it is 4/l², which is
-exact. The numbers d that make the bound small are found by a few power iterations. Parallelograms
-along the fibres that touch no cut cell need no such bound and take no part.
+c the speed of the fibre wave. For squares of the edge length l along the fibres it is 4/l², which
+is exact. The numbers d that make the bound small are found by a few power iterations.
+Parallelograms along the fibres that touch no cut cell need no such bound and take no part.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
+
+from lcmchain.mesh.cells import cell_heights
 
 # Relative to the pitch: cells whose opposite edges differ by more are no parallelograms.
 PARALLELOGRAM = 1e-6
@@ -99,8 +102,14 @@ def nodal_bound(
 
 
 def step_ratio(positions: np.ndarray, faces: np.ndarray, pitch: float) -> float:
-    """Return the stable step of whole cells over that of the mesh, at least 1."""
-    return max(1.0, float(cut_nodes(positions[faces], faces, pitch).ratio.max(initial=0.0)))
+    """Return the stable step of whole cells over that of the mesh, at least 1.
+
+    Infinite where a cell is inverted.
+    """
+    corner = positions[faces]
+    if not (cell_heights(corner) > 0.0).all():
+        return math.inf
+    return max(1.0, float(cut_nodes(corner, faces, pitch).ratio.max(initial=0.0)))
 
 
 def _shape(

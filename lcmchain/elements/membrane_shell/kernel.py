@@ -280,10 +280,11 @@ def nodal_frequency_bounds(
     """Write for every node the share of an upper bound of the sheet's highest frequency.
 
     The second variation of the energy is a sum of terms c (Σ_i b_i·δx_i)². By Cauchy's inequality
-    each is at most c (Σ_j w_j|b_j|) Σ_i (b_i·δx_i)²/(w_i|b_i|) with any positive w, which couples no
-    nodes any more: it adds a 3x3 matrix D_i to each node, and ω² <= max_i λ_max(D_i)/m_i for the
-    whole sheet. Fibres in two directions add to D_i in two directions. With equal masses the bound of a mesh with legs of
-    length l along the fibres is 2 c/l, exactly that of the fibre wave of the solid-shell.
+    each is at most c (Σ_j w_j|b_j|) Σ_i (b_i·δx_i)²/(w_i|b_i|) with any positive w, which couples
+    no nodes any more: it adds a 3x3 matrix D_i to each node, and ω² <= max_i λ_max(D_i)/m_i for the
+    whole sheet. Fibres in two directions add to D_i in two directions. With equal masses the bound
+    of a mesh with legs of length l along the fibres is 2 c/l, exactly that of the fibre wave of the
+    solid-shell.
 
     Terms: fibre, shear and bending strains by their tangents; the geometric stiffness of tension
     and of shear; and of the moments, whose curvatures have the second variation

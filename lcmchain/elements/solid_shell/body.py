@@ -13,8 +13,8 @@ from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
 from lcmchain.elements.family import Condition, NormalPressure, ReferenceFrequencies, Unsound
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
 from lcmchain.elements.shear_wave import shear_may_stiffen
-from lcmchain.elements.solid_shell.cut_frequency import CutElements
 from lcmchain.elements.solid_shell.curvature import renew_curvature
+from lcmchain.elements.solid_shell.cut_frequency import CutElements
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds

@@ -45,6 +45,7 @@ from lcmchain.materials.law import (
 from lcmchain.materials.stiffness import by_structure
 from lcmchain.mesh.hexahedron import MODES
 
+
 class NodalShares(NamedTuple):
     """Bounds of the stiffness of elements of a diagonal law by 3x3 matrices of their corners.
 
