@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -125,6 +126,8 @@ class MembraneShellBody:
 
     @cached_property
     def shortest_length(self) -> float:
+        if self.mesh.is_cut:  # cut triangles share mass with their neighbours
+            return 2.0 / math.sqrt(self.fibre_bound[0])
         return float(2.0 / np.abs(self.geometry.gradient).sum(axis=1).max())
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -152,6 +153,9 @@ class SolidShellBody:
 
     @cached_property
     def shortest_length(self) -> float:
+        if self.cut is not None:  # cut elements share mass with their neighbours
+            whole, cut = self._fibre_bounds
+            return 2.0 / math.sqrt(max(whole, cut))
         return float(2.0 * np.linalg.norm(self.geometry.modes[:, :2], axis=2).min())
 
     @property
@@ -212,17 +216,21 @@ class SolidShellBody:
 
     def reference_frequencies(self) -> ReferenceFrequencies:
         in_plane, normal = np.array(self.material.wave_stiffness()) / self.material.density
-        whole = (self.geometry.K[:, :2, :2] ** 2).sum(axis=1).max(axis=1)
-        at_nodes = 0.0
-        if self.cut is not None:
-            whole[self.cut.elements] = 0.0
-            at_nodes = self.cut.fibre_bound
-        lowest = self.geometry.height.min()
+        whole, cut = self._fibre_bounds
         return ReferenceFrequencies(
-            in_plane=float(in_plane * whole.max()),
-            at_nodes=float(in_plane * at_nodes),
-            over_thickness=float(normal / lowest**2),
+            in_plane=float(in_plane * whole),
+            at_nodes=float(in_plane * cut),
+            over_thickness=float(normal / self.geometry.height.min() ** 2),
         )
+
+    @cached_property
+    def _fibre_bounds(self) -> tuple[float, float]:
+        """Bounds of ω²/c² of whole elements and of those near the cut in the reference [1/m²]."""
+        whole = (self.geometry.K[:, :2, :2] ** 2).sum(axis=1).max(axis=1)
+        if self.cut is None:
+            return float(whole.max()), 0.0
+        whole[self.cut.elements] = 0.0
+        return float(whole.max()), self.cut.fibre_bound
 
     def cause(self, code: int) -> str:
         return "in-plane stiffness" if code in IN_PLANE_MODES else "compaction (thickness)"

@@ -193,8 +193,8 @@ def add_nodal_stiffness(
     nodal[:] = 0.0
     for i in range(6):
         xi, eta = abs(E.xi[i]), abs(E.eta[i])
-        centre = C_M[i] + abs(curvature[i]) * (xi * xi + eta * eta) / 6.0
-        share_out(rows[0, i], centre, weight, is_triangle, corner, nodal)
+        whole = C_M[i] + abs(curvature[i]) * (xi * xi + eta * eta) / 6.0
+        share_out(rows[0, i], whole, weight, is_triangle, corner, nodal)
         share_out(rows[1, i], options.zeta2 * C_B[i], weight, is_triangle, corner, nodal)
         share_out(rows[2, i], options.zeta4 * C_B[i], weight, is_triangle, corner, nodal)
         share_out(rows[3, i], C_hg[i] / 3.0, weight, is_triangle, corner, nodal)
