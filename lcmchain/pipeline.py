@@ -12,6 +12,7 @@ from pathlib import Path
 import xarray as xr
 
 from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
+from lcmchain.check.machine_speed import record_speed
 from lcmchain.errors import (
     LcmchainError,
     MappingError,
@@ -167,6 +168,8 @@ class _Job:
             raise
         self.tell(self.scene.process.time, "writing fields")
         self._write_fields(forming, compile_s, COMPLETE)
+        step_count = self.simulation.state.step_count
+        record_speed(self.simulation.model, self.threads, step_count, forming.wall_s)
         self._set_state(RUNNING)  # forming is complete: nothing that fails from here may lose it
 
     def draw(self) -> None:

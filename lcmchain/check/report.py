@@ -106,7 +106,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
     except InputError as error:
         raise _with_picture(error, picture, scene, blank, marks) from None
     needed = process_time_needed(model)
-    found = scene_warnings(scene) + process_time_remarks(scene, needed)
+    found = scene_warnings(scene) + blank.remarks() + process_time_remarks(scene, needed)
     found += tools_out_of_reach(scene, model)
     if picture is not None:
         draw_start(picture, scene, blank)

@@ -123,9 +123,16 @@ def cost_table(
         "critical time step",
         f"{1e6 * estimate.critical_step:.3g} us at the start, set by {estimate.controlled_by}",
     )
-    table.add_row("steps", f"about {estimate.step_count:,}")
+    least, most = estimate.range
+    steps = f"about {estimate.step_count:,}"
+    if most > 1.01 * least:
+        steps += f" ({least:,} without shear, {most:,} with much)"
+    table.add_row("steps", steps)
     table.add_row(
-        "computing time", f"about {duration_text(estimate.seconds)} on one core, once compiled"
+        "computing time",
+        f"about {duration_text(estimate.seconds)} once compiled "
+        f"({1e6 * estimate.speed.seconds_per_element_step:.3f} us per element and step, "
+        f"{estimate.speed.source})",
     )
     return table
 

@@ -44,6 +44,10 @@ from lcmchain.quantities.scene_model import SceneModel
 
 MAXIMUM_PERTURBATION = 0.25
 
+# A mesh that misses more of the outline, or shortens the step by more, is told of.
+REMARKABLE_AREA = 1e-3
+REMARKABLE_RATIO = 1.25
+
 # Largest relative difference of the meshed area from the outline's that is accepted.
 AREA_TOLERANCE = 0.02
 
@@ -117,6 +121,8 @@ class BlankMesh:
     fibre_direction_1, fibre_direction_2 : unit vectors, shape (element_count, 3).
     thickness : initial thickness [m].
     outline_area : area inside the prescribed outline [m2]; nan where no outline was prescribed.
+    step_ratio : stable step of whole elements over that of the cut ones, at least 1, by the stiff
+        fibres alone (:mod:`lcmchain.mesh.step_measure`).
     """
 
     node_positions: np.ndarray
@@ -125,6 +131,7 @@ class BlankMesh:
     fibre_direction_2: np.ndarray
     thickness: float
     outline_area: float = math.nan
+    step_ratio: float = 1.0
 
     has_thickness = True
 
@@ -193,6 +200,24 @@ class BlankMesh:
         """Mid-surface area 4 |a1 × a2| of every element (..., element_count) [m²]."""
         a = self.base_vectors(positions)
         return 4.0 * np.linalg.norm(np.cross(a[..., 0, :], a[..., 1, :]), axis=-1)
+
+    def remarks(self) -> list[str]:
+        """Say where the elements are too large for the outline."""
+        found = []
+        difference = self.area / self.outline_area - 1.0
+        if abs(difference) > REMARKABLE_AREA:
+            found.append(
+                f"the meshed area differs from the outline's by {100.0 * difference:+.2f} %: tips "
+                "and details narrower than an element; use a smaller blank.edge_length, or blunt "
+                "them"
+            )
+        if self.step_ratio > REMARKABLE_RATIO:
+            found.append(
+                f"elements at the outline make the time step {self.step_ratio:.1f} times shorter: "
+                "tips and details narrower than an element; use another blank.edge_length, or "
+                "blunt them"
+            )
+        return found
 
     def sides(self) -> dict[str, slice]:
         return {"bottom": slice(0, self.pair_count), "top": slice(self.pair_count, None)}
@@ -269,6 +294,7 @@ def build_blank(
         fibre_direction_2=_constant_direction(to_scene[:, 1], len(faces)),
         thickness=float(thickness),
         outline_area=area,
+        step_ratio=cells.step_ratio,
     )
 
 
