@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from lcmchain.quantities.entry_types import AbsentMeans, PositiveTime, Switch
+from lcmchain.quantities.entry_types import AbsentMeans, PositiveLength, PositiveTime, Switch
 from lcmchain.quantities.scene_model import SceneModel
 
 #: Samples of the histories over the process where ``history_interval`` is not given.
@@ -27,4 +27,11 @@ class Output(SceneModel):
         default=None,
         description="Time between two samples of forces, energies and travel; forces are means "
         "over it.",
+    )
+    wrinkle_length: Annotated[
+        PositiveLength | None, AbsentMeans("8 edges, and at least 40 thicknesses")
+    ] = Field(
+        default=None,
+        description="Longest wave that counts as a wrinkle: wrinkle_height is the deviation from a "
+        "sheet smoothed over such waves.",
     )
