@@ -71,6 +71,8 @@ def run(
     SimulationError : a guard stopped the run; ``forming.nc`` holds the frames up to then.
     SimulationInterrupted : the user stopped the run; a checkpoint was left.
     """
+    from lcmchain.report.run_pictures import draw_run, require_film
+
     folder = Path(out)
     report = progress or (lambda completed, total, text="": None)  # type: ignore[misc]
     thread_count = use_threads(threads)
@@ -81,6 +83,7 @@ def run(
     report(0.0, scene.process.time, "building the model")
     simulation, tool_warnings = _build_simulation(scene)
     require_no_initial_overlap(scene, simulation.model.blank, simulation.model.tools)
+    require_film(scene.output, simulation.model.blank, simulation.model.material)
     folder.mkdir(parents=True, exist_ok=True)
 
     report(0.0, scene.process.time, "compiling")
@@ -106,11 +109,13 @@ def run(
     )
     result = Result(datasets, summary, folder)
     _write_summary(result)  # forming is complete: nothing that fails from here on may lose it
-    if scene.output.pictures:
-        from lcmchain.report.pictures import draw_result
-
-        report(scene.process.time, scene.process.time, "drawing")
-        draw_result(folder, datasets)
+    draw_run(
+        scene,
+        simulation.model.tools,
+        datasets,
+        folder,
+        lambda text: report(scene.process.time, scene.process.time, text),
+    )
     report(scene.process.time, scene.process.time, "mapping")
     _map_fields(scene, result)
     remove_checkpoint(folder)

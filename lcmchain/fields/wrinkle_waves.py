@@ -16,8 +16,8 @@ from lcmchain.materials.law import Material
 RESOLVED = 8.0
 # Nearer to a free edge, in longest waves, heights are uncertain; wrinkles reach farther in.
 AT_EDGE = 0.25
-# Lower waves are not told from bends, and no wave whose length can be found; in thicknesses.
-LEAST_HEIGHT = 1.0
+# Lower waves are not told from bends; in thicknesses, and as a part of the highest one.
+LEAST_HEIGHT, LEAST_PART = 1.0, 0.5
 
 
 def elements_per_wave(sheet: xr.Dataset, frame: int, nodes: np.ndarray) -> np.ndarray:
@@ -56,11 +56,11 @@ def elements_per_wave(sheet: xr.Dataset, frame: int, nodes: np.ndarray) -> np.nd
 
 
 def wrinkle_warnings(sheet: xr.Dataset, material: Material, frame: int = -1) -> list[str]:
-    """Say where wrinkles of the last frame have too few elements per wavelength."""
+    """Say where the highest wrinkles of the last frame have too few elements per wavelength."""
     if "wrinkle_height" not in sheet:
         return []
     height = np.abs(sheet["wrinkle_height"].values[frame])
-    high = height > LEAST_HEIGHT * material.thickness
+    high = height > max(LEAST_HEIGHT * material.thickness, LEAST_PART * height.max())
     if not high.any():
         return []
     reference, edges = reference_positions(sheet), _edges_of_faces(sheet_faces(sheet))
@@ -79,7 +79,7 @@ def wrinkle_warnings(sheet: xr.Dataset, material: Material, frame: int = -1) -> 
     highest = nodes[coarse][np.argmax(height[nodes[coarse]])]
     x, y, z = 1e3 * sheet_positions(sheet, frame)[highest]
     return [
-        f"wrinkles up to {1e3 * height[highest]:.2g} mm high, at ({x:.1f}, {y:.1f}, {z:.1f}) mm, "
+        f"wrinkles or bends up to {1e3 * height[highest]:.2g} mm high, at ({x:.1f}, {y:.1f}, {z:.1f}) mm, "
         f"are unresolved: down to {waves[worst]:.1f} elements per wavelength, where {RESOLVED:g} "
         "are needed, so that their height and length are those of the mesh; use a smaller "
         "blank.edge_length"
