@@ -79,8 +79,9 @@ def wrinkle_warnings(sheet: xr.Dataset, material: Material, frame: int = -1) -> 
     highest = nodes[coarse][np.argmax(height[nodes[coarse]])]
     x, y, z = 1e3 * sheet_positions(sheet, frame)[highest]
     return [
-        f"wrinkles or bends up to {1e3 * height[highest]:.2g} mm high, at ({x:.1f}, {y:.1f}, {z:.1f}) mm, "
-        f"are unresolved: down to {waves[worst]:.1f} elements per wavelength, where {RESOLVED:g} "
+        f"wrinkles or bends up to {1e3 * height[highest]:.2g} mm high, "
+        f"at ({x:.1f}, {y:.1f}, {z:.1f}) mm, are unresolved: down to {waves[worst]:.1f} elements "
+        f"per wavelength, where {RESOLVED:g} "
         "are needed, so that their height and length are those of the mesh; use a smaller "
         "blank.edge_length"
     ]

@@ -88,7 +88,8 @@ def _images(sheet, history, shown: Shown, tools, report) -> Iterator[np.ndarray]
                 travel = history["tool_travel"].values[frame]
                 edge = 1e3 * size / 60.0
                 for _, vertices, triangles, colour in tools.within(box, travel):
-                    draw_tool(axis, 1e3 * vertices, triangles, view, colour, buffer, edge)
+                    surface = 1e3 * vertices, triangles
+                    draw_tool(axis, *surface, view, colour, buffer, edge, over_sheet=False)
             _fit(axis, shown_part)
             draw_triad(axis, view)
             bar = axes_at(figure, WIDTH - 1.15, 0.9, 0.16, HEIGHT - 2.2)
@@ -116,7 +117,7 @@ def _write_gif(path: Path, images: Iterator[np.ndarray], seconds: float) -> None
     # One palette for the film: a colour is the same value in every frame. The last frame, with the
     # first one beside it, has all colours.
     both = np.concatenate([np.asarray(frames[-1]), np.asarray(frames[0])])
-    palette = Image.fromarray(both).quantize(256, dither=Image.Dither.NONE)
+    palette = Image.fromarray(both).quantize(256, Image.Quantize.MAXCOVERAGE)
     drawn = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     durations = [round(1e3 * seconds)] * (len(drawn) - 1) + [round(1e3 * LAST)]
     drawn[0].save(

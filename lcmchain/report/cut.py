@@ -12,15 +12,19 @@ ASIDE = 1e-5
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane with axes of its own: point [m] (3,), unit vectors along, up and normal (3,)."""
+    """A plane with axes of its own: point [m] (3,), unit vectors along, up and normal (3,).
+
+    name : stands above the section.
+    """
 
     point: np.ndarray
     along: np.ndarray
     up: np.ndarray
     normal: np.ndarray
+    name: str = ""
 
     @classmethod
-    def through(cls, point: np.ndarray, normal: np.ndarray) -> Plane:
+    def through(cls, point: np.ndarray, normal: np.ndarray, name: str = "") -> Plane:
         """Return a plane whose ``up`` is z as far as it can be, else y."""
         normal = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
         upwards = np.eye(3)[2] if abs(normal[2]) < 0.99 else np.eye(3)[1]
@@ -29,7 +33,7 @@ class Plane:
         along = np.cross(up, normal)
         if along[np.argmax(np.abs(along))] < 0.0:  # to the right, or upwards on the map
             along, normal = -along, -normal
-        return cls(np.asarray(point, dtype=float), along, up, normal)
+        return cls(np.asarray(point, dtype=float), along, up, normal, name)
 
     def flat(self, points: np.ndarray) -> np.ndarray:
         """Return the coordinates (..., 2) along and up of points (..., 3), seen from the origin."""

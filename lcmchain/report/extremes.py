@@ -25,7 +25,9 @@ def mark_extremes(axis: Axes, places: np.ndarray, values: np.ndarray, shown: Sho
         return
     halo = [withStroke(linewidth=2.0, foreground="white")]
     taken: list = []
-    for (face, marker, word), corners in zip(_extremes(places, values), (CORNERS, CORNERS[::-1])):
+    for (face, marker, word), corners in zip(
+        _extremes(places, values), (CORNERS + FARTHER, CORNERS[::-1] + FARTHER)
+    ):
         axis.plot(*places[face], marker, ms=5.5, mfc="white", mec=INK, mew=0.9, zorder=5)
         label = axis.annotate(
             f"{word} {shown.text(values[face])}", places[face], (0.0, 0.0),
@@ -35,8 +37,10 @@ def mark_extremes(axis: Axes, places: np.ndarray, values: np.ndarray, shown: Sho
         taken.append(_placed(axis, label, corners, taken))
 
 
-#: Sides of a mark that its label may be on: to the right or left, above or below.
+#: Sides of a mark that its label may be on, the nearer ones first: to the right or left of it,
+#: above or below.
 CORNERS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
+FARTHER = tuple((x, lift * y) for lift in (4, 7) for x, y in CORNERS)
 
 
 def _extremes(places: np.ndarray, values: np.ndarray) -> list[tuple[int, str, str]]:

@@ -8,9 +8,8 @@ import matplotlib
 import numpy as np
 import xarray as xr
 
-from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions, vector
-from lcmchain.mesh.fibre_lines import lines_along
-from lcmchain.mesh.sheet_mesh import NO_NODE
+from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.report.fibre_segments import fibre_segments
 from lcmchain.report.layers import Layer, line_layer, paint, sheet_layer
 from lcmchain.report.renderer import axes_at, draw_outline, draw_triad, fit_axis, label_axes
 from lcmchain.report.run_tools import RunTools
@@ -19,8 +18,6 @@ from lcmchain.report.transparent import DepthBuffer, draw_tool
 from lcmchain.report.view import FROM_ABOVE, View, boundary_edges, hangs_down, oblique
 
 SHEET_COLOUR = "#f1efe9"
-# Lines of either family in a picture, whatever the mesh.
-MOST_LINES = 31
 
 
 def draw_fibre_directions(path: Path | str, sheet: xr.Dataset, frame: int = -1) -> None:
@@ -44,7 +41,7 @@ def draw_fibre_directions(path: Path | str, sheet: xr.Dataset, frame: int = -1) 
         right = axes_at(figure, 6.6, 0.5, widths[1], panel)
         for axis, seen, width in ((left, view, 0.75), (right, FROM_ABOVE, 0.7)):
             layers = _sheet(points, faces, rim, seen)
-            lift = float(np.median(np.linalg.norm(np.diff(points[lines[0]], axis=1), axis=2)))
+            lift = float(np.median(np.linalg.norm(points[rim[:, 1]] - points[rim[:, 0]], axis=1)))
             layers += [
                 line_layer(points[nodes], seen, colour, width, lift)
                 for nodes, colour in zip(lines, FIBRE_COLOURS)
@@ -113,47 +110,6 @@ def draw_between_tools(
         axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.15)
         headline(figure, "Formed shape between the tools", _subtitle(sheet, frame))
         save(figure, path)
-
-
-def fibre_segments(sheet: xr.Dataset, most: int = MOST_LINES) -> list[np.ndarray]:
-    """Return edges (S, 2) of the mesh along evenly spaced fibres, for both families.
-
-    Parameters
-    ----------
-    most : about so many lines of a family are kept, evenly spaced and symmetric to the middle.
-    """
-    reference, faces = reference_positions(sheet), sheet_faces(sheet)
-    fibres = tuple(vector(sheet, f"fibre_direction_{number}", 0) for number in (1, 2))
-    lines = lines_along(reference, faces, fibres)  # type: ignore[arg-type]
-    edge = float(np.median(np.linalg.norm(reference[faces[:, 1]] - reference[faces[:, 0]], axis=1)))
-    kept = []
-    for family, after in enumerate(lines.after):
-        start = np.flatnonzero(after != NO_NODE)
-        along = fibres[family].mean(axis=0)
-        normal = np.cross(*(fibre.mean(axis=0) for fibre in fibres))
-        across = reference @ np.cross(normal, along)
-        # lines of nodes lie an edge apart: nodes within a quarter belong to one
-        level, line = _levels(across, 0.25 * edge)
-        keep = np.isin(line[start], _even_choice(len(level), most))
-        kept.append(np.stack([start, after[start]], axis=1)[keep])
-    return kept
-
-
-def _levels(values: np.ndarray, apart: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distinct levels of values that lie farther apart, and the level of each value."""
-    order = np.argsort(values, kind="stable")
-    number = np.cumsum(np.diff(values[order], prepend=values[order[0]]) > apart)
-    level = np.empty(len(values), dtype=int)
-    level[order] = number
-    return np.unique(number), level
-
-
-def _even_choice(count: int, most: int) -> np.ndarray:
-    """Return numbers of ``count`` at equal distances and symmetric to the middle."""
-    step = max(1, -(-count // most))
-    while (count - 1) % step % 2:  # a step that leaves as many on either side
-        step += 1
-    return np.arange((count - 1) % step // 2, count, step)
 
 
 def _sheet(points, faces, rim, view: View) -> list[Layer]:

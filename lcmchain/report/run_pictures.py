@@ -90,7 +90,9 @@ def draw_run(
     sheet = datasets[SHEET]
     tools = RunTools.of_scene(scene, table, sheet_positions(sheet)) if scene.tools else None
     if output.pictures:
-        planes = [Plane.through(np.array(s.point), np.array(s.normal)) for s in output.sections]
+        planes = [
+            Plane.through(np.array(s.point), np.array(s.normal), s.name) for s in output.sections
+        ]
         files += draw_result(folder, datasets, tools=tools, planes=planes)
     if output.animation != NO_FILM:
         name = output.animation_field

@@ -84,7 +84,7 @@ def draw_sections(
             axis.set_aspect("equal")
             axis.set_xlim(1e3 * box[0, 0], 1e3 * (box[0, 0] + box[1, 0]))
             axis.set_ylim(1e3 * box[0, 1], 1e3 * (box[0, 1] + box[1, 1]))
-            axis.set_title(_name(plane), color=FAINT, loc="left")
+            axis.set_title(_title(plane), color=FAINT, loc="left")
             label_axes(axis, f"{_words(plane.along)} [mm]", f"{_words(plane.up)} [mm]")
             _draw_unrolled(across, strips, tools, travel)
         if tools is not None:
@@ -211,8 +211,13 @@ def _distances(
     ]  # fmt: skip
 
 
-def _name(plane: Plane) -> str:
-    """Name a plane by its normal and the point that it passes through."""
+def _title(plane: Plane) -> str:
+    """Say where a plane lies, after its name."""
+    where = _where(plane)
+    return f"{plane.name}: {where}" if plane.name else where
+
+
+def _where(plane: Plane) -> str:
     across = int(np.argmax(np.abs(plane.normal)))
     if abs(plane.normal[across]) > 1.0 - 1e-9:
         return f"{'xyz'[across]} = {1e3 * plane.point[across] + 0.0:.4g} mm"

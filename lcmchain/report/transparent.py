@@ -68,6 +68,8 @@ def draw_tool(
     colour: ColorType,
     sheet: DepthBuffer,
     size: float,
+    *,
+    over_sheet: bool = True,
 ) -> None:
     """Draw the transparent surface of a tool, and the lines that describe it, around a sheet.
 
@@ -78,6 +80,8 @@ def draw_tool(
     ----------
     points, triangles : (P, 3) and (F, 3), normals away from the solid.
     size : of the sheet's facets.
+    over_sheet : whether the tool tints what it lies in front of; a sheet whose colours are values
+        stays as it is, and only the lines of the tool are upon it.
     """
     from matplotlib.collections import LineCollection
     from matplotlib.patches import PathPatch
@@ -89,7 +93,7 @@ def draw_tool(
         parts = hidden_and_seen(
             points[triangles[side * towards_viewer > 0.0]], view, sheet, side, size
         )
-        for zorder, corners in zip((BEHIND, IN_FRONT), parts):
+        for zorder, corners in zip((BEHIND, IN_FRONT if over_sheet else BEHIND), parts):
             path = _one_path(view.on_screen(corners))
             # an artist, since adding a patch takes the limits of every triangle
             axis.add_artist(

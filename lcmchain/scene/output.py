@@ -9,6 +9,7 @@ from pydantic import Field
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Direction,
+    Name,
     Position,
     PositiveLength,
     PositiveTime,
@@ -25,6 +26,7 @@ MOST_SAMPLES = 100_000
 class Section(SceneModel):
     """A plane that ``sections.png`` cuts sheet and tools with."""
 
+    name: Annotated[str, Name("middle")] = Field(description="Name above the section.")
     point: Position = Field(  # type: ignore[assignment]
         default=("0 mm", "0 mm", "0 mm"), description="Point of the plane."
     )
