@@ -8,6 +8,7 @@ from lcmchain.check.effects_of_run import Effect
 from lcmchain.check.expected_cost import Estimate
 from lcmchain.check.quasi_static import PERIODS, ProcessTime
 from lcmchain.check.tools_at_start import OVERLAP_TOLERANCE, InitialGap
+from lcmchain.quantities.durations import duration_text
 from lcmchain.scene import Process
 
 if TYPE_CHECKING:
@@ -74,7 +75,9 @@ def cost_table(
         f"{1e6 * estimate.critical_step:.3g} us at the start, set by {estimate.controlled_by}",
     )
     table.add_row("steps", f"about {estimate.step_count:,}")
-    table.add_row("computing time", f"about {estimate.seconds:.3g} s on one core, once compiled")
+    table.add_row(
+        "computing time", f"about {duration_text(estimate.seconds)} on one core, once compiled"
+    )
     return table
 
 

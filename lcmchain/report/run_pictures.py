@@ -13,16 +13,17 @@ import xarray as xr
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import sheet_positions
+from lcmchain.report.animation import draw_animation
+from lcmchain.report.cut import Plane
+from lcmchain.report.pictures import draw_result
+from lcmchain.report.run_tools import RunTools
+from lcmchain.scene.output import NO_FILM, Output
 
 if TYPE_CHECKING:
     from lcmchain.materials.law import Material
     from lcmchain.mesh.sheet_mesh import SheetMesh
     from lcmchain.scene import Scene
-    from lcmchain.scene.output import Output
     from lcmchain.tools.table import ToolTable
-
-
-NO_FILM = "none"
 
 
 def require_film(output: Output, mesh: SheetMesh, material: Material) -> None:
@@ -77,14 +78,6 @@ def draw_run(
     InputError : the folder cannot be written.
     """
     output = scene.output
-    if not output.pictures and output.animation == NO_FILM:
-        return []
-    # The drawing library is loaded only where something is drawn.
-    from lcmchain.report.animation import draw_animation
-    from lcmchain.report.cut import Plane
-    from lcmchain.report.pictures import draw_result
-    from lcmchain.report.run_tools import RunTools
-
     report("drawing")
     files: list[Path] = []
     sheet = datasets[SHEET]

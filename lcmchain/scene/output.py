@@ -22,6 +22,9 @@ from lcmchain.quantities.scene_model import SceneModel
 DEFAULT_SAMPLES = 200
 MOST_SAMPLES = 100_000
 
+#: Value of ``animation`` without a film.
+NO_FILM = "none"
+
 
 class Section(SceneModel):
     """A plane that ``sections.png`` cuts sheet and tools with."""
@@ -63,7 +66,7 @@ class Output(SceneModel):
         "along its fibres.",
     )
     animation: Literal["none", "gif", "mp4"] = Field(
-        default="none", description="Film of the forming; mp4 needs lcmchain[video]."
+        default=NO_FILM, description="Film of the forming; mp4 needs lcmchain[video]."
     )
     animation_field: Literal[
         "shear_angle", "thickness", "fibre_volume_fraction", "wrinkle_height"

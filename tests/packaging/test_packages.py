@@ -37,6 +37,7 @@ RANK_OF_CORE = {
     "materials": 3,
     "effects": 3,
     "tools": 3,
+    "results": 4,
     "scene": 4,
     "model": 4,
     "state": 4,

@@ -1,6 +1,9 @@
 """Every entry of ``summary.json`` against values put in by hand."""
 
 import json
+import os
+import socket
+from datetime import datetime
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +15,7 @@ from lcmchain.fields import FrameSeries, build_datasets, field_summary
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
-from lcmchain.summary import energy_measures, run_summary, run_warnings
+from lcmchain.summary import energy_measures, run_head, run_summary, run_warnings
 
 SCENE = """
 title = "four elements"
@@ -90,9 +93,10 @@ def summary_of(scene, datasets, energies=ENERGIES, **changes):
         state=SimpleNamespace(step_count=1250, penetration_max=np.array([2e-5, 3e-5])),
         control=SimpleNamespace(history={"in-plane stiffness": 1000, "contact stiffness": 250}),
     )
-    given = {"run_fingerprint": "abc", "wall_s": 0.5, "compile_s": 7.5, "threads": 2} | changes
+    given = {"wall_s": 0.5, "compile_s": 7.5, "threads": 2} | changes
     snapshots = [SimpleNamespace(energy=energy) for energy in energies]
-    return run_summary(scene, simulation, snapshots, datasets, **given)
+    head = run_head(scene, simulation, "abc")
+    return head | run_summary(scene, simulation, snapshots, datasets, **given)
 
 
 def test_every_entry(scene, datasets):
@@ -102,6 +106,7 @@ def test_every_entry(scene, datasets):
     expected = {
         "lcmchain_version": __version__,
         "title": "four elements",
+        "state": "running",
         "scene_sha256": scene.source.sha256,
         "run_fingerprint": "abc",
         "element_count": 4,
@@ -132,6 +137,9 @@ def test_every_entry(scene, datasets):
         "step_control": {"in-plane stiffness": 1000, "contact stiffness": 250},
         "mapping": {},
     }
+    run = summary.pop("run")
+    assert run["process"] == os.getpid() and run["host"] == socket.gethostname()
+    assert abs(datetime.now().astimezone() - datetime.fromisoformat(run["started"])).days == 0
     assert set(summary) == set(expected)
     for name, value in expected.items():
         if isinstance(value, float):
