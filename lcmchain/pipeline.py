@@ -38,6 +38,7 @@ from lcmchain.results import (
 from lcmchain.results.log import LOG_FILE
 from lcmchain.results.state import SUMMARY_FILE
 from lcmchain.scene import Scene
+from lcmchain.scene.output import NO_FILM
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_head, run_summary
@@ -126,6 +127,10 @@ class _Job:
         model = self.simulation.model
         require_frames_fit(self.scene.process.frames, model)
         require_no_initial_overlap(self.scene, model.blank, model.tools)
+        if self.scene.output.animation != NO_FILM:
+            from lcmchain.report.run_pictures import require_film
+
+            require_film(self.scene.output, model.blank, model.material)
         self.summary = run_head(self.scene, self.simulation, self.fingerprint.sha256)
         self.summary["provenance"] = provenance(
             self.scene, run_fingerprint=self.fingerprint.sha256, threads=self.threads
@@ -174,11 +179,16 @@ class _Job:
 
     def draw(self) -> None:
         """Draw what the scene asks for."""
-        if self.scene.output.pictures:
-            from lcmchain.report.pictures import draw_result
+        if self.scene.output.pictures or self.scene.output.animation != NO_FILM:
+            from lcmchain.report.run_pictures import draw_run
 
-            self.tell(self.scene.process.time, "drawing")
-            draw_result(self.folder, self.result.datasets)
+            draw_run(
+                self.scene,
+                self.simulation.model.tools,
+                self.result.datasets,
+                self.folder,
+                lambda text: self.tell(self.scene.process.time, text),
+            )
 
     def map_fields(self) -> None:
         """Map onto every mesh of the scene, and keep the summary up to date.

@@ -26,6 +26,7 @@ from lcmchain.fields.ugrid import (
     Variable,
     saved_times,
 )
+from lcmchain.fields.wrinkles import WRINKLE_LENGTH, longest_wave, wrinkle_height
 from lcmchain.materials.law import Material, remembered
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from lcmchain.elements.family import Body
     from lcmchain.model import Model
     from lcmchain.scene import Scene
+    from lcmchain.tools.table import ToolTable
 
 SHEET, SOLID = ROOT, "/solid"
 SHEET_MESH = UgridMesh("sheet")
@@ -53,6 +55,8 @@ class SheetFrames:
     history : (F, history_count, element_count), what the law remembers.
     pressures : face fields of :func:`lcmchain.fields.pressure.pressure_fields`, (F, element_count).
     tool_pressure : on the nodes (F, node_count) [Pa], or None.
+    wrinkle_height : on the nodes of the mid-surface (F, n) [m].
+    wrinkle_length : longest wave that counts as wrinkle [m].
     """
 
     body: Body
@@ -60,16 +64,23 @@ class SheetFrames:
     history: np.ndarray
     pressures: dict[str, np.ndarray]
     tool_pressure: np.ndarray | None
+    wrinkle_height: np.ndarray
+    wrinkle_length: float
 
     @classmethod
-    def of_body(cls, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
+    def of_body(cls, scene: Scene, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
         """Return the part of a body of the model."""
         past = [model.history_of(body, values) for values in frames.history]  # type: ignore[union-attr]
-        return cls.of_frames(body, frames, past)
+        return cls.of_frames(scene, body, frames, past, model.tools)
 
     @classmethod
     def of_frames(
-        cls, body: Body, frames: FrameSeries, history: Sequence[np.ndarray]
+        cls,
+        scene: Scene,
+        body: Body,
+        frames: FrameSeries,
+        history: Sequence[np.ndarray],
+        tools: ToolTable | None = None,
     ) -> SheetFrames:
         """Return the part of a body; ``history`` is its own, in blocks, for every frame."""
         nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
@@ -78,12 +89,16 @@ class SheetFrames:
         if frames.contact_force is not None:
             states = zip(frames.positions, frames.contact_force)
             on_nodes = np.stack([tool_pressure(body, *state) for state in states])
+        length = scene.output.wrinkle_length or longest_wave(body.mesh)
+        own = frames.positions[:, nodes]
         return cls(
             body,
-            frames.positions[:, nodes],
+            own,
             np.stack([body.element_history(values) for values in history]),
             {name: np.stack([step[name] for step in steps]) for name in steps[0]},
             on_nodes,
+            wrinkle_height(body.mesh, own, length, tools=tools, travel=frames.tool_travel),
+            length,
         )
 
     @property
@@ -107,10 +122,12 @@ class SheetFrames:
         return found
 
     def node_fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
-        """Return values (F, n) and attributes of the tool pressure on the mid-surface nodes."""
+        """Return values (F, n) and attributes of the fields on the mid-surface nodes."""
+        attributes: dict[str, Any] = FIELDS["wrinkle_height"].attributes("wrinkle_height")
+        attributes[WRINKLE_LENGTH] = self.wrinkle_length
+        found = {"wrinkle_height": (self.wrinkle_height, attributes)}
         if self.tool_pressure is None:
-            return {}
-        found = {}
+            return found
         for side, nodes in self.mesh.sides().items():
             name = f"tool_pressure_{side}" if side else "tool_pressure"
             values = np.ascontiguousarray(self.tool_pressure[:, nodes])
@@ -149,7 +166,7 @@ def build_datasets(
     for positions in frames.positions:
         past.append(body.no_history())
         body.renew(np.ascontiguousarray(positions.T), past[-1])
-    sheet = SheetFrames.of_frames(body, frames, past)
+    sheet = SheetFrames.of_frames(scene, body, frames, past)
     return _one_sheet(scene, sheet, frames) | {HISTORY: history_dataset(frames)}
 
 
@@ -171,7 +188,7 @@ def model_datasets(
     histories : of the run; ``"/history"`` holds those of the frames without them.
     attributes : further global attributes of the file, such as the state of the run.
     """
-    sheets = {body.name: SheetFrames.of_body(model, body, frames) for body in model.bodies}
+    sheets = {b.name: SheetFrames.of_body(scene, model, b, frames) for b in model.bodies}
     if len(sheets) == 1:
         groups = _one_sheet(scene, *sheets.values(), frames)
     else:

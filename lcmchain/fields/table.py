@@ -177,6 +177,16 @@ _FIELDS = (
         "mid-surface of the 2D approach the sum of what presses from above and below",
     ),
     Field(
+        "wrinkle_height",
+        "m",
+        "height of wrinkles",
+        NODE,
+        "distance of the mid-surface from a smoothed copy of itself, along the normal of the copy, "
+        "positive towards the upper face; waves up to output.wrinkle_length are smoothed away. At "
+        "most the clear distance to the tool below a crest or above a trough: a sheet that lies on "
+        "a tool has the tool's shape",
+    ),
+    Field(
         "displacement",
         "m",
         "displacement",
