@@ -52,7 +52,8 @@ def rows_of_faces(faces: np.ndarray) -> list[np.ndarray]:
             a, b = nodes[side], nodes[(side + 1) % 4]
             if a != b:
                 across.setdefault((min(a, b), max(a, b)), []).append((face, side))
-    beside: dict[tuple[int, int], tuple[int, int]] = {}  # (face, side) -> the face beyond that side, and its side there
+    # (face, side) -> the face beyond that side, and its side there
+    beside: dict[tuple[int, int], tuple[int, int]] = {}
     for pair in across.values():
         if len(pair) == 2:
             beside[pair[0]], beside[pair[1]] = pair[1], pair[0]
