@@ -34,16 +34,38 @@ class InputError(LcmchainError):
         super().__init__(message if place is None else f"{place}: {message}")
 
 
-class SimulationError(LcmchainError):
-    """A run that a guard stopped: names element, position, time and likely cause (exit code 1)."""
+class OutputError(LcmchainError):
+    """A file that could not be written to its end (exit code 1); nothing of it is left."""
 
-    exit_code = 1
+    def __init__(self, reason: str, *, file: str | Path) -> None:
+        self.file = str(file)
+        super().__init__(
+            f"{self.file}: writing failed ({reason[:1].lower()}{reason[1:]}); free some space, or "
+            "name another folder, and run again (with --resume where there is a checkpoint)"
+        )
 
 
-class SimulationInterrupted(LcmchainError):
-    """A run that the user stopped; a checkpoint was left (exit code 1)."""
+class UnfinishedRun(LcmchainError):
+    """A run that did not come to its end (exit code 1).
 
-    exit_code = 1
+    ``result`` is the :class:`lcmchain.pipeline.Result` that it has left, None where it has none;
+    ``where`` says which frames lie where.
+    """
+
+    result: Any = None
+    where: str = ""
+
+
+class SimulationError(UnfinishedRun):
+    """A run that a guard stopped: names element, position, time and likely cause."""
+
+
+class SimulationInterrupted(UnfinishedRun):
+    """A run that the user stopped; a checkpoint was left."""
+
+
+class StrictError(LcmchainError):
+    """Warnings of a run or check that was asked to take them as errors (exit code 1)."""
 
 
 class MappingError(InputError):

@@ -132,7 +132,7 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     provenance = {
         key: str(value)
         for key, value in dataset.attrs.items()
-        if key in ("title", "history", "source", "institution") or key.startswith("scene")
+        if key in ("title", "history", "source", "institution", "state") or key.startswith("scene")
     }
     return Sheet(Surface(points, faces), scalars, directions, attributes, unused, provenance, name)
 

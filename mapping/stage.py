@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from lcmchain.mapping.sheet import Sheet, read_sheet
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.transfer import transfer
 from lcmchain.mapping.weights import MappingWeights, compute_weights
+from lcmchain.results import require_complete
 
 
 def map_forming(
@@ -30,6 +32,7 @@ def map_forming(
     length_unit: str = "m",
     frame: int = -1,
     allow_unmapped: bool = False,
+    allow_incomplete: bool = False,
     weights_file: Path | str | None = None,
     picture: bool = True,
 ) -> MappingReport:
@@ -48,6 +51,7 @@ def map_forming(
         length_unit=length_unit,
         frame=frame,
         allow_unmapped=allow_unmapped,
+        allow_incomplete=allow_incomplete,
         weights_file=weights_file,
         picture=picture,
     )
@@ -65,6 +69,7 @@ def map_file(
     length_unit: str = "m",
     frame: int = -1,
     allow_unmapped: bool = False,
+    allow_incomplete: bool = False,
     weights_file: Path | str | None = None,
     picture: bool = True,
 ) -> MappingReport:
@@ -83,6 +88,8 @@ def map_file(
     length_unit : unit of the target's coordinates; what is written is in metres.
     frame : saved frame to map, the last one by default.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
+    allow_incomplete : map the fields of a run that did not come to its end, with a warning,
+        instead of refusing them.
     weights_file : ``.npz`` with stored weights: used where it exists, else written.
     picture : draw source and target side by side.
 
@@ -95,19 +102,24 @@ def map_file(
     if out.suffix not in (".nc", ".vtu"):
         raise InputError("the mapped file has to end in .nc or .vtu", file=out)
     name = name if name is not None else out.stem
+    # Names only in the report: it stays right when the folder moves.
+    endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
+    if picture:
+        endings["picture"] = ".png"
+    files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
+    _require_apart(files.values(), source, target_mesh)
     sheet = read_sheet(source, frame=frame)
+    unfinished = require_complete(
+        sheet.provenance.get("state"), file=sheet.name, allowed=allow_incomplete
+    )
     target = read_target(target_mesh, kind=kind, length_unit=length_unit)
     weights = _weights(sheet, target, method, maximum_distance, weights_file)
     if not allow_unmapped:
         _refuse_unmapped(sheet, target, weights, length_unit)
     mapped = transfer(sheet, target, weights)
     report = mapping_report(sheet, target, weights, mapped, name=name, kind=kind)
+    report.warnings = [*unfinished, *report.warnings]
 
-    # Names only: the report stays right when the folder moves.
-    endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
-    if picture:
-        endings["picture"] = ".png"
-    files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
     report.files = {what: path.name for what, path in files.items()}
     if weights_file is not None and not Path(weights_file).exists():
         weights.save(weights_file)
@@ -117,6 +129,17 @@ def map_file(
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
     report.save(files["report"])
     return report
+
+
+def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> None:
+    """Refuse to write over what is read."""
+    read = {Path(file).resolve() for file in inputs if isinstance(file, (str, Path))}
+    for file in files:
+        if file.resolve() in read:
+            raise InputError(
+                "the mapping reads this file and would write over it; choose another name",
+                file=file,
+            )
 
 
 def _weights(

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.atomic import replacing
-from lcmchain.errors import InputError
+from lcmchain.errors import OutputError
 
 CONVENTIONS = "CF-1.11 UGRID-1.0"
 ROOT = "/"
@@ -189,9 +189,10 @@ def write_netcdf(path: Path | str, groups: Mapping[str, xr.Dataset]) -> None:
     Raises
     ------
     InputError : the place cannot be written.
+    OutputError : writing failed on the way.
     """
-    try:
-        with replacing(path) as temporary:
+    with replacing(path) as temporary:
+        try:
             for number, (name, dataset) in enumerate(groups.items()):
                 dataset.to_netcdf(
                     temporary,
@@ -201,9 +202,8 @@ def write_netcdf(path: Path | str, groups: Mapping[str, xr.Dataset]) -> None:
                     engine="netcdf4",
                     encoding=_encoding(dataset),
                 )
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"cannot be written ({reason}); choose another place", file=path) from None
+        except RuntimeError as error:  # netCDF4 wraps what goes wrong below it, a full disk too
+            raise OutputError(f"{error}; is the disk full?", file=path) from error
 
 
 def _encoding(dataset: xr.Dataset) -> dict[str, dict]:

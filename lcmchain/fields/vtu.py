@@ -37,14 +37,11 @@ def write_mesh(path: Path | str, mesh: meshio.Mesh) -> None:
     Raises
     ------
     InputError : the place cannot be written, or the mesh has cells that meshio does not write.
+    OutputError : writing failed on the way.
     """
     with replacing(path) as temporary:
         try:
             meshio.write(temporary, mesh, file_format="vtu")
-        except OSError as error:
-            raise InputError(
-                f"cannot be written ({error.strerror}); choose another place", file=path
-            ) from None
         except (meshio.WriteError, KeyError) as error:
             raise InputError(f"meshio cannot write this mesh as VTU ({error})", file=path) from None
 

@@ -15,6 +15,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Start": ("index", "tutorial", "new"),
     "Jobs": (
         "run",
+        "report",
         "scene",
         "coupons",
         "identification",

@@ -21,6 +21,9 @@ class Output(SceneModel):
     vtu: Switch = Field(
         default=True, description="Write the last frame and the time series for ParaView."
     )
+    report: Switch = Field(
+        default=True, description="Write report.html, with verdicts, curves and a 3D view."
+    )
     history_interval: Annotated[
         PositiveTime | None, AbsentMeans(f"process.time / {DEFAULT_SAMPLES}")
     ] = Field(

@@ -95,8 +95,12 @@ def test_run_hands_everything_over(monkeypatch, scene_file, tmp_path, capsys):
         calls.append((scene.process.frames, out, threads, resume))
         return types.SimpleNamespace(summary={"title": "dome"})
 
+    def print_result(summary, folder, *, quiet):
+        print(summary, folder)
+        return []
+
     stand_in(monkeypatch, "lcmchain.pipeline", run=run_scene)
-    monkeypatch.setattr(cli, "print_result", lambda *given: print(*given))
+    monkeypatch.setattr(cli, "print_result", print_result)
     out = tmp_path / "deep" / "results"
     code = exit_code(
         "run", scene_file, "--out", out, "--threads", 2, "--resume", "--set", "process.frames=5",

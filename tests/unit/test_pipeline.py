@@ -117,7 +117,8 @@ def test_resume_maps_without_forming_again(failed, folder, tmp_path, monkeypatch
     before = error.result.summary
     changed = {key for key in before if before[key] != result.summary[key]}
     assert changed <= {
-        "scene_sha256", "wall_s", "compile_s", "us_per_element_step", "mapping"
+        "scene_sha256", "wall_s", "compile_s", "us_per_element_step", "mapping", "run", "state",
+        "provenance",
     }  # fmt: skip
     assert result.summary["wall_s"] == pytest.approx(before["wall_s"], abs=0.5)
 
