@@ -172,9 +172,13 @@ def map_fields(
 
     require_choice("--kind", kind, MappingTarget)
     require_choice("--method", method, MappingTarget)
-    for file in (source, target):
+    for file, what in ((source, "the forming.nc"), (target, "the mesh")):
+        if file.is_dir():
+            raise InputError(f"is a folder; name {what} in it", file=file)
         if not file.is_file():
             raise InputError("there is no such file", file=file)
+    if out.is_dir():
+        raise InputError("is a folder; name a file in it, such as mapped.nc", file=out)
     distance = (
         None if maximum_distance is None else length_of("--maximum-distance", maximum_distance)
     )

@@ -71,7 +71,7 @@ def source_key() -> str:
     digest = hashlib.blake2b(digest_size=HASH_LENGTH // 2)
     digest.update(source_hash().encode())
     digest.update(_numba_version())
-    digest.update(_processor().encode())
+    digest.update(processor().encode())
     return digest.hexdigest()
 
 
@@ -118,7 +118,7 @@ def _numba_version() -> bytes:
     return version_file.read_bytes() if version_file.is_file() else b""
 
 
-def _processor() -> str:
+def processor() -> str:
     """Processor model and instruction sets; kernels are compiled for exactly these."""
     described = {}
     try:

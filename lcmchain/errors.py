@@ -5,11 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+#: Longest message, and longest value in one, that a reader can be expected to read.
+LONGEST_MESSAGE = 2500
+LONGEST_VALUE = 80
+
 
 class LcmchainError(Exception):
-    """Base of every error that the command line prints as one message without a traceback."""
+    """Base of every error that the command line prints as one message without a traceback.
+
+    The middle of a message that is far too long is left out.
+    """
 
     exit_code = 1
+
+    def __init__(self, message: str) -> None:
+        super().__init__(shortened(message, LONGEST_MESSAGE))
 
 
 class InputError(LcmchainError):
@@ -29,8 +39,9 @@ class InputError(LcmchainError):
     ) -> None:
         self.key = key
         self.file = None if file is None else str(file)
-        self.message = message
+        self.message = shortened(message, LONGEST_MESSAGE)
         place = key if key is not None else self.file
+        place = None if place is None else shortened(place, LONGEST_MESSAGE // 5)
         super().__init__(message if place is None else f"{place}: {message}")
 
 
@@ -77,3 +88,13 @@ class MappingError(InputError):
     def __init__(self, message: str, result: Any) -> None:
         self.result = result
         super().__init__(message)
+
+
+def shortened(text: str, longest: int = LONGEST_VALUE) -> str:
+    """Leave the middle out of a text that is longer, for messages."""
+    if len(text) <= longest:
+        return text
+    cut = f" ... ({len(text):,} characters) ... "
+    head = max(2 * (longest - len(cut)) // 3, 1)
+    tail = max(longest - len(cut) - head, 1)
+    return text[:head] + cut + text[-tail:]

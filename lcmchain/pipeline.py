@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
-from lcmchain.check import require_no_initial_overlap, run_effects
+from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
+from lcmchain.check.machine_speed import record_speed
 from lcmchain.errors import (
     LcmchainError,
     MappingError,
@@ -20,15 +20,7 @@ from lcmchain.errors import (
     SimulationInterrupted,
     UnfinishedRun,
 )
-from lcmchain.fields import (
-    FrameSeries,
-    Histories,
-    add_face_variables,
-    model_datasets,
-    write_forming_netcdf,
-    write_pvd,
-    write_vtu,
-)
+from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
 from lcmchain.provenance import provenance
@@ -46,7 +38,7 @@ from lcmchain.results import (
 from lcmchain.results.log import LOG_FILE
 from lcmchain.results.state import SUMMARY_FILE
 from lcmchain.scene import Scene
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.output import NO_FILM
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_head, run_summary
@@ -133,7 +125,12 @@ class _Job:
         self.tell(0.0, "building the model")
         self.simulation, self.warnings = _build_simulation(self.scene)
         model = self.simulation.model
+        require_frames_fit(self.scene.process.frames, model)
         require_no_initial_overlap(self.scene, model.blank, model.tools)
+        if self.scene.output.animation != NO_FILM:
+            from lcmchain.report.run_pictures import require_film
+
+            require_film(self.scene.output, model.blank, model.material)
         self.summary = run_head(self.scene, self.simulation, self.fingerprint.sha256)
         self.summary["provenance"] = provenance(
             self.scene, run_fingerprint=self.fingerprint.sha256, threads=self.threads
@@ -176,15 +173,22 @@ class _Job:
             raise
         self.tell(self.scene.process.time, "writing fields")
         self._write_fields(forming, compile_s, COMPLETE)
+        step_count = self.simulation.state.step_count
+        record_speed(self.simulation.model, self.threads, step_count, forming.wall_s)
         self._set_state(RUNNING)  # forming is complete: nothing that fails from here may lose it
 
     def draw(self) -> None:
         """Draw what the scene asks for."""
-        if self.scene.output.pictures:
-            from lcmchain.report.pictures import draw_result
+        if self.scene.output.pictures or self.scene.output.animation != NO_FILM:
+            from lcmchain.report.run_pictures import draw_run
 
-            self.tell(self.scene.process.time, "drawing")
-            draw_result(self.folder, self.result.datasets)
+            draw_run(
+                self.scene,
+                self.simulation.model.tools,
+                self.result.datasets,
+                self.folder,
+                lambda text: self.tell(self.scene.process.time, text),
+            )
 
     def map_fields(self) -> None:
         """Map onto every mesh of the scene, and keep the summary up to date.
@@ -200,7 +204,7 @@ class _Job:
             self.tell(self.scene.process.time, f"mapping {target.name}")
             try:
                 report = map_forming(
-                    self.result.datasets["/"],
+                    self.folder / "forming.nc",
                     self.scene.source.directory / target.mesh,
                     name=target.name,
                     kind=target.kind,
@@ -335,43 +339,14 @@ def _write_fields(
     folder: Path,
     state: str,
 ) -> dict[str, xr.Dataset]:
-    model = simulation.model
-    frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
-    histories = Histories.from_state(model, simulation.state)
-    datasets = model_datasets(scene, model, frames, histories)
-    if scene.permeability is not None and model.material.fibre_density is not None:
-        datasets = add_face_variables(datasets, _permeabilities(scene.permeability, datasets["/"]))
-    datasets["/"].attrs["state"] = state
+    from lcmchain.coupling.forming_fields import forming_datasets
+
+    datasets = forming_datasets(scene, simulation, snapshots, state=state)
     write_forming_netcdf(folder / "forming.nc", datasets)
     if scene.output.vtu:
         write_vtu(folder / "forming.vtu", datasets)
         write_pvd(folder / "forming.pvd", datasets)
     return datasets
-
-
-def _permeabilities(
-    law: Permeability, sheet: xr.Dataset
-) -> dict[str, tuple[np.ndarray, dict[str, str]]]:
-    from lcmchain.coupling.permeability import principal_permeabilities
-
-    def vectors(name):
-        return np.stack([sheet[f"{name}_{axis}"].values for axis in "xyz"], axis=-1)
-
-    fraction = sheet["fibre_volume_fraction"].values
-    result = principal_permeabilities(
-        law,
-        fraction.ravel(),
-        vectors("fibre_direction_1").reshape(-1, 3),
-        vectors("fibre_direction_2").reshape(-1, 3),
-        out_of_range="nan",
-    )
-    return {
-        f"permeability_{i}": (
-            getattr(result, f"k{i}").reshape(fraction.shape),
-            {"units": "m2", "long_name": f"principal permeability {i} ({law.law})"},
-        )
-        for i in (1, 2, 3)
-    }
 
 
 def _require_readable_targets(scene: Scene) -> None:

@@ -18,6 +18,7 @@ from lcmchain.check.quasi_static import (
     quasi_static_measures,
     quasi_static_warnings,
 )
+from lcmchain.check.tools_without_touch import tools_never_touched
 from lcmchain.fields import field_summary
 from lcmchain.fields.dataset import HISTORY
 from lcmchain.fields.summary import field_warnings, punch_index
@@ -107,6 +108,7 @@ def run_summary(
     }
     found = [
         *warnings,
+        *tools_never_touched(model, state, snapshots),
         *field_warnings(datasets["/"], model.material),
         *run_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),

@@ -27,3 +27,10 @@ def use_threads(count: int | None) -> int:
     count = min(count or available, available)
     numba.set_num_threads(count)
     return count
+
+
+def thread_count() -> int:
+    """Return how many threads the compiled loops have at present."""
+    import numba
+
+    return numba.get_num_threads()

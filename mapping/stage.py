@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import shlex
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -11,13 +13,19 @@ import xarray as xr
 from lcmchain.errors import InputError
 from lcmchain.fields.ugrid import ROOT, write_netcdf
 from lcmchain.mapping.files import mapped_dataset, write_vtu
+from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.picture import draw_mapping
-from lcmchain.mapping.report import MappingReport, first_few, mapping_report
+from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, read_sheet
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.transfer import transfer
 from lcmchain.mapping.weights import MappingWeights, compute_weights
 from lcmchain.results import require_complete
+
+# Ratios of usual units of length; sizes of mesh and sheet that differ by about as much make the
+# unit doubtful, and so does anything beyond a hundred.
+UNIT_FACTORS = tuple(factor**sign for factor in (10.0, 25.4, 100.0) for sign in (1, -1))
+SAME_SIZE = 0.3  # largest logarithm of the ratio of a part to its sheet, or the reverse
 
 
 def map_forming(
@@ -95,10 +103,12 @@ def map_file(
 
     Raises
     ------
-    InputError : unreadable input, unwritable output, or unmapped cells that are not allowed.
-        Nothing is written then.
+    InputError : unreadable input, unwritable output, unmapped cells that are not allowed, or no
+        cell with a sheet nearby. Nothing is written then.
     """
     out = Path(out)
+    if out.is_dir():
+        raise InputError("this is a folder; name the mapped file, such as mapped.nc", file=out)
     if out.suffix not in (".nc", ".vtu"):
         raise InputError("the mapped file has to end in .nc or .vtu", file=out)
     name = name if name is not None else out.stem
@@ -114,21 +124,39 @@ def map_file(
     )
     target = read_target(target_mesh, kind=kind, length_unit=length_unit)
     weights = _weights(sheet, target, method, maximum_distance, weights_file)
-    if not allow_unmapped:
-        _refuse_unmapped(sheet, target, weights, length_unit)
+    hint = length_unit_hint(sheet, target, length_unit)
+    if not (allow_unmapped and weights.mapped.any()):
+        _refuse_unmapped(target, weights, hint, allow_unmapped)
     mapped = transfer(sheet, target, weights)
     report = mapping_report(sheet, target, weights, mapped, name=name, kind=kind)
-    report.warnings = [*unfinished, *report.warnings]
+    report.warnings = [*unfinished, *([hint] if hint else []), *report.warnings]
 
     report.files = {what: path.name for what, path in files.items()}
     if weights_file is not None and not Path(weights_file).exists():
         weights.save(weights_file)
-    write_netcdf(files["netcdf"], {ROOT: mapped_dataset(sheet, target, weights, mapped, report)})
+    allowed = {"unmapped": allow_unmapped, "incomplete": allow_incomplete}
+    command = _command(report, target, length_unit, **allowed)
+    dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
+    write_netcdf(files["netcdf"], {ROOT: dataset})
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
     report.save(files["report"])
     return report
+
+
+def _command(report: MappingReport, target: TargetMesh, length_unit: str, **allowed: bool) -> str:
+    """Return the command line that maps as this mapping did, with the names of files alone.
+
+    allowed : which of the options ``--allow-...`` it has.
+    """
+    words = [
+        "lcmchain", "map", Path(report.source).name, target.file.name if target.file else "TARGET",
+        "--out", report.files["netcdf"], "--kind", report.kind, "--method", report.method,
+        "--maximum-distance", f"{1e3 * report.maximum_distance:.10g} mm",
+        "--length-unit", length_unit,
+    ]  # fmt: skip
+    return shlex.join(words + [f"--allow-{what}" for what, given in allowed.items() if given])
 
 
 def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> None:
@@ -164,7 +192,7 @@ def _weights(
 
 
 def _refuse_unmapped(
-    sheet: Sheet, target: TargetMesh, weights: MappingWeights, length_unit: str
+    target: TargetMesh, weights: MappingWeights, hint: str | None, allow_unmapped: bool
 ) -> None:
     unmapped = np.flatnonzero(~weights.mapped)
     if len(unmapped) == 0:
@@ -172,17 +200,26 @@ def _refuse_unmapped(
     message = (
         f"{len(unmapped)} of {target.cell_count} cells have no sheet within "
         f"{1e3 * weights.maximum_distance:.3g} mm ({first_few(unmapped)}; the first has its "
-        f"centroid at {_place(target.centroids[unmapped[0]])} mm). Trim the mesh to the sheet, "
-        "raise maximum_distance, or allow unmapped cells"
+        f"centroid at {_place(target.centroids[unmapped[0]])} mm). "
     )
+    if allow_unmapped:
+        message += "Move the mesh to the sheet, or raise maximum_distance"
+    else:
+        message += "Trim the mesh to the sheet, raise maximum_distance, or allow unmapped cells"
+    raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
+
+
+def length_unit_hint(sheet: Sheet, target: TargetMesh, length_unit: str) -> str | None:
+    """Say that the mesh is as much larger or smaller than the sheet as with a wrong unit, if so."""
     used = target.points[np.unique(target.corners[target.corners >= 0])]
     ratio = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0))) / sheet.surface.size
-    if ratio > 100.0 or ratio < 0.01:
-        message = (
-            f"the mesh is {ratio:.3g} times as large as the sheet: check length_unit "
-            f'(now "{length_unit}"). ' + message
-        )
-    raise InputError(message, file=target.file)
+    near = any(abs(math.log(ratio / factor)) < SAME_SIZE for factor in UNIT_FACTORS)
+    if not near and 0.01 <= ratio <= 100.0:
+        return None
+    return (
+        f"the mesh is {ratio:.3g} times as large as the sheet: check length_unit "
+        f'(now "{length_unit}")'
+    )
 
 
 def _place(point: np.ndarray) -> str:

@@ -1,17 +1,34 @@
-"""Expected cost of a run, from the undeformed blank."""
+"""Expected cost of a run, from the undeformed sheets and the motion of the tools.
+
+The number of steps is the integral of 1/Δt over the process, Δt = s 2/ω. What ω² consists of is
+known in the reference: the fibre wave across the cells, with the cut ones
+(``Body.reference_frequencies``), the bending of the fibres within the plane, and the stiffness of
+the contacts (``Simulation`` adds them up in the same way). Of what changes on the way, compaction
+between parallel plates follows from their motion. How far a sheet shears is not known beforehand.
+It matters where the bound of ω² adds up both families of fibres, as the triangles and the cut
+elements do: with the sheared fibres at cos θ = sin γ to each other it grows by 1 + sin γ.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from lcmchain.mesh.sheet_mesh import SheetMesh
-from lcmchain.model import AUTOMATIC_PENALTY, Model
+from lcmchain.check.machine_speed import Speed, machine_speed
+from lcmchain.model import Model
+from lcmchain.tools.distance import PLANE
+from lcmchain.tools.motion import GUIDED, prescribed_travel
 
-#: Time per element and step on one core that the estimate assumes, by the kind of element.
-SECONDS_PER_ELEMENT_STEP = {"solid-shell": 0.12e-6, "membrane-shell": 0.05e-6}
+# Times of the process at which the step is estimated.
+TIMES = 101
+# What limits the step, as a run names it.
+CAUSES = ("in-plane stiffness", "compaction (thickness)")
+# Shear angle that the sheet is taken to reach steadily over the process, and the most of the range.
+EXPECTED_SHEAR = math.radians(45.0)
+LARGEST_SHEAR = math.radians(60.0)
 
 
 @dataclass(frozen=True)
@@ -20,54 +37,123 @@ class Estimate:
 
     Parameters
     ----------
-    critical_step : stable time step of the undeformed blank [s].
+    critical_step : stable time step of the undeformed blank in contact [s].
     step_count : steps of the whole process, with the scene's safety factor.
+    range : the same without shear, and with the most.
+    speed : computing time per element and step, and where it is known from.
     seconds : expected computing time [s], without compilation.
-    controlled_by : what limits the step, in words.
+    controlled_by : what limits the step at the start, in words.
     """
 
     critical_step: float
     step_count: int
+    range: tuple[int, int]
+    speed: Speed
     seconds: float
     controlled_by: str
 
 
 def estimate_run(model: Model) -> Estimate:
-    """Estimate time step, step count and computing time from the undeformed sheets.
-
-    The step follows from the fastest elastic wave: in-plane over the shortest edge, or over the
-    thickness, and from the automatic contact stiffness. Compaction and a given
-    ``contact.penalty`` may shorten it during a run.
-    """
-    steps: dict[str, float] = {}
-    for body in model.bodies:
-        in_plane, normal = body.material.wave_stiffness()
-        speed = math.sqrt(in_plane / body.material.density)
-        _keep_least(steps, "in-plane waves", _shortest_edge(body.mesh) / speed)
-        if body.mesh.has_thickness:
-            speed = math.sqrt(normal / body.material.density)
-            _keep_least(steps, "waves over the thickness", body.material.thickness / speed)
-    controlled_by = min(steps, key=steps.__getitem__)
-    critical_step = steps[controlled_by] * _contact_share(model)
-    step_count = math.ceil(model.process_time / (critical_step * model.step_safety))
-    per_step = sum(
-        body.mesh.element_count * SECONDS_PER_ELEMENT_STEP[body.type] for body in model.bodies
+    """Estimate time step, step count and computing time."""
+    contact = contact_omega2(model)
+    start = omega2_over_time(model, 0.0)[:, 0]
+    causes = dict(zip(CAUSES, start, strict=True)) | {"contact stiffness": contact}
+    counts = [_step_count(model, contact, shear) for shear in (EXPECTED_SHEAR, 0.0, LARGEST_SHEAR)]
+    speed = machine_speed(model)
+    return Estimate(
+        critical_step=2.0 / math.sqrt(start.max() + contact),
+        step_count=counts[0],
+        range=(counts[1], counts[2]),
+        speed=speed,
+        seconds=counts[0] * model.element_count * speed.seconds_per_element_step,
+        controlled_by=max(causes, key=causes.__getitem__),
     )
-    return Estimate(critical_step, step_count, step_count * per_step, controlled_by)
 
 
-def _keep_least(steps: dict[str, float], name: str, step: float) -> None:
-    steps[name] = min(step, steps.get(name, math.inf))
+def _step_count(model: Model, contact: float, shear_angle: float) -> int:
+    omega2 = omega2_over_time(model, shear_angle).max(axis=0) + contact
+    mean = np.trapezoid(0.5 * np.sqrt(omega2), dx=1.0 / (TIMES - 1))
+    return math.ceil(model.process_time / model.step_safety * mean)
 
 
-def _contact_share(model: Model) -> float:
-    """Return the part of the time step that the automatic contact stiffness leaves."""
-    if not model.tool_names or not model.automatic_penalty:
-        return 1.0
-    return 1.0 / math.sqrt(1.0 + AUTOMATIC_PENALTY)
+def omega2_over_time(model: Model, shear_angle: float) -> np.ndarray:
+    """Return ω² (2, TIMES) of the waves in the plane and over the thickness [1/s²].
+
+    The sheets are taken to shear by up to ``shear_angle`` [rad], in proportion to the square of the
+    tools' travel: a net of fibres on a surface of the Gaussian curvature K shears by K times the
+    area between two of them (Gauss and Bonnet).
+    """
+    times = np.linspace(0.0, model.process_time, TIMES)
+    travel = np.array([_travel(model, time) for time in times])
+    if not model.tool_names and model.supports is None:
+        shear_angle = 0.0  # nothing forms the sheets
+    sheared = 1.0 + np.sin(shear_angle * _progress(model, travel, times) ** 2)
+    gap = plate_distance(model, travel)
+    omega2 = np.zeros((2, TIMES))
+    for body in model.bodies:
+        reference = body.reference_frequencies()
+        in_plane = np.maximum(reference.in_plane, reference.at_nodes * sheared)
+        omega2[0] = np.maximum(omega2[0], in_plane + model.fibre_bending_omega2)
+        if reference.over_thickness > 0.0:
+            stiffening = _compaction_stiffening(body.material, gap / body.material.thickness)
+            omega2[1] = np.maximum(omega2[1], reference.over_thickness * stiffening)
+    return omega2
 
 
-def _shortest_edge(mesh: SheetMesh) -> float:
-    corners = mesh.node_positions[mesh.elements[:, :4]]
-    lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-    return float(lengths[lengths > 0.0].min())  # a triangle repeats its last node
+def _compaction_stiffening(material: Any, stretch: np.ndarray) -> np.ndarray:
+    """Return the stiffness over the thickness at a stretch (TIMES,), relative to the reference."""
+    stretch = np.minimum(stretch, 1.0)
+    strain = np.zeros((len(stretch), 6))
+    strain[:, 2] = 0.5 * (stretch**2 - 1.0)
+    tangent = material.stress_and_tangent(strain)[1][:, 2, 2]
+    return np.maximum(stretch**2 * tangent / material.wave_stiffness()[1], 1.0)
+
+
+def contact_omega2(model: Model) -> float:
+    """Return what the contacts add to ω² [1/s²] when the tools have come to the sheets.
+
+    A face touches one tool at a time, a sheet without thickness one from either side. A guided tool
+    swings against all nodes of one side.
+    """
+    if not model.tool_names:
+        return 0.0
+    penalty, tools = model.environment.penalty, model.tools
+    result, touched = 0.0, 0.0
+    for body in model.bodies:
+        sides = 1 if body.mesh.has_thickness else min(2, len(model.tool_names))
+        result = max(result, sides * penalty * float((body.node_area / body.node_mass).max()))
+        touched += penalty * float(body.node_area.sum()) / (2 if body.mesh.has_thickness else 1)
+    guided = tools.mass[tools.motion_kind == GUIDED]
+    return result + float((touched / guided).sum())
+
+
+def plate_distance(model: Model, travel: np.ndarray) -> np.ndarray:
+    """Return the least distance [m] of parallel plates that face each other, infinite without.
+
+    travel : of all tools (TIMES, tool_count) [m].
+    """
+    tools = model.tools
+    normal = tools.rotation[:, 2]
+    distance = np.full(TIMES, math.inf)
+    plates = np.flatnonzero((tools.kind == PLANE) & (tools.motion_kind != GUIDED))
+    for first in plates:
+        for second in plates[plates > first]:
+            if normal[first] @ normal[second] < -1.0 + 1e-9:
+                places = tools.origin + travel[..., None] * tools.direction
+                apart = (places[:, second] - places[:, first]) @ normal[first]
+                distance = np.minimum(distance, np.where(apart > 0.0, apart, math.inf))
+    return distance
+
+
+def _travel(model: Model, time: float) -> list[float]:
+    """Return the prescribed travel of the tools [m]."""
+    return [prescribed_travel(model.tools, k, time)[0] for k in range(len(model.tool_names))]
+
+
+def _progress(model: Model, travel: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return how far the forming has come, 0 to 1: the way of the tool that moves furthest."""
+    way = np.abs(np.diff(travel, axis=0, prepend=travel[:1])).cumsum(axis=0)
+    if way.size == 0 or way[-1].max() == 0.0:
+        return times / model.process_time
+    furthest = way[:, np.argmax(way[-1])]
+    return furthest / furthest[-1]

@@ -68,6 +68,20 @@ class NormalPressure(NamedTuple):
     total: np.ndarray
 
 
+class ReferenceFrequencies(NamedTuple):
+    """ω² of the undeformed sheet [1/s²].
+
+    in_plane : of the fibre wave across elements that are bounded one by one.
+    at_nodes : of that across elements whose bound adds up both families of fibres at the nodes; it
+        grows by 1 + sin γ where the sheet shears by γ.
+    over_thickness : of the wave over the thickness; 0 without one.
+    """
+
+    in_plane: float
+    at_nodes: float
+    over_thickness: float
+
+
 class Body(Protocol):
     """A sheet of one material and one family of elements.
 
@@ -103,6 +117,10 @@ class Body(Protocol):
 
     @property
     def history_count(self) -> int: ...
+
+    @property
+    def kernel(self) -> str:
+        """Kind of compiled element, which decides its computing time."""
 
     @staticmethod
     def mesh_of(blank: BlankMesh) -> Any:
@@ -153,6 +171,12 @@ class Body(Protocol):
         """Return the largest ω² bound [1/s²], its element, and a code of what governs it.
 
         mass : (node_count,) of the whole model [kg].
+        """
+
+    def reference_frequencies(self) -> ReferenceFrequencies:
+        """Return ω² of the undeformed sheet by what governs it, without compiled code.
+
+        It is what :meth:`highest_frequency` finds, up to the small moduli.
         """
 
     def cause(self, code: int) -> str:

@@ -22,7 +22,14 @@ from lcmchain.mesh.cut import Cells
 from lcmchain.mesh.hexahedron import MODES
 from lcmchain.mesh.lattice import best_lattice
 from lcmchain.mesh.numbering import number_in_patches
-from lcmchain.mesh.outline import check_element_count, cross, outline_of, place, polygon_area
+from lcmchain.mesh.outline import (
+    check_element_count,
+    check_lattice_size,
+    cross,
+    outline_of,
+    place,
+    polygon_area,
+)
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
@@ -36,6 +43,10 @@ from lcmchain.quantities.entry_types import (
 from lcmchain.quantities.scene_model import SceneModel
 
 MAXIMUM_PERTURBATION = 0.25
+
+# A mesh that misses more of the outline, or shortens the step by more, is told of.
+REMARKABLE_AREA = 1e-3
+REMARKABLE_RATIO = 1.25
 
 # Largest relative difference of the meshed area from the outline's that is accepted.
 AREA_TOLERANCE = 0.02
@@ -110,6 +121,8 @@ class BlankMesh:
     fibre_direction_1, fibre_direction_2 : unit vectors, shape (element_count, 3).
     thickness : initial thickness [m].
     outline_area : area inside the prescribed outline [m2]; nan where no outline was prescribed.
+    step_ratio : stable step of whole elements over that of the cut ones, at least 1, by the stiff
+        fibres alone (:mod:`lcmchain.mesh.step_measure`).
     """
 
     node_positions: np.ndarray
@@ -118,6 +131,7 @@ class BlankMesh:
     fibre_direction_2: np.ndarray
     thickness: float
     outline_area: float = math.nan
+    step_ratio: float = 1.0
 
     has_thickness = True
 
@@ -187,6 +201,24 @@ class BlankMesh:
         a = self.base_vectors(positions)
         return 4.0 * np.linalg.norm(np.cross(a[..., 0, :], a[..., 1, :]), axis=-1)
 
+    def remarks(self) -> list[str]:
+        """Say where the elements are too large for the outline."""
+        found = []
+        difference = self.area / self.outline_area - 1.0
+        if abs(difference) > REMARKABLE_AREA:
+            found.append(
+                f"the meshed area differs from the outline's by {100.0 * difference:+.2f} %: tips "
+                "and details narrower than an element; use a smaller blank.edge_length, or blunt "
+                "them"
+            )
+        if self.step_ratio > REMARKABLE_RATIO:
+            found.append(
+                f"elements at the outline make the time step {self.step_ratio:.1f} times shorter: "
+                "tips and details narrower than an element; use another blank.edge_length, or "
+                "blunt them"
+            )
+        return found
+
     def sides(self) -> dict[str, slice]:
         return {"bottom": slice(0, self.pair_count), "top": slice(self.pair_count, None)}
 
@@ -239,6 +271,7 @@ def build_blank(
 
     to_fibres = _rotation(-float(blank_spec.fibre_angle))
     to_scene = to_fibres.T
+    check_lattice_size(outline @ to_fibres.T, edge_length)
     cells = best_lattice(outline @ to_fibres.T, edge_length)
     _check_coverage(cells, area, edge_length, to_scene, outline_key)
 
@@ -261,6 +294,7 @@ def build_blank(
         fibre_direction_2=_constant_direction(to_scene[:, 1], len(faces)),
         thickness=float(thickness),
         outline_area=area,
+        step_ratio=cells.step_ratio,
     )
 
 

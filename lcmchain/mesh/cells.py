@@ -52,3 +52,11 @@ def piece_count(faces: np.ndarray) -> int:
         shape=(size + number.max() + 1,) * 2,
     )
     return int(connected_components(graph, directed=False, return_labels=False))
+
+
+def boundary_edges(faces: np.ndarray) -> np.ndarray:
+    """Edges of a single cell, shape (edges, 2)."""
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    edges = np.sort(edges[edges[:, 0] != edges[:, 1]], axis=1)
+    edges, count = np.unique(edges, axis=0, return_counts=True)
+    return edges[count == 1]

@@ -8,6 +8,10 @@ triangles.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -15,14 +19,16 @@ from shapely import Polygon, contains_xy
 
 from lcmchain.mesh.cells import cell_heights, corner_sines, piece_count
 from lcmchain.mesh.outline import cross
+from lcmchain.mesh.step_measure import step_ratio
+from lcmchain.mesh.tips import fill_tips
 
 # Relative to the pitch: closer than this a point lies on a lattice line or node.
 COINCIDENT = 1e-9
 
 # An inside node is pulled outwards over up to this part of a cut lattice edge; only beyond it the
-# outside node is pulled inwards. Above one half, because cells shorter than the pitch would reduce
+# outside node is pulled inwards. The whole edge, because cells shorter than the pitch would reduce
 # the stable time step of the whole blank.
-INSIDE_REACH = 0.7
+INSIDE_REACH = 1.0
 
 # Outline vertices that turn by at least this angle get a node of their own.
 CORNER_ANGLE = math.radians(15.0)
@@ -30,18 +36,54 @@ CORNER_ANGLE = math.radians(15.0)
 OUTSIDE, INSIDE, ON_OUTLINE = 0, 1, 2
 
 
-class Cells(NamedTuple):
-    """Lattice cells inside the outline, in fibre coordinates."""
+@dataclass(frozen=True)
+class Cells:
+    """Lattice cells inside the outline, in fibre coordinates.
 
-    positions: np.ndarray  # of all lattice nodes [m], shape (columns * rows, 2)
-    node_class: np.ndarray  # OUTSIDE, INSIDE or ON_OUTLINE, shape (columns * rows,)
+    positions : of all lattice nodes [m], shape (columns * rows, 2).
+    node_class : OUTSIDE, INSIDE or ON_OUTLINE, shape (columns * rows,).
+    row_count : of the lattice. pitch : edge length of whole cells [m].
+    faces : lattice nodes of the cells, triangles repeat the last, shape (cells, 4).
+    origin : lattice node at the lower left of the cells, shape (cells,).
+    """
+
+    positions: np.ndarray
+    node_class: np.ndarray
     row_count: int
-    faces: np.ndarray  # lattice nodes of the cells, triangles repeat the last, shape (cells, 4)
-    origin: np.ndarray  # lattice node at the lower left of the cells, shape (cells,)
-    area: float  # [m2]
-    piece_count: int  # pieces that hang together over edges
-    smallest_height: float  # of a cell, relative to the edge length
-    weakest: int  # cell with the smallest height
+    pitch: float
+    faces: np.ndarray
+    origin: np.ndarray
+
+    @cached_property
+    def area(self) -> float:
+        """Area of all cells [m2]."""
+        corner = self.positions[self.faces]
+        return math.fsum(0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]))
+
+    @cached_property
+    def piece_count(self) -> int:
+        """Number of pieces that hang together over edges."""
+        return piece_count(self.faces)
+
+    @cached_property
+    def heights(self) -> np.ndarray:
+        """Smallest height of each cell, relative to the pitch."""
+        return cell_heights(self.positions[self.faces]) / self.pitch
+
+    @property
+    def smallest_height(self) -> float:
+        """The least of the heights, 0 without cells."""
+        return float(self.heights.min()) if len(self.faces) else 0.0
+
+    @property
+    def weakest(self) -> int:
+        """The cell with the smallest height, -1 without cells."""
+        return int(np.argmin(self.heights)) if len(self.faces) else -1
+
+    @cached_property
+    def step_ratio(self) -> float:
+        """Stable step of whole cells over that of cut ones, at least 1."""
+        return step_ratio(self.positions, self.faces, self.pitch)
 
 
 class _CutEdges(NamedTuple):
@@ -54,7 +96,12 @@ class _CutEdges(NamedTuple):
 
 
 def cut_lattice(
-    outline: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray, pitch: float
+    outline: np.ndarray,
+    x_lines: np.ndarray,
+    y_lines: np.ndarray,
+    pitch: float,
+    corner_nodes: Mapping[int, tuple[int, int]] = MappingProxyType({}),
+    reach: float = INSIDE_REACH,
 ) -> Cells:
     """Cut the lattice with the outline and keep the cells inside.
 
@@ -63,6 +110,9 @@ def cut_lattice(
     outline : vertices in fibre coordinates [m], shape (vertex_count, 2), anticlockwise.
     x_lines, y_lines : coordinates of the lattice lines [m].
     pitch : edge length of the cells [m].
+    corner_nodes : column and row of the lattice nodes that take given vertices; the nearest takes
+        the other corners.
+    reach : part of a cut lattice edge over which its inside node moves outwards.
     """
     outline = np.column_stack(
         [
@@ -78,27 +128,25 @@ def cut_lattice(
     node_class = np.where(is_inside, INSIDE, OUTSIDE)
     node_class[cuts.low[cuts.part < COINCIDENT]] = ON_OUTLINE
     node_class[cuts.high[cuts.part > 1.0 - COINCIDENT]] = ON_OUTLINE
-    for corner in _corners(outline):
-        node = _nearest_node(corner, x_lines, y_lines)
-        node_class[node] = ON_OUTLINE
-        positions[node] = corner
-    _move_onto_outline(positions, node_class, cuts, is_inside)
+    for vertex in corner_vertices(outline):
+        if vertex in corner_nodes:
+            column, row = corner_nodes[vertex]
+        elif _is_between(outline[vertex], x_lines, y_lines):
+            column, row = nearest_node(outline[vertex], x_lines, y_lines)
+        else:
+            continue
+        node_class[column * row_count + row] = ON_OUTLINE
+        positions[column * row_count + row] = outline[vertex]
+    _move_onto_outline(positions, node_class, cuts, is_inside, reach)
 
     faces, origin = _cells_inside(positions, node_class, column_count, row_count, outline, pitch)
-    corner = positions[faces]
-    heights = cell_heights(corner) / pitch
-    areas = 0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
-    return Cells(
-        positions=positions,
-        node_class=node_class,
-        row_count=row_count,
-        faces=faces,
-        origin=origin,
-        area=math.fsum(areas),
-        piece_count=piece_count(faces),
-        smallest_height=float(heights.min(initial=np.inf)) if len(faces) else 0.0,
-        weakest=int(np.argmin(heights)) if len(faces) else -1,
-    )
+    if len(faces):
+        is_free = np.ones(len(positions), dtype=bool)
+        is_free[faces] = False
+        tips = fill_tips(outline, corner_vertices(outline), positions, is_free, faces, pitch)
+        node_class[tips] = ON_OUTLINE
+        faces, origin = np.concatenate([faces, tips]), np.concatenate([origin, tips[:, 2]])
+    return Cells(positions, node_class, row_count, pitch, faces, origin)
 
 
 def _cut_edges(
@@ -108,6 +156,9 @@ def _cut_edges(
     column_count, row_count = len(x_lines), len(y_lines)
     columns, upper, y_cuts = _line_cuts(x_lines, y_lines, outline)
     rows, right, x_cuts = _line_cuts(y_lines, x_lines, outline[:, ::-1])
+    is_inside = _inside_by_parity(columns, upper, column_count, row_count)
+    columns, upper, y_cuts = _between(row_count, columns, upper, y_cuts)
+    rows, right, x_cuts = _between(column_count, rows, right, x_cuts)
     low = np.concatenate([columns * row_count + upper - 1, (right - 1) * row_count + rows])
     high = np.concatenate([columns * row_count + upper, right * row_count + rows])
     part = np.concatenate(
@@ -119,12 +170,15 @@ def _cut_edges(
     position = np.column_stack(
         [np.concatenate([x_lines[columns], x_cuts]), np.concatenate([y_cuts, y_lines[rows]])]
     )
-    is_inside = _inside_by_parity(columns, upper, column_count, row_count)
     return _CutEdges(low, high, part, position), is_inside
 
 
 def _move_onto_outline(
-    positions: np.ndarray, node_class: np.ndarray, cuts: _CutEdges, is_inside: np.ndarray
+    positions: np.ndarray,
+    node_class: np.ndarray,
+    cuts: _CutEdges,
+    is_inside: np.ndarray,
+    reach: float,
 ) -> None:
     """Move one end of every cut lattice edge onto the cut, in place."""
     low, high = cuts.low, cuts.high
@@ -137,12 +191,12 @@ def _move_onto_outline(
     )
     low, high, part, position = (column[open_] for column in cuts)
     from_inside = np.where(is_inside[low], part, 1.0 - part)
-    moves_inside = from_inside <= INSIDE_REACH
+    moves_inside = from_inside <= reach
     moved = np.where(moves_inside == is_inside[low], low, high)
-    reach = np.where(moves_inside, from_inside, 1.0 - from_inside)
+    way = np.where(moves_inside, from_inside, 1.0 - from_inside)
     # Of several cuts that a node could move to it takes the nearest; rounding removes noise from
     # the ties of a 45 degree edge, which all go to the column's cut, listed first.
-    order = np.lexsort((np.arange(len(moved)), np.round(reach, 6), moved))
+    order = np.lexsort((np.arange(len(moved)), np.round(way, 6), moved))
     moved, position = moved[order], position[order]
     first = np.ones(len(moved), dtype=bool)
     first[1:] = moved[1:] != moved[:-1]
@@ -181,13 +235,20 @@ def _inside_by_parity(
     columns: np.ndarray, upper: np.ndarray, column_count: int, row_count: int
 ) -> np.ndarray:
     """True for lattice nodes with an odd number of cuts above them in their column."""
-    cut_count = np.zeros((column_count, row_count), dtype=np.int64)
+    cut_count = np.zeros((column_count, row_count + 1), dtype=np.int64)
     np.add.at(cut_count, (columns, upper), 1)
     above = cut_count[:, ::-1].cumsum(axis=1)[:, ::-1] - cut_count
-    return (above % 2 == 1).ravel()
+    return (above[:, :-1] % 2 == 1).ravel()
 
 
-def _corners(outline: np.ndarray) -> np.ndarray:
+def _between(line_count: int, *columns: np.ndarray) -> list[np.ndarray]:
+    """Leave out the cuts that lie beyond the first or last of the lines across."""
+    across = columns[1]
+    there = (across > 0) & (across < line_count)
+    return [column[there] for column in columns]
+
+
+def corner_vertices(outline: np.ndarray) -> list[int]:
     """Vertices of the outline that need a node of their own, the blunt ones first.
 
     Where two corners want the same node the sharper one, being later, keeps it.
@@ -196,13 +257,18 @@ def _corners(outline: np.ndarray) -> np.ndarray:
     after = np.roll(outline, -1, axis=0) - outline
     turn = np.abs(np.arctan2(cross(before, after), (before * after).sum(axis=1)))
     order = np.argsort(turn, kind="stable")
-    return outline[order[turn[order] >= CORNER_ANGLE]]
+    return order[turn[order] >= CORNER_ANGLE].tolist()
 
 
-def _nearest_node(point: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray) -> int:
-    column = int(np.argmin(np.abs(x_lines - point[0])))
-    row = int(np.argmin(np.abs(y_lines - point[1])))
-    return column * len(y_lines) + row
+def nearest_node(point: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray) -> tuple[int, int]:
+    """Column and row of the lattice node next to a point."""
+    return int(np.argmin(np.abs(x_lines - point[0]))), int(np.argmin(np.abs(y_lines - point[1])))
+
+
+def _is_between(point: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray) -> bool:
+    """Whether a point lies within the lattice, which may be a window of a larger one."""
+    pairs = zip(point, (x_lines, y_lines), strict=True)
+    return all(lines[0] <= value <= lines[-1] for value, lines in pairs)
 
 
 def _cells_inside(

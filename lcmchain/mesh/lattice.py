@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from lcmchain.mesh.cut import COINCIDENT, Cells, cut_lattice
+from lcmchain.mesh.corner_nodes import choose_corner_nodes
+from lcmchain.mesh.cut import COINCIDENT, INSIDE_REACH, Cells, cut_lattice
 from lcmchain.mesh.outline import polygon_area, whole_number
 
 # Pitch may deviate by this factor from the edge length to fit diagonals to the outline.
 DIAGONAL_FIT = 1.25
 
-# Smallest height of a cell, relative to the pitch: enough to stop the search for a better lattice
-# position, and the least that is accepted before coverage of the outline counts.
-GOOD_HEIGHT = 0.5
+# Positions of the lattice relative to the outline, in units of the pitch, and as many as are tried
+# where they give a whole mesh.
+SHIFTS = (0.0, 0.5, 0.2, 0.4, 0.6, 0.8)
+USUAL_VARIANTS = 4
+
+# A second way to cut: inside nodes are pulled out over less of a cut edge.
+SHORT_REACH = 0.7
+
+# Step of whole cells over that of cut ones: enough to stop the search for a better position, and
+# the most that is accepted before coverage of the outline counts.
+GOOD_RATIO = 1.1
+ACCEPTABLE_RATIO = 1.2
+
+# The same of the smallest height of a cell, relative to the pitch, and of the part of the area.
 ACCEPTABLE_HEIGHT = 0.25
+ACCEPTABLE_MISSING = 1e-2
 
 
 def best_lattice(outline: np.ndarray, edge_length: float) -> Cells:
@@ -26,43 +40,69 @@ def best_lattice(outline: np.ndarray, edge_length: float) -> Cells:
     Only a position that the outline's edges do not prescribe is varied. The first ones are
     symmetric to the middle of the outline and are taken if they are good.
     """
-    area = polygon_area(outline)
     pitch = _pitch_fitting_diagonals(outline, edge_length)
     if pitch is not None:
         lines = [_uniform_lines(outline[:, axis], outline[0, axis], pitch) for axis in range(2)]
-        return cut_lattice(outline, *lines, pitch)  # type: ignore[arg-type, call-arg]
+        return _cut(outline, lines, pitch, INSIDE_REACH)
 
-    anchors = [_aligned_edges(outline, axis, edge_length) for axis in range(2)]
-    quick = area / edge_length**2 > 100_000
-    steps = (0.0, 0.5) if quick else (0.0, 0.5, 0.2, 0.4, 0.6, 0.8)
-    shifts = product(*((0.0,) if len(anchor) else steps for anchor in anchors))
+    area = polygon_area(outline)
     best: Any = None
     best_rank: Any = None
-    for shift in sorted(shifts, key=lambda pair: sum(part not in (0.0, 0.5) for part in pair)):
-        lines = []
-        for axis in range(2):
-            values = outline[:, axis]
-            if len(anchors[axis]):
-                lines.append(_anchored_lines(values, anchors[axis], edge_length))
-            else:
-                middle = 0.5 * (values.min() + values.max())
-                lines.append(
-                    _uniform_lines(values, middle + shift[axis] * edge_length, edge_length)
-                )
-        cells = cut_lattice(outline, *lines, edge_length)  # type: ignore[arg-type, call-arg]
+    for number, (lines, reach) in enumerate(_variants(outline, edge_length)):
+        if number >= USUAL_VARIANTS and best_rank < (False, False, True):
+            break  # whole, and the others would hardly be better
+        cells = _cut(outline, lines, edge_length, reach)
         missing = abs(cells.area - area) / area
         missing = 0.0 if missing < 1e-9 else missing
         rank = (
-            cells.piece_count != 1,
+            cells.piece_count != 1 or cells.smallest_height <= 0.0,
+            missing > ACCEPTABLE_MISSING,
+            cells.step_ratio > ACCEPTABLE_RATIO,
             cells.smallest_height < ACCEPTABLE_HEIGHT,
             missing,
+            cells.step_ratio,
             -cells.smallest_height,
         )
         if best is None or rank < best_rank:
             best, best_rank = cells, rank
-        if cells.piece_count == 1 and missing == 0.0 and cells.smallest_height >= GOOD_HEIGHT:
+        if not any(rank[:5]) and cells.step_ratio <= GOOD_RATIO:
             break
     return best
+
+
+def _cut(outline: np.ndarray, lines: list[np.ndarray], pitch: float, reach: float) -> Cells:
+    """Cut a lattice, with the best nodes at the corners."""
+    x_lines, y_lines = lines
+    corner_nodes = choose_corner_nodes(outline, x_lines, y_lines, pitch, reach)
+    return cut_lattice(outline, x_lines, y_lines, pitch, corner_nodes, reach)
+
+
+def _variants(outline: np.ndarray, edge_length: float) -> Iterator[tuple[list[np.ndarray], float]]:
+    """Yield lattice lines in both directions and the reach of inside nodes, the usual ones first.
+
+    Nodes that reach less far follow details that are narrower than two cells.
+    """
+    anchors = [_aligned_edges(outline, axis, edge_length) for axis in range(2)]
+    shifts = list(product(*((0.0,) if len(anchor) else SHIFTS for anchor in anchors)))
+    shifts.sort(key=lambda pair: sum(part not in (0.0, 0.5) for part in pair))
+    usual = [shift for shift in shifts if set(shift) <= {0.0, 0.5}]
+    pairs = [*product((INSIDE_REACH, SHORT_REACH), usual)]
+    pairs += [
+        (reach, shift)
+        for reach in (INSIDE_REACH, SHORT_REACH)
+        for shift in shifts
+        if shift not in usual
+    ]
+    for reach, shift in pairs:
+        lines = []
+        for axis, anchor in enumerate(anchors):
+            values = outline[:, axis]
+            if len(anchor):
+                lines.append(_anchored_lines(values, anchor, edge_length))
+            else:
+                through = 0.5 * (values.min() + values.max()) + shift[axis] * edge_length
+                lines.append(_uniform_lines(values, through, edge_length))
+        yield lines, reach
 
 
 def _pitch_fitting_diagonals(outline: np.ndarray, edge_length: float) -> float | None:

@@ -23,6 +23,7 @@ class TriangleMesh:
     elements : node numbers, anticlockwise seen from above, shape (element_count, 3).
     fibre_direction_1, fibre_direction_2 : unit vectors, shape (element_count, 3).
     thickness : initial thickness [m].
+    is_cut : whether some are halved cells at a cut edge.
     """
 
     node_positions: np.ndarray
@@ -30,6 +31,7 @@ class TriangleMesh:
     fibre_direction_1: np.ndarray
     fibre_direction_2: np.ndarray
     thickness: float
+    is_cut: bool = False
 
     has_thickness = False
     volumes = None
@@ -109,6 +111,7 @@ def triangulate(blank: BlankMesh) -> TriangleMesh:
         fibre_direction_1=blank.fibre_direction_1[cells[order]],
         fibre_direction_2=blank.fibre_direction_2[cells[order]],
         thickness=blank.thickness,
+        is_cut=bool(blank.is_triangle.any()),
     )
 
 

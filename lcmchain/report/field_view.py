@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions, vector
-from lcmchain.fields.ugrid import FRAME
+from lcmchain.fields.ugrid import TIME
 from lcmchain.report.packing import packed
 from lcmchain.report.shown import SHOWN, Shown, colour_scale
 from lcmchain.report.view import boundary_edges, hangs_down
@@ -60,13 +60,13 @@ def view_data(sheet: xr.Dataset, tools: list[dict[str, Any]] | None = None) -> d
     fields = list(_fields(sheet))
     nodes = len(reference_positions(sheet))
     size = 4 * (3 * nodes + sum(values.shape[1] for _, _, values in fields))
-    frames = chosen_frames(sheet.sizes[FRAME], size)
+    frames = chosen_frames(sheet.sizes[TIME], size)
     return {
         "faces": packed(faces, "<i4"),
         "frames": [
             {
                 "number": int(frame),
-                "time": 1e3 * float(sheet["frame_time"].values[frame]),
+                "time": 1e3 * float(sheet[TIME].values[frame]),
                 "positions": packed(1e3 * sheet_positions(sheet, int(frame)), "<f4"),
             }
             for frame in frames
@@ -94,7 +94,7 @@ def _fields(sheet: xr.Dataset) -> Iterator[tuple[Shown, str, np.ndarray]]:
     shown_first = [name for name in _SHOWN if name in sheet]
     for name in dict.fromkeys([*shown_first, *map(str, sheet.data_vars)]):
         dims = sheet[name].dims
-        if len(dims) != 2 or dims[0] != FRAME or dims[1] not in places or _is_component(name):
+        if len(dims) != 2 or dims[0] != TIME or dims[1] not in places or _is_component(name):
             continue
         shown = _SHOWN.get(name) or _as_declared(name, sheet[name].attrs)
         yield shown, places[dims[1]], shown.factor * sheet[name].values

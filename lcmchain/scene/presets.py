@@ -24,6 +24,8 @@ def fill_preset(material: Any) -> Any:
     if not isinstance(material, dict) or material.get("preset") is None:
         return material
     preset = material["preset"]
+    if not isinstance(preset, str):
+        raise wrong(f'must be a name in quotes, such as "{next(iter(PRESETS))}"', field="preset")
     if preset not in PRESETS:
         close = difflib.get_close_matches(str(preset), PRESETS, n=1, cutoff=0.3)
         hint = f'; did you mean "{close[0]}"?' if close else f"; there is {', '.join(PRESETS)}"

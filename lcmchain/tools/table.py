@@ -24,6 +24,8 @@ class ToolTable(NamedTuple):
     aligned : 1 where the rotation is the identity, shape [T].
     direction : unit directions of travel, shape [T, 3].
     friction : Coulomb friction coefficients, shape [T].
+    initial_overlap : depth [m] in the tool up to which a node exerts no force, shape [T], see
+        :mod:`lcmchain.tools.initial_overlap`.
     motion_kind : FIXED, PRESCRIBED or GUIDED, shape [T].
     mass, force, damping, gravity_along, ramp : of guided tools: mass [kg], force along the
         direction [N], viscous damping [N s/m], acceleration of gravity along the direction
@@ -45,6 +47,7 @@ class ToolTable(NamedTuple):
     aligned: np.ndarray
     direction: np.ndarray
     friction: np.ndarray
+    initial_overlap: np.ndarray
     motion_kind: np.ndarray
     mass: np.ndarray
     force: np.ndarray
@@ -134,6 +137,7 @@ def build_tool_table(
             [default_friction if tool.friction is None else tool.friction for tool in tools],
             dtype=float,
         ),
+        initial_overlap=np.zeros(count),
         motion_kind=column("motion_kind", np.int64),
         mass=column("mass"),
         force=column("force"),

@@ -27,6 +27,7 @@ from lcmchain.elements.membrane_shell.patch import angle_shares, triangle_geomet
 from lcmchain.errors import InputError
 from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.mesh.blank import build_blank
+from lcmchain.mesh.step_measure import nodal_bound
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 
 EDGE, THICKNESS = 5e-3, 1.004e-3
@@ -143,7 +144,12 @@ class Sheet:
         part = np.empty(self.mesh.node_count, dtype=np.int64)
         scratch = np.empty((2, 6, self.mesh.node_count))
         x = np.ascontiguousarray(position.T)
-        nodal_frequency_bounds(self.data, x, self.mass, *scratch, omega2, part)
+        weight = np.ones(self.mesh.node_count)
+        if self.mesh.is_cut:
+            corners, gradient = self.mesh.elements, np.abs(self.geometry.gradient)
+            shares = angle_shares(self.mesh.node_positions[corners])
+            weight = nodal_bound(corners, gradient, shares, self.geometry.area)[1]
+        nodal_frequency_bounds(self.data, x, self.mass, weight, *scratch, omega2, part)
         return omega2.max(), part[np.argmax(omega2)]
 
 

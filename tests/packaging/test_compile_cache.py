@@ -63,7 +63,7 @@ def test_key_changes_with_numba(package, monkeypatch):
 def test_key_changes_with_the_processor(package, monkeypatch):
     """Kernels are compiled for its instructions: another one may not even run them."""
     before = compile_cache.source_key()
-    monkeypatch.setattr(compile_cache, "_processor", lambda: "x86_64 another model")
+    monkeypatch.setattr(compile_cache, "processor", lambda: "x86_64 another model")
     assert compile_cache.source_key() != before
 
 
@@ -71,7 +71,7 @@ def test_key_changes_with_the_processor(package, monkeypatch):
 def test_the_processor_is_told_by_model_and_instructions():
     with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
         first = file.read().split("\n\n")[0]
-    described = compile_cache._processor()
+    described = compile_cache.processor()
     values = dict(line.split(":", 1) for line in first.splitlines() if ":" in line)
     told = [
         value.strip()

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon, points
 
@@ -15,6 +15,7 @@ from lcmchain.mesh.numbering import PATCH
 from lcmchain.mesh.outline import polygon_area
 
 THICKNESS = 1.004e-3
+LONGEST_SHARE = 1.2  # step of whole elements over that of the mesh
 
 L_SHAPE = ((0.0, 0.0), (0.30, 0.0), (0.30, 0.10), (0.10, 0.10), (0.10, 0.25), (0.0, 0.25))
 STAR = tuple(
@@ -176,6 +177,7 @@ def test_rectangles_are_covered_exactly_at_any_angle(width, height, degrees, edg
     assert_sound(blank)
     assert_covers(blank, rectangle(width, height))
     # No element much smaller than asked for: it would cut the stable time step of the whole blank.
+    assert blank.step_ratio <= LONGEST_SHARE
     edges = np.linalg.norm(np.diff(blank.mid_surface_positions[boundary_edges(blank)], axis=1))
     assert edges.min() > 0.4 * edge_length
     assert blank.element_areas.min() > 0.2 * edge_length**2
@@ -291,3 +293,31 @@ def test_closing_point_may_be_written():
 def test_perturbation_out_of_range_is_refused():
     with pytest.raises(InputError, match="perturbation"):
         build_blank(blank_spec(size=(0.1, 0.1)), THICKNESS, perturbation=0.6)
+
+
+@st.composite
+def stars(draw):
+    """Outlines about a centre, convex or not, without tips narrower than an element."""
+    count = draw(st.integers(4, 8))
+
+    def several(least, most):
+        return np.array(draw(st.lists(st.floats(least, most), min_size=count, max_size=count)))
+
+    angles = 2.0 * math.pi * (np.arange(count) + several(0.0, 0.5)) / count
+    radii = several(0.05, 0.1)
+    return np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+
+
+@given(
+    outline=stars(),
+    degrees=st.floats(-180.0, 180.0),
+    edge_length=st.sampled_from([4e-3, 5e-3, 7e-3]),
+)
+@settings(max_examples=60)
+def test_polygons_keep_the_step_of_whole_elements(outline, degrees, edge_length):
+    blank = build_blank(
+        blank_spec(outline=outline, degrees=degrees, edge_length=edge_length), THICKNESS
+    )
+    assert_sound(blank)
+    assert blank.step_ratio <= LONGEST_SHARE
+    assert blank.area == pytest.approx(blank.outline_area, rel=5e-3)

@@ -79,6 +79,7 @@ def datasets_of(scene, **options):
     datasets = build_datasets(scene, *frame_series(scene, **options))
     for name, values in FIELDS.items():
         datasets["/"][name][...] = np.tile(values, 2)
+    datasets["/"]["wrinkle_height"].values[-1, 3:5] = 2e-4, -3e-4
     return datasets
 
 
@@ -133,6 +134,7 @@ def test_every_entry(scene, datasets):
         "shear_angle_max_rad": 0.5,
         "fibre_strain_max": 0.004,
         "fibre_volume_fraction_max": 0.6,
+        "wrinkle_height_max_m": 3e-4,
         "fibre_mass_kg": 0.75 * AREA,
         "fibre_mass_error": 0.25,
         "punch_force_max_N": 7.0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, in_blocks
-from lcmchain.elements.family import Condition, Unsound
+from lcmchain.elements.family import Condition, ReferenceFrequencies, Unsound
 from lcmchain.elements.fibre_volume import (
     CAUSE_OF_SHEAR,
     initial_fibre_volume_fraction,
@@ -28,6 +29,7 @@ from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
 from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.step_measure import SWEEPS, nodal_bound
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
 
 # Below this fraction of its initial area a triangle counts as collapsed: the fibres are sheared to
@@ -48,7 +50,7 @@ class MembraneShellBody:
     first_node: int
     first_element: int
 
-    type = "membrane-shell"
+    type = kernel = "membrane-shell"
     hourglass_tells = True  # there is none
     CAUSES = ("in-plane stiffness", "bending stiffness")
 
@@ -105,12 +107,27 @@ class MembraneShellBody:
         """Area of the nodes [m²], the parts of their triangles by angle."""
         return self._at_nodes(self.geometry.area)
 
+    @cached_property
+    def fibre_bound(self) -> tuple[float, np.ndarray]:
+        """Bound of ω²/c² in the reference [1/m²], c the speed of the fibre wave, and its weights.
+
+        The weights of the nodes are 1 where no cell is cut.
+        """
+        corners = self.mesh.elements
+        shares = angle_shares(self.mesh.node_positions[corners])
+        sweeps = SWEEPS if self.mesh.is_cut else 1
+        gradient = np.abs(self.geometry.gradient)
+        bound, weight = nodal_bound(corners, gradient, shares, self.geometry.area, sweeps)
+        return float(bound.max()), weight
+
     def present_node_area(self, positions: np.ndarray) -> np.ndarray:
         own = positions[:, self.first_node : self.first_node + self.mesh.node_count].T
         return self._at_nodes(self.mesh.areas(own))
 
     @cached_property
     def shortest_length(self) -> float:
+        if self.mesh.is_cut:  # cut triangles share mass with their neighbours
+            return 2.0 / math.sqrt(self.fibre_bound[0])
         return float(2.0 / np.abs(self.geometry.gradient).sum(axis=1).max())
 
     @property
@@ -153,11 +170,17 @@ class MembraneShellBody:
         """The code is 0 where the membrane governs, 1 where bending does."""
         membrane, bending = np.empty((2, 6, mass.size))
         omega2, part = np.empty(mass.size), np.empty(mass.size, dtype=np.int64)
-        nodal_frequency_bounds(self.data, positions, mass, membrane, bending, omega2, part)
+        weight = np.ones(mass.size)
+        weight[self.first_node : self.first_node + self.mesh.node_count] = self.fibre_bound[1]
+        nodal_frequency_bounds(self.data, positions, mass, weight, membrane, bending, omega2, part)
         node = int(np.argmax(omega2))
         own = self.mesh.elements + self.first_node
         element = int(np.flatnonzero((own == node).any(axis=1))[0])
         return float(omega2[node]), element, int(part[node])
+
+    def reference_frequencies(self) -> ReferenceFrequencies:
+        in_plane = self.material.wave_stiffness()[0] / self.material.density
+        return ReferenceFrequencies(0.0, self.fibre_bound[0] * in_plane, 0.0)
 
     def cause(self, code: int) -> str:
         return self.CAUSES[code]

@@ -274,14 +274,17 @@ def largest_eigenvalue(a, b, c, d, e, f):
 
 
 @routine
-def nodal_frequency_bounds(body, positions, mass, membrane, bending, omega2, controlling_part):
+def nodal_frequency_bounds(
+    body, positions, mass, node_weight, membrane, bending, omega2, controlling_part
+):
     """Write for every node the share of an upper bound of the sheet's highest frequency.
 
     The second variation of the energy is a sum of terms c (Σ_i b_i·δx_i)². By Cauchy's inequality
-    each is at most c (Σ_j |b_j|) Σ_i (b_i·δx_i)²/|b_i|, which couples no nodes any more: it adds a
-    3x3 matrix D_i to each node, and ω² <= max_i λ_max(D_i)/m_i for the whole sheet. Fibres in two
-    directions add to D_i in two directions. With equal masses the bound of a mesh with legs of
-    length l along the fibres is 2 c/l, exactly that of the fibre wave of the solid-shell.
+    each is at most c (Σ_j w_j|b_j|) Σ_i (b_i·δx_i)²/(w_i|b_i|) with any positive w, which couples
+    no nodes any more: it adds a 3x3 matrix D_i to each node, and ω² <= max_i λ_max(D_i)/m_i for the
+    whole sheet. Fibres in two directions add to D_i in two directions. With equal masses the bound
+    of a mesh with legs of length l along the fibres is 2 c/l, exactly that of the fibre wave of the
+    solid-shell.
 
     Terms: fibre, shear and bending strains by their tangents; the geometric stiffness of tension
     and of shear; and of the moments, whose curvatures have the second variation
@@ -290,6 +293,7 @@ def nodal_frequency_bounds(body, positions, mass, membrane, bending, omega2, con
     Parameters
     ----------
     body, positions : as for :func:`membrane_shell_forces`; mass : (node_count,) [kg].
+    node_weight : (node_count,) w of the fibre strains, see :mod:`lcmchain.mesh.step_measure`.
     membrane, bending : (6, node_count), scratch: D of the two parts.
     omega2 : (node_count,) [1/s²], written. controlling_part : (node_count,) int64, written: 0 where
         the membrane has the larger share, 1 where bending has it.
@@ -318,22 +322,23 @@ def nodal_frequency_bounds(body, positions, mass, membrane, bending, omega2, con
         g2 = (-gradient[0][1] - gradient[1][1], gradient[0][1], gradient[1][1])
         sum1, sum2, sum12 = 0.0, 0.0, 0.0
         for c in range(CORNERS):
-            sum1 += abs(g1[c])
-            sum2 += abs(g2[c])
+            sum1 += abs(g1[c]) * node_weight[nodes[c]]
+            sum2 += abs(g2[c]) * node_weight[nodes[c]]
             b = combination2(g1[c], a2, g2[c], a1)
             sum12 += math.sqrt(dot(b, b))
         tension1 = volume * (max(S11, 0.0) + abs(S12))
         tension2 = volume * (max(S22, 0.0) + abs(S12))
         for c in range(CORNERS):
             node = nodes[c]
-            add_outer(membrane, node, volume * C11 * sum1 * abs(g1[c]), a1)
-            add_outer(membrane, node, volume * C22 * sum2 * abs(g2[c]), a2)
+            w = node_weight[node]
+            add_outer(membrane, node, volume * C11 * sum1 * abs(g1[c]) / w, a1)
+            add_outer(membrane, node, volume * C22 * sum2 * abs(g2[c]) / w, a2)
             b = combination2(g1[c], a2, g2[c], a1)
             length = math.sqrt(dot(b, b))
             if length > 0.0:
                 add_outer(membrane, node, volume * max(C12, 0.0) * sum12 / length, b)
             geometric = tension1 * sum1 * abs(g1[c]) + tension2 * sum2 * abs(g2[c])
-            add_multiple_of_identity(membrane, node, geometric)
+            add_multiple_of_identity(membrane, node, geometric / w)
 
         squared = dot(N, N)
         inverse = 1.0 / math.sqrt(squared)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
-from lcmchain.elements.family import Condition, NormalPressure, Unsound
+from lcmchain.elements.family import Condition, NormalPressure, ReferenceFrequencies, Unsound
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
 from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.elements.solid_shell.curvature import renew_curvature
+from lcmchain.elements.solid_shell.cut_frequency import CutElements
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
@@ -52,6 +54,7 @@ class SolidShellBody:
     data: SolidShellData
     first_node: int
     first_element: int
+    cut: CutElements | None = None
 
     type = "solid-shell"
     contact_offset = 0.0  # the nodes lie on the faces
@@ -104,11 +107,12 @@ class SolidShellBody:
                 axis=1,
             )
             change = _padded(change, padded)
+        rows = flat_rows(geometry) if flat else curved_rows(geometry)
         data = SolidShellData(
             law=material.law,
             options=kernel_options(material, choices, flat=flat, fibre_share=share),
             corner_node=in_blocks(mesh.elements + first_node).astype(np.int32),
-            element_data=in_blocks(flat_rows(geometry) if flat else curved_rows(geometry)),
+            element_data=in_blocks(rows),
             transformation=_padded(T, padded),
             transformation_change=change,
             density=float(material.density),
@@ -118,7 +122,15 @@ class SolidShellBody:
                 mesh.bend_part(mesh.node_positions) / (2.0 * geometry.height**2), padded
             ),
         )
-        return cls(name, mesh, material, geometry, data, first_node, first_element)
+        body = cls(name, mesh, material, geometry, data, first_node, first_element)
+        if mesh.is_triangle.any() and material.is_diagonal:
+            cut = CutElements.of_body(mesh.elements, geometry, data, rows, body.history_count)
+            body = replace(body, cut=cut)
+        return body
+
+    @property
+    def kernel(self) -> str:
+        return self.type if self.data.options.curved is None else f"curved {self.type}"
 
     @property
     def force_nodes(self) -> np.ndarray:
@@ -141,6 +153,9 @@ class SolidShellBody:
 
     @cached_property
     def shortest_length(self) -> float:
+        if self.cut is not None:  # cut elements share mass with their neighbours
+            whole, cut = self._fibre_bounds
+            return 2.0 / math.sqrt(max(whole, cut))
         return float(2.0 * np.linalg.norm(self.geometry.modes[:, :2], axis=2).min())
 
     @property
@@ -189,8 +204,33 @@ class SolidShellBody:
         omega2 = np.empty(self._padded_count)
         mode = np.empty(self._padded_count, dtype=np.int64)
         frequency_bounds(self.data, positions, history, omega2, mode)
-        element = int(np.argmax(omega2[: self.mesh.element_count]))
+        omega2 = omega2[: self.mesh.element_count]
+        if self.cut is not None:
+            # two bounds of the elements near the cut, of which the lower one counts
+            bound, element = self.cut.highest_frequency(positions, history, len(omega2))
+            near = self.cut.elements
+            if bound < omega2[near].max():
+                omega2[near] = np.where(near == element, bound, 0.0)
+        element = int(np.argmax(omega2))
         return float(omega2[element]), element, int(mode[element])
+
+    def reference_frequencies(self) -> ReferenceFrequencies:
+        in_plane, normal = np.array(self.material.wave_stiffness()) / self.material.density
+        whole, cut = self._fibre_bounds
+        return ReferenceFrequencies(
+            in_plane=float(in_plane * whole),
+            at_nodes=float(in_plane * cut),
+            over_thickness=float(normal / self.geometry.height.min() ** 2),
+        )
+
+    @cached_property
+    def _fibre_bounds(self) -> tuple[float, float]:
+        """Bounds of ω²/c² of whole elements and of those near the cut in the reference [1/m²]."""
+        whole = (self.geometry.K[:, :2, :2] ** 2).sum(axis=1).max(axis=1)
+        if self.cut is None:
+            return float(whole.max()), 0.0
+        whole[self.cut.elements] = 0.0
+        return float(whole.max()), self.cut.fibre_bound
 
     def cause(self, code: int) -> str:
         return "in-plane stiffness" if code in IN_PLANE_MODES else "compaction (thickness)"

@@ -13,6 +13,7 @@ cross terms of Eqs. (15) and (19) have none.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -42,6 +43,21 @@ from lcmchain.materials.law import (
     tangent_slope,
 )
 from lcmchain.materials.stiffness import by_structure
+from lcmchain.mesh.hexahedron import MODES
+
+
+class NodalShares(NamedTuple):
+    """Bounds of the stiffness of elements of a diagonal law by 3x3 matrices of their corners.
+
+    weight : (block_count * 16, 8) positive numbers d of the corners.
+    is_triangle : (block_count * 16,) whether corners 2 and 3, and 6 and 7, are one.
+    stiffness : (block_count * 16, 8, 6), written: 11, 22, 33, 12, 23, 13 over the volume [Pa/m²].
+    """
+
+    weight: np.ndarray
+    is_triangle: np.ndarray
+    stiffness: np.ndarray
+
 
 IN_PLANE_MODES = (0, 1, 3)
 ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -157,6 +173,71 @@ def add_diagonal_stiffness(C_M, C_B, rows, law, history, options, conservative, 
         if slope[i] != 0.0:
             add_pair(rows[0, i], rows[3, i], abs(slope[i]) * xi / 3.0, norms, lengths, other)
             add_pair(rows[0, i], rows[4, i], abs(slope[i]) * eta / 3.0, norms, lengths, other)
+
+
+@routine
+def add_nodal_stiffness(
+    C_M, C_B, rows, law, history, options, conservative, E, norms, weight, is_triangle, nodal
+):
+    """Share out :func:`add_diagonal_stiffness` to the corners; couplings of two rows stay norms."""
+    slope, curvature = ZERO, ZERO
+    if conservative is not None:
+        slope = values_or_zero(tangent_slope(law, E.centre, history))
+        curvature = values_or_zero(tangent_curvature(law, E.centre, history))
+        slope = with_fibre_share(options.fibre_share, slope)
+        curvature = with_fibre_share(options.fibre_share, curvature)
+    C_hg = stabilising_tangent(conservative, law, E.centre, C_M, history)
+    C_hg = hourglass_stiffness(C_hg, options.fibre_share)
+    lengths, other = np.empty(7), np.empty(7)
+    corner = np.empty((8, 3))
+    nodal[:] = 0.0
+    for i in range(6):
+        xi, eta = abs(E.xi[i]), abs(E.eta[i])
+        whole = C_M[i] + abs(curvature[i]) * (xi * xi + eta * eta) / 6.0
+        share_out(rows[0, i], whole, weight, is_triangle, corner, nodal)
+        share_out(rows[1, i], options.zeta2 * C_B[i], weight, is_triangle, corner, nodal)
+        share_out(rows[2, i], options.zeta4 * C_B[i], weight, is_triangle, corner, nodal)
+        share_out(rows[3, i], C_hg[i] / 3.0, weight, is_triangle, corner, nodal)
+        share_out(rows[4, i], C_hg[i] / 3.0, weight, is_triangle, corner, nodal)
+        share_out(rows[5, i], C_B[i] / 9.0, weight, is_triangle, corner, nodal)
+        share_out(rows[6, i], C_B[i] / 9.0, weight, is_triangle, corner, nodal)
+        cross = 0.5 * options.cross * (C_M[i] + C_B[i])
+        add_pair(rows[0, i], rows[2, i], cross, norms, lengths, other)
+        if slope[i] != 0.0:
+            add_pair(rows[0, i], rows[3, i], abs(slope[i]) * xi / 3.0, norms, lengths, other)
+            add_pair(rows[0, i], rows[4, i], abs(slope[i]) * eta / 3.0, norms, lengths, other)
+
+
+@routine
+def share_out(row, d, weight, is_triangle, corner, nodal):
+    """Add the bounds of d b bᵀ at the corners, d (Σ_c |b_c| w_c) b_n b_nᵀ/(|b_n| w_n)."""
+    if not d > 0.0:
+        return
+    for n in range(8):
+        for k in range(3):
+            corner[n, k] = 0.0
+            for mode in range(7):
+                corner[n, k] += MODES[mode, n] * row[3 * mode + k]
+    if is_triangle:
+        for n in (2, 6):
+            for k in range(3):
+                corner[n, k] += corner[n + 1, k]
+                corner[n + 1, k] = 0.0
+    total = 0.0
+    for n in range(8):
+        x, y, z = corner[n, 0], corner[n, 1], corner[n, 2]
+        total += weight[n] * math.sqrt(x * x + y * y + z * z)
+    for n in range(8):
+        x, y, z = corner[n, 0], corner[n, 1], corner[n, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            factor = d * total / (length * weight[n])
+            nodal[n, 0] += factor * x * x
+            nodal[n, 1] += factor * y * y
+            nodal[n, 2] += factor * z * z
+            nodal[n, 3] += factor * x * y
+            nodal[n, 4] += factor * y * z
+            nodal[n, 5] += factor * x * z
 
 
 @routine
@@ -380,6 +461,7 @@ def frequency_bounds(
     history: np.ndarray,
     omega2: np.ndarray,
     controlling_mode: np.ndarray,
+    nodal: NodalShares | None = None,
 ) -> None:
     """Write the bound of ω² [1/s²] of every element, and the mode (0 ... 6) that moves most.
 
@@ -387,6 +469,7 @@ def frequency_bounds(
     ----------
     body, positions, history : as for :func:`lcmchain.elements.solid_shell.kernel.internal_forces`.
     omega2 : (block_count * 16,), controlling_mode : (block_count * 16,) int64, written.
+    nodal : takes what can be shared out to the nodes (``cut_frequency.py``), and leaves the rest.
     """
     element_frequency_bounds(
         positions,
@@ -400,6 +483,7 @@ def frequency_bounds(
         body.options,
         omega2,
         controlling_mode,
+        nodal,
     )
 
 
@@ -416,6 +500,7 @@ def element_frequency_bounds(
     options,
     omega2,
     controlling_mode,
+    nodal,
 ):
     block_count = corner_node.size // (8 * LANES)
     rows = element_data.size // (block_count * LANES)
@@ -481,17 +566,33 @@ def element_frequency_bounds(
             if options.reference_bending is not None:
                 S = stresses(law, lane_history, options, options.enhanced, E)
                 add_change_of_bending(S, E, options, material, norms)
-            add_stiffness(
-                C_M,
-                bending_stiffness(law),
-                material,
-                law,
-                lane_history,
-                options,
-                options.conservative,
-                options.enhanced,
-                E,
-                norms,
-            )
+            if nodal is None:
+                add_stiffness(
+                    C_M,
+                    bending_stiffness(law),
+                    material,
+                    law,
+                    lane_history,
+                    options,
+                    options.conservative,
+                    options.enhanced,
+                    E,
+                    norms,
+                )
+            else:
+                add_nodal_stiffness(
+                    C_M,
+                    bending_stiffness(law),
+                    material,
+                    law,
+                    lane_history,
+                    options,
+                    options.conservative,
+                    E,
+                    norms,
+                    nodal.weight[element],
+                    nodal.is_triangle[element],
+                    nodal.stiffness[element],
+                )
             omega2[element] = spectral_radius_bound(norms, weight, image) / density
             controlling_mode[element] = np.argmax(weight)

@@ -1,0 +1,92 @@
+"""Computing time per element and step on this machine, as the last runs have measured it.
+
+A small file in the user's cache folder, beside the compiled kernels, keeps the figures by
+processor, threads, kind of element and size of the mesh. Runs of many steps add theirs at the end.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import statistics
+from pathlib import Path
+from typing import NamedTuple
+
+from platformdirs import user_cache_path
+
+from lcmchain.atomic import replacing
+from lcmchain.compile_cache import processor
+from lcmchain.errors import InputError, OutputError
+from lcmchain.model import Model
+from lcmchain.threads import thread_count
+
+#: Time per element and step that is assumed without a measurement, on one core.
+ASSUMED = {"solid-shell": 0.12e-6, "curved solid-shell": 0.17e-6, "membrane-shell": 0.05e-6}
+# Runs of fewer steps than this say little.
+FEWEST_STEPS = 2000
+# Of so many last runs the median counts.
+KEPT = 5
+FILE = "speed.json"
+
+
+class Speed(NamedTuple):
+    """Computing time per element and step [s], and where it is known from, in words."""
+
+    seconds_per_element_step: float
+    source: str
+
+
+def machine_speed(model: Model) -> Speed:
+    """Return the time that the last runs of such a model took here, else what is assumed."""
+    threads = thread_count()
+    measured = _read().get(_key(model, threads))
+    if measured:
+        return Speed(
+            statistics.median(measured),
+            f"as the last runs here with {threads} thread{'s' if threads > 1 else ''}",
+        )
+    per_step = sum(body.mesh.element_count * ASSUMED[body.kernel] for body in model.bodies)
+    return Speed(per_step / model.element_count, "assumed for one core")
+
+
+def record_speed(model: Model, threads: int, step_count: int, wall_s: float) -> None:
+    """Keep the time of a run for later estimates."""
+    if step_count < FEWEST_STEPS:
+        return
+    speeds, key = _read(), _key(model, threads)
+    speeds[key] = [*speeds.get(key, []), wall_s / (step_count * model.element_count)][-KEPT:]
+    try:
+        with replacing(_file()) as temporary:
+            temporary.write_text(json.dumps(speeds, indent=1), encoding="utf-8")
+    except (InputError, OutputError):
+        pass  # a cache folder that cannot be written leaves the estimate as it is
+
+
+def _file() -> Path:
+    return user_cache_path("lcmchain", appauthor=False, opinion=False) / FILE
+
+
+def _key(model: Model, threads: int) -> str:
+    """Name of a machine, threads, kernels and size; sizes within a factor of two are one."""
+    machine = hashlib.blake2b(processor().encode(), digest_size=6).hexdigest()
+    kernels = ", ".join(sorted({body.kernel for body in model.bodies}))
+    size = 4 ** round(math.log(model.element_count, 4))
+    return f"{machine}, {threads} threads, {kernels}, about {size} elements"
+
+
+def _read() -> dict[str, list[float]]:
+    """Return all that is kept; nothing where the file is absent or not ours to read."""
+    try:
+        kept = json.loads(_file().read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    if not isinstance(kept, dict):
+        return {}
+    return {key: values for key, values in kept.items() if _are_times(values)}
+
+
+def _are_times(values: object) -> bool:
+    return isinstance(values, list) and all(
+        isinstance(value, float) and 0.0 < value < 1.0 for value in values
+    )
