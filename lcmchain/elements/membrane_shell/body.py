@@ -50,6 +50,7 @@ class MembraneShellBody:
 
     type = "membrane-shell"
     hourglass_tells = True  # there is none
+    without_potential = ()
     CAUSES = ("in-plane stiffness", "bending stiffness")
 
     @staticmethod
