@@ -15,6 +15,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Start": ("index", "tutorial"),
     "Jobs": (
         "run",
+        "pictures",
         "scene",
         "coupons",
         "identification",
