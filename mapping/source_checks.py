@@ -63,7 +63,7 @@ def require_si(dataset: xr.Dataset, positions: list[str], name: str) -> None:
     ------
     InputError : names the variable and both units.
     """
-    wanted = dict.fromkeys(positions, _POSITION_UNITS)
+    wanted: dict[str, tuple[str, ...]] = dict.fromkeys(positions, _POSITION_UNITS)
     wanted |= {key: (field.units,) for key, field in FIELD_OF_VARIABLE.items() if key not in wanted}
     for key, units in wanted.items():
         found = dataset[key].attrs.get("units") if key in dataset else None

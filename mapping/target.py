@@ -252,7 +252,7 @@ def _require_whole_cells(
 ) -> None:
     """Refuse cells of a block that are none; ``first`` is the number of its first cell."""
 
-    def refuse(wrong: np.ndarray, what: str) -> None:
+    def refuse(wrong: np.ndarray | np.bool, what: str) -> None:
         if wrong.any():
             numbers = first + np.flatnonzero(wrong)
             raise InputError(

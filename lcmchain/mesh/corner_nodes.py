@@ -35,10 +35,10 @@ def choose_corner_nodes(
         point = outline[vertex]
         column, row = nearest_node(point, x_lines, y_lines)
         first = max(column - WINDOW, 0), max(row - WINDOW, 0)
-        lines = [
-            values[start : middle + WINDOW + 1]
-            for values, start, middle in zip((x_lines, y_lines), first, (column, row), strict=True)
-        ]
+        lines = (
+            x_lines[first[0] : column + WINDOW + 1],
+            y_lines[first[1] : row + WINDOW + 1],
+        )
         taken = set(chosen.values())
         best = None
         candidates = _nodes_near(point, x_lines, y_lines, (column, row), pitch)

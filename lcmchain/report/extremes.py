@@ -65,13 +65,12 @@ def _around(axis: Axes, place: np.ndarray):
 
 def _placed(axis: Axes, label, corners, taken: list):
     """Put a label on the first side where it meets nothing that is there; return its box."""
-    renderer = axis.figure.canvas.get_renderer()
     box, frame = None, axis.get_window_extent()
     for right, up in corners:
         label.set_position((GAP * right, GAP * up))
         label.set_horizontalalignment("left" if right > 0 else "right")
         label.set_verticalalignment("bottom" if up > 0 else "top")
-        box = label.get_window_extent(renderer)
+        box = label.get_window_extent()
         inside = (
             frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 <= box.y1 <= frame.y1
         )

@@ -61,7 +61,7 @@ def paint(axis: Axes, view: View, layers: Sequence[Layer], zorder: float = 1.0) 
     )
     axis.add_collection(
         PolyCollection(
-            view.on_screen(corners), facecolors=faces, edgecolors=lines, linewidths=widths,
+            list(view.on_screen(corners)), facecolors=faces, edgecolors=lines, linewidths=widths,
             capstyle="round", zorder=zorder,
         )
     )  # fmt: skip
@@ -74,4 +74,4 @@ def _depth(corners: np.ndarray, view: View) -> np.ndarray:
 def _rgba(colour: np.ndarray | ColorType, count: int) -> np.ndarray:
     from matplotlib.colors import to_rgba_array
 
-    return np.array(np.broadcast_to(to_rgba_array(colour), (count, 4)))  # type: ignore[arg-type]
+    return np.array(np.broadcast_to(to_rgba_array(colour), (count, 4)))

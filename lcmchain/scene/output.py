@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -23,7 +23,7 @@ DEFAULT_SAMPLES = 200
 MOST_SAMPLES = 100_000
 
 #: Value of ``animation`` without a film.
-NO_FILM = "none"
+NO_FILM: Final = "none"
 
 
 class Section(SceneModel):
