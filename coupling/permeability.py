@@ -71,7 +71,7 @@ class PrincipalPermeabilities(NamedTuple):
 
     ``k1`` is the larger one in the plane of the sheet, ``k2`` the smaller one, ``k3`` the one
     through the thickness; ``direction_1``, ``direction_2``, ``direction_3`` are unit vectors
-    whose sign has no meaning.
+    whose sign has no meaning. They form a right-handed frame, the third as fibre 1 turns to 2.
     """
 
     k1: np.ndarray
@@ -187,11 +187,11 @@ def principal_permeabilities(
     along, across = aligned_permeabilities(law, fibre_volume_fraction, out_of_range=out_of_range)
     a1 = np.asarray(fibre_direction_1, dtype=float)
     a2 = np.asarray(fibre_direction_2, dtype=float)
+    normal = np.cross(a1, a2)
     # One sign for both, so that their angle is at most a right one and the sum bisects it.
     cosine = np.einsum("ci,ci->c", a1, a2)
     a2 = np.where(cosine[:, None] < 0.0, -a2, a2)
     cosine = np.abs(cosine)
-    normal = np.cross(a1, a2)
     acute = _unit(a1 + a2)
     normal = _unit(normal)
     # Mean of (along - across) a⊗a over the families has the values (1 ± cosine) / 2 on the axes.

@@ -53,7 +53,9 @@ def build_fmu(scene_path: Path | str, out_path: Path | str) -> Path:
         raise InputError("the name of a functional mock-up unit ends in .fmu", file=out_path)
     scene = read_scene(scene_path)
     blank = build_blank(scene.blank, scene.material.thickness)
-    tools = build_tool_table(scene.tools, scene.source.directory, scene.process.time)
+    tools = build_tool_table(
+        scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
+    )
     require_no_initial_overlap(scene, blank, tools)
     with tempfile.TemporaryDirectory(prefix="lcmchain-fmu-") as name:
         folder = Path(name)

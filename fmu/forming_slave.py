@@ -231,7 +231,9 @@ class FormingSlave(Fmi2Slave):
         """
         if self._simulation is not None and self._out_dir is not None:
             self._keep_frame(last=True)
-            path = write_result(self._out_dir, self._scene, self._simulation, self._frames)
+            path = write_result(
+                self._out_dir, self._scene, self._simulation, self._frames, failure=self._failure
+            )
             self.log(f"{self.instance_name}: wrote {path}")
         if self._failure:
             present = 0.0 if self._simulation is None else self._simulation.time

@@ -6,8 +6,10 @@ import os
 import tempfile
 from pathlib import Path
 
+from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.errors import InputError
-from lcmchain.fields import FrameSeries, Histories, model_datasets, write_forming_netcdf
+from lcmchain.fields import write_forming_netcdf
+from lcmchain.results import COMPLETE, stopped
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
 
@@ -48,13 +50,30 @@ def require_writable(folder: Path) -> None:
 
 
 def write_result(
-    folder: Path, scene: Scene, simulation: Simulation, frames: tuple[Snapshot, ...]
+    folder: Path,
+    scene: Scene,
+    simulation: Simulation,
+    frames: tuple[Snapshot, ...],
+    *,
+    failure: str = "",
 ) -> Path:
-    """Write ``forming.nc`` with the saved frames and return its path."""
-    model = simulation.model
-    series = FrameSeries.from_snapshots(frames, model.tool_names)
-    histories = Histories.from_state(model, simulation.state)
-    datasets = model_datasets(scene, model, series, histories)
+    """Write ``forming.nc`` as a run does, with the saved frames, and return its path.
+
+    failure : why the last step was undone, if it was.
+    """
+    state = _state_of(scene, simulation, failure)
     path = folder / "forming.nc"
-    write_forming_netcdf(path, datasets)
+    write_forming_netcdf(path, forming_datasets(scene, simulation, frames, state=state))
     return path
+
+
+def _state_of(scene: Scene, simulation: Simulation, failure: str) -> str:
+    """Return what became of the process, in the words of a run's results."""
+    if failure:
+        return stopped(failure)
+    if simulation.time < scene.process.time * (1.0 - TIME_TOLERANCE):
+        return stopped(
+            f"the master ended the simulation after {1e3 * simulation.time:.4g} of "
+            f"{1e3 * scene.process.time:.4g} ms"
+        )
+    return COMPLETE

@@ -9,11 +9,13 @@ from typing import Annotated
 
 import typer
 
+from lcmchain.atomic import replacing
 from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
-from lcmchain.commands.options import OutFolder, Overrides, SceneFile
+from lcmchain.commands.new import new_app
+from lcmchain.commands.options import OutFolder, Overrides, SceneFile, Strict
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.terminal import (
     console,
@@ -21,11 +23,13 @@ from lcmchain.commands.terminal import (
     print_error,
     progress_bar,
     require_choice,
+    require_none,
     say,
+    show_python_warnings,
     warn,
 )
 from lcmchain.commands.verify import verify_app
-from lcmchain.errors import InputError, LcmchainError, MappingError
+from lcmchain.errors import InputError, LcmchainError, MappingError, UnfinishedRun
 
 # Nothing heavy is imported up here: `lcmchain --help` must answer at once.
 
@@ -38,9 +42,30 @@ app = typer.Typer(
 )
 fmu_app = typer.Typer(no_args_is_help=True, help="Package a scene as a functional mock-up unit.")
 app.add_typer(fmu_app, name="fmu")
+app.add_typer(new_app, name="new")
 app.add_typer(coupon_app, name="coupon")
 app.add_typer(identify_app, name="identify")
 app.add_typer(verify_app, name="verify")
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        from lcmchain import __version__
+
+        say(f"lcmchain {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _lcmchain(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Forming simulation of engineering textiles, and the chain of stages that follows it."""
 
 
 @app.command()
@@ -55,6 +80,10 @@ def run(
         bool, typer.Option("--resume", help="Go on from the last checkpoint in DIR.")
     ] = False,
     overrides: Overrides = None,
+    strict: Strict = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Say nothing but warnings and errors.")
+    ] = False,
 ) -> None:
     """Form the blank, and map its fields to the meshes that the scene names."""
     from lcmchain.scene import read_scene
@@ -64,23 +93,27 @@ def run(
         from lcmchain.pipeline import run as run_scene
 
         try:
-            with progress_bar() as progress:
+            with progress_bar(quiet=quiet) as progress:
                 result = run_scene(
                     the_scene, folder, threads=threads, resume=resume, progress=progress
                 )
-        except MappingError as error:
-            print_result(error.result.summary, folder)
+        except (MappingError, UnfinishedRun) as error:
+            if error.result is not None:
+                print_result(error.result.summary, folder, quiet=quiet)
             raise
-    print_result(result.summary, folder)
+    warnings = print_result(result.summary, folder, quiet=quiet)
+    require_none(warnings, strict=strict)
 
 
 @app.command()
-def check(scene: SceneFile, out: OutFolder = None, overrides: Overrides = None) -> None:
+def check(
+    scene: SceneFile, out: OutFolder = None, overrides: Overrides = None, strict: Strict = False
+) -> None:
     """Show what will be simulated and why, what was defaulted, and what it costs."""
     from lcmchain.scene import read_scene
 
     the_scene = read_scene(scene, overrides or ())
-    with output_folder(out or default_out(scene)) as folder:
+    with output_folder(out or default_out(scene), inputs=[scene]) as folder:
         from lcmchain.check import check_scene
 
         report = check_scene(the_scene, folder)
@@ -90,6 +123,7 @@ def check(scene: SceneFile, out: OutFolder = None, overrides: Overrides = None) 
     for warning in report.warnings:
         warn(warning)
     say(f"Picture of the start: {report.picture}")
+    require_none(report.warnings, strict=strict)
 
 
 @app.command()
@@ -106,10 +140,8 @@ def schema(
     if out is None:
         sys.stdout.write(text)
         return
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=out) from None
+    with output_folder(out.parent), replacing(out) as path:
+        path.write_text(text, encoding="utf-8")
 
 
 @app.command("map")
@@ -131,20 +163,27 @@ def map_fields(
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
+    allow_incomplete: Annotated[
+        bool, typer.Option("--allow-incomplete", help="Accept fields of an unfinished run.")
+    ] = False,
 ) -> None:
     """Map the formed blank's fields onto another mesh."""
     from lcmchain.scene import MappingTarget
 
     require_choice("--kind", kind, MappingTarget)
     require_choice("--method", method, MappingTarget)
-    for file in (source, target):
+    for file, what in ((source, "the forming.nc"), (target, "the mesh")):
+        if file.is_dir():
+            raise InputError(f"is a folder; name {what} in it", file=file)
         if not file.is_file():
             raise InputError("there is no such file", file=file)
+    if out.is_dir():
+        raise InputError("is a folder; name a file in it, such as mapped.nc", file=out)
     distance = (
         None if maximum_distance is None else length_of("--maximum-distance", maximum_distance)
     )
     length_of("--length-unit", f"1 {length_unit}")
-    with output_folder(out.parent):
+    with output_folder(out.parent, inputs=[source, target]):
         from lcmchain.mapping import map_file
 
         report = map_file(
@@ -156,6 +195,7 @@ def map_fields(
             maximum_distance=distance,
             length_unit=length_unit,
             allow_unmapped=allow_unmapped,
+            allow_incomplete=allow_incomplete,
         )
     say(report.summary())
     for warning in report.warnings:
@@ -178,7 +218,7 @@ def fmu_build(
     read_scene(scene)  # wrong input is told before anything is built
     if out.suffix != ".fmu":
         raise InputError("the name of a functional mock-up unit ends in .fmu", file=out)
-    with output_folder(out.parent):
+    with output_folder(out.parent, inputs=[scene]):
         from lcmchain.fmu.build import build_fmu
 
         build_fmu(scene, out)
@@ -201,9 +241,11 @@ app.command()(docs)
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line: exit code 0 done, 2 wrong input, 1 failed run."""
     try:
-        app(args=arguments)
+        with show_python_warnings():
+            app(args=arguments)
     except LcmchainError as error:
-        print_error(str(error))
+        where = error.where if isinstance(error, UnfinishedRun) else ""
+        print_error(f"{error}. {where}" if where else str(error))
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         print_error("stopped by the user")

@@ -5,11 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+#: Longest message, and longest value in one, that a reader can be expected to read.
+LONGEST_MESSAGE = 2500
+LONGEST_VALUE = 80
+
 
 class LcmchainError(Exception):
-    """Base of every error that the command line prints as one message without a traceback."""
+    """Base of every error that the command line prints as one message without a traceback.
+
+    The middle of a message that is far too long is left out.
+    """
 
     exit_code = 1
+
+    def __init__(self, message: str) -> None:
+        super().__init__(shortened(message, LONGEST_MESSAGE))
 
 
 class InputError(LcmchainError):
@@ -29,21 +39,44 @@ class InputError(LcmchainError):
     ) -> None:
         self.key = key
         self.file = None if file is None else str(file)
-        self.message = message
+        self.message = shortened(message, LONGEST_MESSAGE)
         place = key if key is not None else self.file
+        place = None if place is None else shortened(place, LONGEST_MESSAGE // 5)
         super().__init__(message if place is None else f"{place}: {message}")
 
 
-class SimulationError(LcmchainError):
-    """A run that a guard stopped: names element, position, time and likely cause (exit code 1)."""
+class OutputError(LcmchainError):
+    """A file that could not be written to its end (exit code 1); nothing of it is left."""
 
-    exit_code = 1
+    def __init__(self, reason: str, *, file: str | Path) -> None:
+        self.file = str(file)
+        super().__init__(
+            f"{self.file}: writing failed ({reason[:1].lower()}{reason[1:]}); free some space, or "
+            "name another folder, and run again (with --resume where there is a checkpoint)"
+        )
 
 
-class SimulationInterrupted(LcmchainError):
-    """A run that the user stopped; a checkpoint was left (exit code 1)."""
+class UnfinishedRun(LcmchainError):
+    """A run that did not come to its end (exit code 1).
 
-    exit_code = 1
+    ``result`` is the :class:`lcmchain.pipeline.Result` that it has left, None where it has none;
+    ``where`` says which frames lie where.
+    """
+
+    result: Any = None
+    where: str = ""
+
+
+class SimulationError(UnfinishedRun):
+    """A run that a guard stopped: names element, position, time and likely cause."""
+
+
+class SimulationInterrupted(UnfinishedRun):
+    """A run that the user stopped; a checkpoint was left."""
+
+
+class StrictError(LcmchainError):
+    """Warnings of a run or check that was asked to take them as errors (exit code 1)."""
 
 
 class MappingError(InputError):
@@ -55,3 +88,13 @@ class MappingError(InputError):
     def __init__(self, message: str, result: Any) -> None:
         self.result = result
         super().__init__(message)
+
+
+def shortened(text: str, longest: int = LONGEST_VALUE) -> str:
+    """Leave the middle out of a text that is longer, for messages."""
+    if len(text) <= longest:
+        return text
+    cut = f" ... ({len(text):,} characters) ... "
+    head = max(2 * (longest - len(cut)) // 3, 1)
+    tail = max(longest - len(cut) - head, 1)
+    return text[:head] + cut + text[-tail:]

@@ -24,8 +24,15 @@ CHECKPOINT_INTERVAL = 30.0
 Progress = Callable[[float, float, str], None]
 
 
+def _ignore(*_: object) -> None:
+    """Take what nobody asked for."""
+
+
 class FormingRun:
-    """Advances a simulation from frame to frame, with checkpoints on the way."""
+    """Advances a simulation from frame to frame, with checkpoints on the way.
+
+    ``on_saved`` is called after each of them.
+    """
 
     def __init__(
         self,
@@ -34,9 +41,10 @@ class FormingRun:
         simulation: Simulation,
         folder: Path,
         report: Progress,
+        on_saved: Callable[[], None] = _ignore,
     ) -> None:
         self.scene, self.fingerprint, self.simulation = scene, fingerprint, simulation
-        self.folder, self.report = folder, report
+        self.folder, self.report, self.on_saved = folder, report, on_saved
         self.snapshots: list[Snapshot] = []
         self._frame_file = FrameFile(folder)
         self._wall_before = 0.0
@@ -73,7 +81,8 @@ class FormingRun:
         return self.snapshots
 
     def _after_chunk(self, simulation: Simulation) -> None:
-        self.report(simulation.time, self.scene.process.time, "forming")
+        text = f"forming, step {simulation.state.step_count:,}"
+        self.report(simulation.time, self.scene.process.time, text)
         if self._stop.is_set():
             self._save()
             raise SimulationInterrupted(
@@ -96,6 +105,7 @@ class FormingRun:
             ),
         )
         self._saved = time.perf_counter()
+        self.on_saved()
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.scene import Contact, Element, Process
+from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table
 
@@ -216,7 +217,9 @@ def build_model(
         mesh,
         material,
         scene.element,
-        tools=build_tool_table(scene.tools, scene.source.directory, scene.process.time),
+        tools=build_tool_table(
+            scene.tools, scene.source.directory, scene.process.time, blank=mesh.node_positions
+        ),
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,
@@ -266,6 +269,8 @@ def assemble_bodies(
         first_element += mesh.element_count
     placed = _placed(bodies)
     positions = np.concatenate([body.mesh.node_positions for body in bodies])
+    offset = np.concatenate([np.full(b.mesh.node_count, b.contact_offset) for b in bodies])
+    thickness = min(body.material.thickness for body in bodies)
     support_table, free = build_supports(supports, positions, float(process.time))
     fibre_bending = build_fibre_bending(bodies, placed[-1].last_force)
     last_force = placed[-1].last_force
@@ -284,11 +289,9 @@ def assemble_bodies(
             mass=np.concatenate([body.node_mass for body in bodies]),
             area=np.concatenate([body.node_area for body in bodies]),
             free=free,
-            offset=np.concatenate(
-                [np.full(body.mesh.node_count, body.contact_offset) for body in bodies]
-            ),
+            offset=offset,
         ),
-        tools=tools,
+        tools=without_initial_overlap(tools, positions, offset, thickness),
         tool_names=tuple(tool_names),
         supports=support_table,
         support_names=tuple(support.name for support in supports),

@@ -2,39 +2,52 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 import time
 import warnings
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import xarray as xr
 
-from lcmchain.atomic import replacing
-from lcmchain.check import require_no_initial_overlap
+from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
 from lcmchain.check.machine_speed import record_speed
-from lcmchain.errors import LcmchainError, MappingError, SimulationError
-from lcmchain.fields import (
-    FrameSeries,
-    Histories,
-    add_face_variables,
-    model_datasets,
-    write_forming_netcdf,
-    write_pvd,
-    write_vtu,
+from lcmchain.errors import (
+    LcmchainError,
+    MappingError,
+    OutputError,
+    SimulationInterrupted,
+    UnfinishedRun,
 )
+from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
+from lcmchain.provenance import provenance
+from lcmchain.results import (
+    COMPLETE,
+    INTERRUPTED,
+    RUNNING,
+    ProgressLines,
+    ResultsFolder,
+    RunLog,
+    all_warnings,
+    stopped,
+    write_summary,
+)
+from lcmchain.results.log import LOG_FILE
+from lcmchain.results.state import SUMMARY_FILE
 from lcmchain.scene import Scene
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.output import NO_FILM
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
-from lcmchain.summary import run_summary
+from lcmchain.summary import run_head, run_summary
 from lcmchain.threads import use_threads
 from lcmchain.tools import ToolWarning
 
-SUMMARY_FILE = "summary.json"
+#: Files that a run writes under names of its own; each mapping adds files of its name.
+OWN_FILES = ("forming.nc", "forming.vtu", "forming.pvd", "report.html", SUMMARY_FILE, LOG_FILE)
+MAPPED_SUFFIXES = (".nc", ".vtu", ".png", ".json")
 
 
 @dataclass(frozen=True)
@@ -56,6 +69,9 @@ def run(
 ) -> Result:
     """Run every stage that the scene names and write the results into ``out``.
 
+    What an earlier run left there is set aside until this one is complete
+    (:class:`lcmchain.results.ResultsFolder`).
+
     Parameters
     ----------
     scene : from :func:`lcmchain.read_scene`.
@@ -70,108 +86,267 @@ def run(
     MappingError : forming is complete and its files are whole, but a mesh could not be mapped
         onto; the checkpoint is left, so that ``resume`` maps without forming again.
     SimulationError : a guard stopped the run; ``forming.nc`` holds the frames up to then.
-    SimulationInterrupted : the user stopped the run; a checkpoint was left.
+    SimulationInterrupted : the user stopped the run; a checkpoint was left, and ``forming.nc``
+        holds the frames up to then.
+    OutputError : a file could not be written; earlier checkpoints are whole.
     """
     folder = Path(out)
-    report = progress or (lambda completed, total, text="": None)  # type: ignore[misc]
     thread_count = use_threads(threads)
-    fingerprint = run_fingerprint(scene)
-    checkpoint = read_checkpoint(folder, fingerprint) if resume else None
     _require_readable_targets(scene)
-
-    report(0.0, scene.process.time, "building the model")
-    simulation, tool_warnings = _build_simulation(scene)
-    require_no_initial_overlap(scene, simulation.model.blank, simulation.model.tools)
-    folder.mkdir(parents=True, exist_ok=True)
-
-    report(0.0, scene.process.time, "compiling")
-    start = time.perf_counter()
-    simulation.compile()
-    compile_s = time.perf_counter() - start
-
-    forming = FormingRun(scene, fingerprint, simulation, folder, report)
-    snapshots = _form(forming, checkpoint)
-
-    report(scene.process.time, scene.process.time, "writing fields")
-    datasets = _write_fields(scene, simulation, snapshots, folder)
-    summary = run_summary(
-        scene,
-        simulation,
-        snapshots,
-        datasets,
-        run_fingerprint=fingerprint.sha256,
-        wall_s=forming.wall_s,
-        compile_s=compile_s,
-        threads=thread_count,
-        warnings=[*tool_warnings, *simulation.warnings()],
-    )
-    result = Result(datasets, summary, folder)
-    record_speed(simulation.model, thread_count, simulation.state.step_count, forming.wall_s)
-    _write_summary(result)  # forming is complete: nothing that fails from here on may lose it
-    if scene.output.pictures:
-        from lcmchain.report.pictures import draw_result
-
-        report(scene.process.time, scene.process.time, "drawing")
-        draw_result(folder, datasets)
-    report(scene.process.time, scene.process.time, "mapping")
-    _map_fields(scene, result)
-    remove_checkpoint(folder)
-    return result
+    with ResultsFolder.locked(folder, _input_files(scene)) as results:
+        results.require_apart(_expected_files(scene))
+        job = _Job(scene, results, thread_count, progress)
+        checkpoint = read_checkpoint(folder, job.fingerprint) if resume else None
+        job.build()
+        results.begin(resume=resume)
+        with job.accounted():
+            job.form(checkpoint)
+            job.draw()
+            job.map_fields()
+            job.complete()
+    return job.result
 
 
-def _form(forming: FormingRun, checkpoint: Checkpoint | None) -> list[Snapshot]:
-    """Complete the forming run; where a guard stops it, write the frames up to then."""
-    try:
-        return forming.complete(checkpoint)
-    except SimulationError as error:
-        folder = forming.folder
-        _write_fields(forming.scene, forming.simulation, forming.snapshots, folder)
-        (folder / SUMMARY_FILE).unlink(missing_ok=True)  # of an earlier run
-        last = 1e3 * forming.snapshots[-1].time
-        raise SimulationError(
-            f"{error}. The frames up to {last:.4g} ms are in {folder / 'forming.nc'}"
-        ) from None
+class _Job:
+    """The stages of one run, and the account that ``summary.json`` and the log give of them."""
+
+    def __init__(
+        self, scene: Scene, results: ResultsFolder, threads: int, progress: Progress | None
+    ) -> None:
+        self.scene, self.folder, self.results = scene, results.path, results
+        self.threads = threads
+        self.fingerprint = run_fingerprint(scene)
+        self.result: Result
+        self._log: Callable[[str], None] = _ignore
+        self._listeners: list[Progress] = [progress or _ignore]
+
+    def build(self) -> None:
+        """Build the model: what is wrong with the input is found here."""
+        self.tell(0.0, "building the model")
+        self.simulation, self.warnings = _build_simulation(self.scene)
+        model = self.simulation.model
+        require_frames_fit(self.scene.process.frames, model)
+        require_no_initial_overlap(self.scene, model.blank, model.tools)
+        if self.scene.output.animation != NO_FILM:
+            from lcmchain.report.run_pictures import require_film
+
+            require_film(self.scene.output, model.blank, model.material)
+        self.summary = run_head(self.scene, self.simulation, self.fingerprint.sha256)
+        self.summary["provenance"] = provenance(
+            self.scene, run_fingerprint=self.fingerprint.sha256, threads=self.threads
+        )
+
+    def tell(self, time: float, text: str) -> None:
+        """Report a stage, and the process time [s] that it has come to."""
+        for listener in self._listeners:
+            listener(time, self.scene.process.time, text)
+
+    @contextlib.contextmanager
+    def accounted(self) -> Iterator[None]:
+        """Keep the log and the state of the results, however the stages end."""
+        self._log = RunLog(self.folder)
+        self._listeners.append(ProgressLines(self._log))
+        self._log(self._opening())
+        self._set_state(RUNNING)
+        try:
+            yield
+        except BaseException as error:
+            self._end(_state_after(error), error)
+            raise
+
+    def form(self, checkpoint: Checkpoint | None) -> None:
+        """Form the blank and write its fields, also the frames of a run that ends before time."""
+        self.tell(0.0, "compiling")
+        start = time.perf_counter()
+        self.simulation.compile()
+        compile_s = time.perf_counter() - start
+        forming = FormingRun(
+            self.scene, self.fingerprint, self.simulation, self.folder, self.tell_forming, self.save
+        )
+        try:
+            forming.complete(checkpoint)
+        except UnfinishedRun as error:
+            self._write_fields(forming, compile_s, _state_after(error))
+            error.result = self.result
+            last = 1e3 * forming.snapshots[-1].time
+            error.where = f"The frames up to {last:.4g} ms are in {self.folder / 'forming.nc'}"
+            raise
+        self.tell(self.scene.process.time, "writing fields")
+        self._write_fields(forming, compile_s, COMPLETE)
+        step_count = self.simulation.state.step_count
+        record_speed(self.simulation.model, self.threads, step_count, forming.wall_s)
+        self._set_state(RUNNING)  # forming is complete: nothing that fails from here may lose it
+
+    def draw(self) -> None:
+        """Draw what the scene asks for."""
+        if self.scene.output.pictures or self.scene.output.animation != NO_FILM:
+            from lcmchain.report.run_pictures import draw_run
+
+            draw_run(
+                self.scene,
+                self.simulation.model.tools,
+                self.result.datasets,
+                self.folder,
+                lambda text: self.tell(self.scene.process.time, text),
+            )
+
+    def map_fields(self) -> None:
+        """Map onto every mesh of the scene, and keep the summary up to date.
+
+        Raises
+        ------
+        MappingError : after all have been tried.
+        """
+        failures = []
+        for target in self.scene.mapping:
+            from lcmchain.mapping import map_forming
+
+            self.tell(self.scene.process.time, f"mapping {target.name}")
+            try:
+                report = map_forming(
+                    self.folder / "forming.nc",
+                    self.scene.source.directory / target.mesh,
+                    name=target.name,
+                    kind=target.kind,
+                    method=target.method,
+                    maximum_distance=target.maximum_distance,
+                    length_unit=target.length_unit,
+                    out_dir=self.folder,
+                    picture=self.scene.output.pictures,
+                )
+                self.summary["mapping"][target.name] = report.as_dict()
+            except OutputError:
+                raise  # a full disk is no fault of the mesh
+            except LcmchainError as error:
+                failures.append(f'mapping "{target.name}" failed: {error}')
+                self.summary["mapping"][target.name] = {"error": str(error)}
+            self._set_state(RUNNING)
+        if failures:
+            raise MappingError(
+                f"{'. '.join(failures)}. The forming results in {self.folder} are complete; mend "
+                "the mesh or its [[mapping]] entry, and the same command with --resume maps "
+                "without forming again",
+                self.result,
+            )
+
+    def complete(self) -> None:
+        """Say that everything is there, and remove what only an unfinished run needs."""
+        self.tell(self.scene.process.time, "writing the report")
+        self._write_report(COMPLETE)
+        self._set_state(COMPLETE)
+        for warning in all_warnings(self.summary):
+            self._log(f"warning: {warning}")
+        self._log(COMPLETE)
+        remove_checkpoint(self.folder)
+        self.results.remove_previous()
+
+    def save(self) -> None:
+        """Note in the summary how far the run has come; called after every checkpoint."""
+        state = self.simulation.state
+        self.summary |= {"time_reached_s": state.time, "step_count": state.step_count}
+        self._set_state(RUNNING)
+
+    def tell_forming(self, completed: float, total: float, text: str) -> None:
+        """Report how far the forming stage has come."""
+        self.tell(completed, text)
+
+    def _write_fields(self, forming: FormingRun, compile_s: float, state: str) -> None:
+        snapshots = forming.snapshots
+        datasets = _write_fields(self.scene, self.simulation, snapshots, self.folder, state)
+        self.summary |= run_summary(
+            self.scene,
+            self.simulation,
+            snapshots,
+            datasets,
+            wall_s=forming.wall_s,
+            compile_s=compile_s,
+            threads=self.threads,
+            warnings=[*self.warnings, *self.simulation.warnings()],
+        )
+        self.summary["time_reached_s"] = self.simulation.time
+        self.result = Result(datasets, self.summary, self.folder)
+
+    def _write_report(self, state: str) -> None:
+        """Write ``report.html`` of what there is; a run that failed early has nothing to report."""
+        result = getattr(self, "result", None)
+        if not self.scene.output.report or result is None:
+            return
+        from lcmchain.report import write_report
+
+        write_report(
+            self.folder,
+            self.scene,
+            run_effects(self.scene, self.simulation.model),
+            result.datasets,
+            self.summary | {"state": state},
+            pictures=[name for name in self.results.files if name.endswith(".png")],
+        )
+
+    def _set_state(self, state: str) -> None:
+        self.summary["state"] = state
+        write_summary(self.folder, self.summary)
+
+    def _end(self, state: str, error: BaseException) -> None:
+        """Give the account of a run that has failed, as far as that can still be written."""
+        self._log(f"{state.partition(':')[0]}: {error or type(error).__name__}")
+        # On a full disk the summary goes on saying "running", which readers take for interrupted;
+        # the error that ended the run is what the user must see.
+        with contextlib.suppress(OSError, LcmchainError):
+            self._set_state(state)
+        if isinstance(error, LcmchainError):
+            with contextlib.suppress(OSError, LcmchainError):
+                self._write_report(state)
+
+    def _opening(self) -> str:
+        summary = self.summary
+        place = summary["run"]
+        return (
+            f"lcmchain {summary['lcmchain_version']}, {summary['title']}: "
+            f"{summary['element_count']:,} elements, {self.threads} threads, process "
+            f"{place['process']} on {place['host']}"
+        )
+
+
+def _ignore(*_: object) -> None:
+    """Take what nobody asked for."""
+
+
+def _state_after(error: BaseException) -> str:
+    """Return the state of results whose run ended with this error."""
+    asked_for = isinstance(error, KeyboardInterrupt | SimulationInterrupted)
+    return INTERRUPTED if asked_for else stopped(str(error) or type(error).__name__)
+
+
+def _input_files(scene: Scene) -> list[Path]:
+    """Return the files that a run reads."""
+    directory = Path(scene.source.directory)
+    tools = [getattr(tool.shape, "file", None) for tool in scene.tools]
+    names = [*(name for name in tools if name), *(target.mesh for target in scene.mapping)]
+    scene_file = [scene.source.path] if scene.source.path is not None else []
+    return [*scene_file, *(directory / name for name in names)]
+
+
+def _expected_files(scene: Scene) -> list[str]:
+    """Return the names that a run writes, as far as the scene tells them."""
+    mapped = [f"{target.name}{end}" for target in scene.mapping for end in MAPPED_SUFFIXES]
+    return [*OWN_FILES, *mapped]
 
 
 def _write_fields(
-    scene: Scene, simulation: Simulation, snapshots: list[Snapshot], folder: Path
+    scene: Scene,
+    simulation: Simulation,
+    snapshots: Sequence[Snapshot],
+    folder: Path,
+    state: str,
 ) -> dict[str, xr.Dataset]:
-    model = simulation.model
-    frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
-    histories = Histories.from_state(model, simulation.state)
-    datasets = model_datasets(scene, model, frames, histories)
-    if scene.permeability is not None and model.material.fibre_density is not None:
-        datasets = add_face_variables(datasets, _permeabilities(scene.permeability, datasets["/"]))
+    from lcmchain.coupling.forming_fields import forming_datasets
+
+    datasets = forming_datasets(scene, simulation, snapshots, state=state)
     write_forming_netcdf(folder / "forming.nc", datasets)
     if scene.output.vtu:
         write_vtu(folder / "forming.vtu", datasets)
         write_pvd(folder / "forming.pvd", datasets)
     return datasets
-
-
-def _permeabilities(
-    law: Permeability, sheet: xr.Dataset
-) -> dict[str, tuple[np.ndarray, dict[str, str]]]:
-    from lcmchain.coupling.permeability import principal_permeabilities
-
-    def vectors(name):
-        return np.stack([sheet[f"{name}_{axis}"].values for axis in "xyz"], axis=-1)
-
-    fraction = sheet["fibre_volume_fraction"].values
-    result = principal_permeabilities(
-        law,
-        fraction.ravel(),
-        vectors("fibre_direction_1").reshape(-1, 3),
-        vectors("fibre_direction_2").reshape(-1, 3),
-        out_of_range="nan",
-    )
-    return {
-        f"permeability_{i}": (
-            getattr(result, f"k{i}").reshape(fraction.shape),
-            {"units": "m2", "long_name": f"principal permeability {i} ({law.law})"},
-        )
-        for i in (1, 2, 3)
-    }
 
 
 def _require_readable_targets(scene: Scene) -> None:
@@ -185,45 +360,6 @@ def _require_readable_targets(scene: Scene) -> None:
         read_target(path, kind=target.kind, length_unit=target.length_unit)
 
 
-def _map_fields(scene: Scene, result: Result) -> None:
-    """Map onto every mesh of the scene, and keep the summary up to date.
-
-    Raises
-    ------
-    MappingError : after all have been tried.
-    """
-    if not scene.mapping:
-        return
-    from lcmchain.mapping import map_forming
-
-    failures = []
-    for target in scene.mapping:
-        try:
-            report = map_forming(
-                result.datasets["/"],
-                scene.source.directory / target.mesh,
-                name=target.name,
-                kind=target.kind,
-                method=target.method,
-                maximum_distance=target.maximum_distance,
-                length_unit=target.length_unit,
-                out_dir=result.folder,
-                picture=scene.output.pictures,
-            )
-            result.summary["mapping"][target.name] = report.as_dict()
-        except LcmchainError as error:
-            failures.append(f'mapping "{target.name}" failed: {error}')
-            result.summary["mapping"][target.name] = {"error": str(error)}
-        _write_summary(result)
-    if failures:
-        raise MappingError(
-            f"{'. '.join(failures)}. The forming results in {result.folder} are complete; mend the "
-            "mesh or its [[mapping]] entry, and the same command with --resume maps without "
-            "forming again",
-            result,
-        )
-
-
 def _build_simulation(scene: Scene) -> tuple[Simulation, list[str]]:
     """Build the simulation; what its tools warn of is said at once and kept for the summary."""
     with warnings.catch_warnings(record=True) as caught:
@@ -232,8 +368,3 @@ def _build_simulation(scene: Scene) -> tuple[Simulation, list[str]]:
     for warning in caught:
         warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
     return simulation, [str(w.message) for w in caught if issubclass(w.category, ToolWarning)]
-
-
-def _write_summary(result: Result) -> None:
-    with replacing(result.folder / SUMMARY_FILE) as path:
-        path.write_text(json.dumps(result.summary, indent=2) + "\n", encoding="utf-8")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import socket
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,18 +18,46 @@ from lcmchain.check.quasi_static import (
     quasi_static_measures,
     quasi_static_warnings,
 )
+from lcmchain.check.tools_without_touch import tools_never_touched
 from lcmchain.fields import field_summary
 from lcmchain.fields.dataset import HISTORY
 from lcmchain.fields.summary import field_warnings, punch_index
+from lcmchain.results import RUNNING
+from lcmchain.state import HALVINGS
+from lcmchain.thresholds import (
+    LARGEST_BALANCE_ERROR,
+    LARGEST_KINETIC_PART_AT_END,
+    LARGEST_PENETRATION,
+)
 
 if TYPE_CHECKING:
     from lcmchain.scene import Scene
     from lcmchain.solver.simulation import Simulation
 
-# Above these a result is questionable, and the summary says so.
-LARGEST_BALANCE_ERROR = 0.01
-LARGEST_KINETIC_PART_AT_END = 0.05
-LARGEST_PENETRATION = 1e-4
+
+def run_head(scene: Scene, simulation: Simulation, run_fingerprint: str) -> dict:
+    """Return what ``summary.json`` says from the start of a run on.
+
+    Parameters
+    ----------
+    run_fingerprint : of :class:`lcmchain.fingerprint.Fingerprint`, all that decides the numbers.
+    """
+    model = simulation.model
+    return {
+        "lcmchain_version": __version__,
+        "title": scene.title,
+        "state": RUNNING,
+        "run": {
+            "process": os.getpid(),
+            "host": socket.gethostname(),
+            "started": datetime.now().astimezone().isoformat(sep=" ", timespec="seconds"),
+        },
+        "scene_sha256": scene.source.sha256,
+        "run_fingerprint": run_fingerprint,
+        "element_count": model.element_count,
+        "node_count": model.node_count,
+        "process_time_s": scene.process.time,
+    }
 
 
 def run_summary(
@@ -35,21 +66,19 @@ def run_summary(
     snapshots: Sequence,
     datasets: Mapping[str, xr.Dataset],
     *,
-    run_fingerprint: str,
     wall_s: float,
     compile_s: float,
     threads: int,
     warnings: Sequence[str] = (),
 ) -> dict:
-    """Return the content of ``summary.json`` before any mapping.
+    """Return what ``summary.json`` says of the fields, before any mapping.
 
     Parameters
     ----------
     scene : the scene; ``scene_sha256`` is the hash of its text, empty without one.
-    simulation : at the end of the process.
-    snapshots : of all frames, the last one at the end of the process.
+    simulation : at its end, be it that of the process or a guard's.
+    snapshots : of all frames, the last one of what the summary speaks of.
     datasets : groups of ``forming.nc`` made of them.
-    run_fingerprint : of :class:`lcmchain.fingerprint.Fingerprint`, all that decides the numbers.
     wall_s, compile_s : time spent in the time loop and on compiling [s].
     threads : of the compiled loops.
     warnings : found while the model was built.
@@ -60,18 +89,11 @@ def run_summary(
     needed = process_time_needed(model)
     measures = quasi_static_measures(history, snapshots[-1].energy, punch)
     summary = {
-        "lcmchain_version": __version__,
-        "title": scene.title,
-        "scene_sha256": scene.source.sha256,
-        "run_fingerprint": run_fingerprint,
-        "element_count": model.element_count,
-        "node_count": model.node_count,
         "step_count": state.step_count,
-        "process_time_s": scene.process.time,
         "wall_s": wall_s,
         "compile_s": compile_s,
         "threads": threads,
-        "us_per_element_step": 1e6 * wall_s / (state.step_count * model.element_count),
+        "us_per_element_step": 1e6 * wall_s / max(state.step_count * model.element_count, 1),
         "energy": snapshots[-1].energy,
         **energy_measures([snapshot.energy for snapshot in snapshots]),
         **measures,
@@ -81,10 +103,12 @@ def run_summary(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
         ),
         "step_control": dict(simulation.control.history),
+        "step_halvings": int(state.counters[HALVINGS]),
         "effects": [effect.name for effect in run_effects(scene, model) if effect.active],
     }
     found = [
         *warnings,
+        *tools_never_touched(model, state, snapshots),
         *field_warnings(datasets["/"], model.material),
         *run_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import meshio
 import numpy as np
 import xarray as xr
 
-from lcmchain.fields.ugrid import CONVENTIONS, UgridMesh, Variable
+from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, Variable, saved_times
 from lcmchain.fields.vtu import write_mesh
 from lcmchain.mapping.report import MappingReport
-from lcmchain.mapping.sheet import Sheet
+from lcmchain.mapping.sheet import Sheet, file_sha256
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
@@ -23,11 +24,15 @@ def mapped_dataset(
     weights: MappingWeights,
     mapped: MappedFields,
     report: MappingReport,
+    *,
+    command: str,
 ) -> xr.Dataset:
     """Mapped fields as a UGRID dataset in the conventions of the forming result.
 
     Cells of a shell are faces of a two-dimensional mesh, cells of a solid volumes of a
     three-dimensional one; mid-side nodes of higher-order cells are left out.
+
+    command : line that maps as this mapping did, for the history of the file.
     """
     mesh = UgridMesh("target", topology_dimension=3 if target.is_solid else 2)
     used, corners = _compact(target.corners)
@@ -39,11 +44,12 @@ def mapped_dataset(
         corners[:, :width], long_name="mesh that received the forming fields"
     )
     variables |= mesh.node_positions(target.points[used])
+    if sheet.time is not None:
+        variables[TIME] = saved_times(np.asarray(sheet.time))
     for name, (values, attributes) in _cell_fields(sheet, weights, mapped).items():
         variables[name] = mesh.on_cells(values, attributes)
-    return mesh.dataset(
-        variables, {**sheet.provenance, **_global_attributes(sheet, target, report)}
-    )
+    own = _global_attributes(sheet, target, report, command)
+    return mesh.dataset(variables, {**sheet.provenance, **own})
 
 
 def write_vtu(
@@ -53,14 +59,13 @@ def write_vtu(
     weights: MappingWeights,
     mapped: MappedFields,
 ) -> None:
-    """Write the mapped fields on the target mesh as VTU; fibre directions become vectors."""
+    """Write the mapped fields on the target mesh as VTU; directions and axes become vectors."""
     data = {
         name: values
         for name, (values, _) in _cell_fields(sheet, weights, mapped).items()
-        if not any(name.startswith(f"{stem}_") for stem in mapped.directions)
+        if name[:-2] not in mapped.vectors
     }
-    for name, family in mapped.directions.items():
-        data[name] = family.direction
+    data |= mapped.vectors
     ends = np.cumsum([len(cells) for _, cells in target.blocks])[:-1]
     mesh = meshio.Mesh(
         target.points,
@@ -75,8 +80,8 @@ def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) ->
     fields = {}
     for name, values in mapped.scalars.items():
         fields[name] = (values, _attributes(sheet, name))
-    for stem, family in mapped.directions.items():
-        for axis, values in zip("xyz", family.direction.T, strict=True):
+    for stem, vectors in mapped.vectors.items():
+        for axis, values in zip("xyz", vectors.T, strict=True):
             name = f"{stem}_{axis}"
             fields[name] = (np.ascontiguousarray(values), _attributes(sheet, name))
     fields["mapping_status"] = (
@@ -119,17 +124,23 @@ def _compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return used, renumbered
 
 
-def _global_attributes(sheet: Sheet, target: TargetMesh, report: MappingReport) -> dict:
-    step = (
-        f"mapped onto {target.file.name if target.file else 'a mesh'} "
-        f"({report.method} weights) by lcmchain {_version()}"
-    )
+def _global_attributes(
+    sheet: Sheet, target: TargetMesh, report: MappingReport, command: str
+) -> dict:
+    now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    step = f"{now} mapped by lcmchain {_version()}, as by: {command}"
     history = sheet.provenance.get("history", "")
+    origin = {}
+    if target.file is not None:
+        name = target.file.name
+        origin = {"target_file": name, "target_sha256": file_sha256(target.file)}
+    of_part = f"{title}: " if (title := sheet.provenance.get("title")) else ""
     return {
         "Conventions": CONVENTIONS,
-        "title": f"forming fields on the {report.kind} mesh {report.name}",
+        "title": f"{of_part}forming fields on the {report.kind} mesh {report.name}",
         "history": f"{step}\n{history}".strip(),
         "source": f"lcmchain {_version()}, mapping",
+        **origin,
         "mapping_method": report.method,
         "mapping_maximum_distance_m": report.maximum_distance,
         "mapping_target_coverage": report.target_coverage,

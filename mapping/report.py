@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.atomic import replacing
+from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.orientation import perpendicular_family_error
-from lcmchain.mapping.sheet import FIBRE_FAMILIES, Sheet
+from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import (
     CONTENTS,
@@ -121,7 +122,7 @@ def mapping_report(
         fibre_mass_on_target=masses[1],
         second_family_error_max=error,
         second_family_error_cell=error_cell,
-        fields=[*mapped.scalars, *mapped.directions],
+        fields=[*mapped.scalars, *mapped.vectors],
         ignored_cells=dict(target.ignored),
         ignored_fields=list(sheet.unused),
         warnings=_warnings(weights, target, sheet, mapped, kind, error, error_cell),
@@ -156,7 +157,7 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     if "thickness" not in sheet.scalars:
         found.append(
             "the forming result holds no thickness (a 2D approach predicts none): mapped are "
-            f"{', '.join([*mapped.scalars, *mapped.directions])}"
+            f"{', '.join([*mapped.scalars, *mapped.vectors])}"
         )
     extrapolated = np.flatnonzero(weights.status == Status.EXTRAPOLATED)
     if len(extrapolated):
@@ -168,6 +169,7 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     if len(unmapped):
         found.append(f"{len(unmapped)} cells are unmapped and hold no values (NaN) "
                      f"({first_few(unmapped)})")  # fmt: skip
+    found += _permeability_warnings(weights, mapped)
     if weights.wedge_correction > LARGE_CORRECTION:
         found.append(
             "the target bends sharply or covers parts of the sheet more than once: contents were "
@@ -204,7 +206,13 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     return found
 
 
-def first_few(numbers: np.ndarray, count: int = 5) -> str:
-    """The first few cell numbers, for messages."""
-    shown = ", ".join(str(number) for number in numbers[:count])
-    return f"cell {shown}" + (", ..." if len(numbers) > count else "")
+def _permeability_warnings(weights: MappingWeights, mapped: MappedFields) -> list[str]:
+    if not mapped.axes:
+        return []
+    missing = np.flatnonzero(weights.mapped & np.isnan(mapped.scalars[PERMEABILITIES[0]]))
+    if len(missing) == 0:
+        return []
+    return [
+        f"{len(missing)} cells have no permeability (NaN): they take from faces whose fibre volume "
+        f"fraction the permeability law does not reach ({first_few(missing)})"
+    ]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import shlex
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +13,19 @@ import xarray as xr
 from lcmchain.errors import InputError
 from lcmchain.fields.ugrid import ROOT, write_netcdf
 from lcmchain.mapping.files import mapped_dataset, write_vtu
+from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.picture import draw_mapping
-from lcmchain.mapping.report import MappingReport, first_few, mapping_report
+from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, read_sheet
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.transfer import transfer
 from lcmchain.mapping.weights import MappingWeights, compute_weights
+from lcmchain.results import require_complete
+
+# Ratios of usual units of length; sizes of mesh and sheet that differ by about as much make the
+# unit doubtful, and so does anything beyond a hundred.
+UNIT_FACTORS = tuple(factor**sign for factor in (10.0, 25.4, 100.0) for sign in (1, -1))
+SAME_SIZE = 0.3  # largest logarithm of the ratio of a part to its sheet, or the reverse
 
 
 def map_forming(
@@ -30,6 +40,7 @@ def map_forming(
     length_unit: str = "m",
     frame: int = -1,
     allow_unmapped: bool = False,
+    allow_incomplete: bool = False,
     weights_file: Path | str | None = None,
     picture: bool = True,
 ) -> MappingReport:
@@ -48,6 +59,7 @@ def map_forming(
         length_unit=length_unit,
         frame=frame,
         allow_unmapped=allow_unmapped,
+        allow_incomplete=allow_incomplete,
         weights_file=weights_file,
         picture=picture,
     )
@@ -65,6 +77,7 @@ def map_file(
     length_unit: str = "m",
     frame: int = -1,
     allow_unmapped: bool = False,
+    allow_incomplete: bool = False,
     weights_file: Path | str | None = None,
     picture: bool = True,
 ) -> MappingReport:
@@ -83,40 +96,78 @@ def map_file(
     length_unit : unit of the target's coordinates; what is written is in metres.
     frame : saved frame to map, the last one by default.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
+    allow_incomplete : map the fields of a run that did not come to its end, with a warning,
+        instead of refusing them.
     weights_file : ``.npz`` with stored weights: used where it exists, else written.
     picture : draw source and target side by side.
 
     Raises
     ------
-    InputError : unreadable input, unwritable output, or unmapped cells that are not allowed.
-        Nothing is written then.
+    InputError : unreadable input, unwritable output, unmapped cells that are not allowed, or no
+        cell with a sheet nearby. Nothing is written then.
     """
     out = Path(out)
+    if out.is_dir():
+        raise InputError("this is a folder; name the mapped file, such as mapped.nc", file=out)
     if out.suffix not in (".nc", ".vtu"):
         raise InputError("the mapped file has to end in .nc or .vtu", file=out)
     name = name if name is not None else out.stem
-    sheet = read_sheet(source, frame=frame)
-    target = read_target(target_mesh, kind=kind, length_unit=length_unit)
-    weights = _weights(sheet, target, method, maximum_distance, weights_file)
-    if not allow_unmapped:
-        _refuse_unmapped(sheet, target, weights, length_unit)
-    mapped = transfer(sheet, target, weights)
-    report = mapping_report(sheet, target, weights, mapped, name=name, kind=kind)
-
-    # Names only: the report stays right when the folder moves.
+    # Names only in the report: it stays right when the folder moves.
     endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
     if picture:
         endings["picture"] = ".png"
     files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
+    _require_apart(files.values(), source, target_mesh)
+    sheet = read_sheet(source, frame=frame)
+    unfinished = require_complete(
+        sheet.provenance.get("state"), file=sheet.name, allowed=allow_incomplete
+    )
+    target = read_target(target_mesh, kind=kind, length_unit=length_unit)
+    weights = _weights(sheet, target, method, maximum_distance, weights_file)
+    hint = length_unit_hint(sheet, target, length_unit)
+    if not (allow_unmapped and weights.mapped.any()):
+        _refuse_unmapped(target, weights, hint, allow_unmapped)
+    mapped = transfer(sheet, target, weights)
+    report = mapping_report(sheet, target, weights, mapped, name=name, kind=kind)
+    report.warnings = [*unfinished, *([hint] if hint else []), *report.warnings]
+
     report.files = {what: path.name for what, path in files.items()}
     if weights_file is not None and not Path(weights_file).exists():
         weights.save(weights_file)
-    write_netcdf(files["netcdf"], {ROOT: mapped_dataset(sheet, target, weights, mapped, report)})
+    allowed = {"unmapped": allow_unmapped, "incomplete": allow_incomplete}
+    command = _command(report, target, length_unit, **allowed)
+    dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
+    write_netcdf(files["netcdf"], {ROOT: dataset})
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
     report.save(files["report"])
     return report
+
+
+def _command(report: MappingReport, target: TargetMesh, length_unit: str, **allowed: bool) -> str:
+    """Return the command line that maps as this mapping did, with the names of files alone.
+
+    allowed : which of the options ``--allow-...`` it has.
+    """
+    words = [
+        "lcmchain", "map", Path(report.source).name, target.file.name if target.file else "TARGET",
+        "--out", report.files["netcdf"], "--kind", report.kind, "--method", report.method,
+        "--maximum-distance", f"{1e3 * report.maximum_distance:.10g} mm",
+        "--length-unit", length_unit,
+    ]  # fmt: skip
+    return shlex.join(words + [f"--allow-{what}" for what, given in allowed.items() if given])
+
+
+def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> None:
+    """Refuse to write over what is read."""
+    read = {Path(file).resolve() for file in inputs if isinstance(file, (str, Path))}
+    for file in files:
+        if file.resolve() in read:
+            raise InputError(
+                "the mapping reads this file and would write over it; choose another name",
+                file=file,
+            )
 
 
 def _weights(
@@ -141,7 +192,7 @@ def _weights(
 
 
 def _refuse_unmapped(
-    sheet: Sheet, target: TargetMesh, weights: MappingWeights, length_unit: str
+    target: TargetMesh, weights: MappingWeights, hint: str | None, allow_unmapped: bool
 ) -> None:
     unmapped = np.flatnonzero(~weights.mapped)
     if len(unmapped) == 0:
@@ -149,17 +200,26 @@ def _refuse_unmapped(
     message = (
         f"{len(unmapped)} of {target.cell_count} cells have no sheet within "
         f"{1e3 * weights.maximum_distance:.3g} mm ({first_few(unmapped)}; the first has its "
-        f"centroid at {_place(target.centroids[unmapped[0]])} mm). Trim the mesh to the sheet, "
-        "raise maximum_distance, or allow unmapped cells"
+        f"centroid at {_place(target.centroids[unmapped[0]])} mm). "
     )
+    if allow_unmapped:
+        message += "Move the mesh to the sheet, or raise maximum_distance"
+    else:
+        message += "Trim the mesh to the sheet, raise maximum_distance, or allow unmapped cells"
+    raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
+
+
+def length_unit_hint(sheet: Sheet, target: TargetMesh, length_unit: str) -> str | None:
+    """Say that the mesh is as much larger or smaller than the sheet as with a wrong unit, if so."""
     used = target.points[np.unique(target.corners[target.corners >= 0])]
     ratio = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0))) / sheet.surface.size
-    if ratio > 100.0 or ratio < 0.01:
-        message = (
-            f"the mesh is {ratio:.3g} times as large as the sheet: check length_unit "
-            f'(now "{length_unit}"). ' + message
-        )
-    raise InputError(message, file=target.file)
+    near = any(abs(math.log(ratio / factor)) < SAME_SIZE for factor in UNIT_FACTORS)
+    if not near and 0.01 <= ratio <= 100.0:
+        return None
+    return (
+        f"the mesh is {ratio:.3g} times as large as the sheet: check length_unit "
+        f'(now "{length_unit}")'
+    )
 
 
 def _place(point: np.ndarray) -> str:

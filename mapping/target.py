@@ -11,7 +11,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, shortened
+from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.surface import Surface
 
 # Corner count of the cells that are understood; the further nodes of higher-order cells are kept
@@ -30,6 +31,12 @@ SOLID_EDGES = {
 }
 
 KINDS = ("infiltration", "structure")
+
+# A cell that is thinner than this part of its length is none.
+FLATNESS = 1e-7
+
+# Farthest place of a node [m] that squares and products of lengths can be computed with.
+FARTHEST = 1e9
 
 
 @dataclass(frozen=True)
@@ -201,8 +208,8 @@ def read_target(path: Path | str, *, kind: str = "structure", length_unit: str =
 
     Raises
     ------
-    InputError : the file is absent or unreadable, the unit is not a length, or the file has no
-        cells of the kind.
+    InputError : the file is absent or unreadable, the unit is not a length, the file has no cells
+        of the kind, or cells that are none: nodes that do not exist, no area or volume.
     """
     path = Path(path)
     if kind not in KINDS:
@@ -217,19 +224,57 @@ def read_target(path: Path | str, *, kind: str = "structure", length_unit: str =
         raise InputError(
             f"the mesh has no {wanted} to map onto (cell types found: {found})", file=path
         )
-    points = np.zeros((len(mesh.points), 3))
-    points[:, : mesh.points.shape[1]] = mesh.points
-    points *= _length_factor(length_unit, path)
+    points = _points_in_space(mesh.points, path) * _length_factor(length_unit, path)
     ignored: dict[str, int] = {}
     for block in mesh.cells:
         if not any(block is one for one in chosen):
             ignored[block.type] = ignored.get(block.type, 0) + len(block.data)
     blocks = tuple((b.type, np.asarray(b.data, dtype=np.int64)) for b in chosen if len(b.data))
+    first = 0
     for name, cells in blocks:
-        bad = np.flatnonzero(~np.isfinite(points[cells]).all(axis=(1, 2)))
-        if len(bad):
-            raise InputError(f"{name} cell {bad[0]} has a node that is not finite", file=path)
+        _require_whole_cells(points, name, cells, first, path)
+        first += len(cells)
     return TargetMesh(points, blocks, ignored, path)
+
+
+def _points_in_space(points: np.ndarray, path: Path) -> np.ndarray:
+    """Points with three coordinates, shape (N, 3); those of a plane mesh have z = 0."""
+    given = np.asarray(points)
+    if given.ndim != 2 or given.shape[1] not in (2, 3) or given.dtype.kind not in "fiu":
+        raise InputError("the mesh has no nodes with x, y and z", file=path)
+    placed = np.zeros((len(given), 3))
+    placed[:, : given.shape[1]] = given
+    return placed
+
+
+def _require_whole_cells(
+    points: np.ndarray, name: str, cells: np.ndarray, first: int, path: Path
+) -> None:
+    """Refuse cells of a block that are none; ``first`` is the number of its first cell."""
+
+    def refuse(wrong: np.ndarray, what: str) -> None:
+        if wrong.any():
+            numbers = first + np.flatnonzero(wrong)
+            raise InputError(
+                f"{len(numbers)} {name} cells have {what} ({first_few(numbers)}); the mesh is "
+                "broken, export or mesh it again",
+                file=path,
+            )
+
+    if cells.ndim != 2 or cells.shape[1] < corner_count(name):
+        raise InputError(f"{name} cells have too few nodes; the mesh is broken", file=path)
+    refuse(((cells < 0) | (cells >= len(points))).any(axis=1), "nodes that do not exist")
+    corners = points[cells[:, : corner_count(name)]]
+    refuse(~np.isfinite(corners).all(axis=(1, 2)), "nodes at places that are not finite")
+    refuse((np.abs(corners) > FARTHEST).any(axis=(1, 2)), f"nodes beyond {FARTHEST:g} m")
+    offset = corners - corners.mean(axis=1, keepdims=True)
+    if base_type(name) in SOLID_CORNERS:
+        spread = np.linalg.eigvalsh(np.einsum("cki,ckj->cij", offset, offset))
+        refuse(spread[:, 0] <= FLATNESS**2 * spread[:, 2], "no volume")
+    else:
+        doubled = np.cross(offset[:, 2] - offset[:, 0], offset[:, -1] - offset[:, 1])
+        size = np.linalg.norm(offset, axis=2).max(axis=1)
+        refuse(np.linalg.norm(doubled, axis=1) <= FLATNESS * size**2, "no area")
 
 
 def _length_factor(length_unit: str, path: Path) -> float:
@@ -244,6 +289,8 @@ def _length_factor(length_unit: str, path: Path) -> float:
 
 
 def _read_mesh(path: Path) -> meshio.Mesh:
+    if path.is_dir():
+        raise InputError("this is a folder; name the mesh file in it", file=path)
     if not path.is_file():
         raise InputError("the target mesh does not exist", file=path)
     said = io.StringIO()
@@ -253,7 +300,7 @@ def _read_mesh(path: Path) -> meshio.Mesh:
             return meshio.read(path)
     except (Exception, SystemExit) as error:
         reason = said.getvalue().strip() or str(error) or type(error).__name__
-        reason = " ".join(reason.split())
+        reason = shortened(" ".join(reason.replace("Error: ", "").split()), 300)
         known = ", ".join(sorted(meshio.extension_to_filetypes))
         raise InputError(
             f"meshio cannot read the target mesh ({reason}); it knows files ending in {known}",

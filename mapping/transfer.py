@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from lcmchain.mapping.orientation import MappedDirections, map_directions
-from lcmchain.mapping.sheet import Sheet
+from lcmchain.mapping.permeability import map_permeability
+from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, Sheet
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.weights import MappingWeights
 
@@ -17,10 +18,19 @@ CONTENTS = ("areal_fibre_mass",)
 
 @dataclass(frozen=True)
 class MappedFields:
-    """Fields on the target: scalars (C,), directions (C, 3); not a number where unmapped."""
+    """Fields on the target: scalars (C,), directions (C, 3); not a number where unmapped.
+
+    axes : principal axes (C, 3), which are unit vectors without a sense.
+    """
 
     scalars: dict[str, np.ndarray]
     directions: dict[str, MappedDirections]
+    axes: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def vectors(self) -> dict[str, np.ndarray]:
+        """Every vector field (C, 3) by name."""
+        return {name: found.direction for name, found in self.directions.items()} | self.axes
 
 
 def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> MappedFields:
@@ -38,7 +48,12 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         name: map_directions(weights, values, normals if lies_in(sheet, values) else None)
         for name, values in sheet.directions.items()
     }
-    return MappedFields(scalars, directions)
+    axes = {}
+    if sheet.permeability is not None:
+        found = map_permeability(weights, sheet.permeability, normals)
+        scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
+        axes = {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
+    return MappedFields(scalars, directions, axes)
 
 
 def lies_in(sheet: Sheet, directions: np.ndarray) -> bool:

@@ -160,9 +160,12 @@ def default_maximum_distance(sheet: Sheet, target: TargetMesh) -> float:
     """Distance [m] up to which a cell and the sheet count as the same part.
 
     One edge length of the sheet, or the radius of a typical cell where that is larger: flat cells
-    cut the corners of a curved part by a fraction of their size.
+    cut the corners of a curved part by a fraction of their size. Cells larger than the whole sheet
+    have no corners to cut, more likely a wrong unit of length, and do not widen the search.
     """
-    return max(sheet.surface.edge_length, target.cell_radius)
+    edge_length, radius = sheet.surface.edge_length, target.cell_radius
+    larger_than_sheet = radius > 0.5 * sheet.surface.size * (1.0 + 1e-9)
+    return edge_length if larger_than_sheet else max(edge_length, radius)
 
 
 def compute_weights(

@@ -146,7 +146,7 @@ def main() -> None:
         print(texts[-1], flush=True)
         found += disagreements(name, *runs)
         sheets = dict(zip(ELEMENTS, (formed.sheet for formed in runs), strict=True))
-        title = f"hemisphere {name}, MD600, {1e3 * sheets['3D solid-shell'].frame_time[-1]:.0f} ms"
+        title = f"hemisphere {name}, MD600, {1e3 * sheets['3D solid-shell'].time[-1]:.0f} ms"
         draw_comparison(options.out / f"{scene}.png", sheets, SHOWN[0], title=title)
     (options.out / "comparison.md").write_text("\n".join(texts), encoding="utf-8")
     if found:

@@ -112,7 +112,7 @@ def measures(result) -> dict[str, float]:
     """Return the measures of a run."""
     sheet, summary = result.datasets["/"], result.summary
     energy, shear = summary["energy"], area_mean_shear(sheet)
-    last = {name: sheet[name].values[-1] for name in sheet.data_vars if "frame" in sheet[name].dims}
+    last = {name: sheet[name].values[-1] for name in sheet.data_vars if "time" in sheet[name].dims}
     area = last["areal_fibre_mass"] ** -1  # present area of equal parts of the sheet
     values = {
         "punch force [N]": summary["punch_force_max_N"],

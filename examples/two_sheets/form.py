@@ -66,7 +66,7 @@ def main(folder: Path) -> None:
         simulation.advance_to(float(time))
         snapshots.append(simulation.snapshot())
     frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
-    datasets = model_datasets(fabric, model, frames)
+    datasets = model_datasets(fabric, model, frames, attributes={"state": "complete"})
     write_forming_netcdf(folder / "forming.nc", datasets)
 
     print("mean thickness [mm]   pressed   released")

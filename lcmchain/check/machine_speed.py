@@ -17,7 +17,7 @@ from platformdirs import user_cache_path
 
 from lcmchain.atomic import replacing
 from lcmchain.compile_cache import processor
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, OutputError
 from lcmchain.model import Model
 from lcmchain.threads import thread_count
 
@@ -59,7 +59,7 @@ def record_speed(model: Model, threads: int, step_count: int, wall_s: float) -> 
     try:
         with replacing(_file()) as temporary:
             temporary.write_text(json.dumps(speeds, indent=1), encoding="utf-8")
-    except InputError:
+    except (InputError, OutputError):
         pass  # a cache folder that cannot be written leaves the estimate as it is
 
 

@@ -23,17 +23,17 @@ from lcmchain.fields.loads import exceeded_over, has_histories
 from lcmchain.materials.law import Material
 from lcmchain.model import Model
 from lcmchain.scene import Scene
+from lcmchain.thresholds import (
+    LARGEST_DAMPING_PART,
+    LARGEST_HOURGLASS_PART,
+    LARGEST_KINETIC_PART,
+    LONGEST_DYNAMIC_PART,
+)
 from lcmchain.tools.motion import GUIDED
 
 PERIODS = (3, 5)
 # Shear angle up to which the softest tangent of the law is looked for.
 LARGEST_SHEAR_ANGLE = math.radians(45.0)
-
-# Above these a run is not quasi-static enough, or not resolved, and its summary says so.
-LARGEST_KINETIC_PART = 0.1  # of the internal energy,
-LONGEST_DYNAMIC_PART = 0.1  # over this part of the stroke
-LARGEST_DAMPING_PART = 0.05  # of the external work
-LARGEST_HOURGLASS_PART = 0.05  # of the internal energy
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from lcmchain.fields.dataset import NO_THICKNESS
 from lcmchain.scene import Scene
+from lcmchain.scene.fabrics import preset_remarks
 
 
 def scene_warnings(scene: Scene) -> list[str]:
     """Say what is allowed but probably not meant."""
     found = [] if scene.element.has_thickness else [NO_THICKNESS]
-    found += scene.material.remarks()
+    found += scene.material.remarks() + preset_remarks(scene.material)
     director = getattr(scene.element, "compaction_strain", None) == "director"
     if director and scene.tools and scene.material.has_fibres:
         found.append(

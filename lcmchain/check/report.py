@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,18 +14,29 @@ from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
 from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.check.remarks import scene_warnings
+from lcmchain.check.saved_frames import require_frames_fit
 from lcmchain.check.tables import (
+    basis_table,
     cost_table,
     effect_table,
     entry_table,
     gap_table,
     process_time_table,
+    surface_table,
 )
-from lcmchain.check.tools_at_start import InitialGap, require_no_initial_overlap
+from lcmchain.check.tools_at_start import (
+    InitialGap,
+    initial_gaps,
+    overlapping,
+    require_gaps,
+)
+from lcmchain.check.tools_without_touch import tools_out_of_reach
 from lcmchain.effects.effect import Effect
+from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.model import build_model
 from lcmchain.scene import Scene
+from lcmchain.scene.fabrics import preset_basis
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -41,16 +53,21 @@ class CheckReport:
     estimate: Estimate
     needed: ProcessTime
     gaps: list[InitialGap]
+    initial_overlap: list[float]
     warnings: list[str]
     picture: Path | None
 
     def tables(self) -> list[Table]:
         """Lay the report out as tables for a terminal."""
+        material = self.scene.material
+        name = getattr(material, "preset", "")
         return [
             entry_table("Given in the scene", self.scene.source.given),
             entry_table("Defaulted", self.scene.source.defaulted),
+            *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
             effect_table(self.effects),
-            *([gap_table(self.gaps, self.scene.material.thickness)] if self.gaps else []),
+            *surface_table(self.gaps),
+            *gap_table(self.gaps, material.thickness, self.initial_overlap),
             cost_table(
                 self.estimate,
                 self.scene.process,
@@ -71,19 +88,27 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
 
     Raises
     ------
-    InputError : blank or tools cannot be built, or a tool overlaps the blank at the start.
+    InputError : blank or tools cannot be built, or a tool overlaps the blank at the start; names
+        the picture, where one can be drawn even so.
     """
-    with warnings.catch_warnings(record=True) as tool_warnings:
-        warnings.simplefilter("always")
-        model = build_model(scene)
     # the tools meet the faces of the sheet, whatever its elements
     blank = build_blank(scene.blank, scene.material.thickness)
-    gaps = require_no_initial_overlap(scene, blank, model.tools)
+    picture = None if out is None else Path(out) / "initial.png"
+    marks: list[tuple[float, float, float]] = []
+    try:
+        with warnings.catch_warnings(record=True) as tool_warnings:
+            warnings.simplefilter("always")
+            model = build_model(scene)
+        require_frames_fit(scene.process.frames, model)
+        gaps = initial_gaps(scene.tools, blank, model.tools, scene.source.directory)
+        marks = [gap.position for gap in overlapping(gaps, scene)]
+        require_gaps(gaps, scene)
+    except InputError as error:
+        raise _with_picture(error, picture, scene, blank, marks) from None
     needed = process_time_needed(model)
     found = scene_warnings(scene) + blank.remarks() + process_time_remarks(scene, needed)
-    picture = None
-    if out is not None:
-        picture = Path(out) / "initial.png"
+    found += tools_out_of_reach(scene, model)
+    if picture is not None:
         draw_start(picture, scene, blank)
     return CheckReport(
         scene=scene,
@@ -93,22 +118,54 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
         estimate=estimate_run(model),
         needed=needed,
         gaps=gaps,
+        initial_overlap=model.tools.initial_overlap.tolist(),
         warnings=found + [str(entry.message) for entry in tool_warnings],
         picture=picture,
     )
 
 
-def draw_start(path: Path, scene: Scene, blank: BlankMesh) -> None:
-    """Draw blank, tools and initial fibre directions."""
+def _with_picture(
+    error: InputError,
+    picture: Path | None,
+    scene: Scene,
+    blank: BlankMesh,
+    marks: Sequence[tuple[float, float, float]],
+) -> InputError:
+    """Return an error of the tools that names the picture of the start."""
+    if picture is None:
+        return error
+    try:
+        draw_start(picture, scene, blank, marks)
+    except InputError:
+        return error  # of the scene; that no picture can be written here is not what was asked
+    return InputError(f"{error.message}. {picture} shows the start", key=error.key, file=error.file)
+
+
+def draw_start(
+    path: Path,
+    scene: Scene,
+    blank: BlankMesh,
+    marks: Sequence[tuple[float, float, float]] = (),
+) -> None:
+    """Draw blank, tools and initial fibre directions, and mark places [m] of an overlap.
+
+    A tool whose surface cannot be had is left out.
+    """
     from lcmchain.report import draw_initial
     from lcmchain.tools.drawing import tool_surface
+    from lcmchain.tools.surfaces.surface import ToolWarning
 
     # Infinite tools are shown a little beyond the blank, and as high as the blank is long.
     lowest, highest = blank.node_positions.min(axis=0), blank.node_positions.max(axis=0)
     size = float(max(highest - lowest))
     margin = np.array([0.1, 0.1, 0.5]) * size
     box = np.array([lowest - margin, highest + margin])
-    surfaces = [
-        (tool.name, *tool_surface(tool, scene.source.directory, box)) for tool in scene.tools
-    ]
-    draw_initial(path, blank, surfaces)
+    surfaces = []
+    for tool in scene.tools:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ToolWarning)  # said by the tool table
+                surfaces.append((tool.name, *tool_surface(tool, scene.source.directory, box)))
+        except InputError:
+            continue  # what is wrong with it is the error that the picture goes with
+    draw_initial(path, blank, surfaces, marks=marks)

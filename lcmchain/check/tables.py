@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING
 from lcmchain.check.effects_of_run import Effect
 from lcmchain.check.expected_cost import Estimate
 from lcmchain.check.quasi_static import PERIODS, ProcessTime
-from lcmchain.check.tools_at_start import OVERLAP_TOLERANCE, InitialGap
+from lcmchain.check.tools_at_start import InitialGap
+from lcmchain.quantities.durations import duration_text
 from lcmchain.scene import Process
+from lcmchain.scene.fabrics import Basis
+from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
+from lcmchain.tools.surfaces.surface import Orientation
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -38,6 +42,15 @@ def entry_table(title: str, entries: list[tuple[str, str]]) -> Table:
     return table
 
 
+def basis_table(preset: str, rows: list[tuple[str, str, Basis]]) -> Table:
+    """What the values rest on that a preset gives."""
+    table = _table(f"Values of the preset {preset}", "key", "value", "rests on")
+    for key, value, basis in rows:
+        style = "yellow" if basis.carried_over else None
+        table.add_row(_text(key), _text(value), _text(str(basis)), style=style)
+    return table
+
+
 def effect_table(effects: list[Effect]) -> Table:
     """Effects, whether they are simulated, and why."""
     table = _table("Effects", "effect", "", "why")
@@ -49,15 +62,52 @@ def effect_table(effects: list[Effect]) -> Table:
     return table
 
 
-def gap_table(gaps: list[InitialGap], thickness: float) -> Table:
-    """Gap of every tool to a blank of a thickness [m]."""
-    table = _table("Tools at the start", "tool", "gap", "nearest node, mm")
-    for gap in gaps:
+def gap_table(
+    gaps: list[InitialGap], thickness: float, initial_overlap: list[float]
+) -> list[Table]:
+    """Gap of every tool to a blank of a thickness [m], and what of it [m] counts as a touch."""
+    if not gaps:
+        return []
+    table = _table("Tools at the start", "tool", "gap", "nearest place, mm")
+    for gap, overlap in zip(gaps, initial_overlap, strict=True):
         touching = abs(gap.gap) <= OVERLAP_TOLERANCE * thickness
         text = "touches" if touching else f"{1e3 * gap.gap:.3f} mm"
-        place = ", ".join(f"{1e3 * coordinate:.1f}" for coordinate in gap.position)
+        if overlap > 0.0:
+            text += f"; contact begins {1e6 * overlap:.2g} um deeper"
+        place = ", ".join(f"{1e3 * coordinate + 0.0:.1f}" for coordinate in gap.position)
         table.add_row(_text(gap.tool), text, place)
-    return table
+    return [table]
+
+
+def surface_table(gaps: list[InitialGap]) -> list[Table]:
+    """Surfaces of the tools from files: what they are, where normals point, what was turned."""
+    table = _table("Surfaces of tools", "tool", "triangles", "surface", "normals point", "turned")
+    for gap in gaps:
+        if gap.surface is not None:
+            orientation = gap.surface.orientation
+            table.add_row(
+                _text(gap.tool),
+                f"{len(gap.surface.triangles):,}",
+                _parts(orientation),
+                " and ".join(orientation.reasons),
+                _turned(orientation),
+            )
+    return [table] if table.rows else []
+
+
+def _parts(orientation: Orientation) -> str:
+    kinds = (("closed", orientation.closed), ("open", orientation.open))
+    return ", ".join(
+        kind if count == 1 else f"{kind} ({count} parts)" for kind, count in kinds if count
+    )
+
+
+def _turned(orientation: Orientation) -> str:
+    counts = (
+        (orientation.against_neighbours, "to agree with their neighbours"),
+        (orientation.with_part, "with their part"),
+    )
+    return ", ".join(f"{count:,} {how}" for count, how in counts if count) or "none"
 
 
 def cost_table(
@@ -80,7 +130,7 @@ def cost_table(
     table.add_row("steps", steps)
     table.add_row(
         "computing time",
-        f"about {estimate.seconds:.3g} s once compiled "
+        f"about {duration_text(estimate.seconds)} once compiled "
         f"({1e6 * estimate.speed.seconds_per_element_step:.3f} us per element and step, "
         f"{estimate.speed.source})",
     )

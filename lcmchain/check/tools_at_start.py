@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from lcmchain.check.smallest_gap import Distance, smallest_gap
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.scene import Scene, Tool
 from lcmchain.tools.distance import gaps as node_gaps
-from lcmchain.tools.table import ToolTable
-
-#: Deepest overlap of a tool with the blank that still counts as touching, in parts of thickness.
-OVERLAP_TOLERANCE = 0.01
+from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
+from lcmchain.tools.surfaces.exact_distance import ExactDistance
+from lcmchain.tools.surfaces.surface import Surface, ToolWarning
+from lcmchain.tools.table import ToolTable, in_frame_of
 
 
 @dataclass(frozen=True)
@@ -24,26 +27,55 @@ class InitialGap:
     Parameters
     ----------
     tool : name of the tool.
-    gap : signed distance of the nearest node [m], negative inside the tool.
-    position : that node [m].
+    gap : signed distance of the nearest place of the blank's faces [m], negative inside the tool.
+    position : that place [m].
+    at_nodes : smallest gap of the nodes that the solver sees [m]; it interpolates in the distance
+        field of a surface mesh.
+    surface : triangles of the tool, None for an analytic shape.
     """
 
     tool: str
     gap: float
     position: tuple[float, float, float]
+    at_nodes: float
+    surface: Surface | None = None
 
 
 def initial_gaps(
-    tools: Sequence[Tool], blank: BlankMesh, tool_table: ToolTable
+    tools: Sequence[Tool], blank: BlankMesh, tool_table: ToolTable, directory: Path
 ) -> list[InitialGap]:
-    """Measure the smallest distance of every tool to the blank's nodes before anything moves."""
-    positions = np.ascontiguousarray(blank.node_positions, dtype=np.float64)
-    nearest = []
-    for index, tool in enumerate(tools):
-        gaps = node_gaps(tool_table, index, positions, 0.0)
-        node = int(np.argmin(gaps))
-        nearest.append(InitialGap(tool.name, float(gaps[node]), tuple(positions[node].tolist())))
-    return nearest
+    """Measure the smallest distance of every tool to the blank's faces before anything moves.
+
+    Exact for analytic shapes and for the triangles of surface meshes, whatever their fields round.
+
+    directory : folder of the scene file, to which mesh files are relative.
+    """
+    return [_initial_gap(t, tool, blank, tool_table, directory) for t, tool in enumerate(tools)]
+
+
+def _initial_gap(
+    index: int, tool: Tool, blank: BlankMesh, table: ToolTable, directory: Path
+) -> InitialGap:
+    def in_field(points: np.ndarray) -> np.ndarray:
+        return node_gaps(table, index, np.ascontiguousarray(points, dtype=np.float64), 0.0)
+
+    axes = tool.local_axes(key=f'tools[{index}] "{tool.name}".axis')
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ToolWarning)  # said when the table was built
+        surface = tool.shape.surface_mesh(directory, in_frame_of(tool, axes, blank.node_positions))
+    distance: Distance = in_field
+    vertices = None
+    if surface is not None:
+        exact = ExactDistance(surface)
+        vertices = np.array(tool.position) + exact.vertices @ axes
+        spacing = float(table.spacing[index])
+
+        def distance(points: np.ndarray) -> np.ndarray:
+            return exact(in_frame_of(tool, axes, points), in_field(points), spacing)
+
+    gap, place = smallest_gap(distance, blank, vertices)
+    at_nodes = float(in_field(blank.node_positions).min())
+    return InitialGap(tool.name, gap, tuple(place.tolist()), at_nodes, surface)
 
 
 def require_no_initial_overlap(
@@ -67,25 +99,44 @@ def require_no_initial_overlap(
     ------
     InputError : names every tool that overlaps, the depth and the place.
     """
-    gaps = initial_gaps(scene.tools, blank, tool_table)
+    gaps = initial_gaps(scene.tools, blank, tool_table, scene.source.directory)
+    require_gaps(gaps, scene)
+    return gaps
+
+
+def overlapping(gaps: Sequence[InitialGap], scene: Scene) -> list[InitialGap]:
+    """Return the gaps of the tools that reach into the blank deeper than counts as a touch."""
     tolerance = OVERLAP_TOLERANCE * scene.material.thickness
+    return [gap for gap in gaps if not min(gap.gap, gap.at_nodes) >= -tolerance]
+
+
+def require_gaps(gaps: Sequence[InitialGap], scene: Scene) -> None:
+    """Stop as :func:`require_no_initial_overlap` where the gaps are known."""
     sentences = []
     keys = []
-    for index, gap in enumerate(gaps):
-        if gap.gap >= -tolerance:
-            continue
-        x, y, z = (1e3 * coordinate for coordinate in gap.position)
+    for gap in overlapping(gaps, scene):
+        index = gaps.index(gap)
         keys.append(f'tools[{index}] "{gap.tool}".position')
-        sentences.append(
-            f"the tool reaches {-1e3 * gap.gap:.3g} mm into the blank at the start, deepest at "
-            f"({x:.4g}, {y:.4g}, {z:.4g}) mm; the blank lies between z = "
-            f"{1e3 * (scene.blank.height - scene.material.thickness / 2):.4g} mm and "
-            f"{1e3 * (scene.blank.height + scene.material.thickness / 2):.4g} mm. Move the tool, "
-            "or set blank.height"
-        )
+        sentences.append(_sentence(gap, scene))
     if len(keys) == 1:
         raise InputError(sentences[0], key=keys[0])
     if keys:
         lines = "".join(f"\n  {key}: {text}" for key, text in zip(keys, sentences))
         raise InputError(f"{len(keys)} tools overlap the blank at the start:{lines}", key="tools")
-    return gaps
+
+
+def _sentence(gap: InitialGap, scene: Scene) -> str:
+    x, y, z = (1e3 * coordinate for coordinate in gap.position)
+    if gap.gap >= -OVERLAP_TOLERANCE * scene.material.thickness:
+        return (
+            f"the distance field of the tool reaches {-1e3 * gap.at_nodes:.3g} mm into the blank, "
+            "where its grid rounds an inner corner; give its shape a smaller spacing, or move the "
+            "tool away by as much"
+        )
+    return (
+        f"the tool reaches {-1e3 * gap.gap:.3g} mm into the blank at the start, deepest at "
+        f"({x:.4g}, {y:.4g}, {z:.4g}) mm; the blank lies between z = "
+        f"{1e3 * (scene.blank.height - scene.material.thickness / 2):.4g} mm and "
+        f"{1e3 * (scene.blank.height + scene.material.thickness / 2):.4g} mm. Move the tool, "
+        "or set blank.height"
+    )

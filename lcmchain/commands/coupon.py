@@ -108,7 +108,7 @@ def _run_coupon(
     else:
         the_scene = read_scene(scene, overrides or ())
     title = name.replace("_", "-")
-    with output_folder(out or Path("results") / "coupon" / title) as folder:
+    with output_folder(out or Path("results") / "coupon" / title, inputs=[scene]) as folder:
         from lcmchain.coupons.result import write_coupon
 
         simulate = getattr(import_module(f"lcmchain.coupons.{name}"), name)

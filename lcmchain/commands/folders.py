@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from lcmchain.atomic import protecting
 from lcmchain.errors import InputError
 
 
@@ -17,14 +18,18 @@ def default_out(scene: Path) -> Path:
 
 
 @contextmanager
-def output_folder(folder: Path) -> Iterator[Path]:
+def output_folder(folder: Path, *, inputs: Iterable[Path | None] = ()) -> Iterator[Path]:
     """Make the folder of the results and prove that it can be written to, before any work.
 
     When the work then finds wrong input, folders made here that are still empty are removed.
 
+    Parameters
+    ----------
+    inputs : files that the work reads and must not write over.
+
     Raises
     ------
-    InputError : the folder cannot be made or written to.
+    InputError : the folder cannot be made or written to, or the work would write over an input.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
@@ -39,7 +44,8 @@ def output_folder(folder: Path) -> Iterator[Path]:
             file=folder,
         ) from None
     try:
-        yield folder
+        with protecting(file for file in inputs if file is not None):
+            yield folder
     except BaseException:
         _remove_empty(made)
         raise

@@ -97,7 +97,7 @@ def identify_bending(
 
 
 def _report_identification(data: Path, out: Path | None, identify) -> None:
-    with output_folder(out or Path("results") / data.stem) as folder:
+    with output_folder(out or Path("results") / data.stem, inputs=[data]) as folder:
         from lcmchain.identification.files import tables, write_identification
 
         result = identify()

@@ -20,3 +20,6 @@ Overrides = Annotated[
         help="Replace a scene entry, as in --set tools.punch.friction=0.2; may be repeated.",
     ),
 ]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Take warnings as errors: exit code 1 where there are any.")
+]

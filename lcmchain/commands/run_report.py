@@ -6,11 +6,23 @@ import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from lcmchain.commands.terminal import console, say, warn
+from lcmchain.commands.terminal import console, say, warn_in_groups
+from lcmchain.quantities.durations import duration_text
+from lcmchain.results import COMPLETE, all_warnings
 
 
-def print_result(summary: Mapping, folder: Path) -> None:
-    """Print what a run has left."""
+def print_result(summary: Mapping, folder: Path, *, quiet: bool = False) -> list[str]:
+    """Print what a run has left, its warnings last; return them."""
+    warnings = all_warnings(summary)
+    if not quiet:
+        _print_table(summary)
+    warn_in_groups(warnings)
+    if not quiet:
+        say(f"Results in {folder}")
+    return warnings
+
+
+def _print_table(summary: Mapping) -> None:
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -24,13 +36,13 @@ def print_result(summary: Mapping, folder: Path) -> None:
     for name, text in summary_rows(summary):
         table.add_row(Text(name), Text(text))
     console().print(table)
-    for warning in all_warnings(summary):
-        warn(warning)
-    say(f"Results in {folder}")
 
 
 def summary_rows(summary: Mapping) -> Iterator[tuple[str, str]]:
     """Yield name and value, in words, of what matters first in a ``summary.json``."""
+    if summary.get("state", COMPLETE) != COMPLETE:
+        reached, total = 1e3 * summary["time_reached_s"], 1e3 * summary["process_time_s"]
+        yield "reached", f"{reached:.4g} of {total:.4g} ms; the fields are of the last saved frame"
     yield "shear angle", f"up to {math.degrees(summary['shear_angle_max_rad']):.1f} deg"
     if "thickness_min_m" in summary:
         low, high = 1e3 * summary["thickness_min_m"], 1e3 * summary["thickness_max_m"]
@@ -56,8 +68,8 @@ def summary_rows(summary: Mapping) -> Iterator[tuple[str, str]]:
     yield "steps", f"{summary['step_count']:,}, limited by {_step_control(summary)}"
     yield (
         "time",
-        f"{summary['wall_s']:.3g} s on {summary['threads']} threads, "
-        f"{summary['compile_s']:.3g} s of compiling before",
+        f"{duration_text(summary['wall_s'])} on {summary['threads']} threads, "
+        f"{duration_text(summary['compile_s'])} of compiling before",
     )
     for name, report in summary["mapping"].items():
         yield f"mapping {name}", _mapping_text(report)
@@ -73,15 +85,6 @@ def _punch_force(summary: Mapping) -> Iterator[str]:
     if parts is not None:
         yield f"; around it mass damping takes {parts['damping_N']:.3g} N"
         yield f" and inertia {parts['inertia_N']:.3g} N of {parts['force_N']:.4g} N"
-
-
-def all_warnings(summary: Mapping) -> list[str]:
-    """Return the warnings of forming and of every mapping."""
-    mappings = summary["mapping"].items()
-    return [
-        *summary["warnings"],
-        *(f"{name}: {text}" for name, report in mappings for text in report.get("warnings", ())),
-    ]
 
 
 def _step_control(summary: Mapping) -> str:

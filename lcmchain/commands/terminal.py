@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+import warnings as warnings_module
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, StrictError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -17,8 +19,20 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def progress_bar() -> Iterator:
-    """Show a bar with the time left on a terminal; yields ``update(completed, total, text)``."""
+def progress_bar(*, quiet: bool = False) -> Iterator:
+    """Show how far the work is; yields ``update(completed, total, text)``.
+
+    A terminal gets a bar with the time left, anything else (a log file, a pipe) a line per stage
+    and one every ten seconds.
+    """
+    if quiet:
+        yield lambda completed, total, text="": None
+        return
+    if not console(stderr=True).is_terminal:
+        from lcmchain.results import ProgressLines
+
+        yield ProgressLines(lambda line: print(line, file=sys.stderr, flush=True))
+        return
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (
@@ -27,10 +41,7 @@ def progress_bar() -> Iterator:
         TextColumn("{task.percentage:>3.0f} %"),
         TimeRemainingColumn(),
     )
-    terminal = console(stderr=True)
-    with Progress(
-        *columns, console=terminal, transient=True, disable=not terminal.is_terminal
-    ) as bar:
+    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
         task = bar.add_task("preparing", total=None)
 
         def update(completed: float, total: float, text: str = "forming") -> None:
@@ -87,6 +98,36 @@ def warn(message: str) -> None:
     """Print a warning."""
     text = f"Warning: {message}"
     console().print(text, style="yellow", markup=False, highlight=False, soft_wrap=True)
+
+
+def warn_in_groups(messages: Sequence[str]) -> None:
+    """Print warnings, each once with how often it was given."""
+    for message, count in Counter(messages).items():
+        warn(message if count == 1 else f"{message} ({count} times)")
+
+
+def require_none(warnings: Sequence[str], *, strict: bool) -> None:
+    """Take warnings as an error where that was asked for.
+
+    Raises
+    ------
+    StrictError : there are some, and ``strict`` is set.
+    """
+    if strict and warnings:
+        count = f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}"
+        raise StrictError(f"{count} (above), and --strict takes them as errors")
+
+
+@contextmanager
+def show_python_warnings() -> Iterator[None]:
+    """Show warnings that the library gives in the words of the commands, on the error stream."""
+    with warnings_module.catch_warnings():
+
+        def show(message, category, filename, lineno, file=None, line=None) -> None:
+            print(f"Warning: {message}", file=sys.stderr)
+
+        warnings_module.showwarning = show
+        yield
 
 
 def print_error(message: str) -> None:

@@ -19,14 +19,14 @@ from lcmchain.fields.pressure import pressure_fields, tool_pressure
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
-    FRAME,
-    FRAME_TIME,
     NO_NODE,
     ROOT,
+    TIME,
     UgridMesh,
     Variable,
-    frame_time,
+    saved_times,
 )
+from lcmchain.fields.wrinkles import WRINKLE_LENGTH, longest_wave, wrinkle_height
 from lcmchain.materials.law import Material, remembered
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from lcmchain.elements.family import Body
     from lcmchain.model import Model
     from lcmchain.scene import Scene
+    from lcmchain.tools.table import ToolTable
 
 SHEET, SOLID = ROOT, "/solid"
 SHEET_MESH = UgridMesh("sheet")
@@ -54,6 +55,8 @@ class SheetFrames:
     history : (F, history_count, element_count), what the law remembers.
     pressures : face fields of :func:`lcmchain.fields.pressure.pressure_fields`, (F, element_count).
     tool_pressure : on the nodes (F, node_count) [Pa], or None.
+    wrinkle_height : on the nodes of the mid-surface (F, n) [m].
+    wrinkle_length : longest wave that counts as wrinkle [m].
     """
 
     body: Body
@@ -61,16 +64,23 @@ class SheetFrames:
     history: np.ndarray
     pressures: dict[str, np.ndarray]
     tool_pressure: np.ndarray | None
+    wrinkle_height: np.ndarray
+    wrinkle_length: float
 
     @classmethod
-    def of_body(cls, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
+    def of_body(cls, scene: Scene, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
         """Return the part of a body of the model."""
         past = [model.history_of(body, values) for values in frames.history]  # type: ignore[union-attr]
-        return cls.of_frames(body, frames, past)
+        return cls.of_frames(scene, body, frames, past, model.tools)
 
     @classmethod
     def of_frames(
-        cls, body: Body, frames: FrameSeries, history: Sequence[np.ndarray]
+        cls,
+        scene: Scene,
+        body: Body,
+        frames: FrameSeries,
+        history: Sequence[np.ndarray],
+        tools: ToolTable | None = None,
     ) -> SheetFrames:
         """Return the part of a body; ``history`` is its own, in blocks, for every frame."""
         nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
@@ -79,12 +89,16 @@ class SheetFrames:
         if frames.contact_force is not None:
             states = zip(frames.positions, frames.contact_force)
             on_nodes = np.stack([tool_pressure(body, *state) for state in states])
+        length = scene.output.wrinkle_length or longest_wave(body.mesh)
+        own = frames.positions[:, nodes]
         return cls(
             body,
-            frames.positions[:, nodes],
+            own,
             np.stack([body.element_history(values) for values in history]),
             {name: np.stack([step[name] for step in steps]) for name in steps[0]},
             on_nodes,
+            wrinkle_height(body.mesh, own, length, tools=tools, travel=frames.tool_travel),
+            length,
         )
 
     @property
@@ -108,10 +122,12 @@ class SheetFrames:
         return found
 
     def node_fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
-        """Return values (F, n) and attributes of the tool pressure on the mid-surface nodes."""
+        """Return values (F, n) and attributes of the fields on the mid-surface nodes."""
+        attributes: dict[str, Any] = FIELDS["wrinkle_height"].attributes("wrinkle_height")
+        attributes[WRINKLE_LENGTH] = self.wrinkle_length
+        found = {"wrinkle_height": (self.wrinkle_height, attributes)}
         if self.tool_pressure is None:
-            return {}
-        found = {}
+            return found
         for side, nodes in self.mesh.sides().items():
             name = f"tool_pressure_{side}" if side else "tool_pressure"
             values = np.ascontiguousarray(self.tool_pressure[:, nodes])
@@ -142,7 +158,7 @@ def build_datasets(
 
     Returns
     -------
-    Datasets by group name. Face variables have the dimensions ``frame`` and ``sheet_face``.
+    Datasets by group name. Face variables have the dimensions ``time`` and ``sheet_face``.
     """
     own: Any = scene.material.build() if material is None else material
     body = family_of(scene.element).build("sheet", blank, own, scene.element, 0, 0)
@@ -150,12 +166,17 @@ def build_datasets(
     for positions in frames.positions:
         past.append(body.no_history())
         body.renew(np.ascontiguousarray(positions.T), past[-1])
-    sheet = SheetFrames.of_frames(body, frames, past)
+    sheet = SheetFrames.of_frames(scene, body, frames, past)
     return _one_sheet(scene, sheet, frames) | {HISTORY: history_dataset(frames)}
 
 
 def model_datasets(
-    scene: Scene, model: Model, frames: FrameSeries, histories: Histories | None = None
+    scene: Scene,
+    model: Model,
+    frames: FrameSeries,
+    histories: Histories | None = None,
+    *,
+    attributes: Mapping[str, str] | None = None,
 ) -> dict[str, xr.Dataset]:
     """Turn the saved frames of a model into the groups of ``forming.nc``.
 
@@ -165,16 +186,18 @@ def model_datasets(
     variable ``body`` (flags) that tells them apart; a field that a body does not have is nan there.
 
     histories : of the run; ``"/history"`` holds those of the frames without them.
+    attributes : further global attributes of the file, such as the state of the run.
     """
-    if len(model.bodies) == 1:
-        sheet = SheetFrames.of_body(model, model.body, frames)
-        return _one_sheet(scene, sheet, frames) | {HISTORY: history_dataset(frames, histories)}
-    sheets = {body.name: SheetFrames.of_body(model, body, frames) for body in model.bodies}
-    groups = {SHEET: _all_sheets(scene, sheets, frames)}
-    for name, sheet in sheets.items():
-        groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
-        if sheet.mesh.volumes is not None:
-            groups[f"/{name}/solid"] = _solid(sheet, frames)
+    sheets = {b.name: SheetFrames.of_body(scene, model, b, frames) for b in model.bodies}
+    if len(sheets) == 1:
+        groups = _one_sheet(scene, *sheets.values(), frames)
+    else:
+        groups = {SHEET: _all_sheets(scene, sheets, frames)}
+        for name, sheet in sheets.items():
+            groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
+            if sheet.mesh.volumes is not None:
+                groups[f"/{name}/solid"] = _solid(sheet, frames)
+    groups[SHEET].attrs.update(attributes or {})
     return groups | {HISTORY: history_dataset(frames, histories)}
 
 
@@ -196,7 +219,7 @@ def add_face_variables(
     ValueError : wrong shape; no unit or name known for a field.
     """
     sheet = datasets[SHEET].copy()
-    shape = (sheet.sizes[FRAME], sheet.sizes[SHEET_MESH.cell_dimension])
+    shape = (sheet.sizes[TIME], sheet.sizes[SHEET_MESH.cell_dimension])
     for name, entry in variables.items():
         values, attributes = entry if isinstance(entry, tuple) else (entry, None)
         for variable, component in _scalars(name, np.asarray(values, dtype=float), shape):
@@ -297,9 +320,7 @@ def _moving_nodes(
 ) -> dict[str, Variable]:
     return {
         **_coordinates(mesh, current[-1]),
-        FRAME_TIME: frame_time(frames.time),
-        # VTK's reader finds time steps only under this name, and shows the first frame without it.
-        "time": frame_time(frames.time, dimension="time"),
+        TIME: saved_times(frames.time),
         **_node_fields(mesh, reference, current),
     }
 
@@ -342,7 +363,7 @@ def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
         ),
         **mesh.volume_shapes(volumes, long_name="shape of each volume", node_counts=(6, 8)),
         **_coordinates(mesh, sheet.positions[-1]),
-        FRAME_TIME: frame_time(frames.time),
+        TIME: saved_times(frames.time),
         **_node_fields(mesh, sheet.mesh.node_positions, sheet.positions),
     }
     if sheet.tool_pressure is not None:
@@ -355,9 +376,7 @@ def _solid(sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
 
 
 def _coordinates(mesh: UgridMesh, positions: np.ndarray) -> dict[str, Variable]:
-    return mesh.node_positions(
-        positions, long_name="coordinate of the node in the last frame", positive="up"
-    )
+    return mesh.node_positions(positions, long_name="coordinate of the node in the last frame")
 
 
 def _node_fields(

@@ -8,7 +8,7 @@ import xarray as xr
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.histories import Histories
 from lcmchain.fields.table import Field
-from lcmchain.fields.ugrid import FRAME, Variable, frame_time
+from lcmchain.fields.ugrid import TIME, Variable, saved_times
 
 HISTORY = "/history"
 
@@ -68,27 +68,26 @@ def history_dataset(frames: FrameSeries, histories: Histories | None = None) -> 
     variables = _of_frames(frames)
     if histories is not None and histories.time.size:
         variables |= _of_histories(histories)
-    dataset = xr.Dataset(variables, attrs={"Conventions": "CF-1.11"})
-    return dataset.set_coords([name for name in ("time", SAMPLE) if name in variables])
+    return xr.Dataset(variables, attrs={"Conventions": "CF-1.11"})
 
 
 def _of_frames(frames: FrameSeries) -> dict[str, Variable]:
     variables: dict[str, Variable] = {
-        "time": frame_time(frames.time),
+        TIME: saved_times(frames.time),
         "tool": (
             "tool",
             np.array(frames.tool_names, dtype=str),
             {"long_name": "name of the tool"},
         ),
         "tool_travel": (
-            (FRAME, "tool"),
+            (TIME, "tool"),
             np.array(frames.tool_travel, dtype=float),
             {"units": "m", "long_name": "travel of the tool along its direction"},
         ),
     }
     for axis, values in zip("xyz", np.moveaxis(frames.tool_force, -1, 0), strict=True):
         variables[f"tool_force_{axis}"] = (
-            (FRAME, "tool"),
+            (TIME, "tool"),
             np.array(values, dtype=float),
             {
                 "units": "N",
@@ -97,7 +96,7 @@ def _of_frames(frames: FrameSeries) -> dict[str, Variable]:
             },
         )
     for name, values in frames.energy.items():
-        variables[f"energy_{name}"] = FRAME, np.array(values, dtype=float), _energy_attributes(name)
+        variables[f"energy_{name}"] = TIME, np.array(values, dtype=float), _energy_attributes(name)
     return variables
 
 
@@ -106,7 +105,12 @@ def _of_histories(histories: Histories) -> dict[str, Variable]:
         SAMPLE: (
             SAMPLE,
             histories.time,
-            {"units": "s", "long_name": "end of the interval of a sample", "axis": "T"},
+            {
+                "units": "s",
+                "long_name": "end of the interval of a sample",
+                "standard_name": "time",
+                "axis": "T",
+            },
         )
     }
     for name, values in (

@@ -72,5 +72,5 @@ def _share(sheet: xr.Dataset, over: np.ndarray) -> str:
 def _where(sheet: xr.Dataset, frame: int, element: int) -> str:
     corners = np.unique(sheet_faces(sheet)[element])
     x, y, z = 1e3 * sheet_positions(sheet, frame)[corners].mean(axis=0)
-    time = 1e3 * float(sheet["frame_time"].values[frame])
+    time = 1e3 * float(sheet["time"].values[frame])
     return f"in element {element} at ({x:.1f}, {y:.1f}, {z:.1f}) mm at {time:.4g} ms"

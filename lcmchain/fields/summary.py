@@ -12,6 +12,7 @@ from lcmchain.fields.dataset import HISTORY, NO_THICKNESS, SHEET
 from lcmchain.fields.limits import packing_warnings, shear_range_warnings
 from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import sheet_areas, vector
+from lcmchain.fields.wrinkle_waves import wrinkle_warnings
 from lcmchain.materials.law import Material
 
 
@@ -39,7 +40,8 @@ def field_summary(
     Returns
     -------
     ``thickness_min_m``, ``thickness_max_m``, ``shear_angle_max_rad`` (magnitude),
-    ``fibre_strain_max`` (magnitude), ``fibre_volume_fraction_max``, ``fibre_mass_kg``,
+    ``fibre_strain_max`` (magnitude), ``fibre_volume_fraction_max``, ``wrinkle_height_max_m``
+    (magnitude), ``fibre_mass_kg``,
     ``fibre_mass_error`` (relative to the first frame), ``punch_force_max_N``, the largest mean over
     a twentieth of the process (of a result without histories, the largest of the frames), and with
     histories ``punch_force_peak_N`` of a single step, ``punch``, which tool that is, and
@@ -47,7 +49,7 @@ def field_summary(
     not have.
     """
     sheet, history = datasets[SHEET], datasets[HISTORY]
-    last = sheet.isel(frame=frame)
+    last = sheet.isel(time=frame)
     mass = fibre_mass(sheet, frame)
     strains = [np.abs(last[f"fibre_strain_{i}"].values).max() for i in (1, 2)]
     summary: dict[str, Any] = {}
@@ -62,6 +64,8 @@ def field_summary(
     }
     if "fibre_volume_fraction" in last:
         summary["fibre_volume_fraction_max"] = float(last["fibre_volume_fraction"].max())
+    if "wrinkle_height" in last:
+        summary["wrinkle_height_max_m"] = float(np.abs(last["wrinkle_height"]).max())
     if history.sizes["tool"]:
         summary |= _forces(history, punch_index(history, punch))
     return summary
@@ -83,7 +87,12 @@ def _forces(history: xr.Dataset, punch: int) -> dict[str, Any]:
 def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
     """Say in words what the model cannot tell, and where the fields leave its range."""
     found = [] if "thickness" in sheet else [NO_THICKNESS]
-    return [*found, *packing_warnings(sheet, material), *shear_range_warnings(sheet, material)]
+    return [
+        *found,
+        *packing_warnings(sheet, material),
+        *shear_range_warnings(sheet, material),
+        *wrinkle_warnings(sheet, material),
+    ]
 
 
 def punch_index(history: xr.Dataset, punch: str | None = None) -> int:

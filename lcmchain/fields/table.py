@@ -144,10 +144,14 @@ _FIELDS = (
             "1",
             f"direction of principal permeability {number}",
             FACE,
-            "unit vector without a sense",
+            meaning,
             is_vector=True,
         )
-        for number in (1, 2, 3)
+        for number, meaning in (
+            (1, "unit vector without a sense, in the plane of the sheet"),
+            (2, "unit vector without a sense, in the plane of the sheet, across the first"),
+            (3, "unit vector without a sense, along the normal of the sheet"),
+        )
     ),
     Field(
         "tool_pressure_top",
@@ -171,6 +175,16 @@ _FIELDS = (
         NODE,
         "as tool_pressure_top, of the nodes of the solid, each of which lies on one face; on the "
         "mid-surface of the 2D approach the sum of what presses from above and below",
+    ),
+    Field(
+        "wrinkle_height",
+        "m",
+        "height of wrinkles",
+        NODE,
+        "distance of the mid-surface from a smoothed copy of itself, along the normal of the copy, "
+        "positive towards the upper face; waves up to output.wrinkle_length are smoothed away. At "
+        "most the clear distance to the tool below a crest or above a trough: a sheet that lies on "
+        "a tool has the tool's shape",
     ),
     Field(
         "displacement",

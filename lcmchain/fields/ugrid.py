@@ -15,13 +15,14 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.atomic import replacing
-from lcmchain.errors import InputError
+from lcmchain.errors import OutputError
 
 CONVENTIONS = "CF-1.11 UGRID-1.0"
 ROOT = "/"
 
-#: Dimension of saved states, the same in every group, and the coordinate that gives their times.
-FRAME, FRAME_TIME = "frame", "frame_time"
+#: Dimension of saved states, the same in every group, and its coordinate. VTK's reader finds time
+#: steps under this name only.
+TIME = "time"
 
 #: Marks the missing last nodes of cells with fewer than the widest one.
 NO_NODE = np.int32(-1)
@@ -86,7 +87,7 @@ class UgridMesh:
             "cf_role": "mesh_topology",
             "long_name": long_name,
             "topology_dimension": np.int32(self.topology_dimension),
-            "node_coordinates": " ".join(self.coordinates),
+            "node_coordinates": " ".join(self._node_coordinates()),
             f"{location}_node_connectivity": self.cell_nodes,
             f"{location}_dimension": self.cell_dimension,
         }
@@ -103,6 +104,15 @@ class UgridMesh:
             self.name: ((), np.int32(0), description),
             self.cell_nodes: ((self.cell_dimension, corners), cells.astype(np.int32), nodes),
         }
+
+    def _node_coordinates(self) -> list[str]:
+        """Return the coordinates in the order in which the mesh lists them.
+
+        VTK's reader, which draws surfaces only, takes the first and the last one as its plane: x
+        and y give the plan view there. Other readers go by the attributes of each coordinate.
+        """
+        x, y, z = self.coordinates
+        return [x, z, y] if self.topology_dimension == 2 else [x, y, z]
 
     def volume_shapes(
         self, cells: np.ndarray, *, long_name: str, node_counts: Sequence[int] = (4, 5, 6, 8)
@@ -126,14 +136,11 @@ class UgridMesh:
         return {self._named("volume_shape"): (self.cell_dimension, shapes, attributes)}
 
     def node_positions(
-        self, positions: np.ndarray, *, long_name: str = "coordinate of node", **vertical: str
+        self, positions: np.ndarray, *, long_name: str = "coordinate of node"
     ) -> dict[str, Variable]:
         """Return the coordinates of the nodes (node_count, 3) [m].
 
-        Parameters
-        ----------
         long_name : follows the name of the axis.
-        vertical : further attributes of z.
         """
         variables: dict[str, Variable] = {}
         for axis, name, values in zip("xyz", self.coordinates, positions.T, strict=True):
@@ -142,38 +149,44 @@ class UgridMesh:
                 "long_name": f"{axis} {long_name}",
                 # Readers of two-dimensional meshes know the plane of the map by these names.
                 "standard_name": f"projection_{axis}_coordinate",
+                "axis": axis.upper(),
             }
             if axis == "z":
-                attributes |= {"standard_name": "height", **vertical}
+                attributes |= {"standard_name": "height", "positive": "up"}
             variables[name] = (self.node_dimension, np.array(values), attributes)
         return variables
 
     def on_cells(self, values: np.ndarray, attributes: Mapping[str, Any]) -> Variable:
         """Return a variable on the cells, shape (C,), or (F, C) for F saved states."""
         place = {"mesh": self.name, "location": self.location}
-        return (FRAME, self.cell_dimension)[-np.ndim(values) :], values, {**attributes, **place}
+        return (TIME, self.cell_dimension)[-np.ndim(values) :], values, {**attributes, **place}
 
     def on_nodes(self, values: np.ndarray, attributes: Mapping[str, Any]) -> Variable:
         """Return a variable on the nodes, shape (N,), or (F, N) for F saved states."""
         place = {"mesh": self.name, "location": "node"}
-        return (FRAME, self.node_dimension)[-np.ndim(values) :], values, {**attributes, **place}
+        return (TIME, self.node_dimension)[-np.ndim(values) :], values, {**attributes, **place}
 
     def dataset(
         self, variables: Mapping[str, Variable], attributes: Mapping[str, Any]
     ) -> xr.Dataset:
         """Return the mesh's variables as a dataset, its coordinates marked as such."""
         dataset = xr.Dataset(dict(variables), attrs=dict(attributes))
-        times = [FRAME_TIME] if FRAME_TIME in variables else []
-        return dataset.set_coords(self.coordinates + times)
+        return dataset.set_coords(self.coordinates)
 
     def _named(self, part: str) -> str:
         return f"{self.prefix or self.name}_{part}"
 
 
-def frame_time(time: np.ndarray, *, dimension: str = FRAME) -> Variable:
-    """Return the times [s] of the saved states as a variable."""
-    attributes = {"units": "s", "long_name": "process time of the saved frame"}
-    return dimension, np.array(time, dtype=float), attributes
+def saved_times(time: np.ndarray) -> Variable:
+    """Return the times [s] of the saved states, shape (F,), or of the only one, as coordinate."""
+    attributes = {
+        "units": "s",
+        "long_name": "process time of the saved state",
+        "standard_name": "time",
+        "axis": "T",
+    }
+    values = np.array(time, dtype=float)
+    return (TIME,) if values.ndim else (), values, attributes
 
 
 def write_netcdf(path: Path | str, groups: Mapping[str, xr.Dataset]) -> None:
@@ -189,9 +202,10 @@ def write_netcdf(path: Path | str, groups: Mapping[str, xr.Dataset]) -> None:
     Raises
     ------
     InputError : the place cannot be written.
+    OutputError : writing failed on the way.
     """
-    try:
-        with replacing(path) as temporary:
+    with replacing(path) as temporary:
+        try:
             for number, (name, dataset) in enumerate(groups.items()):
                 dataset.to_netcdf(
                     temporary,
@@ -201,9 +215,8 @@ def write_netcdf(path: Path | str, groups: Mapping[str, xr.Dataset]) -> None:
                     engine="netcdf4",
                     encoding=_encoding(dataset),
                 )
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(f"cannot be written ({reason}); choose another place", file=path) from None
+        except RuntimeError as error:  # netCDF4 wraps what goes wrong below it, a full disk too
+            raise OutputError(f"{error}; is the disk full?", file=path) from error
 
 
 def _encoding(dataset: xr.Dataset) -> dict[str, dict]:

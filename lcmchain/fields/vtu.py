@@ -20,9 +20,9 @@ def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int =
     """Write the elements in one frame with all face fields as cell data; whole or not at all.
 
     Points are the positions of the frame, with the ``displacement`` that led to them and the
-    ``tool_pressure`` on them; vectors have three components. Cells are hexahedra, then the wedges
-    of halved cells at a cut edge, or the triangles of the 2D approach; the cell data ``element``
-    holds the element numbers.
+    ``tool_pressure`` and ``wrinkle_height`` on them; vectors have three components. Cells are
+    hexahedra, then the wedges of halved cells at a cut edge, or the triangles of the 2D approach;
+    the cell data ``element`` holds the element numbers.
 
     Raises
     ------
@@ -37,14 +37,11 @@ def write_mesh(path: Path | str, mesh: meshio.Mesh) -> None:
     Raises
     ------
     InputError : the place cannot be written, or the mesh has cells that meshio does not write.
+    OutputError : writing failed on the way.
     """
     with replacing(path) as temporary:
         try:
             meshio.write(temporary, mesh, file_format="vtu")
-        except OSError as error:
-            raise InputError(
-                f"cannot be written ({error.strerror}); choose another place", file=path
-            ) from None
         except (meshio.WriteError, KeyError) as error:
             raise InputError(f"meshio cannot write this mesh as VTU ({error})", file=path) from None
 
@@ -82,6 +79,10 @@ def _mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
     on_points = {"displacement": displacement}
     if "tool_pressure" in mesh:
         on_points["tool_pressure"] = mesh["tool_pressure"].values[frame]
+    if "wrinkle_height" in sheet:
+        height = sheet["wrinkle_height"].values[frame]
+        # of the mid-surface: the same for the lower node and the upper node above it
+        on_points["wrinkle_height"] = np.tile(height, len(reference) // len(height))
     return meshio.Mesh(
         reference + displacement,
         [(kind, nodes) for kind, _, nodes in blocks],

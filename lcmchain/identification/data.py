@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,12 +12,17 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.quantities.units import Dimension, QuantityError, parse_quantity
+from lcmchain.text_files import decode_text
 
 _HEADER = re.compile(r"\s*(?P<name>[^\[\]()]+?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]+?)\s*[\])])?\s*")
 _SPECIMEN = "specimen"
 _TIME = "time"
 # A loading branch may step back by this share of its range (resolution of the sensors).
 _JITTER = 0.01
+# Far above any test: what is larger is another file, or was written at a rate to be thinned out.
+MOST_BYTES = 20_000_000
+MOST_COLUMNS = 200
+MOST_ROWS = 20_000
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,10 @@ def read_coupon(
             if name != _SPECIMEN:
                 unused.append(str(table.columns[position]))
             continue
-        columns[name] = factor * _numbers(cells[:, position], name, lines, path)
+        values = _numbers(cells[:, position], name, lines, path)
+        if name in wanted:
+            _require_usual_size(values, factor, wanted[name], name, lines, path)
+        columns[name] = factor * values
     specimen = np.zeros(len(lines), dtype=int)
     if _SPECIMEN in headers:
         names = [str(cell).strip() for cell in cells[:, headers[_SPECIMEN][0]]]
@@ -132,12 +141,18 @@ def _read_text(path: Path):
     import pandas
 
     try:
-        text = path.read_text(encoding="utf-8-sig").splitlines()
+        with open(path, "rb") as opened:
+            beginning = opened.read(MOST_BYTES + 1)
+        if len(beginning) > MOST_BYTES:
+            raise InputError(f"holds more than {MOST_BYTES // 1_000_000} MB", file=path)
+        content = decode_text(beginning, path)
     except FileNotFoundError:
         raise InputError("there is no such file", file=path) from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(f"cannot be read ({reason}); save it as CSV text", file=path) from None
+    except OSError as error:
+        raise InputError(
+            f"cannot be read ({error.strerror}); save it as CSV text", file=path
+        ) from None
+    text = content.splitlines()
     start = next(
         (i for i, line in enumerate(text) if line.strip() and not line.lstrip().startswith("#")),
         None,
@@ -147,11 +162,17 @@ def _read_text(path: Path):
     separator = max(",;\t", key=text[start].count)
     try:
         table = pandas.read_csv(
-            path, sep=separator, skiprows=start, dtype=str, keep_default_na=False,
-            skip_blank_lines=False, index_col=False, encoding="utf-8-sig",
+            io.StringIO(content), sep=separator, skiprows=start, dtype=str, keep_default_na=False,
+            skip_blank_lines=False, index_col=False,
         )  # fmt: skip
     except (pandas.errors.ParserError, pandas.errors.EmptyDataError) as error:
         raise InputError(f"cannot be read as CSV: {str(error).strip()}", file=path) from None
+    if len(table.columns) > MOST_COLUMNS or len(table) > MOST_ROWS:
+        raise InputError(
+            f"has {len(table.columns):,} columns and {len(table):,} rows; at most "
+            f"{MOST_COLUMNS} and {MOST_ROWS:,} are read, so that the fit ends in a moment",
+            file=path,
+        )
     # Short rows come back with not-a-number in the missing cells.
     return table.fillna(""), start + 1
 
@@ -209,6 +230,24 @@ def _numbers(cells, name: str, lines, path: Path) -> np.ndarray:
                 file=path,
             )
     return values
+
+
+def _require_usual_size(
+    values: np.ndarray, factor: float, dimension: Dimension, name: str, lines, path: Path
+) -> None:
+    """Refuse a value that no test has; ``factor`` makes it one in SI units."""
+    with np.errstate(over="ignore"):
+        size = np.abs(values * factor)
+    wrong = np.flatnonzero(
+        (size > dimension.largest) | ((0.0 < size) & (size < dimension.smallest))
+    )
+    if len(wrong):
+        row = wrong[0]
+        raise InputError(
+            f'line {lines[row]}, column "{name}": {values[row]:g} is '
+            f"{dimension.complaint(float(size[row]))}; remove or correct it",
+            file=path,
+        )
 
 
 def _check_order(data: CouponData, layout) -> None:

@@ -56,7 +56,10 @@ def identify_shear_file(
     _require_choice("--convention", convention, ("engineering", "tensor"))
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, ("length", "width", "thickness"))
-    specimen = BiasExtension(**values)
+    try:
+        specimen = BiasExtension(**values)
+    except InputError as error:
+        raise InputError(error.message, key="--length and --width") from None
     inputs.append(("convention", _CONVENTION[convention], f"--convention {convention}"))
     data = read_coupon(path, shear.COLUMNS, minimum_rows=shear.MINIMUM_ROWS)
     return shear.identify_shear(

@@ -12,9 +12,10 @@ FOLDER = Path(__file__).resolve().parent
 
 #: Topics by section; a topic is the name of its file without ``.md``.
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "Start": ("index", "tutorial"),
+    "Start": ("index", "tutorial", "new"),
     "Jobs": (
         "run",
+        "report",
         "scene",
         "coupons",
         "identification",
@@ -35,7 +36,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "speed",
         "limits",
     ),
-    "Reference": ("scene-reference", "fields", "commands"),
+    "Reference": ("scene-reference", "presets", "fields", "commands"),
     "Development": ("extending",),
 }
 

@@ -22,9 +22,9 @@ HEAD = """# Scene reference
 
 Every entry of a scene file: what may be written, what it is when left out, and what it means. How
 scene files are written stands in [Scene files](scene.md). A quantity may be given in any unit of
-its kind; the example shows one. Where a key chooses between several forms of a table, each form has
-its own heading; a table that several forms share stands under the first. A preset of a material
-fills all entries that are not given.
+its kind; the example shows one, and the SI unit in brackets is that of Python and of results. Where
+a key chooses between several forms of a table, each form has its own heading; a table that several
+forms share stands under the first. A preset of a material fills all entries that are not given.
 """
 
 COLUMNS = ("key", "value", "default", "meaning")
@@ -122,12 +122,13 @@ def _value(annotation: Any, field: FieldInfo | None = None) -> str:
             if models:
                 return "tables"
             inner = _inner_range(bare)
-            return f"{_count(extra)}, as {code(extra.example_text)}{inner}"
+            return f"{_count(extra)}{_inner_unit(bare)}, as {code(extra.example_text)}{inner}"
     if models:
-        return "table" if len(models) == 1 else "table, several forms"
+        return "table" if len(models) == 1 else _forms_text(models, field)
     for extra in extras:
         if hasattr(extra, "dimension"):
-            return f"{extra.dimension.name}, as {code(extra.example_text)}{_range(extra)}"
+            name = f"{extra.dimension.name} ({extra.dimension.unit})"
+            return f"{name}, as {code(extra.example_text)}{_range(extra)}"
         if hasattr(extra, "whole"):
             kind = "whole number" if extra.whole else "number"
             return f"{kind}, as {code(extra.example_text)}{_range(extra)}"
@@ -179,6 +180,25 @@ def _range(extra: Any) -> str:
     words = "" if extra.allowed == type(extra.allowed)() else str(extra.allowed)
     words = words.replace("not be ", "not ").removeprefix("be ")
     return f", {words}" if words else ""
+
+
+def _forms_text(models: list[type[BaseModel]], field: FieldInfo | None) -> str:
+    """Name the forms of a table by the key that chooses between them."""
+    chooser = _chooser(field) if field is not None else ""
+    values = [get_args(model.model_fields[chooser].annotation)[0] for model in models]
+    return f"table, {code(chooser)} is " + " or ".join(code(f'"{value}"') for value in values)
+
+
+def _inner_unit(annotation: Any) -> str:
+    """Return the SI unit of the single values of a row, where they are quantities."""
+    for part in get_args(annotation):
+        for extra in _extras(part):
+            if hasattr(extra, "dimension"):
+                return f" ({extra.dimension.unit})"
+        inner = _inner_unit(_bare(part))
+        if inner:
+            return inner
+    return ""
 
 
 def _inner_range(annotation: Any) -> str:

@@ -522,6 +522,10 @@ class FabricBending(SceneModel):
     )
 
 
+#: The published fabrics of :mod:`lcmchain.scene.fabrics`, which knows this law.
+PresetName = Literal["MD600", "glass-plain-600", "carbon-twill-200"]
+
+
 class FabricMaterial(MaterialTable):
     """Biaxial fabric: shear polynomial, exponential compaction, decoupled bending."""
 
@@ -529,7 +533,7 @@ class FabricMaterial(MaterialTable):
     has_fibres: ClassVar[bool] = True
 
     law: Literal["fabric"] = "fabric"
-    preset: Annotated[Literal["MD600"] | None, AbsentMeans("")] = Field(
+    preset: Annotated[PresetName | None, AbsentMeans("")] = Field(
         default=None, description="Published fabric whose values fill all keys not given."
     )
     name: Annotated[str, Text("MD600")] = Field(

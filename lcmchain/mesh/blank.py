@@ -22,7 +22,14 @@ from lcmchain.mesh.cut import Cells
 from lcmchain.mesh.hexahedron import MODES
 from lcmchain.mesh.lattice import best_lattice
 from lcmchain.mesh.numbering import number_in_patches
-from lcmchain.mesh.outline import check_element_count, cross, outline_of, place, polygon_area
+from lcmchain.mesh.outline import (
+    check_element_count,
+    check_lattice_size,
+    cross,
+    outline_of,
+    place,
+    polygon_area,
+)
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
@@ -264,6 +271,7 @@ def build_blank(
 
     to_fibres = _rotation(-float(blank_spec.fibre_angle))
     to_scene = to_fibres.T
+    check_lattice_size(outline @ to_fibres.T, edge_length)
     cells = best_lattice(outline @ to_fibres.T, edge_length)
     _check_coverage(cells, area, edge_length, to_scene, outline_key)
 

@@ -26,17 +26,32 @@ class FibreLines(NamedTuple):
 
 
 def fibre_lines(mesh: SheetMesh) -> FibreLines:
-    """Return the lines of edges along the fibres of the undeformed mesh.
+    """Return the lines of edges along the fibres of the undeformed mesh."""
+    return lines_along(
+        mesh.mid_surface(mesh.node_positions),
+        mesh.sheet_faces,
+        (mesh.fibre_direction_1, mesh.fibre_direction_2),
+    )
+
+
+def lines_along(
+    points: np.ndarray, faces: np.ndarray, fibres: tuple[np.ndarray, np.ndarray]
+) -> FibreLines:
+    """Return the lines of edges along two fibre families on an undeformed surface.
 
     Of several edges within :data:`LARGEST_ANGLE` of a fibre the one nearest to it counts.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]. faces : nodes (F, 3 or 4), -1 or the last node again closes a triangle.
+    fibres : unit vectors (F, 3) of either family.
     """
-    X = mesh.mid_surface(mesh.node_positions)
-    start, end, element = _edges(mesh.sheet_faces)
-    direction = X[end] - X[start]
+    start, end, element = _edges(faces)
+    direction = points[end] - points[start]
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    before = np.full((2, len(X)), NO_NODE, dtype=np.int32)
+    before = np.full((2, len(points)), NO_NODE, dtype=np.int32)
     after = before.copy()
-    for family, fibre in enumerate((mesh.fibre_direction_1, mesh.fibre_direction_2)):
+    for family, fibre in enumerate(fibres):
         cosine = np.einsum("ed,ed->e", direction, fibre[element])
         # the nearest comes last and is the one that stays
         order = np.argsort(np.abs(cosine), kind="stable")

@@ -11,6 +11,7 @@ import shapely
 from lcmchain.errors import InputError
 
 MAXIMUM_ELEMENT_COUNT = 2_000_000
+MOST_LATTICE_CELLS = 4 * MAXIMUM_ELEMENT_COUNT
 
 
 def polygon_area(outline: np.ndarray) -> float:
@@ -106,6 +107,23 @@ def check_element_count(outline: np.ndarray, area: float, edge_length: float) ->
             f"{edge_length:g} m would make about {estimate:.2g} elements, more than the "
             f"{MAXIMUM_ELEMENT_COUNT} that are allowed; choose {smallest:.2g} m or more",
             key=key,
+        )
+
+
+def check_lattice_size(outline: np.ndarray, edge_length: float) -> None:
+    """Raise InputError where the lattice under an outline, in fibre axes, has too many cells.
+
+    A sliver across the fibres holds few elements, but the lattice reaches over all of its box.
+    """
+    width, height = np.ptp(outline, axis=0)
+    count = width * height / edge_length**2
+    if count > MOST_LATTICE_CELLS:
+        smallest = math.sqrt(width * height / MOST_LATTICE_CELLS)
+        raise InputError(
+            f"{edge_length:g} m is too short for a blank that reaches over {width:.3g} m x "
+            f"{height:.3g} m along its fibres: the lattice under it would have about {count:.2g} "
+            f"cells; choose {smallest:.2g} m or more, or turn the fibres along the blank",
+            key="blank.edge_length",
         )
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from pydantic import StrictBool, ValidationInfo
 from pydantic_core import PydanticCustomError, core_schema
 
+from lcmchain.errors import shortened
 from lcmchain.quantities.units import (
     ANGLE,
     AREAL_MASS,
@@ -34,6 +35,14 @@ from lcmchain.quantities.units import (
 #: Validation context of a scene file: there, a physical quantity without a unit is an error.
 #: Models built in Python take SI numbers as well.
 FROM_FILE = {"from_file": True}
+
+#: Largest plain number, and most values of a row: far beyond any use.
+LARGEST_NUMBER = 1e15
+MOST_VALUES = 10_000
+
+#: Longest name, which also stands in names of files and variables, and longest other text.
+LONGEST_NAME = 60
+LONGEST_TEXT = 1000
 
 
 def wrong(message: str, *, field: str | None = None) -> PydanticCustomError:
@@ -120,6 +129,8 @@ class Quantity:
             )
         if not math.isfinite(si_value):
             raise wrong(f"{value!r} is not finite; for example {self.example_text}")
+        if is_number and (complaint := self.dimension.complaint(si_value)):
+            raise wrong(f"{value!r} is {complaint}; for example {self.example_text}")
         complaint = self.allowed.complaint(si_value)
         if complaint:
             raise wrong(f'{complaint}, but is "{value}"; for example {self.example_text}')
@@ -160,8 +171,11 @@ class Number:
                 f"must be a plain {kind} without quotes or unit, but is {_toml_like(value)}; "
                 f"for example {self.example_text}"
             )
-        if not math.isfinite(value):
+        if isinstance(value, float) and not math.isfinite(value):
             raise wrong(f"{value!r} is not finite; for example {self.example_text}")
+        if abs(value) > LARGEST_NUMBER or 0.0 < abs(value) < 1.0 / LARGEST_NUMBER:
+            size = "large" if abs(value) > 1.0 else "small"
+            raise wrong(f"is too {size} to compute with; for example {self.example_text}")
         if self.whole and not isinstance(value, int):
             raise wrong(f"must be a whole number, but is {value!r}; write {round(value)}")
         complaint = self.allowed.complaint(value)
@@ -178,7 +192,7 @@ class Row:
     ----------
     example_text : a correct TOML value.
     count : how many values there must be; None for any number.
-    minimum_count : the least number of values where `count` is None.
+    minimum_count, maximum_count : the least and the largest number where `count` is None.
     entries : what one value is called in messages.
     units : False for rows of plain numbers and of points, which have no one-text form.
     """
@@ -186,6 +200,7 @@ class Row:
     example_text: str
     count: int | None = None
     minimum_count: int = 0
+    maximum_count: int = MOST_VALUES
     entries: str = "values"
     units: bool = True
 
@@ -217,6 +232,10 @@ class Row:
             raise wrong(
                 f"needs at least {self.minimum_count} {self.entries}, but has {len(value)}; "
                 f"for example {self.example_text}"
+            )
+        if len(value) > self.maximum_count:
+            raise wrong(
+                f"has {len(value):,} {self.entries}; at most {self.maximum_count:,} are read"
             )
         return tuple(value)
 
@@ -260,6 +279,10 @@ class Name:
             raise wrong(
                 f"{_toml_like(value)} is not a name: use letters, digits, _ and -, "
                 f"starting with a letter; for example {self.example_text}"
+            )
+        if len(value) > LONGEST_NAME:
+            raise wrong(
+                f"{_toml_like(value)} has {len(value):,} characters; use at most {LONGEST_NAME}"
             )
         return value
 
@@ -308,6 +331,8 @@ class Text:
     def _validate(self, value: Any) -> str:
         if not isinstance(value, str) or not value.strip():
             raise wrong(f"must be a text in quotes; for example {self.example_text}")
+        if len(value) > LONGEST_TEXT:
+            raise wrong(f"has {len(value):,} characters; use at most {LONGEST_TEXT:,}")
         return value
 
 
@@ -323,12 +348,12 @@ class AbsentMeans:
 
 def _toml_like(value: Any) -> str:
     if isinstance(value, str):
-        return f'"{value}"'
+        return f'"{shortened(value)}"'
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
         return "a table"
-    return repr(value)
+    return shortened(repr(value))
 
 
 Length = Annotated[float, Quantity(LENGTH)]

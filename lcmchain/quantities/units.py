@@ -6,13 +6,16 @@ import difflib
 import math
 import re
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from functools import lru_cache
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})\s*(\S.*)?")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+(\s|$|[^\d,])")
 _ROW = re.compile(rf"\s*((?:{_NUMBER}[\s,]+)+{_NUMBER})\s*([^\d\s.+-].*)")
+
+#: Longest text of one quantity: what is longer was pasted by mistake, and pint is slow on it.
+LONGEST_QUANTITY = 200
 
 #: Pattern of a quantity for editors (JSON Schema); the unit itself is checked when read.
 # a unit may begin with 1, as in "200 1/s"
@@ -29,31 +32,46 @@ class Dimension:
     unit : SI unit in which the program computes.
     example : text that a user may copy.
     common_units : spellings offered when an unknown unit looks like one of them.
+    smallest, largest : sizes in the SI unit that any use lies well between; zero is allowed.
     """
 
     name: str
     unit: str
     example: str
     common_units: tuple[str, ...]
+    smallest: float
+    largest: float
 
     @property
     def with_article(self) -> str:
         """The name as it stands in a sentence."""
         return f"{'an' if self.name[0] in 'aeiou' else 'a'} {self.name}"
 
+    def complaint(self, value: float) -> str | None:
+        """Say why a value in the SI unit is too large or too small to compute with, if it is."""
+        if abs(value) > self.largest:
+            return f"too large to compute with (at most {self.largest:g} {self.unit})"
+        if 0.0 < abs(value) < self.smallest:
+            return f"too small to compute with (at least {self.smallest:g} {self.unit}, or 0)"
+        return None
 
-LENGTH = Dimension("length", "m", "5 mm", ("mm", "cm", "m", "um", "inch"))
-TIME = Dimension("time", "s", "100 ms", ("ms", "s", "us", "min"))
-MASS = Dimension("mass", "kg", "1.7 kg", ("kg", "g", "t", "lb"))
-FORCE = Dimension("force", "N", "20 N", ("N", "kN", "mN", "kgf", "lbf"))
-ANGLE = Dimension("angle", "rad", "45 deg", ("deg", "degree", "rad"))
-STIFFNESS = Dimension("stiffness", "Pa", "0.1563 MPa", ("MPa", "GPa", "kPa", "Pa", "N/mm^2"))
-PRESSURE = Dimension("pressure", "Pa", "0.1 MPa", ("MPa", "kPa", "Pa", "bar", "N/mm^2"))
-DENSITY = Dimension("density", "kg/m^3", "1810 kg/m^3", ("kg/m^3", "g/cm^3"))
-AREAL_MASS = Dimension("mass per area", "kg/m^2", "600 g/m^2", ("g/m^2", "kg/m^2"))
-PENALTY = Dimension("contact stiffness per area", "Pa/m", "1 MPa/mm", ("MPa/mm", "Pa/m", "N/mm^3"))
-RATE = Dimension("rate", "1/s", "50 1/s", ("1/s", "1/ms", "Hz"))
-VISCOSITY = Dimension("viscous damping", "N*s/m", "5 N*s/m", ("N*s/m", "kg/s"))
+
+LENGTH = Dimension("length", "m", "5 mm", ("mm", "cm", "m", "um", "inch"), 1e-10, 1e6)
+TIME = Dimension("time", "s", "100 ms", ("ms", "s", "us", "min"), 1e-12, 1e9)
+MASS = Dimension("mass", "kg", "1.7 kg", ("kg", "g", "t", "lb"), 1e-12, 1e9)
+FORCE = Dimension("force", "N", "20 N", ("N", "kN", "mN", "kgf", "lbf"), 1e-12, 1e12)
+ANGLE = Dimension("angle", "rad", "45 deg", ("deg", "degree", "rad"), 1e-15, 1e4)
+STIFFNESS = Dimension(
+    "stiffness", "Pa", "0.1563 MPa", ("MPa", "GPa", "kPa", "Pa", "N/mm^2"), 1e-6, 1e15
+)
+PRESSURE = Dimension("pressure", "Pa", "0.1 MPa", ("MPa", "kPa", "Pa", "bar", "N/mm^2"), 1e-6, 1e15)
+DENSITY = Dimension("density", "kg/m^3", "1810 kg/m^3", ("kg/m^3", "g/cm^3"), 1e-6, 1e8)
+AREAL_MASS = Dimension("mass per area", "kg/m^2", "600 g/m^2", ("g/m^2", "kg/m^2"), 1e-9, 1e6)
+PENALTY = Dimension(
+    "contact stiffness per area", "Pa/m", "1 MPa/mm", ("MPa/mm", "Pa/m", "N/mm^3"), 1e-6, 1e21
+)
+RATE = Dimension("rate", "1/s", "50 1/s", ("1/s", "1/ms", "Hz"), 1e-12, 1e15)
+VISCOSITY = Dimension("viscous damping", "N*s/m", "5 N*s/m", ("N*s/m", "kg/s"), 1e-15, 1e15)
 
 
 class QuantityError(ValueError):
@@ -86,9 +104,15 @@ def parse_quantity(text: str, dimension: Dimension) -> float:
 
     Raises
     ------
-    QuantityError : no number, no unit, an unknown unit, a unit of another dimension, or a value
-        that is not finite; the message says what is needed with an example.
+    QuantityError : no number, no unit, an unknown unit, a unit of another dimension, a text far
+        too long, or a value that is not finite or beyond any use; the message says what is needed
+        with an example.
     """
+    if len(text) > LONGEST_QUANTITY:
+        raise QuantityError(
+            f"is a text of {len(text):,} characters; write {dimension.with_article} with its unit, "
+            f'for example "{dimension.example}"'
+        )
     needed = f'write {dimension.with_article} with its unit, for example "{dimension.example}"'
     match = _NUMBER_AND_UNIT.fullmatch(text)
     if _DECIMAL_COMMA.match(text):
@@ -105,17 +129,21 @@ def parse_quantity(text: str, dimension: Dimension) -> float:
     registry = _registry()
     unit = _parse_unit(unit_text, dimension, needed)
     wanted = registry.parse_units(dimension.unit)
-    # Angles need a second look: pint treats radians, percent and plain numbers alike.
-    is_angle = registry.get_root_units(unit)[1] == registry.radian
+    try:
+        # Angles need a second look: pint treats radians, percent and plain numbers alike.
+        is_angle = registry.get_root_units(unit)[1] == registry.radian
+    except ArithmeticError:  # a power far too high
+        raise QuantityError(f'unknown unit "{unit_text}"; {needed}') from None
     if unit.dimensionality != wanted.dimensionality or is_angle != (dimension is ANGLE):
         kind = "an angle" if is_angle else f"of dimension {_dimension_text(unit)}"
         raise QuantityError(f'"{text}" is {kind}; {needed}')
     try:
         value = float(registry.Quantity(Decimal(number), unit).to(wanted).magnitude)
-    except (InvalidOperation, OverflowError, ArithmeticError):
+    except ArithmeticError:
         value = math.inf
-    if not math.isfinite(value):
-        raise QuantityError(f'"{text}" is too large to compute with; {needed}')
+    complaint = dimension.complaint(value)
+    if complaint:
+        raise QuantityError(f'"{text}" is {complaint}; {needed}')
     return value
 
 

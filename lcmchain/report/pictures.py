@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -11,6 +11,9 @@ import xarray as xr
 
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.report.cut import Plane
+from lcmchain.report.extremes import mark_extremes
+from lcmchain.report.formed import draw_between_tools, draw_fibre_directions
 from lcmchain.report.plots import draw_energy, draw_force
 from lcmchain.report.renderer import (
     axes_at,
@@ -22,22 +25,33 @@ from lcmchain.report.renderer import (
     fit_axis,
     label_axes,
 )
+from lcmchain.report.run_tools import RunTools
+from lcmchain.report.sections import default_planes, draw_sections
 from lcmchain.report.shown import SHOWN, Shown, colour_scale
 from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save
+from lcmchain.report.travel import draw_force_over_travel
 from lcmchain.report.view import FROM_ABOVE, boundary_edges, hangs_down, oblique
 
 
 def draw_result(
-    out_dir: Path | str, datasets: Mapping[str, xr.Dataset], frame: int = -1
+    out_dir: Path | str,
+    datasets: Mapping[str, xr.Dataset],
+    frame: int = -1,
+    *,
+    tools: RunTools | None = None,
+    planes: Sequence[Plane] = (),
 ) -> list[Path]:
-    """Draw the formed shape coloured by its fields, and the energies and forces of the run.
+    """Draw the formed shape, its fields and sections, and the energies and forces of the run.
 
     Parameters
     ----------
-    out_dir : folder of ``shear_angle.png``, ``thickness.png``, ``fibre_volume_fraction.png``
-        (where the result has it), ``energy.png``, and ``force.png`` (where there are tools).
+    out_dir : folder of the pictures in :data:`lcmchain.report.captions.CAPTIONS`: fields that the
+        result has, ``fibre_directions.png``, ``sections.png``, ``energy.png``, and where there are
+        tools ``tools.png``, ``force.png`` and ``force_over_travel.png``.
     datasets : groups of the result, from :func:`lcmchain.fields.dataset.build_datasets`.
     frame : saved frame to draw, the last one by default.
+    tools : of the run; without them there is no ``tools.png``, and sections show the sheet alone.
+    planes : of the sections; by default through the middle of the blank along its fibres.
 
     Returns
     -------
@@ -54,6 +68,15 @@ def draw_result(
         if shown.name in sheet:
             files.append(out_dir / f"{shown.name}.png")
             draw_field(files[-1], sheet, shown, frame)
+    travel = history["tool_travel"].values[frame]
+    files.append(out_dir / "fibre_directions.png")
+    draw_fibre_directions(files[-1], sheet, frame)
+    if tools is not None and tools.names:
+        files.append(out_dir / "tools.png")
+        draw_between_tools(files[-1], sheet, tools, travel, frame)
+    files.append(out_dir / "sections.png")
+    planes = planes or default_planes(sheet)
+    draw_sections(files[-1], datasets, planes, tools, travel, frame)
     title = str(sheet.attrs.get("title", ""))
     if any(str(name).startswith("energy_") for name in history.data_vars):
         files.append(out_dir / "energy.png")
@@ -61,16 +84,24 @@ def draw_result(
     if history.sizes["tool"]:
         files.append(out_dir / "force.png")
         draw_force(files[-1], history, title)
+        files.append(out_dir / "force_over_travel.png")
+        draw_force_over_travel(files[-1], history, title)
     return files
 
 
 def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -1) -> None:
-    """Draw a face field on the formed shape: oblique view and view from above."""
+    """Draw a field on the formed shape: oblique view and view from above.
+
+    A field on nodes is drawn as its mean over every face; its extremes are those of the nodes.
+    """
     points = 1e3 * sheet_positions(sheet, frame)
     initial = 1e3 * reference_positions(sheet)
     faces = sheet_faces(sheet)
-    values = shown.factor * sheet[shown.name].values[frame]
-    time = float(sheet["frame_time"].values[frame])
+    exact = shown.factor * sheet[shown.name].values[frame]
+    on_nodes = sheet[shown.name].attrs["location"] == "node"
+    values = on_faces(exact, faces) if on_nodes else exact
+    places = points if on_nodes else points[faces].mean(axis=1)
+    time = float(sheet["time"].values[frame])
 
     rim = boundary_edges(faces)
     view = oblique(from_below=hangs_down(points, rim))
@@ -101,12 +132,19 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
             fontsize=9, va="bottom",
         )  # fmt: skip
         _draw_map(right, points, initial, faces, rim, colours.to_rgba(values))
-        _mark_extremes(right, points, faces, values, shown)
         right.set_title("from above", color=FAINT, loc="left")
-        draw_colour_bar(figure, bar, colours, values, shown)
+        draw_colour_bar(figure, bar, colours, exact, shown)
+        mark_extremes(right, places[:, :2], exact, shown)
         subtitle = f"{sheet.attrs.get('title', '')}  ·  {len(faces):,} elements  ·  "
         headline(figure, shown.label, subtitle + f"t = {1e3 * time:.4g} ms")
         save(figure, path)
+
+
+def on_faces(values: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return means of node values over the corners of faces; a triangle repeats its last one."""
+    corners = values[faces]
+    triangle = faces[:, 3] == faces[:, 2]
+    return np.where(triangle, corners[:, :3].mean(axis=1), corners.mean(axis=1))
 
 
 # --- formed shape ---------------------------------------------------------------------------------
@@ -121,27 +159,3 @@ def _draw_map(axis, points, initial, faces, rim, colours) -> None:
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.15)
     fit_axis(axis, np.concatenate([points[:, :2], initial[:, :2]]), 0.04)
     label_axes(axis, "x [mm]", "y [mm]")
-
-
-def _mark_extremes(axis, points, faces, values, shown: Shown) -> None:
-    from matplotlib.patheffects import withStroke
-
-    if not np.isfinite(values).any():
-        return
-    centres = points[faces].mean(axis=1)
-    halo = [withStroke(linewidth=2.0, foreground="white")]
-    middle = points[:, 0].mean()
-    for face, marker, word in (
-        (int(np.nanargmax(values)), "^", "max"),
-        (int(np.nanargmin(values)), "v", "min"),
-    ):
-        x, y = centres[face, :2]
-        axis.plot(x, y, marker, ms=5.5, mfc="white", mec=INK, mew=0.9, zorder=5)
-        towards_middle = 1 if x <= middle else -1
-        axis.annotate(
-            f"{word} {shown.text(values[face])}",
-            # one above, one below: labels of neighbours do not meet
-            (x, y), (4 * towards_middle, 4 if word == "max" else -4), textcoords="offset points",
-            fontsize=7.5, ha="left" if towards_middle > 0 else "right",
-            va="bottom" if word == "max" else "top", path_effects=halo, zorder=6,
-        )  # fmt: skip

@@ -51,6 +51,7 @@ def draw_facets(
     shaded: bool = True,
     edge_darkness: float = 0.62,
     edge_width: float = 0.22,
+    zorder: float = 1.0,
 ) -> None:
     """Paint facets from back to front, with the rim of a sheet among them.
 
@@ -81,7 +82,7 @@ def draw_facets(
     axis.add_collection(
         PolyCollection(
             view.on_screen(corners)[order], facecolors=faces[order], edgecolors=lines[order],
-            linewidths=widths[order], capstyle="round",
+            linewidths=widths[order], capstyle="round", zorder=zorder,
         )
     )  # fmt: skip
 

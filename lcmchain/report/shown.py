@@ -44,7 +44,11 @@ SHOWN = (
     Shown("shear_angle", "Shear angle", "°", 180.0 / np.pi, "RdBu_r", True, 1),
     Shown("thickness", "Thickness", "mm", 1e3, "viridis", False, 3),
     Shown("fibre_volume_fraction", "Fibre volume fraction", "", 1.0, "YlGnBu", False, 3),
+    Shown("wrinkle_height", "Height of wrinkles", "mm", 1e3, "PuOr_r", True, 2),
 )
+
+# Smallest limit of the colours of signed fields, in the unit shown: noise looks like noise.
+LEAST_LIMIT = {"°": 1.0, "mm": 0.1}
 
 # Values beyond these percentiles do not stretch the colours when they lie far out.
 PERCENTILES = (0.2, 99.8)
@@ -65,8 +69,7 @@ def colour_scale(values: np.ndarray, shown: Shown) -> ScalarMappable:
     low, high = max(low, inner_low - slack), min(high, inner_high + slack)
     if shown.signed:
         limit = max(abs(low), abs(high))
-        step = 5.0 if limit > 10.0 else 1.0
-        limit = max(step * np.ceil(limit / step - 1e-9), 1.0)
+        limit = _round_limit(limit, shown)
         low, high = -limit, limit
     if shown.lowest is not None:
         low = shown.lowest
@@ -74,3 +77,15 @@ def colour_scale(values: np.ndarray, shown: Shown) -> ScalarMappable:
         middle = 0.5 * (low + high)
         low, high = middle - 0.005 * abs(middle), middle + 0.005 * abs(middle)
     return ScalarMappable(Normalize(low, high), shown.colour_map)
+
+
+def _round_limit(limit: float, shown: Shown) -> float:
+    """Return the next round number that the colours of a signed field end at."""
+    least = LEAST_LIMIT.get(shown.unit, 0.0)
+    if limit <= least:
+        return least
+    if shown.unit == "°":
+        step = 5.0 if limit > 10.0 else 1.0
+    else:
+        step = 10.0 ** np.floor(np.log10(limit)) * 0.5
+    return float(step * np.ceil(limit / step - 1e-9))

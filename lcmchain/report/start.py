@@ -29,6 +29,7 @@ def draw_initial(
     tools: Sequence[tuple[str, np.ndarray, np.ndarray]] = (),
     *,
     title: str = "",
+    marks: Sequence[Sequence[float]] = (),
 ) -> None:
     """Draw the start: blank with mesh and fibre directions, tools, and a cut that shows gaps.
 
@@ -38,6 +39,7 @@ def draw_initial(
     blank : undeformed mesh.
     tools : name, points [m] (P, 3) and triangles (F, 3) of every tool at travel 0.
     title : of the scene.
+    marks : places [m] where tools reach into the blank; the cut goes through the first.
 
     Raises
     ------
@@ -64,10 +66,15 @@ def draw_initial(
         gap_axis = figure.add_axes((0.575, 0.07, 0.39, 0.225))
         _draw_start(oblique_axis, points, faces, rim, shapes)
         _draw_fibres(map_axis, blank, points, faces, rim, shapes)
-        middle = round(0.5 * (low[1] + high[1]), 6) + 0.0  # no minus zero in the title
+        where = 1e3 * np.asarray(marks, dtype=float).reshape(-1, 3)
+        middle = where[0, 1] if len(where) else 0.5 * (low[1] + high[1])
+        middle = round(middle, 6) + 0.0  # no minus zero in the title
         thickness = 1e3 * blank.thickness
         _draw_cut(cut_axis, points, rim, thickness, shapes, middle, box)
         _draw_gaps(gap_axis, points, rim, thickness, shapes, middle, box)
+        _draw_marks(map_axis, where[:, :2])
+        for axis in (cut_axis, gap_axis):
+            _draw_marks(axis, where[:1, [0, 2]])
         edges = np.linalg.norm(points[faces[:, 1]] - points[faces[:, 0]], axis=1)
         subtitle = (
             f"{title + '  ·  ' if title else ''}{len(faces):,} elements, "
@@ -115,6 +122,14 @@ def _draw_fibres(axis, blank: BlankMesh, points, faces, rim, shapes) -> None:
     fit_axis(axis, points[:, :2], 0.12)
     axis.set_title("from above, tools dashed", color=FAINT, loc="left")
     label_axes(axis, "x [mm]", "y [mm]")
+
+
+def _draw_marks(axis, places) -> None:
+    """Circle the places where tools reach into the blank."""
+    if len(places):
+        label = "in the blank"
+        axis.scatter(*places.T, s=180, fc="none", ec="#d1001f", lw=2.0, zorder=9, label=label)
+        axis.scatter(*places.T, s=40, marker="x", color="#d1001f", lw=1.6, zorder=9)
 
 
 def _draw_cut(axis, points, rim, thickness, shapes, y, box) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from lcmchain.errors import shortened
 from lcmchain.scene.walk import (
     annotation_at,
     choices_of,
@@ -43,6 +44,9 @@ _TABLE_EXAMPLES = {
     "bending": "[material.bending]",
 }
 
+#: Wrong entries that are explained; a file with more of them has one cause.
+MOST_PROBLEMS = 200
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -58,13 +62,15 @@ class Problem:
 def problems_of(error: ValidationError, data: dict[str, Any]) -> list[Problem]:
     """Explain a validation error of a scene, one problem per wrong entry, in file order.
 
+    Only the first ``MOST_PROBLEMS`` are explained.
+
     Parameters
     ----------
     error : raised when `data` was validated as a Scene.
     data : the parsed TOML document, overrides included.
     """
     problems = []
-    for details in error.errors(include_url=False):
+    for details in error.errors(include_url=False)[:MOST_PROBLEMS]:
         location = _without_tags(details["loc"], data)
         field = details.get("ctx", {}).get("field", "")
         key = key_text(location, data)
@@ -102,7 +108,7 @@ def key_text(location: Sequence[str | int], data: Any) -> str:
             text += f"[{step}]"
             node = node[step] if isinstance(node, (list, tuple)) and step < len(node) else None
             if isinstance(node, dict) and isinstance(node.get("name"), str):
-                text += f' "{node["name"]}"'
+                text += f' "{shortened(node["name"])}"'
         else:
             text += f".{step}" if text else step
             node = node.get(step) if isinstance(node, dict) else None
@@ -197,7 +203,7 @@ def _listed(choices: Sequence[str]) -> str:
 
 def _toml_like(value: Any) -> str:
     if isinstance(value, str):
-        return f'"{value}"'
+        return f'"{shortened(value)}"'
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):

@@ -8,9 +8,9 @@ import tomllib
 from collections.abc import Sequence
 from typing import Any
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, shortened
 
-_STEP = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(?:\[\d+\])*)")
+_STEP = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(?:\[[0-9]{1,9}\])*)")
 
 
 def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> None:
@@ -29,7 +29,8 @@ def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> None:
         key = key.strip()
         if not separator or not key:
             raise InputError(
-                f'"{override}" is not key=value; for example --set tools.punch.friction=0.2',
+                f'"{shortened(override)}" is not key=value; for example '
+                "--set tools.punch.friction=0.2",
                 key="--set",
             )
         _assign(data, key, parse_value(value_text.strip()))
@@ -38,14 +39,19 @@ def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> None:
 def parse_value(text: str) -> Any:
     """Read the value of an override as TOML, or as plain text where it is none."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, KeyError):
+        document = tomllib.loads(f"value = {text}")
+    except RecursionError:
+        raise InputError("a value has brackets nested far too deeply", key="--set") from None
+    except ValueError:  # no TOML, or a number of thousands of digits
         return text
+    # A text of several lines may be a whole document; all of it is the value.
+    return document["value"] if list(document) == ["value"] else text
 
 
 def _assign(data: dict[str, Any], key: str, value: Any) -> None:
     node: Any = data
     steps: list[Any] = _steps(key)
+    key = shortened(key)
     for position, step in enumerate(steps):
         last = position == len(steps) - 1
         if isinstance(node, list):
@@ -67,8 +73,8 @@ def _steps(key: str) -> list[str | int]:
         match = _STEP.fullmatch(part)
         if match is None:
             raise InputError(
-                f'"{key}" is not a dotted key; for example tools.punch.motion.distance or '
-                "tools[0].friction",
+                f'"{shortened(key)}" is not a dotted key; for example '
+                "tools.punch.motion.distance or tools[0].friction",
                 key="--set",
             )
         steps.append(match["name"])
@@ -81,11 +87,11 @@ def _index_in(entries: list[Any], step: str | int, key: str) -> int:
     if step in names:
         return names.index(step)
     if isinstance(step, int) or step.isdigit():
-        if int(step) < len(entries):
+        if len(str(step)) < 10 and int(step) < len(entries):
             return int(step)
         raise InputError(
-            f'cannot set "{key}": there is no entry {step}, the list has {len(entries)} '
-            "(counted from 0)",
+            f'cannot set "{key}": there is no entry {shortened(str(step))}, the list has '
+            f"{len(entries)} (counted from 0)",
             key="--set",
         )
     known = [name for name in names if isinstance(name, str)]

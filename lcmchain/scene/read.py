@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import re
+import stat
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,12 +13,18 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, shortened
 from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans
-from lcmchain.scene.explain import Problem, key_text, problems_of
+from lcmchain.scene.explain import MOST_PROBLEMS, Problem, key_text, problems_of
+from lcmchain.scene.limits import MOST_BYTES, beyond_limits
 from lcmchain.scene.overrides import apply_overrides
 from lcmchain.scene.presets import PRESETS
 from lcmchain.scene.scene import Scene, SceneSource
+from lcmchain.text_files import decode_text
+
+#: Longest problem, and longest list of them [characters], that a message shows.
+LONGEST_PROBLEM = 400
+LONGEST_LIST = 1800
 
 
 def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
@@ -38,17 +45,17 @@ def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     if path.is_dir():
         raise InputError("is a folder; name the scene file in it, such as scene.toml", file=path)
     try:
-        content = path.read_bytes()
+        with open(path, "rb") as opened:
+            content = opened.read(MOST_BYTES + 1)
     except FileNotFoundError:
         raise InputError("there is no such scene file", file=path) from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from None
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
+    if len(content) > MOST_BYTES:
         raise InputError(
-            f"is not UTF-8 text (byte {error.start}); save the scene file as UTF-8", file=path
-        ) from None
+            f"holds more than {MOST_BYTES // 1_000_000} MB, which no scene file does", file=path
+        )
+    text = decode_text(content, path)
     return scene_from_text(text, path, overrides)
 
 
@@ -71,13 +78,18 @@ def scene_from_text(
     path = None if path is None else Path(path)
     directory = Path.cwd() if path is None else path.resolve().parent
     data = _parse_toml(text, path)
-    apply_overrides(data, overrides)
+    _require_within_limits(data, path)
+    if overrides:
+        apply_overrides(data, overrides)
+        _require_within_limits(data, path)
     try:
         scene = Scene.model_validate(copy.deepcopy(data), context=FROM_FILE)
     except ValidationError as error:
         # Files are looked up even so, to report everything that is wrong at once.
         missing = _missing_files(data, directory)
-        raise _input_error(problems_of(error, data) + missing, path) from None
+        problems = problems_of(error, data) + missing
+        unexplained = max(error.error_count() - MOST_PROBLEMS, 0)
+        raise _input_error(problems, path, unexplained=unexplained) from None
     missing = _missing_files(data, directory)
     if missing:
         raise _input_error(missing, path)
@@ -104,21 +116,43 @@ def _parse_toml(text: str, path: Path | None) -> dict[str, Any]:
         message = f"is not valid TOML: {error}"
         match = re.search(r"at line (\d+)", str(error))
         if match is not None:
-            line = text.splitlines()[int(match[1]) - 1].strip()
+            line = shortened(text.split("\n")[int(match[1]) - 1].strip())
             message += f"\n  {match[1]} | {line}"
             if re.fullmatch(r"[\w.\-\"]+\s*=\s*[+-]?[\d.]+(e[+-]?\d+)?\s*[A-Za-zµ°].*", line):
                 message += '\n  values with units stand in quotes, for example "5 mm"'
-        raise InputError(message, file=path or "scene text") from None
+        raise InputError(message, file=_place(path)) from None
+    except RecursionError:
+        raise InputError("has brackets nested far too deeply", file=_place(path)) from None
+    except ValueError as error:  # a number of thousands of digits
+        raise InputError(f"is not valid TOML: {error}", file=_place(path)) from None
 
 
-def _input_error(problems: list[Problem], path: Path | None) -> InputError:
+def _require_within_limits(data: dict[str, Any], path: Path | None) -> None:
+    problem = beyond_limits(data)
+    if problem is not None:
+        raise _input_error([problem], path)
+
+
+def _place(path: Path | None) -> str:
+    return "scene text" if path is None else str(path)
+
+
+def _input_error(problems: list[Problem], path: Path | None, *, unexplained: int = 0) -> InputError:
     file = None if path is None else str(path)
     if len(problems) == 1:
-        place = f" [{file}]" if file else ""
         key = problems[0].key or None
+        place = f" [{file}]" if file and key else ""
         return InputError(problems[0].message + place, key=key, file=file)
-    lines = "".join(f"\n  {problem}" for problem in problems)
-    return InputError(f"has {len(problems)} errors:{lines}", file=file or "scene text")
+    lines: list[str] = []
+    for problem in problems:
+        line = f"\n  {shortened(str(problem), LONGEST_PROBLEM)}"
+        if sum(map(len, lines)) + len(line) > LONGEST_LIST:
+            break
+        lines.append(line)
+    count = len(problems) + unexplained
+    if len(lines) < count:
+        lines.append(f"\n  and {count - len(lines):,} more")
+    return InputError(f"has {count:,} errors:{''.join(lines)}", file=_place(path))
 
 
 def _missing_files(data: dict[str, Any], directory: Path) -> list[Problem]:
@@ -134,18 +168,29 @@ def _missing_files(data: dict[str, Any], directory: Path) -> list[Problem]:
                 continue
             file = directory / value
             key = key_text((table, index, *path), data)
-            if not file.exists():
+            found = _kind_of(file)
+            if found == "absent":
                 problems.append(
                     Problem(
                         key,
-                        f'there is no file "{value}" in {directory}; file names are relative to '
-                        "the scene file",
+                        f'there is no file "{shortened(value)}" in {directory}; file names are '
+                        "relative to the scene file",
                     )
                 )
-            elif not file.is_file() or file.stat().st_size == 0:
-                what = "is empty" if file.is_file() else "is not a file"
-                problems.append(Problem(key, f'"{value}" {what}'))
+            elif found != "file":
+                problems.append(Problem(key, f'"{shortened(value)}" is {found}'))
     return problems
+
+
+def _kind_of(path: Path) -> str:
+    """Return ``"file"``, or what a path is instead."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):  # absent, not to be reached, or no name that a file can have
+        return "absent"
+    if not stat.S_ISREG(status.st_mode):
+        return "a folder" if stat.S_ISDIR(status.st_mode) else "not a file"
+    return "file" if status.st_size else "empty"
 
 
 # --- what was given and what was defaulted --------------------------------------------------------

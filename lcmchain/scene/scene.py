@@ -30,6 +30,10 @@ from lcmchain.tools.tool import Tool
 #: Text that takes back an optional table, for overrides: TOML has no null.
 NONE = "none"
 
+#: Most tools and meshes to map onto, far above any use: each costs time in every step or file.
+MOST_TOOLS = 200
+MOST_MESHES = 100
+
 
 @dataclass(frozen=True)
 class SceneSource:
@@ -40,7 +44,7 @@ class SceneSource:
     path : the scene file, or None for a text or a scene built in Python.
     directory : folder to which file names in the scene are relative.
     text : text of the scene file; overrides stand at its end as comments.
-    sha256 : of that text; without overrides the same as of the file.
+    sha256 : of that text; without overrides the same as of the file (less a byte-order mark).
     given, defaulted : dotted key and value as text, in the order of the tables.
     """
 
@@ -67,12 +71,18 @@ class Scene(SceneModel):
     )
     contact: Contact = Field(default_factory=Contact)
     tools: Annotated[
-        tuple[Tool, ...], Row("[[tools]] ... for each tool", entries="tables", units=False)
+        tuple[Tool, ...],
+        Row("[[tools]] ... for each tool", entries="tables", units=False, maximum_count=MOST_TOOLS),
     ] = ()
     output: Output = Field(default_factory=Output)
     mapping: Annotated[
         tuple[MappingTarget, ...],
-        Row("[[mapping]] ... for each mesh", entries="tables", units=False),
+        Row(
+            "[[mapping]] ... for each mesh",
+            entries="tables",
+            units=False,
+            maximum_count=MOST_MESHES,
+        ),
     ] = ()
     permeability: Annotated[Permeability | None, AbsentMeans(NONE)] = Field(
         default=None,

@@ -1,16 +1,20 @@
 """Checkpoints: everything that a run needs to go on as if it had never stopped.
 
 The state is written anew each time, the frames once each (:mod:`lcmchain.solver.frame_file`): a
-checkpoint takes the same time however many frames a run has saved.
+checkpoint takes the same time however many frames a run has saved. The first line of the file
+names its format and the SHA-256 of the rest, which in turn holds that of the frames: a checkpoint
+that differs in one bit from what was written is refused before anything of it is read.
 """
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -23,7 +27,8 @@ from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
 FILE_NAME = "checkpoint.npz"
-FORMAT = 5
+FORMAT = 6
+_FIRST_WORDS = b"lcmchain checkpoint"
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,6 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
     snapshots, frame_file = checkpoint.snapshots, checkpoint.frame_file
     frame_file.append([snapshot.arrays for snapshot in snapshots[frame_file.count :]])
     header = {
-        "format": FORMAT,
         "fingerprint": checkpoint.fingerprint._asdict(),
         "wall_s": checkpoint.wall_s,
         "step_history": checkpoint.step_history,
@@ -56,13 +60,21 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
         "energies": [s.energy for s in snapshots],
         "frame_names": sorted(snapshots[0].arrays),
         "frame_bytes": frame_file.length,
+        "frame_sha256": frame_file.sha256,
     }
     arrays: dict[str, Any] = {
         f"state_{name}": array for name, array in checkpoint.state.as_dict().items()
     }
+    content = io.BytesIO()
+    np.savez(content, header=np.array(json.dumps(header)), **arrays)
+    body = content.getbuffer()
     path = Path(folder) / FILE_NAME
-    with replacing(path) as temporary:
-        np.savez(temporary, header=np.array(json.dumps(header)), **arrays)
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        digest = hashlib.sha256(body).hexdigest()
+        file.write(_FIRST_WORDS + f" {FORMAT} {digest}\n".encode())
+        file.write(body)
+        file.flush()
+        os.fsync(file.fileno())  # the one before goes with the name: this one must be on disk
     return path
 
 
@@ -71,36 +83,56 @@ def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
 
     Raises
     ------
-    InputError : there is none, it cannot be read, or it belongs to another run: another scene,
-        other mesh files, or other sources of lcmchain.
+    InputError : there is none, it is damaged, or it belongs to another run: another scene, other
+        mesh files, or other sources of lcmchain.
     """
     path = Path(folder) / FILE_NAME
-    if not path.is_file():
-        raise InputError("there is no checkpoint to resume from; run without --resume", file=path)
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            header = json.loads(str(data["header"]))
-            if header["format"] != FORMAT:
-                raise ValueError(f"format {header['format']} instead of {FORMAT}")
-            state = State.from_arrays(_named(data, "state_"))
-            times = header["times"]
-            frame_file = FrameFile(folder, len(times), header["frame_bytes"])
-            frames = frame_file.read(header["frame_names"])
-            snapshots = [
-                Snapshot(*frame) for frame in zip(times, header["energies"], frames, strict=True)
-            ]
-            found = Fingerprint(**header["fingerprint"])
-    except (OSError, EOFError, BadZipFile, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"this is no readable checkpoint ({error})", file=path) from None
-    if found != fingerprint:
-        raise InputError(
-            f"the checkpoint was written for {found.difference(fingerprint)}; run without "
-            "--resume, or into another folder",
-            file=path,
-        )
+    with np.load(io.BytesIO(_verified_content(path)), allow_pickle=False) as data:
+        header = json.loads(str(data["header"]))
+        found = Fingerprint(**header["fingerprint"])
+        if found != fingerprint:
+            raise InputError(
+                f"the checkpoint was written for {found.difference(fingerprint)}; run without "
+                "--resume, or into another folder",
+                file=path,
+            )
+        state = State.from_arrays(_named(data, "state_"))
+    times = header["times"]
+    frame_file = FrameFile(folder, len(times), header["frame_bytes"])
+    frames = frame_file.read(header["frame_names"], header["frame_sha256"])
+    snapshots = [Snapshot(*frame) for frame in zip(times, header["energies"], frames, strict=True)]
     return Checkpoint(
         found, state, snapshots, float(header["wall_s"]), dict(header["step_history"]), frame_file
     )
+
+
+def _verified_content(path: Path) -> bytes:
+    """Return what follows the first line of a checkpoint, byte for byte as it was written.
+
+    Raises
+    ------
+    InputError : there is no such file, or it is not as it was written.
+    """
+    try:
+        with open(path, "rb") as file:
+            first_line = file.readline(200).split()
+            content = file.read()
+    except FileNotFoundError:
+        raise InputError(
+            "there is no checkpoint to resume from; run without --resume", file=path
+        ) from None
+    except OSError as error:
+        raise InputError(f"the checkpoint cannot be read ({error.strerror})", file=path) from None
+    if len(first_line) != 4 or first_line[:2] != _FIRST_WORDS.split():
+        problem = "this is no checkpoint of lcmchain, or its first line is damaged"
+    elif first_line[2] != str(FORMAT).encode():
+        form = first_line[2].decode("ascii", errors="replace")
+        problem = f"the checkpoint has format {form}, this program reads format {FORMAT}"
+    elif first_line[3] != hashlib.sha256(content).hexdigest().encode():
+        problem = "the checkpoint is damaged (its checksum does not fit)"
+    else:
+        return content
+    raise InputError(f"{problem}; run without --resume", file=path)
 
 
 def _named(data, prefix: str) -> dict[str, np.ndarray]:

@@ -6,11 +6,16 @@ bytes of it are valid; what a killed run has left behind them is cut off before 
 
 from __future__ import annotations
 
+import hashlib
+import io
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+
+from lcmchain.atomic import announce
+from lcmchain.errors import InputError, OutputError
 
 FILE_NAME = "checkpoint_frames.npy"
 
@@ -21,36 +26,67 @@ class FrameFile:
     def __init__(self, folder: Path, count: int = 0, length: int = 0) -> None:
         self.path = Path(folder) / FILE_NAME
         self.count, self.length = count, length
+        self._digest = hashlib.sha256()
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the valid bytes."""
+        return self._digest.hexdigest()
 
     def append(self, frames: Sequence[dict[str, np.ndarray]]) -> None:
-        """Write the arrays of further frames behind the valid part, in the order of their names."""
+        """Write the arrays of further frames behind the valid part, in the order of their names.
+
+        Raises
+        ------
+        OutputError : writing failed; the valid part is as before.
+        """
         if not frames:
             return
-        with open(self.path, "r+b" if self.length else "wb") as file:
-            file.truncate(self.length)
-            file.seek(self.length)
-            for frame in frames:
-                for name in sorted(frame):
-                    np.save(file, frame[name], allow_pickle=False)
-            file.flush()
-            os.fsync(file.fileno())  # the checkpoint that counts these bytes must not precede them
-            self.length = file.tell()
+        content = io.BytesIO()
+        for frame in frames:
+            for name in sorted(frame):
+                np.save(content, frame[name], allow_pickle=False)
+        announce(self.path)
+        try:
+            with open(self.path, "r+b" if self.length else "wb") as file:
+                file.truncate(self.length)
+                file.seek(self.length)
+                file.write(content.getbuffer())
+                file.flush()
+                os.fsync(file.fileno())  # the checkpoint that counts these bytes comes after them
+        except OSError as error:
+            raise OutputError(error.strerror or str(error), file=self.path) from error
+        self._digest.update(content.getbuffer())
+        self.length += content.getbuffer().nbytes
         self.count += len(frames)
 
-    def read(self, names: Sequence[str]) -> list[dict[str, np.ndarray]]:
+    def read(self, names: Sequence[str], sha256: str) -> list[dict[str, np.ndarray]]:
         """Read all frames, each with arrays of these names.
 
         Raises
         ------
-        OSError, EOFError, ValueError : the file is not that of the checkpoint.
+        InputError : the file is absent, or not as it was written.
         """
         if self.count == 0:
             return []
-        with open(self.path, "rb") as file:
-            frames = [
-                {name: np.load(file, allow_pickle=False) for name in sorted(names)}
-                for _ in range(self.count)
-            ]
-            if file.tell() != self.length:
-                raise ValueError(f"{FILE_NAME} has other frames")
-        return frames
+        try:
+            with open(self.path, "rb") as file:
+                content = file.read(self.length)
+        except OSError as error:
+            raise InputError(
+                f"the frames of the checkpoint cannot be read ({error.strerror}); run without "
+                "--resume",
+                file=self.path,
+            ) from None
+        self._digest = hashlib.sha256(content)
+        if self.sha256 != sha256:
+            raise InputError(
+                "the frames of the checkpoint are damaged (their checksum does not fit); run "
+                "without --resume",
+                file=self.path,
+            )
+        arrays = io.BytesIO(content)
+        return [
+            {name: np.load(arrays, allow_pickle=False) for name in sorted(names)}
+            for _ in range(self.count)
+        ]

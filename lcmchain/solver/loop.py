@@ -136,6 +136,7 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, d
     tool_y = arrays.tool_velocity[tool] * tools.direction[tool, 1]
     tool_z = arrays.tool_velocity[tool] * tools.direction[tool, 2]
     coefficient = tools.friction[tool]
+    overlap = tools.initial_overlap[tool]
     ratio = environment.tangential_ratio
     force_x, force_y, force_z, gap_min = 0.0, 0.0, 0.0, 0.0
     for node in range(first, last):
@@ -144,7 +145,7 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, d
         gap, nx, ny, nz = signed_distance(
             tools, tool, position[0, node], position[1, node], position[2, node], travel
         )
-        gap -= arrays.offset[node]
+        gap -= arrays.offset[node] - overlap
         s = (stick[tool, 0, node], stick[tool, 1, node], stick[tool, 2, node])
         stiffness = environment.penalty * arrays.area[node]
         if gap >= 0.0:

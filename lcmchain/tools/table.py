@@ -24,6 +24,8 @@ class ToolTable(NamedTuple):
     aligned : 1 where the rotation is the identity, shape [T].
     direction : unit directions of travel, shape [T, 3].
     friction : Coulomb friction coefficients, shape [T].
+    initial_overlap : depth [m] in the tool up to which a node exerts no force, shape [T], see
+        :mod:`lcmchain.tools.initial_overlap`.
     motion_kind : FIXED, PRESCRIBED or GUIDED, shape [T].
     mass, force, damping, gravity_along, ramp : of guided tools: mass [kg], force along the
         direction [N], viscous damping [N s/m], acceleration of gravity along the direction
@@ -45,6 +47,7 @@ class ToolTable(NamedTuple):
     aligned: np.ndarray
     direction: np.ndarray
     friction: np.ndarray
+    initial_overlap: np.ndarray
     motion_kind: np.ndarray
     mass: np.ndarray
     force: np.ndarray
@@ -77,6 +80,7 @@ def build_tool_table(
     process_time: float,
     *,
     default_friction: float = 0.0,
+    blank: np.ndarray | None = None,
 ) -> ToolTable:
     """Turn the tools of a scene into the arrays that the solver's kernels read.
 
@@ -86,6 +90,8 @@ def build_tool_table(
     directory : folder of the scene file, to which mesh files are relative.
     process_time : simulated time [s], the end of strokes that do not give one.
     default_friction : friction coefficient of tools that do not give one.
+    blank : positions [m] of the blank's nodes at the start, shape [node_count, 3], on whose side
+        open surface meshes are free; None leaves these as their files have them.
 
     Raises
     ------
@@ -98,11 +104,15 @@ def build_tool_table(
         if a surface mesh had to be repaired or is not well resolved by its distance field.
     """
     keys = [f'tools[{i}] "{tool.name}"' for i, tool in enumerate(tools)]
-    shapes = [
-        tool.shape.table_entries(directory, key=f"{key}.shape")  # type: ignore[arg-type]
-        for tool, key in zip(tools, keys)
-    ]
     axes = [tool.local_axes(key=f"{key}.axis") for tool, key in zip(tools, keys)]
+    shapes = [
+        tool.shape.table_entries(
+            directory,  # type: ignore[arg-type]
+            key=f"{key}.shape",
+            blank=None if blank is None else in_frame_of(tool, own, blank),
+        )
+        for tool, key, own in zip(tools, keys, axes)
+    ]
     motions = [
         tool.motion.table_entries(own[2], process_time, key=f"{key}.motion")
         for tool, own, key in zip(tools, axes, keys)
@@ -127,6 +137,7 @@ def build_tool_table(
             [default_friction if tool.friction is None else tool.friction for tool in tools],
             dtype=float,
         ),
+        initial_overlap=np.zeros(count),
         motion_kind=column("motion_kind", np.int64),
         mass=column("mass"),
         force=column("force"),
@@ -152,6 +163,11 @@ def build_tool_table(
         coefficients=_joined(parts("coefficients"), np.zeros(0, np.float32)),
         far_bound=_joined(parts("far_bound"), np.zeros(0, np.int8)),
     )
+
+
+def in_frame_of(tool: Tool, axes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return points [m], shape [point_count, 3], in the local frame of a tool with these axes."""
+    return (points - np.array(tool.position, dtype=float)) @ axes.T
 
 
 def _starts(parts) -> np.ndarray:

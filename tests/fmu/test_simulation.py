@@ -5,10 +5,13 @@ import re
 import fmpy
 import numpy as np
 import pytest
+import xarray as xr
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import fmi2LastSuccessfulTime, fmi2Terminated
 
 from lcmchain.fields import derive_fields, read_forming
+from lcmchain.fmu.build import build_fmu
+from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
 from lcmchain.solver.simulation import Simulation
 
@@ -97,9 +100,40 @@ def test_result_file_has_the_frames_of_the_scene(unit, scene_file, direct, tmp_p
         output=["punch.travel"],
     )
     sheet = sheet_of(out)
-    np.testing.assert_allclose(sheet["frame_time"], [0.0, 1e-3, 2e-3, 3e-3], rtol=1e-9)
+    np.testing.assert_allclose(sheet["time"], [0.0, 1e-3, 2e-3, 3e-3], rtol=1e-9)
     np.testing.assert_array_equal(sheet["thickness"][-1], fields_of(direct)["thickness"])
     assert [path.name for path in out.iterdir()] == ["forming.nc"]
+
+
+def test_result_file_is_that_of_a_run(scene_file, tmp_path):
+    """Every group, field, history and attribute, at the same communication points."""
+    scene = tmp_path / "scene.toml"
+    law = '[permeability]\nlaw = "gebart"\nfibre_radius = "3.5 um"\n'
+    scene.write_text(scene_file.read_text(encoding="utf-8") + law, encoding="utf-8")
+    fmpy.simulate_fmu(
+        str(build_fmu(scene, tmp_path / "dome.fmu")),
+        stop_time=POINTS[-1],
+        output_interval=1e-3,  # of the frames
+        start_values={"out_dir": str(tmp_path / "unit")},
+        output=["punch.travel"],
+    )
+    quick = ["output.pictures=false", "output.vtu=false"]
+    run(read_scene(scene, quick), tmp_path / "run")
+    with (
+        xr.open_datatree(tmp_path / "unit" / "forming.nc") as of_unit,
+        xr.open_datatree(tmp_path / "run" / "forming.nc") as of_run,
+    ):
+        assert of_unit.groups == of_run.groups
+        assert "permeability_direction_2_y" in of_unit
+        for group in of_run.groups:
+            xr.testing.assert_equal(of_unit[group].to_dataset(), of_run[group].to_dataset())
+            for name, variable in of_run[group].variables.items():
+                assert str(of_unit[group][name].attrs) == str(variable.attrs), (group, name)
+        changed = {"history", "scene", "scene_sha256"}  # its time, and the overrides of the run
+        expected = {key: of_run.attrs[key] for key in of_run.attrs.keys() - changed}
+        assert of_unit.attrs.keys() == of_run.attrs.keys()
+        assert {key: of_unit.attrs[key] for key in expected} == expected
+        assert of_unit.attrs["state"] == "complete"
 
 
 # --- inputs ---------------------------------------------------------------------------------------
@@ -197,7 +231,10 @@ def test_serialized_state_goes_on_in_another_instance(new_master, tmp_path):
     other.step(time, STEP)
     np.testing.assert_array_equal(other.field("thickness"), one.field("thickness"))
     other.slave.terminate()
-    np.testing.assert_allclose(sheet_of(tmp_path)["frame_time"], [0.0, 1e-3, 1.5e-3], rtol=1e-9)
+    sheet = sheet_of(tmp_path)
+    np.testing.assert_allclose(sheet["time"], [0.0, 1e-3, 1.5e-3], rtol=1e-9)
+    early = "stopped: the master ended the simulation after 1.5 of 3 ms"
+    assert sheet.attrs["state"] == early
 
 
 def test_reset_starts_over(new_master):
@@ -254,7 +291,9 @@ def test_master_that_ignores_the_failed_step_is_told_at_the_end(unit, capfd, tmp
             start_values=start_values,
         )
     assert "the results end at 0 s" in capfd.readouterr().err
-    assert sheet_of(tmp_path)["thickness"].shape == (1, 400), "the last good frame is kept"
+    sheet = sheet_of(tmp_path)
+    assert sheet["thickness"].shape == (1, 400), "the last good frame is kept"
+    assert re.match(r"stopped: .* was stopped and undone: .*element \d+", sheet.attrs["state"])
 
 
 @pytest.mark.parametrize(

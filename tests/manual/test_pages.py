@@ -136,7 +136,7 @@ def test_the_scene_reference_holds_every_key():
 
 def test_the_scene_reference_says_unit_range_default_and_meaning():
     text = PAGES["scene-reference"].text
-    assert '| `edge_length` | length, as `"5 mm"`, positive | required | Edge length' in text
+    assert '| `edge_length` | length (m), as `"5 mm"`, positive | required | Edge length' in text
     assert "| `step_safety` | number, as `0.9`, above 0 and at most 1 | `0.9` |" in text
     assert '`"normal"` or `"director"` | `"normal"` |' in text
     assert '### [tools.shape] type = "plate_with_hole"' in text

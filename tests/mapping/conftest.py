@@ -74,7 +74,7 @@ def forming_result(points, faces, frames=2, **fields) -> xr.Dataset:
         values = np.broadcast_to(np.asarray(values, dtype=float), len(faces))
         history = np.stack([values * (k + 1) / frames for k in range(frames)])
         attributes = {"units": units, "long_name": name, "mesh": "sheet", "location": "face"}
-        dataset[name] = (("frame", "sheet_face"), history, attributes)
+        dataset[name] = (("time", "sheet_face"), history, attributes)
 
     units = {"thickness": "m", "areal_fibre_mass": "kg m-2", "shear_angle": "rad"}
     for name, values in {"thickness": 1e-3, "fibre_volume_fraction": 0.5, **fields}.items():

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from lcmchain.errors import InputError
+from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping import MappingWeights, map_file, map_forming, read_sheet, read_target
 
 FIELDS = ["thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle"]
@@ -175,6 +176,144 @@ def test_coordinates_in_millimetres(result, part, tmp_path):
         map_file(result, path, tmp_path / "mapped.nc", length_unit="kg")
 
 
+@pytest.mark.parametrize("scale", [1e3, 25.4, 1e-3, 1 / 25.4])
+def test_a_wrong_unit_is_told_also_where_cells_may_stay_unmapped(result, part, tmp_path, scale):
+    """And no cell takes values from farther away than an edge of the sheet."""
+    path = part(scale=scale)
+    try:
+        report = map_file(result, path, tmp_path / "mapped.nc", allow_unmapped=True, picture=False)
+    except InputError as error:
+        assert "check length_unit" in str(error) and not list(tmp_path.glob("mapped*"))
+        return
+    assert any("check length_unit" in warning for warning in report.warnings)
+    assert report.worst_distance < 0.01
+    values = meshio.read(tmp_path / "mapped.vtu").cell_data
+    status, distance = values["mapping_status"][0], values["mapping_distance"][0]
+    assert np.isnan(values["thickness"][0][status == 3]).all()
+    assert np.nanmax(distance, initial=0.0) < 0.01
+
+
+def test_a_mesh_of_the_size_of_the_sheet_gives_no_hint(result, part, tmp_path):
+    for half in (0.04, 0.02):
+        report = map_file(result, part(half=half), tmp_path / "mapped.nc", picture=False)
+        assert not any("length_unit" in warning for warning in report.warnings)
+
+
+def test_a_mesh_nowhere_near_the_sheet_is_refused_in_any_case(result, make, write_mesh, tmp_path):
+    points, quads = make.grid(4, 4, (5.0, 5.0), (5.1, 5.1))
+    path = write_mesh(make.lifted(points), [("quad", quads)])
+    with pytest.raises(InputError, match="16 of 16 cells have no sheet within") as error:
+        map_file(result, path, tmp_path / "out" / "mapped.nc", allow_unmapped=True)
+    assert "allow unmapped" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
+
+
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [
+        ([("triangle", [[0, 1, 9]])], "1 triangle cells have nodes that do not exist .cell 0."),
+        ([("quad", [[0, 1, 2, 3], [0, 1, 2, -2]])], "nodes that do not exist .cell 1."),
+        ([("triangle", [[0, 1, 2]]), ("quad", [[0, 1, 1, 0]])], "no area .cell 1."),
+        ([("triangle", [[0, 1, 1]] * 9)], "9 triangle cells have no area .cell 0, 1, 2, 3, 4, ..."),
+        ([("quad", [[0, 2, 1, 3]])], "no area"),
+        ([("tetra", [[0, 1, 2, 3]])], "no volume"),
+        ([("hexahedron", [[0, 1, 2, 3, 0, 1, 2, 3]])], "no volume"),
+        ([("line", [[0, 1]])], "no shells or solids to map onto .cell types found: line."),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_cells_that_are_none_are_refused(cells, words, write_mesh):
+    path = write_mesh(POINTS, [(name, np.array(nodes)) for name, nodes in cells])
+    with pytest.raises(InputError, match=words):
+        read_target(path)
+
+
+def test_nodes_at_no_place_are_refused(write_mesh):
+    for value, words in ((np.nan, "places that are not finite"), (1e200, "beyond 1e")):
+        points = POINTS.copy()
+        points[1, 0] = value
+        path = write_mesh(points, [("triangle", np.array([[0, 1, 2]]))])
+        with pytest.raises(InputError, match=words):
+            read_target(path)
+
+
+def test_a_quadrilateral_that_stands_for_a_triangle_is_read(write_mesh):
+    assert read_target(write_mesh(POINTS, [("quad", np.array([[0, 1, 2, 2]]))])).cell_count == 1
+
+
+def test_folders_are_said_to_be_folders(result, part, tmp_path):
+    with pytest.raises(InputError, match="is a folder"):
+        map_file(result, tmp_path, tmp_path / "mapped.nc")
+    with pytest.raises(InputError, match="is a folder"):
+        map_file(tmp_path, part(), tmp_path / "mapped.nc")
+    (tmp_path / "folder.nc").mkdir()
+    with pytest.raises(InputError, match="is a folder"):
+        map_file(result, part(), tmp_path / "folder.nc")
+
+
+def thicker(dataset, value):
+    dataset["thickness"].values[..., 3] = value
+
+
+def faces(dataset, value):
+    dataset["sheet_face_nodes"].values[3, 1:] = value
+
+
+#: What is done to a sound file, and words of the message.
+DAMAGES = {
+    "no mesh": (lambda d: d.drop_vars("sheet"), "has one two-dimensional mesh, this has 0"),
+    "no faces": (lambda d: d.drop_vars("sheet_face_nodes"), 'no variable "sheet_face_nodes"'),
+    "no nodes": (lambda d: d.drop_vars("sheet_node_z"), "no x, y and z node coordinates"),
+    "no fields": (lambda d: d.drop_vars(["thickness", "fibre_volume_fraction"]), "has no field"),
+    "negative thickness": (lambda d: thicker(d, -1e-3), "thickness of face 3 is -0.001"),
+    "huge thickness": (lambda d: thicker(d, 1e300), r"thickness of face 3 is 1e\+300"),
+    "thickness that is none": (lambda d: thicker(d, np.nan), "thickness of face 3 is not finite"),
+    "node that does not exist": (lambda d: faces(d, 999), "nodes that do not exist"),
+    "negative node": (lambda d: faces(d, -7), "nodes that do not exist"),
+    "face without area": (lambda d: faces(d, 0), "1 faces of the mesh have no area, .* face 3"),
+    "positions in millimetres": (
+        lambda d: d["sheet_node_x"].attrs.update(units="mm"), 'sheet_node_x is in "mm"'
+    ),
+    "thickness in millimetres": (
+        lambda d: d["thickness"].attrs.update(units="mm"), 'has it in "m"; convert'
+    ),
+    "one component of a fibre": (
+        lambda d: d.assign(fibre_direction_1_x=d["fibre_volume_fraction"]), "only the components"
+    ),
+    "numbering from 7": (
+        lambda d: d["sheet_face_nodes"].attrs.update(start_index=np.int32(7)), "start_index"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_source_is_refused(damage, make, tmp_path):
+    points, quads = make.grid(3, 3)
+    change, words = DAMAGES[damage]
+    dataset = make.forming_result(make.lifted(points), quads)
+    dataset["thickness"].values.setflags(write=True)
+    changed = change(dataset)
+    write_netcdf(tmp_path / "forming.nc", {"/": dataset if changed is None else changed})
+    with pytest.raises(InputError, match=words) as error:
+        read_sheet(tmp_path / "forming.nc")
+    assert "forming.nc" in str(error.value)
+
+
+def test_a_source_of_which_a_part_is_missing_is_refused(make, tmp_path):
+    points, quads = make.grid(3, 3)
+    path = tmp_path / "forming.nc"
+    write_netcdf(path, {"/": make.forming_result(make.lifted(points), quads)})
+    content = path.read_bytes()
+    assert read_sheet(path).surface.face_count == 9
+    for size in (0, 10, len(content) // 2, len(content) - 100):
+        path.write_bytes(content[:size])
+        with pytest.raises(InputError, match="not a netCDF forming result"):
+            read_sheet(path)
+
+
 def test_weights_are_stored_and_used_again(result, part, tmp_path):
     path, stored = part(), tmp_path / "weights.npz"
     first = map_file(result, path, tmp_path / "a.nc", weights_file=stored, picture=False)
@@ -297,7 +436,7 @@ def test_positions_and_fields_belong_to_the_same_frame(make, write_mesh, tmp_pat
     for k, axis in enumerate("xyz"):
         moves = np.stack([0.0 * formed[:, k], formed[:, k] - flat[:, k]])
         result[f"reference_position_{axis}"] = ("sheet_node", flat[:, k])
-        result[f"displacement_{axis}"] = (("frame", "sheet_node"), moves)
+        result[f"displacement_{axis}"] = (("time", "sheet_node"), moves)
     np.testing.assert_allclose(read_sheet(result).surface.points, formed, atol=1e-15)
     np.testing.assert_array_equal(read_sheet(result, frame=0).surface.points, flat)
     report = map_file(

@@ -27,16 +27,19 @@ RANK_OF_CORE = {
     "compile_cache": 0,
     "errors": 0,
     "atomic": 0,
+    "text_files": 0,
     "fingerprint": 0,
     "jit": 0,
     "dispatch": 0,
     "threads": 0,
+    "thresholds": 0,
     "quantities": 1,
     "mesh": 2,
     "elements": 3,
     "materials": 3,
     "effects": 3,
     "tools": 3,
+    "results": 4,
     "scene": 4,
     "model": 4,
     "state": 4,
@@ -52,6 +55,7 @@ RANK_OF_CORE = {
     "forming_run": 7,
     "summary": 7,
     "pipeline": 7,
+    "provenance": 5,
     "manual": 7,
     "__main__": 8,
     "commands": 8,
@@ -251,6 +255,8 @@ def test_wheel_works_outside_the_checkout(tmp_path):
         if file.is_file()
     } == pages
     assert any(page.endswith(".png") for page in pages)
+    packed_report = {file.name for file in (site / "lcmchain" / "report" / "assets").iterdir()}
+    assert packed_report == {"report.html", "report.css", "report.js"}
 
     code = f"""
 import importlib, pathlib

@@ -172,7 +172,7 @@ def test_file_holds_triangles_without_thickness(result):
 def test_fields_are_those_of_the_deformed_triangles(result):
     """Recomputed from the corners: fibres are the legs of the triangles."""
     sheet = result.datasets["/"]
-    faces, last = sheet_faces(sheet)[:, :3], sheet.isel(frame=-1)
+    faces, last = sheet_faces(sheet)[:, :3], sheet.isel(time=-1)
     reference = sheet_positions(sheet, 0)[faces]
     formed = sheet_positions(sheet)[faces]
     for number, axis in (("1", 0), ("2", 1)):

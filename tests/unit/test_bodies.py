@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 import vtk
+import xarray as xr
 import xugrid
 
 from lcmchain.elements.solid_shell.reference import ElementOptions
@@ -199,7 +200,7 @@ def test_every_body_is_a_mesh_in_a_group_of_its_own(written):
         assert grid.n_face == body.mesh.element_count
         group = opened(path, body.name)
         assert group.attrs["material"] == body.material.name
-        assert group["shear_angle"].dims == ("frame", f"{body.name}_face")
+        assert group["shear_angle"].dims == ("time", f"{body.name}_face")
         assert ("thickness" in group) == (body.name != "flat")
         assert ("largest_compaction_strain" in group) == (body.name == "set")
     for name in ("fabric", "set"):
@@ -207,6 +208,17 @@ def test_every_body_is_a_mesh_in_a_group_of_its_own(written):
         assert solid.sizes["solid_volume"] == opened(path, name).sizes[f"{name}_face"]
     with h5py.File(path) as file:
         assert "solid" in file["fabric"] and "solid" not in file["flat"]
+
+
+def test_saved_states_are_selected_by_time_in_the_group_of_every_sheet(written):
+    path, sim = written
+    with xr.open_datatree(path) as tree:
+        groups = {"/", "/fabric", "/fabric/solid", "/set", "/set/solid", "/flat", "/history"}
+        assert set(tree.groups) == groups
+        last = tree.sel(time=sim.time, method="nearest")
+        for group in groups - {"/history"}:
+            moved = tree[group]["displacement_z"]
+            np.testing.assert_array_equal(last[group]["displacement_z"], moved[-1])
 
 
 def test_the_root_holds_all_sheets_together(written):

@@ -181,8 +181,11 @@ def test_energies_of_the_last_sample_are_those_of_the_end(simulation, histories)
 def test_the_file_holds_the_histories_with_a_time_of_their_own(datasets, histories, tmp_path):
     write_forming_netcdf(tmp_path / "forming.nc", datasets)
     history = read_group(tmp_path / "forming.nc", "history")
-    assert (history.sizes["history_time"], history.sizes["frame"]) == (10, 1)
-    np.testing.assert_array_equal(history["history_time"], histories.time)
+    assert (history.sizes["history_time"], history.sizes["time"]) == (10, 1)
+    np.testing.assert_array_equal(history.indexes["history_time"], histories.time)
+    with xr.open_datatree(tmp_path / "forming.nc") as tree:
+        assert tree["history"].sizes["history_time"] == 10
+        assert tree["history"].indexes["time"].equals(tree.indexes["time"])
     for axis, name in enumerate("xyz"):
         found = history[f"history_tool_force_{name}"]
         assert found.dims == ("history_time", "tool")

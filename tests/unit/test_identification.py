@@ -489,6 +489,11 @@ GOOD = "displacement [mm],force [N]\n" + "".join(f"{i},{0.3 * i}\n" for i in ran
         ("".join(GOOD.splitlines(keepends=True)[:5]), "4 rows of data; at least 8"),
         (GOOD.replace("11,3.3", "70,3.3"), 'line 12, column "displacement": is 70 mm; the fibres'),
         (GOOD.replace(",", ",-").replace(",-force", ",force"), "force is not positive"),
+        (GOOD.replace("\n5,1.5", "\n5,1e308"), 'line 6, column "force": 1e.308 is too large'),
+        (GOOD.replace("\n5,1.5", "\n5,1e-320"), 'line 6, column "force": .* is too small'),
+        (GOOD.replace("\n", ",1" * 300 + "\n"), "302 columns and 11 rows; at most 200"),
+        (GOOD + "12,3.6\n" * 30_000, "2 columns and 30,011 rows; at most 200 and 20,000"),
+        (GOOD + "#" * 21_000_000, "more than 20 MB"),
     ],
 )
 def test_wrong_files_are_told(text, message, tmp_path):
@@ -523,6 +528,7 @@ def test_units_separators_and_specimens(tmp_path):
     [
         (["shear", "shear.csv", "--length", "320"], "--length"),
         (["shear", "shear.csv", "--width", "200 mm"], "twice as long as wide"),
+        (["shear", "shear.csv", "--width", "200 mm"], "--length and --width: "),
         (["shear", "shear.csv", "--method", "guess"], "--method"),
         (["shear", "nothing.csv"], "there is no such file"),
         (["shear", "compaction.csv"], 'no column "displacement"'),

@@ -230,7 +230,7 @@ def test_the_history_is_a_field_of_the_result(cycle):
     frames = FrameSeries.from_snapshots(snapshots, simulation.model.tool_names)
     sheet = model_datasets(scene(), simulation.model, frames)["/"]
     most = sheet["largest_compaction_strain"]
-    assert most.dims == ("frame", "sheet_face") and most.attrs["units"] == "1"
+    assert most.dims == ("time", "sheet_face") and most.attrs["units"] == "1"
     assert most.attrs["location"] == "face" and "thinnest" in most.attrs["long_name"]
     E33 = 0.5 * ((sheet["thickness"] / THICKNESS) ** 2 - 1.0)
     np.testing.assert_allclose(most[:21], E33[:21].clip(max=0.0), rtol=0.05, atol=2e-3)

@@ -11,6 +11,7 @@ from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.mesh.blank import build_blank
 from lcmchain.report import draw_initial, draw_result
+from lcmchain.report.captions import CAPTIONS
 from lcmchain.report.renderer import (
     axes_at,
     draw_colour_bar,
@@ -44,7 +45,7 @@ fibre_angle = "45 deg"
 [material]
 preset = "MD600"
 """
-SHEAR, THICKNESS, FRACTION = SHOWN
+SHEAR, THICKNESS, FRACTION, WRINKLES = SHOWN
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +91,14 @@ def test_pictures_of_a_result(scene, blank, tmp_path):
         "shear_angle.png",
         "thickness.png",
         "fibre_volume_fraction.png",
+        "wrinkle_height.png",
+        "fibre_directions.png",
+        "sections.png",
         "energy.png",
         "force.png",
+        "force_over_travel.png",
     ]
+    assert {file.name for file in files} <= set(CAPTIONS)
     for file in files:
         height, width = imread(file).shape[:2]
         assert width > 1200
@@ -111,7 +117,8 @@ def test_a_colour_is_a_value(scene, blank, tmp_path):
 
 def test_without_tools_there_is_no_force(scene, blank, tmp_path):
     files = draw_result(tmp_path, result(scene, blank, 0.005, tools=False))
-    assert "force.png" not in [file.name for file in files]
+    names = {file.name for file in files}
+    assert not names & {"force.png", "force_over_travel.png", "tools.png"}
     assert not (tmp_path / "force.png").exists()
 
 
@@ -138,6 +145,12 @@ def test_unwritable_picture_is_an_input_error(scene, blank, tmp_path):
 def test_shear_colours_are_symmetric():
     scale = colour_scale(np.array([-3.0, 1.0, 41.3]), SHEAR)
     assert (scale.norm.vmin, scale.norm.vmax) == (-45.0, 45.0)
+
+
+@pytest.mark.parametrize(("largest", "limit"), [(0.88, 0.9), (4.07, 4.5), (0.003, 0.1), (0.0, 0.1)])
+def test_wrinkle_colours_end_at_round_heights(largest, limit):
+    norm = colour_scale(np.array([-0.6 * largest, largest]), WRINKLES).norm
+    assert (norm.vmin, norm.vmax) == pytest.approx((-limit, limit))
 
 
 def test_a_few_outliers_do_not_flatten_the_colours():
@@ -169,6 +182,7 @@ def test_values_in_words():
         "shear angle [°]",
         "thickness [mm]",
         "fibre volume fraction",
+        "height of wrinkles [mm]",
     ]
 
 

@@ -6,6 +6,7 @@ import warnings
 import meshio
 import numpy as np
 import pytest
+import xarray as xr
 
 from lcmchain import cli, pipeline
 from lcmchain.errors import InputError, MappingError
@@ -81,7 +82,11 @@ def test_a_failed_mapping_leaves_the_forming_results(failed, folder):
     scene = read_scene(folder / "scene.toml")
     assert summary["scene_sha256"] == scene.source.sha256
     assert summary["run_fingerprint"] == run_fingerprint(scene).sha256
-    assert read_forming(out / "forming.nc").sizes["frame"] == 3
+    sheet = read_forming(out / "forming.nc")
+    assert sheet.sizes["time"] == 3 and sheet.attrs["state"] == "complete"
+    with xr.open_dataset(out / "near.nc") as mapped:
+        assert mapped.attrs["source_file"] == "forming.nc"
+        assert mapped.attrs["state"] == "complete"
     assert summary["mapping"]["near"]["status_count"]["unmapped"] == 0
     assert (out / "near.nc").is_file() and not (out / "far.nc").exists()
     assert "no sheet within 3 mm" in summary["mapping"]["far"]["error"]
@@ -117,7 +122,8 @@ def test_resume_maps_without_forming_again(failed, folder, tmp_path, monkeypatch
     before = error.result.summary
     changed = {key for key in before if before[key] != result.summary[key]}
     assert changed <= {
-        "scene_sha256", "wall_s", "compile_s", "us_per_element_step", "mapping"
+        "scene_sha256", "wall_s", "compile_s", "us_per_element_step", "mapping", "run", "state",
+        "provenance",
     }  # fmt: skip
     assert result.summary["wall_s"] == pytest.approx(before["wall_s"], abs=0.5)
 

@@ -241,7 +241,7 @@ def test_the_tool_pressure_adds_up_to_the_tool_force(press):
 
 def test_a_known_load_presses_with_force_over_area(press):
     _, groups = press
-    last = groups["/"].isel(frame=-1)
+    last = groups["/"].isel(time=-1)
     area = float(sheet_areas(groups["/"], -1).sum())
     for name in ("tool_pressure_top", "tool_pressure_bottom", "compaction_pressure"):
         np.testing.assert_allclose(last[name], 100.0 / area, rtol=1e-4, err_msg=name)

@@ -51,7 +51,7 @@ SUMMARY = {
             "the end",
         ),
         ("steps", "12,345, limited by contact stiffness (81%), in-plane waves (19%)"),
-        ("time", "12.3 s on 2 threads, 5.67 s of compiling before"),
+        ("time", "12.3 s on 2 threads, 5.7 s of compiling before"),
         ("mapping part", "1,200 cells, 99.5% of the target and 64.0% of the sheet covered"),
         ("mapping other", "failed"),
     ],

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, LcmchainError
 from lcmchain.quantities.units import (
     ANGLE,
     AREAL_MASS,
@@ -273,6 +273,7 @@ def test_compliance_of_an_orthotropic_law_is_symmetric_and_isotropic_in_the_limi
         ("material.thickness=0.9 mm", lambda s: s.material.thickness == 0.9e-3),
         ("tools=[]", lambda s: s.tools == ()),
         ("title=a = b", lambda s: s.title == "a = b"),
+        ("title=1\n[contact]", lambda s: s.title == "1\n[contact]"),
     ],
 )
 def test_overrides(override, read):
@@ -287,6 +288,12 @@ def test_overrides(override, read):
         ("tools.pnuch.friction=0.2", 'did you mean "punch"'),
         ("tools[7].friction=0.2", "there is no entry 7, the list has 2"),
         ("title.text=5", '"title" holds no entries'),
+        (f"tools.{'7' * 5000}.friction=0.2", "there is no entry 777"),
+        (f"tools[{'7' * 5000}].friction=0.2", "is not a dotted key"),
+        (f"blank.{'x.' * 5000}y=1", "20 levels deep"),
+        (f"title={'[' * 5000}", "nested far too deeply"),
+        ("title=\udcff", "cannot be written to a file"),
+        (f"contact.friction=0x{'f' * 9000}", "too large to compute"),
         ("blank..size=5", "is not a dotted key"),
         ("blank.edge_lenght=5 mm", 'did you mean "edge_length"'),
     ],
@@ -378,3 +385,18 @@ process = {{ time = "1 ms" }}
 blank = {{ size = ["20 mm", "20 mm"], edge_length = "10 mm" }}
 material = {{ preset = "MD600", membrane = {{ shear_polynomial = "1 {slope:.9f} 0 0 0 MPa" }} }}
 """
+
+
+def test_a_message_about_very_many_errors_can_be_read():
+    text = SCENE + "[output]\n" + "".join(f"wrong_{i} = {i}\n" for i in range(5000))
+    with pytest.raises(InputError) as error:
+        scene_from_text(text)
+    message = str(error.value)
+    assert "has 5,000 errors" in message and "output.wrong_0: unknown key" in message
+    assert len(message) < 2500
+    shown = message.count("\n  output.wrong_")
+    assert message.endswith(f"and {5000 - shown:,} more")
+    with pytest.raises(InputError) as error:
+        scene_from_text(SCENE, overrides=["x" * 100_000])
+    assert len(str(error.value)) < 300
+    assert len(str(LcmchainError("m" * 200_000))) <= 2500

@@ -1,6 +1,9 @@
 """Every entry of ``summary.json`` against values put in by hand."""
 
 import json
+import os
+import socket
+from datetime import datetime
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +15,8 @@ from lcmchain.fields import FrameSeries, build_datasets, field_summary
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
-from lcmchain.summary import energy_measures, run_summary, run_warnings
+from lcmchain.state import HALVINGS
+from lcmchain.summary import energy_measures, run_head, run_summary, run_warnings
 
 SCENE = """
 title = "four elements"
@@ -75,6 +79,7 @@ def datasets_of(scene, **options):
     datasets = build_datasets(scene, *frame_series(scene, **options))
     for name, values in FIELDS.items():
         datasets["/"][name][...] = np.tile(values, 2)
+    datasets["/"]["wrinkle_height"].values[-1, 3:5] = 2e-4, -3e-4
     return datasets
 
 
@@ -86,12 +91,17 @@ def datasets(scene):
 def summary_of(scene, datasets, energies=ENERGIES, **changes):
     simulation = SimpleNamespace(
         model=build_model(scene),
-        state=SimpleNamespace(step_count=1250, penetration_max=np.array([2e-5, 3e-5])),
+        state=SimpleNamespace(
+            step_count=1250,
+            penetration_max=np.array([2e-5, 3e-5]),
+            counters=np.where(np.arange(HALVINGS + 1) == HALVINGS, 2, 7),
+        ),
         control=SimpleNamespace(history={"in-plane stiffness": 1000, "contact stiffness": 250}),
     )
-    given = {"run_fingerprint": "abc", "wall_s": 0.5, "compile_s": 7.5, "threads": 2} | changes
+    given = {"wall_s": 0.5, "compile_s": 7.5, "threads": 2} | changes
     snapshots = [SimpleNamespace(energy=energy) for energy in energies]
-    return run_summary(scene, simulation, snapshots, datasets, **given)
+    head = run_head(scene, simulation, "abc")
+    return head | run_summary(scene, simulation, snapshots, datasets, **given)
 
 
 def test_every_entry(scene, datasets):
@@ -101,6 +111,7 @@ def test_every_entry(scene, datasets):
     expected = {
         "lcmchain_version": __version__,
         "title": "four elements",
+        "state": "running",
         "scene_sha256": scene.source.sha256,
         "run_fingerprint": "abc",
         "element_count": 4,
@@ -123,13 +134,18 @@ def test_every_entry(scene, datasets):
         "shear_angle_max_rad": 0.5,
         "fibre_strain_max": 0.004,
         "fibre_volume_fraction_max": 0.6,
+        "wrinkle_height_max_m": 3e-4,
         "fibre_mass_kg": 0.75 * AREA,
         "fibre_mass_error": 0.25,
         "punch_force_max_N": 7.0,
         "penetration_max_m": {"die": 2e-5, "press": 3e-5},
         "step_control": {"in-plane stiffness": 1000, "contact stiffness": 250},
+        "step_halvings": 2,
         "mapping": {},
     }
+    run = summary.pop("run")
+    assert run["process"] == os.getpid() and run["host"] == socket.gethostname()
+    assert abs(datetime.now().astimezone() - datetime.fromisoformat(run["started"])).days == 0
     assert set(summary) == set(expected)
     for name, value in expected.items():
         if isinstance(value, float):

@@ -832,12 +832,12 @@ def test_turned_triangles_are_turned_back(tmp_path):
     np.testing.assert_allclose(gaps(table, 0, where, 0.0), gaps(expected, 0, where, 0.0), atol=1e-9)
 
 
-def test_inward_normals_are_reported(tmp_path):
+def test_inward_normals_of_a_closed_surface_are_turned(tmp_path):
     points, triangles = box_mesh()
-    with pytest.warns(ToolWarning, match="inwards"):
+    with pytest.warns(ToolWarning, match="12 of 12 triangles .* now they point outwards"):
         table = mesh_table(tmp_path, points, triangles[:, ::-1], 0.002)
-    assert signed_distance(table, 0, 0.0, 0.0, 0.012, 0.0)[0] == pytest.approx(0.003, abs=1e-6)
-    assert signed_distance(table, 0, 0.0, 0.0, 0.017, 0.0)[0] == pytest.approx(-0.002, abs=1e-6)
+    assert signed_distance(table, 0, 0.0, 0.0, 0.012, 0.0)[0] == pytest.approx(-0.003, abs=1e-6)
+    assert signed_distance(table, 0, 0.0, 0.0, 0.017, 0.0)[0] == pytest.approx(0.002, abs=1e-6)
 
 
 def test_confused_sides_are_an_error(tmp_path):

@@ -104,6 +104,53 @@ WRONG = {
         "material.compaction.c0", "megapascal",
     ),
     "too large to compute": (edge('"1e400 mm"'), "blank.edge_length", "too large"),
+    "beyond any use": (replaced(('"20 ms"', '"1e302 ms"')), "process.time", "at most 1e+09 s"),
+    "too small to compute": (edge('"1e-300 mm"'), "blank.edge_length", "at least 1e-10 m"),
+    "unit of 100,000 characters": (
+        edge(f'"5 {"m" * 100_000}"'), "blank.edge_length", "a text of 100,002 characters"
+    ),
+    "number of 100,000 digits": (edge(f'"{"5" * 100_000} mm"'), "blank.edge_length", "a text of"),
+    "power far too high": (edge('"5 mm^99999999"'), "blank.edge_length", "unit"),
+    # size and depth of the file
+    "brackets nested far too deeply": (
+        f"{SCENE}[x]\na = {'[' * 5000}{']' * 5000}\n", "scene.toml", "nested far too deeply"
+    ),
+    "tables nested too deeply": (f"{SCENE}[{'.'.join('a' * 100)}]\n", "a.a", "20 levels deep"),
+    "key of 100,000 characters": (
+        f"{SCENE}{'k' * 100_000} = 1\n", "scene.toml", "a key of 100,000 characters"
+    ),
+    "text of 300,000 characters": (
+        f'title = "{"t" * 300_000}"\n' + SCENE.replace('title = "Hemisphere"', ""),
+        "title", "300,000 characters",
+    ),
+    "megabytes": (f"{SCENE}# {'x' * 2_000_000}\n", "scene.toml", "more than 2 MB"),
+    "number of 5000 digits": (
+        replaced(("friction = 0.157", f"friction = {'1' * 5000}")), "scene.toml", "5000 digits"
+    ),
+    "number of 9000 hexadecimal digits": (
+        replaced(("friction = 0.157", f"friction = 0x{'1' * 9000}")),
+        "contact.friction", "too large to compute",
+    ),
+    "1,000 tools": (
+        SCENE + "".join(f'[[tools]]\nname = "t{i}"\nshape = {{ type = "plate", side = "below" }}\n'
+                        for i in range(1000)),
+        "tools", "has 1,002 tables; at most 200",
+    ),
+    "table of 20,000 times": (
+        table_motion(" ".join(map(str, range(20_000))) + " us", "0 5 mm"),
+        'tools[0] "punch".motion.times', "20,000 times; at most 10,000",
+    ),
+    "name of 1,000 letters": (
+        replaced(('"holder"', f'"{"h" * 1000}"')), "tools[1]", "1,000 characters"
+    ),
+    "zero byte in a file name": (
+        replaced((PUNCH_SHAPE, FILE.replace("FILE", "a\\u0000b"))),
+        'tools[0] "punch".shape.file', "cannot be written",
+    ),
+    "file name that no file can have": (
+        replaced((PUNCH_SHAPE, FILE.replace("FILE", "f" * 900))),
+        'tools[0] "punch".shape.file', "there is no file",
+    ),
     # keys and structure
     "unknown key": (
         replaced(("edge_length", "edge_lenght")), "blank.edge_lenght", 'did you mean "edge_length"?'
@@ -157,6 +204,12 @@ WRONG = {
     ),
     "unknown preset": (
         replaced(("MD600", "MD60")), "material.preset", 'did you mean "MD600"?'
+    ),
+    "preset as a list": (
+        replaced(('"MD600"', '["MD600"]')), "material.preset", "must be a name in quotes"
+    ),
+    "preset as a table": (
+        replaced(('"MD600"', '{ name = "MD600" }')), "material.preset", "must be a name in quotes"
     ),
     "unknown law": (
         replaced((PRESET, STEEL.replace("isotropic", "isotropc"))),
@@ -374,6 +427,15 @@ WRONG_AT_THE_START = {
                   'outline = ["0 0 mm", "50 50 mm", "50 0 mm", "0 50 mm"]')),
         "blank.outline", "intersects itself",
     ),
+    "sliver over millions of lattice cells": (
+        replaced(('size = ["100 mm", "80 mm"]',
+                  'outline = ["0 0 m", "9 9 m", "9 9.01 m"]'), ('"5 mm"', '"1 mm"')),
+        "blank.edge_length", "8.1e+07 cells; choose",
+    ),
+    "more frames than memory": (
+        replaced(('time = "20 ms"', 'time = "20 ms"\nframes = 100000'), ('"5 mm"', '"1 mm"')),
+        "process.frames", "GB of this machine; save",
+    ),
     "millions of elements": (edge('"0.001 mm"'), "blank.edge_length", "elements"),
 }  # fmt: skip
 
@@ -388,12 +450,14 @@ def folder(tmp_path):
 def refused(capsys, folder, command: str) -> str:
     """Run a command on the scene; return its message after the checks that hold for all."""
     out = folder / "results"
-    before = sorted(folder.iterdir())
+    before = list(folder.rglob("*"))
     with pytest.raises(SystemExit) as stop:
         main([command, str(folder / "scene.toml"), "--out", str(out)])
     captured = capsys.readouterr()
     assert stop.value.code == 2
-    assert sorted(folder.iterdir()) == before, "nothing may be left behind"
+    left = [path for path in folder.rglob("*") if path not in before]
+    drawn = [out, out / "initial.png"] if f"{out / 'initial.png'} shows" in captured.err else []
+    assert sorted(left) == drawn, "nothing may be left behind but a picture that is named"
     assert captured.out == "", "nothing was done, so nothing is reported"
     assert captured.err.startswith("Error: ") and captured.err.count("Error:") == 1
     assert "Traceback" not in captured.err
@@ -423,6 +487,7 @@ def test_scene_that_cannot_start(name, folder, capsys):
     message = refused(capsys, folder, "check")
     assert key in message
     assert words in message
+    assert ("initial.png" in message) == ("tool" in key or "stl" in key)
 
 
 def test_touching_within_the_tolerance_is_no_overlap(folder):

@@ -68,4 +68,4 @@ def test_published_compaction_is_stopped_with_the_explanation(tmp_path):
     with pytest.raises(SimulationError, match="director.*tilts.*normal"):
         run(scene, tmp_path)
     frames = read_forming(tmp_path / "forming.nc")
-    assert frames.sizes["frame"] > 5
+    assert frames.sizes["time"] > 5

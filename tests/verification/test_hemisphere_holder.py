@@ -98,7 +98,7 @@ def test_fibre_mass_is_conserved(holder_result):
 
 def test_fibre_volume_fraction_follows_thickness_and_shear(sheet):
     """v_f = m_A / (ρ_f t cos γ) for fibres that hardly stretch (values of section 2.6)."""
-    last = sheet.isel(frame=-1)
+    last = sheet.isel(time=-1)
     expected = 0.6 / (1810.0 * last["thickness"].values * np.cos(last["shear_angle"].values))
     np.testing.assert_allclose(last["fibre_volume_fraction"].values, expected, rtol=3e-3)
 

@@ -153,7 +153,7 @@ def test_guard_stops_the_published_compaction_and_keeps_the_good_frames(tmp_path
         assert part in done.stderr, done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     frames = read_forming(out / "forming.nc")
-    assert 2 <= frames.sizes["frame"] < 11
+    assert 2 <= frames.sizes["time"] < 11
     assert np.isfinite(frames["thickness"].values).all()
     assert frames["thickness"].values.min() > 0.0
     assert not (out / "summary.json").exists()

@@ -11,6 +11,7 @@ from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.tools.distance import EXTRUDED, REVOLVED
 from lcmchain.tools.profile_surface import profile_surface
 from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS, Profile
+from lcmchain.tools.surfaces.surface import Surface
 
 
 def shape_entries(kind: int, **given: Any) -> dict[str, Any]:
@@ -32,19 +33,30 @@ def shape_entries(kind: int, **given: Any) -> dict[str, Any]:
 class ToolShape(SceneModel):
     """Shape of a rigid tool in its local frame; sub-classes are tables of a scene."""
 
-    def table_entries(self, directory: Path, *, key: str) -> dict[str, Any]:
+    def table_entries(
+        self, directory: Path, *, key: str, blank: np.ndarray | None = None
+    ) -> dict[str, Any]:
         """Entries of the shape in the tool table, see :func:`shape_entries`.
 
         Parameters
         ----------
         directory : folder of the scene file, to which mesh files are relative.
         key : scene key of the shape, named in errors.
+        blank : points [m] of the blank at the start in the local frame, shape [point_count, 3],
+            which are not in the tool; None where they are not known.
 
         Raises
         ------
         InputError : a shape that cannot be built, or a file that cannot be used.
         """
         raise NotImplementedError
+
+    def surface_mesh(self, directory: Path, blank: np.ndarray | None = None) -> Surface | None:
+        """Triangles that define the shape, None for one that needs none.
+
+        Parameters and errors as for :meth:`table_entries`.
+        """
+        return None
 
     def surface(self, directory: Path, reach: float, *, key: str) -> tuple[np.ndarray, np.ndarray]:
         """Triangulate the shape for drawings; normals point away from the solid.
@@ -81,7 +93,9 @@ class ProfileShape(ToolShape):
         """Curve of the shape in its local frame; errors as :meth:`table_entries`."""
         raise NotImplementedError
 
-    def table_entries(self, directory: Path, *, key: str) -> dict[str, Any]:
+    def table_entries(
+        self, directory: Path, *, key: str, blank: np.ndarray | None = None
+    ) -> dict[str, Any]:
         profile = self.profile(key=key)
         return shape_entries(
             REVOLVED if profile.revolved else EXTRUDED,

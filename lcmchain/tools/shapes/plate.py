@@ -20,7 +20,9 @@ class Plate(ToolShape):
     type: Literal["plate"]
     side: Side = Field(description="Side of the plane that is solid.")
 
-    def table_entries(self, directory: Path, *, key: str) -> dict[str, Any]:
+    def table_entries(
+        self, directory: Path, *, key: str, blank: np.ndarray | None = None
+    ) -> dict[str, Any]:
         return shape_entries(PLANE)
 
     def oriented(self, axes: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from lcmchain.tools.distance import FIELD
 from lcmchain.tools.shapes.base import ToolShape, shape_entries
 from lcmchain.tools.surfaces.distance_field import build_distance_field
 from lcmchain.tools.surfaces.reading import read_surface
+from lcmchain.tools.surfaces.surface import Surface
 
 
 class SurfaceMesh(ToolShape):
@@ -35,8 +36,13 @@ class SurfaceMesh(ToolShape):
         """Metres per unit of the file."""
         return length_factor(self.length_unit)
 
-    def table_entries(self, directory: Path, *, key: str) -> dict[str, Any]:
-        surface = read_surface(Path(directory) / self.file, self.length_unit)
+    def surface_mesh(self, directory: Path, blank: np.ndarray | None = None) -> Surface:
+        return read_surface(Path(directory) / self.file, self.length_unit, blank)
+
+    def table_entries(
+        self, directory: Path, *, key: str, blank: np.ndarray | None = None
+    ) -> dict[str, Any]:
+        surface = self.surface_mesh(directory, blank)
         field = build_distance_field(surface, self.spacing, key=key)
         return shape_entries(
             FIELD,
@@ -49,7 +55,7 @@ class SurfaceMesh(ToolShape):
         )
 
     def surface(self, directory: Path, reach: float, *, key: str) -> tuple[np.ndarray, np.ndarray]:
-        surface = read_surface(Path(directory) / self.file, self.length_unit)
+        surface = self.surface_mesh(directory)
         return surface.points, surface.triangles
 
     @property

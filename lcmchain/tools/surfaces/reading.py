@@ -11,22 +11,25 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.quantities.units import QuantityError, length_factor
+from lcmchain.tools.surfaces.orientation import oriented
 from lcmchain.tools.surfaces.surface import Surface, edge_middle, edges, place_text, warn
-from lcmchain.tools.surfaces.welding import oriented, weld
+from lcmchain.tools.surfaces.welding import weld
 
 _TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
 
 
-def read_surface(file: Path, length_unit: str) -> Surface:
+def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) -> Surface:
     """Read the surface of a tool from an STL file or any mesh that meshio reads.
 
-    Vertices at the same place are welded, degenerate and repeated triangles dropped, and triangles
-    that are turned against their neighbours turned back, with a warning.
+    Vertices at the same place are welded, degenerate and repeated triangles dropped, and normals
+    turned into free space (:mod:`lcmchain.tools.surfaces.orientation`), each with a warning.
 
     Parameters
     ----------
     file : path of the mesh.
     length_unit : unit of its coordinates, for example "mm".
+    blank : points [m] of the blank at the start in the frame of the mesh, shape [point_count, 3],
+        on whose side open surfaces are free; None leaves them as they are.
 
     Raises
     ------
@@ -40,17 +43,9 @@ def read_surface(file: Path, length_unit: str) -> Surface:
     points, triangles = read_triangles(Path(file))
     points = points * scale
     points, triangles = weld(points, triangles, file)
-    triangles = oriented(points, triangles, file)
+    triangles, orientation = oriented(points, triangles, file, blank)
     edge_of_side, _, edge_use = edges(triangles)
-    surface = Surface(points, triangles, edge_of_side, edge_use, Path(file))
-    if surface.open_edge_count == 0:
-        a, b, c = (points[triangles[:, i]] for i in range(3))
-        if np.einsum("ij,ij->i", a, np.cross(b, c)).sum() < 0.0:
-            warn(
-                file,
-                "the normals of the closed surface point inwards, so that everything outside it "
-                "is solid; turn the normals if the tool is the inside",
-            )
+    surface = Surface(points, triangles, edge_of_side, edge_use, Path(file), orientation)
     if (edge_use > 2).any():
         worst = edge_middle(surface, int(np.argmax(edge_use > 2)))
         warn(

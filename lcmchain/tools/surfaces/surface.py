@@ -14,6 +14,25 @@ class ToolWarning(UserWarning):
 
 
 @dataclass(frozen=True)
+class Orientation:
+    """How the normals of a surface came to point into free space.
+
+    Parameters
+    ----------
+    closed, open : number of connected parts of either kind.
+    reasons : what decided, in words, one for each way in which parts were decided.
+    against_neighbours : triangles that were turned to agree with their neighbours.
+    with_part : triangles that were turned with the whole of their part.
+    """
+
+    closed: int
+    open: int
+    reasons: tuple[str, ...]
+    against_neighbours: int
+    with_part: int
+
+
+@dataclass(frozen=True)
 class Surface:
     """Welded, consistently oriented triangles of a tool; normals point into free space.
 
@@ -24,6 +43,7 @@ class Surface:
     edges : the edges of each triangle (0-1, 1-2, 2-0) as indices, shape [triangle_count, 3].
     edge_use : number of triangles at each edge, shape [edge_count].
     file : where it was read from.
+    orientation : how the normals came to point into free space.
     """
 
     points: np.ndarray
@@ -31,6 +51,7 @@ class Surface:
     edges: np.ndarray
     edge_use: np.ndarray
     file: Path
+    orientation: Orientation
 
     @property
     def open_edge_count(self) -> int:

@@ -52,7 +52,9 @@ def simulation(
         blank,
         material,
         scene.element,
-        tools=build_tool_table(scene.tools, scene.source.directory, scene.process.time),
+        tools=build_tool_table(
+            scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
+        ),
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,

@@ -1,0 +1,57 @@
+"""A forming result with what a fluid needs of it: the permeability of the formed textile."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.coupling.permeability import principal_permeabilities
+from lcmchain.fields import FIELDS, FrameSeries, Histories, add_face_variables, model_datasets
+from lcmchain.fields.sheet import vector
+from lcmchain.results import COMPLETE
+from lcmchain.scene import Scene
+from lcmchain.scene.permeability import Permeability
+from lcmchain.solver.simulation import Simulation, Snapshot
+
+
+def forming_datasets(
+    scene: Scene, simulation: Simulation, snapshots: Sequence[Snapshot], *, state: str = COMPLETE
+) -> dict[str, xr.Dataset]:
+    """Return the groups of ``forming.nc``, as a run and a unit of a co-simulation write them.
+
+    Parameters
+    ----------
+    snapshots : saved frames, the first of them the start.
+    state : what became of the run (:mod:`lcmchain.results.state`), the global attribute of that
+        name.
+    """
+    model = simulation.model
+    frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
+    histories = Histories.from_state(model, simulation.state)
+    datasets = model_datasets(scene, model, frames, histories, attributes={"state": state})
+    if scene.permeability is None:
+        return datasets
+    return add_face_variables(datasets, permeability_fields(scene.permeability, datasets["/"]))
+
+
+def permeability_fields(
+    law: Permeability, sheet: xr.Dataset
+) -> dict[str, np.ndarray | tuple[np.ndarray, dict[str, str]]]:
+    """Return principal permeabilities (F, E) [m2] and their axes (F, E, 3), in all saved states.
+
+    They are not a number where the fibre volume fraction is outside the range of the law.
+    """
+    fraction = sheet["fibre_volume_fraction"].values
+    families = [vector(sheet, f"fibre_direction_{family}").reshape(-1, 3) for family in (1, 2)]
+    found = principal_permeabilities(law, fraction.ravel(), *families, out_of_range="nan")
+    fields: dict[str, np.ndarray | tuple[np.ndarray, dict[str, str]]] = {}
+    for number in (1, 2, 3):
+        values = getattr(found, f"k{number}").reshape(fraction.shape)
+        field = FIELDS[f"permeability_{number}"]
+        attributes = field.attributes(field.name) | {"long_name": f"{field.long_name} ({law.law})"}
+        axes = getattr(found, f"direction_{number}").reshape(*fraction.shape, 3)
+        fields[field.name] = values, attributes
+        fields[f"permeability_direction_{number}"] = axes
+    return fields

@@ -1,0 +1,31 @@
+"""What each picture of a run shows, by file name."""
+
+from __future__ import annotations
+
+from lcmchain.report.shown import SHOWN
+
+#: Captions in the order in which pictures are shown.
+CAPTIONS: dict[str, str] = {
+    **{
+        f"{shown.name}.png": f"{shown.title} on the formed shape: oblique, and from above with the "
+        "initial outline and the places of the largest and the smallest value"
+        for shown in SHOWN
+    },
+    "fibre_directions.png": "Fibre lines of both families on the formed shape; they are edges of "
+    "the mesh that followed a fibre before forming",
+    "tools.png": "Formed shape between the tools in their final position, which are transparent",
+    "sections.png": "Sections through sheet and tools: to scale, and unrolled with the thickness "
+    "stretched, so that gaps and penetrations show",
+    "force.png": "Forces on the tools over the travel of the punch, and over time with the travels",
+    "force_over_travel.png": "Force on every tool over its own travel: mean over the intervals of "
+    "the histories, and the band up to the largest force of a single step",
+    "energy.png": "Energy balance, and kinetic energy and balance error as ratios",
+}
+
+
+def caption_of(file_name: str) -> str:
+    """Return the caption of a picture, of any other file its name in words."""
+    stem = file_name.rpartition("/")[2].rpartition(".")[0]
+    if stem.startswith("animation"):
+        return "Forming from the start to the end; colours and view are the same in all frames"
+    return CAPTIONS.get(f"{stem}.png", stem.replace("_", " ").replace("-", " "))

@@ -1,0 +1,80 @@
+"""Marks of the largest and the smallest value on a map, with labels that keep apart."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lcmchain.report.shown import Shown
+from lcmchain.report.style import INK
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Values within this part of their range count as equal: those of mirror images are, but for noise.
+TIE = 2e-3
+GAP = 4.0  # between a mark and its label, points
+
+
+def mark_extremes(axis: Axes, places: np.ndarray, values: np.ndarray, shown: Shown) -> None:
+    """Mark the largest and the smallest value at their places (P, 2), with limits already set."""
+    from matplotlib.patheffects import withStroke
+
+    if not np.isfinite(values).any():
+        return
+    halo = [withStroke(linewidth=2.0, foreground="white")]
+    taken: list = []
+    for (face, marker, word), corners in zip(
+        _extremes(places, values), (CORNERS + FARTHER, CORNERS[::-1] + FARTHER)
+    ):
+        axis.plot(*places[face], marker, ms=5.5, mfc="white", mec=INK, mew=0.9, zorder=5)
+        label = axis.annotate(
+            f"{word} {shown.text(values[face])}", places[face], (0.0, 0.0),
+            textcoords="offset points", fontsize=7.5, path_effects=halo, zorder=6,
+        )  # fmt: skip
+        taken += [_around(axis, place) for place in places[[face]]]
+        taken.append(_placed(axis, label, corners, taken))
+
+
+#: Sides of a mark that its label may be on, the nearer ones first: to the right or left of it,
+#: above or below.
+CORNERS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
+FARTHER = tuple((x, lift * y) for lift in (4, 7) for x, y in CORNERS)
+
+
+def _extremes(places: np.ndarray, values: np.ndarray) -> list[tuple[int, str, str]]:
+    """Return number, mark and word; of equal values the ones that lie far apart."""
+    slack = TIE * float(np.nanmax(values) - np.nanmin(values))
+    largest = np.flatnonzero(values >= np.nanmax(values) - slack)
+    smallest = np.flatnonzero(values <= np.nanmin(values) + slack)
+    # to the upper right, whatever order the faces have
+    top = int(largest[np.argmax(places[largest] @ [1.0, 1.01])])
+    away = np.linalg.norm(places[smallest] - places[top], axis=1)
+    low = int(smallest[np.argmax(away)])
+    return [(top, "^", "max"), (low, "v", "min")]
+
+
+def _around(axis: Axes, place: np.ndarray):
+    """Return the box of a mark on the screen."""
+    from matplotlib.transforms import Bbox
+
+    x, y = axis.transData.transform(place)
+    return Bbox.from_extents(x - 9.0, y - 9.0, x + 9.0, y + 9.0)
+
+
+def _placed(axis: Axes, label, corners, taken: list):
+    """Put a label on the first side where it meets nothing that is there; return its box."""
+    renderer = axis.figure.canvas.get_renderer()
+    box, frame = None, axis.get_window_extent()
+    for right, up in corners:
+        label.set_position((GAP * right, GAP * up))
+        label.set_horizontalalignment("left" if right > 0 else "right")
+        label.set_verticalalignment("bottom" if up > 0 else "top")
+        box = label.get_window_extent(renderer)
+        inside = (
+            frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 <= box.y1 <= frame.y1
+        )
+        if inside and not any(box.overlaps(other) for other in taken[:-1]):
+            break
+    return box

@@ -1,0 +1,147 @@
+"""The formed shape and its fields as packed numbers, for the 3D view of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions, vector
+from lcmchain.fields.ugrid import TIME
+from lcmchain.report.packing import packed
+from lcmchain.report.shown import SHOWN, Shown, colour_scale
+from lcmchain.report.view import boundary_edges, hangs_down
+
+#: Most saved frames that the view holds, and what positions and fields of all may take [byte].
+MOST_FRAMES = 12
+BUDGET = 5_000_000
+
+#: Colours of a scale, evenly spaced.
+COLOURS = 24
+
+_PRESSURE, _STRAIN = ("kPa", 1e-3), ("%", 100.0)
+#: How fields are shown of which no picture is drawn.
+_OTHERS = (
+    Shown("fibre_strain_1", "Strain of fibre 1", *_STRAIN, "PuOr_r", True, 3),
+    Shown("fibre_strain_2", "Strain of fibre 2", *_STRAIN, "PuOr_r", True, 3),
+    Shown("compaction_pressure", "Compaction pressure", *_PRESSURE, "viridis", False, 2),
+    Shown("bending_pressure", "Pressure of bending", *_PRESSURE, "viridis", False, 2),
+    Shown("areal_fibre_mass", "Fibre mass per area", "g/m²", 1e3, "YlGnBu", False, 1),
+    *(
+        Shown(f"permeability_{i}", f"Principal permeability {i}", "µm²", 1e12, "cividis", False, 3)
+        for i in (1, 2, 3)
+    ),
+    Shown("tool_pressure_top", "Tools on the upper face", *_PRESSURE, "viridis", False, 2),
+    Shown("tool_pressure_bottom", "Tools on the lower face", *_PRESSURE, "viridis", False, 2),
+    Shown("tool_pressure", "Tools on both faces", *_PRESSURE, "viridis", False, 2),
+    Shown("displacement", "Displacement", "mm", 1e3, "cividis", False, 2),
+)
+_SHOWN: dict[str, Shown] = {shown.name: shown for shown in (*SHOWN, *_OTHERS)}
+
+
+def view_data(sheet: xr.Dataset, tools: list[dict[str, Any]] | None = None) -> dict[str, Any]:
+    """Return shape and scalar fields of some frames, the first and the last among them, for JSON.
+
+    Parameters
+    ----------
+    sheet : root group of a result.
+    tools : from :func:`lcmchain.report.tool_view.tool_data`.
+
+    Returns
+    -------
+    ``faces``: nodes (face_count, 4), a triangle repeats its last; ``frames``: number in the result,
+    time [ms], ``positions`` [mm]; ``fields``: name, title, unit, ``place`` ("face" or "node"),
+    limits and colours, ``values`` by frame; ``hangs_down``: whether the sheet is drawn downwards.
+    Arrays are base64 of little-endian int32 and float32.
+    """
+    faces = sheet_faces(sheet)
+    fields = list(_fields(sheet))
+    nodes = len(reference_positions(sheet))
+    size = 4 * (3 * nodes + sum(values.shape[1] for _, _, values in fields))
+    frames = chosen_frames(sheet.sizes[TIME], size)
+    return {
+        "faces": packed(faces, "<i4"),
+        "frames": [
+            {
+                "number": int(frame),
+                "time": 1e3 * float(sheet[TIME].values[frame]),
+                "positions": packed(1e3 * sheet_positions(sheet, int(frame)), "<f4"),
+            }
+            for frame in frames
+        ],
+        "fields": [_field(shown, place, values, frames) for shown, place, values in fields],
+        "hangs_down": bool(hangs_down(sheet_positions(sheet), boundary_edges(faces))),
+        "tools": tools or [],
+    }
+
+
+def chosen_frames(frame_count: int, size: int) -> list[int]:
+    """Return frames, evenly spaced, the last always and the first if there is room for two.
+
+    size : of one frame [byte].
+    """
+    count = int(np.clip(BUDGET // size, 1, min(MOST_FRAMES, frame_count)))
+    if count == 1:
+        return [frame_count - 1]
+    return np.unique(np.linspace(0, frame_count - 1, count).round().astype(int)).tolist()
+
+
+def _fields(sheet: xr.Dataset) -> Iterator[tuple[Shown, str, np.ndarray]]:
+    """Yield every scalar field with its place and values (F, n) in the unit shown."""
+    places = {sheet["sheet_face_nodes"].dims[0]: "face", sheet["displacement_x"].dims[-1]: "node"}
+    shown_first = [name for name in _SHOWN if name in sheet]
+    for name in dict.fromkeys([*shown_first, *map(str, sheet.data_vars)]):
+        dims = sheet[name].dims
+        if len(dims) != 2 or dims[0] != TIME or dims[1] not in places or _is_component(name):
+            continue
+        shown = _SHOWN.get(name) or _as_declared(name, sheet[name].attrs)
+        yield shown, places[dims[1]], shown.factor * sheet[name].values
+    length = np.linalg.norm(vector(sheet, "displacement"), axis=-1)
+    shown = _SHOWN["displacement"]
+    yield shown, "node", shown.factor * length
+
+
+def _is_component(name: str) -> bool:
+    return name.endswith(("_x", "_y", "_z"))
+
+
+def _as_declared(name: str, attributes: Mapping[str, Any]) -> Shown:
+    """Show a field that nobody knows here, such as one that a law remembers, in its own unit."""
+    title = str(attributes.get("long_name", name.replace("_", " ")))
+    unit = str(attributes.get("units", ""))
+    return Shown(name, title[:1].upper() + title[1:], unit if unit != "1" else "", 1.0, "viridis",
+                 False, 4)  # fmt: skip
+
+
+def _field(shown: Shown, place: str, values: np.ndarray, frames: list[int]) -> dict[str, Any]:
+    low, high = _limits(shown, values[-1])
+    return {
+        "name": shown.name,
+        "title": shown.title,
+        "unit": shown.unit,
+        "decimals": shown.decimals,
+        "place": place,
+        "low": low,
+        "high": high,
+        "colours": _colours(shown.colour_map),
+        "values": [packed(values[frame], "<f4") for frame in frames],
+    }
+
+
+def _limits(shown: Shown, values: np.ndarray) -> tuple[float, float]:
+    """Return the values of the first and the last colour, as in the pictures where there is one."""
+    if shown.signed and shown not in SHOWN:  # pictures round up to whole units: too much here
+        _, limit = colour_scale(np.abs(values), _SHOWN["displacement"]).get_clim()
+        return -float(limit or 1.0), float(limit or 1.0)
+    low, high = colour_scale(values, shown).get_clim()
+    return float(low), float(high if high > low else low + 1.0)  # all zero
+
+
+def _colours(name: str) -> list[list[Any]]:
+    from matplotlib import colormaps
+
+    places = np.linspace(0.0, 1.0, COLOURS)
+    rgb = (255.0 * colormaps[name](places)[:, :3]).round().astype(int)
+    return [[float(place), f"rgb({r},{g},{b})"] for place, (r, g, b) in zip(places, rgb)]

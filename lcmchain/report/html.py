@@ -1,0 +1,180 @@
+"""``report.html``: everything that a run has to say for itself, in one file without network."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from lcmchain import __version__
+from lcmchain.atomic import replacing
+from lcmchain.fields.dataset import HISTORY, SHEET
+from lcmchain.report.curves import curve_data
+from lcmchain.report.field_view import view_data
+from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table
+from lcmchain.report.style import SERIES
+from lcmchain.report.tool_view import tool_data
+from lcmchain.report.verdicts import GRADES, verdicts, worst_grade
+from lcmchain.results import COMPLETE
+
+if TYPE_CHECKING:
+    from lcmchain.effects.effect import Effect
+    from lcmchain.scene import Scene
+
+REPORT_FILE = "report.html"
+ASSETS = Path(__file__).resolve().parent / "assets"
+
+#: What the pictures of a run show, in the order of the report; others follow by their names.
+CAPTIONS = {
+    "shear_angle": "Shear angle on the formed shape",
+    "thickness": "Thickness on the formed shape",
+    "fibre_volume_fraction": "Fibre volume fraction on the formed shape",
+    "force": "Forces of the tools",
+    "energy": "Energy balance",
+}
+#: Quality of the pictures in the report; the files beside it are without loss.
+WEBP_QUALITY = 88
+
+
+def write_report(
+    folder: Path | str,
+    scene: Scene,
+    effects: Sequence[Effect],
+    datasets: Mapping[str, xr.Dataset],
+    summary: Mapping[str, Any],
+    *,
+    pictures: Sequence[str] = (),
+) -> Path:
+    """Write ``report.html`` into the folder of the results, complete or not at all.
+
+    Parameters
+    ----------
+    folder : of the results.
+    scene : of the run.
+    effects : from :func:`lcmchain.check.run_effects`.
+    datasets : groups of ``forming.nc``, also of a run that was stopped.
+    summary : content of ``summary.json``; what it does not hold is left out.
+    pictures : names of PNG files of the run in the folder.
+
+    Raises
+    ------
+    InputError : the folder cannot be written.
+    OutputError : writing failed on the way.
+    """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from plotly.offline import get_plotlyjs
+
+    environment = Environment(
+        loader=FileSystemLoader(ASSETS), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    text = environment.get_template("report.html").render(
+        _content(scene, effects, datasets, summary),
+        pictures=list(_pictures(Path(folder), pictures)),
+        style=(ASSETS / "report.css").read_text(encoding="utf-8"),
+        script=(ASSETS / "report.js").read_text(encoding="utf-8"),
+        plotly=get_plotlyjs(),
+    )
+    path = Path(folder) / REPORT_FILE
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def _content(
+    scene: Scene,
+    effects: Sequence[Effect],
+    datasets: Mapping[str, xr.Dataset],
+    summary: Mapping[str, Any],
+) -> dict[str, Any]:
+    sheet, history = datasets[SHEET], datasets[HISTORY]
+    found = verdicts(summary, scene, datasets)
+    counts = {grade: sum(v.grade == grade for v in found) for grade in reversed(GRADES)}
+    headings, loads = load_table(summary)
+    return {
+        "title": scene.title,
+        "version": __version__,
+        "state": summary.get("state", COMPLETE),
+        "worst": worst_grade(found),
+        "counts": {grade: count for grade, count in counts.items() if count},
+        "verdicts": found,
+        "numbers": key_numbers(summary),
+        "load_headings": headings,
+        "loads": loads,
+        "warnings": grouped_warnings(summary),
+        "data": {
+            "series": SERIES,
+            "curves": curve_data(history),
+            "view": view_data(sheet, tool_data(scene, sheet, history)),
+        },
+        "effects": effects,
+        "given": scene.source.given,
+        "defaulted": scene.source.defaulted,
+        "mappings": [(name, _mapping_rows(r)) for name, r in summary.get("mapping", {}).items()],
+        "provenance": list(_provenance_rows(summary.get("provenance", {}))),
+        "scene_text": scene.source.text,
+    }
+
+
+def _pictures(folder: Path, names: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield file name, caption and data address of pictures in the order of ``CAPTIONS``."""
+    from PIL import Image
+
+    order = [f"{stem}.png" for stem in CAPTIONS]
+    for name in sorted(names, key=lambda n: order.index(n) if n in order else len(order)):
+        packed = io.BytesIO()
+        with Image.open(folder / name) as picture:
+            picture.convert("RGB").save(packed, "WEBP", quality=WEBP_QUALITY)
+        address = f"data:image/webp;base64,{base64.b64encode(packed.getvalue()).decode()}"
+        stem = Path(name).stem
+        yield name, CAPTIONS.get(stem, stem.replace("_", " ").capitalize()), address
+
+
+def _mapping_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return names and values of what a mapping did, or of why it failed."""
+    if "error" in report:
+        return [("failed", str(report["error"]))]
+    status = ", ".join(f"{count:,} {name}" for name, count in report["status_count"].items())
+    rows = [
+        ("target", f"{report['target']} ({report['kind']}), weights by {report['method']}"),
+        ("cells", f"{report['cell_count']:,}: {status}"),
+        ("target area covered", f"{report['target_coverage']:.2%}"),
+        ("sheet area covered", f"{report['source_coverage']:.2%}"),
+        (
+            "farthest cell",
+            f"{1e3 * report['worst_distance']:.3f} mm off the sheet (cell "
+            f"{report['worst_distance_cell']}); {1e3 * report['maximum_distance']:.3g} mm allowed",
+        ),
+        ("largest change of a share to keep the fibre mass", f"{report['wedge_correction']:.1%}"),
+    ]
+    if report["conservation_error"] is not None:
+        rows.append(("error of the fibre mass", f"{report['conservation_error']:.2e}"))
+    if report["second_family_error_max"] is not None:
+        angle = math.degrees(report["second_family_error_max"])
+        rows.append(
+            (
+                "second fibre family, if taken as perpendicular to the first",
+                f"up to {angle:.1f}° off (cell {report['second_family_error_cell']})",
+            )
+        )
+    rows.append(("fields", ", ".join(report["fields"])))
+    rows.append(("files", ", ".join(report["files"].values())))
+    return rows
+
+
+def _provenance_rows(origin: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield names and values of what :func:`lcmchain.provenance.provenance` gathers."""
+    for name, value in origin.items():
+        if name == "files":
+            for entry in value:
+                yield f"SHA-256 of {entry['file']} ({entry['key']})", entry["sha256"]
+        elif name == "libraries":
+            yield from value.items()
+        elif value is not None:
+            label = name.replace("_", " ").replace("sha256", "SHA-256")
+            yield label, str(value)

@@ -1,0 +1,121 @@
+"""The most important numbers of a result, in words, and the loads of its tools as a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from lcmchain.quantities.durations import duration_text
+from lcmchain.report.verdicts import percent
+
+
+class Number(NamedTuple):
+    """A quantity of a result: its name, its value in words, and what it is."""
+
+    name: str
+    value: str
+    meaning: str = ""
+
+
+def key_numbers(summary: Mapping[str, Any]) -> list[Number]:
+    """Return what matters first in a ``summary.json``; what it does not hold is left out."""
+    return [*_shape(summary), *_energies(summary), *_cost(summary)]
+
+
+def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
+    if "shear_angle_max_rad" in summary:
+        angle = math.degrees(summary["shear_angle_max_rad"])
+        yield Number("Shear angle", f"up to {angle:.1f}°", "magnitude, in the last frame")
+    if "thickness_min_m" in summary:
+        low, high = 1e3 * summary["thickness_min_m"], 1e3 * summary["thickness_max_m"]
+        yield Number("Thickness", f"{low:.3f} to {high:.3f} mm", "in the last frame")
+    if "fibre_volume_fraction_max" in summary:
+        fraction = summary["fibre_volume_fraction_max"]
+        yield Number("Fibre volume fraction", f"up to {fraction:.3f}", "in the last frame")
+    if "fibre_strain_max" in summary:
+        strain = summary["fibre_strain_max"]
+        yield Number("Fibre strain", f"up to {percent(strain)}", "magnitude, of both families")
+    if "punch_force_max_N" in summary:
+        yield Number(
+            "Force of the punch",
+            f"{summary['punch_force_max_N']:.4g} N",
+            f"largest mean over a twentieth of the process{_tool(summary)}: the figure to quote",
+        )
+
+
+def _tool(summary: Mapping[str, Any]) -> str:
+    return f", tool {summary['punch']}" if "punch" in summary else ""
+
+
+def _energies(summary: Mapping[str, Any]) -> Iterator[Number]:
+    for entry, name, meaning in (
+        ("balance_error_max", "Error of the energy balance", "of the largest internal energy"),
+        ("kinetic_to_internal_end", "Kinetic energy at the end", "of the internal energy"),
+        ("damping_to_external", "Damping", "of the external work"),
+        ("hourglass_to_internal", "Hourglass energy", "of the internal energy"),
+    ):
+        if entry in summary:
+            yield Number(name, percent(summary[entry]), meaning)
+
+
+def _cost(summary: Mapping[str, Any]) -> Iterator[Number]:
+    if "element_count" in summary:
+        value = f"{summary['element_count']:,} elements, {summary['node_count']:,} nodes"
+        yield Number("Mesh", value)
+    if "step_control" in summary:
+        causes = sorted(summary["step_control"].items(), key=lambda item: -item[1])
+        total = max(sum(summary["step_control"].values()), 1)
+        limited = ", ".join(f"{cause} ({count / total:.0%})" for cause, count in causes)
+        yield Number("Steps", f"{summary['step_count']:,}", f"limited by {limited}")
+    if "wall_s" in summary:
+        yield Number(
+            "Computing time",
+            duration_text(summary["wall_s"]),
+            f"on {summary['threads']} threads, {summary['us_per_element_step']:.3g} µs per element "
+            f"and step; {duration_text(summary['compile_s'])} of compiling before",
+        )
+
+
+#: Columns of the table of loads: heading, and the entry of ``tool_loads`` with its factor.
+_LOADS = (
+    ("largest mean force [N]", "force_max_N", 1.0),
+    ("at [ms]", "force_max_time_s", 1e3),
+    ("mean force at the end [N]", "force_end_N", 1.0),
+    ("largest force of a step [N]", "force_peak_N", 1.0),
+    ("work on the sheet [J]", "work_J", 1.0),
+)
+#: Parts of the mean force over the stroke that are no property of the process.
+_PARTS = (("of it damping [N]", "damping_N"), ("of it inertia [N]", "inertia_N"))
+
+
+def load_table(summary: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Return headings and rows of the loads of all tools, both empty without histories."""
+    loads = summary.get("tool_loads", {})
+    if not loads:
+        return [], []
+    headings = [
+        "tool", *(heading for heading, *_ in _LOADS), "mean force over the stroke [N]",
+        *(heading for heading, _ in _PARTS),
+    ]  # fmt: skip
+    rows = []
+    for name, load in loads.items():
+        parts = load.get("parts_over_stroke", {})
+        row = [f"{factor * load[entry]:.4g}" for _, entry, factor in _LOADS]
+        row += [
+            f"{parts[entry]:.3g}" if parts else "" for entry in ("force_N", *(p for _, p in _PARTS))
+        ]
+        rows.append([name, *row])
+    return headings, rows
+
+
+def grouped_warnings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[str, int]]]]:
+    """Return the warnings by stage, each text once with how often it was given."""
+    stages = [("Forming", summary.get("warnings", []))]
+    for name, report in summary.get("mapping", {}).items():
+        stages.append((f"Mapping to {name}", report.get("warnings", [])))
+    return [
+        (stage, [(text, texts.count(text)) for text in dict.fromkeys(texts)])
+        for stage, texts in stages
+        if texts
+    ]

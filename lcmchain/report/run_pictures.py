@@ -1,0 +1,97 @@
+"""All pictures of a run, and its film where the scene asks for one."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.errors import InputError
+from lcmchain.fields.dataset import HISTORY, SHEET
+from lcmchain.fields.sheet import sheet_positions
+from lcmchain.report.animation import draw_animation
+from lcmchain.report.cut import Plane
+from lcmchain.report.pictures import draw_result
+from lcmchain.report.run_tools import RunTools
+from lcmchain.scene.output import NO_FILM, Output
+
+if TYPE_CHECKING:
+    from lcmchain.materials.law import Material
+    from lcmchain.mesh.sheet_mesh import SheetMesh
+    from lcmchain.scene import Scene
+    from lcmchain.tools.table import ToolTable
+
+
+def require_film(output: Output, mesh: SheetMesh, material: Material) -> None:
+    """Tell before a run whether the film that its scene asks for can be made.
+
+    Raises
+    ------
+    InputError : the result will not have the field, or the writer is not installed.
+    """
+    if output.animation == NO_FILM:
+        return
+    field = output.animation_field
+    needs_thickness = field in ("thickness", "fibre_volume_fraction")
+    if needs_thickness and not mesh.has_thickness:
+        raise InputError(
+            f'the 2D approach predicts no {field}; use "shear_angle" or "wrinkle_height"',
+            key="output.animation_field",
+        )
+    if field == "fibre_volume_fraction" and material.fibre_density is None:
+        raise InputError(
+            "a material without fibre_density has no fibre_volume_fraction",
+            key="output.animation_field",
+        )
+    if output.animation == "mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
+        raise InputError(
+            'an MP4 file needs imageio-ffmpeg: pip install "lcmchain[video]", or use "gif"',
+            key="output.animation",
+        )
+
+
+def draw_run(
+    scene: Scene,
+    table: ToolTable,
+    datasets: Mapping[str, xr.Dataset],
+    folder: Path,
+    report: Callable[[str], None],
+) -> list[Path]:
+    """Draw the last frame of a run, and its film where ``output.animation`` asks for one.
+
+    Parameters
+    ----------
+    table : tools of the model, in the order of ``scene.tools``.
+    datasets : groups of the result.
+    report : called with what is being drawn.
+
+    Returns
+    -------
+    The files written.
+
+    Raises
+    ------
+    InputError : the folder cannot be written.
+    """
+    output = scene.output
+    report("drawing")
+    files: list[Path] = []
+    sheet = datasets[SHEET]
+    tools = RunTools.of_scene(scene, table, sheet_positions(sheet)) if scene.tools else None
+    if output.pictures:
+        planes = [
+            Plane.through(np.array(s.point), np.array(s.normal), s.name) for s in output.sections
+        ]
+        files += draw_result(folder, datasets, tools=tools, planes=planes)
+    if output.animation != NO_FILM:
+        name = output.animation_field
+        files.append(folder / f"animation_{name}.{output.animation}")
+        draw_animation(
+            files[-1], sheet, datasets[HISTORY], name, tools=tools,
+            report=lambda done, total: report(f"drawing the film, frame {done} of {total}"),
+        )  # fmt: skip
+    return files

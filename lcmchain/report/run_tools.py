@@ -1,0 +1,54 @@
+"""The tools of a run as its pictures show them: surfaces that move, and distances from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lcmchain.report.style import SERIES
+from lcmchain.tools.drawing import clip_to_box, tool_surface
+
+if TYPE_CHECKING:
+    from lcmchain.scene import Scene
+    from lcmchain.tools.table import ToolTable
+
+
+@dataclass(frozen=True)
+class RunTools:
+    """Tools of a run.
+
+    names : of the T tools. table : their shapes as contact sees them.
+    surfaces : points [m] and triangles of every tool at travel 0.
+    """
+
+    names: tuple[str, ...]
+    table: ToolTable
+    surfaces: tuple[tuple[np.ndarray, np.ndarray], ...]
+
+    @classmethod
+    def of_scene(cls, scene: Scene, table: ToolTable, points: np.ndarray) -> RunTools:
+        """Return the tools of a scene, as far as they reach around points [m] (..., 3)."""
+        low, high = points.reshape(-1, 3).min(axis=0), points.reshape(-1, 3).max(axis=0)
+        # what is infinite must reach the picture from wherever a tool travels to
+        reach = 3.0 * np.linalg.norm(high - low)
+        box = np.stack([low - reach, high + reach])
+        return cls(
+            tuple(tool.name for tool in scene.tools),
+            table,
+            tuple(tool_surface(tool, scene.source.directory, box) for tool in scene.tools),
+        )
+
+    @property
+    def colours(self) -> tuple[str, ...]:
+        return tuple(SERIES[i % len(SERIES)] for i in range(len(self.names)))
+
+    def within(
+        self, box: np.ndarray, travel: np.ndarray
+    ) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
+        """Yield name, points [m], triangles and colour of what lies in a box at a travel (T,)."""
+        for tool, (points, triangles) in enumerate(self.surfaces):
+            moved = points + travel[tool] * self.table.direction[tool]
+            yield self.names[tool], *clip_to_box(moved, triangles, box), self.colours[tool]

@@ -1,0 +1,235 @@
+"""Sections through the formed sheet and its tools: to scale, and unrolled to show the gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib
+import numpy as np
+import xarray as xr
+
+from lcmchain.fields.dataset import SHEET, SOLID
+from lcmchain.fields.sheet import (
+    reference_positions,
+    sheet_faces,
+    sheet_positions,
+    vector,
+)
+from lcmchain.report.cut import Plane, cut_sheet
+from lcmchain.report.renderer import axes_at, label_axes
+from lcmchain.report.run_tools import RunTools
+from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save
+from lcmchain.tools.distance import FIELD, gaps
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SHEET_COLOUR = "#b9c0c8"
+# Places of the plane at which the distance of the tools is taken, over the width of a section.
+GRID = 700
+# Gaps are shown as far as this from the faces of the sheet; in thicknesses.
+REACH = 3.0
+# Distances from a surface mesh are exact up to so many spacings of its distance field.
+EXACT_SPACINGS = 3.0
+
+Strip = tuple[np.ndarray, np.ndarray]
+
+
+def default_planes(sheet: xr.Dataset) -> list[Plane]:
+    """Return the planes through the middle of the blank along either fibre family."""
+    reference = reference_positions(sheet)
+    middle = 0.5 * (reference.min(axis=0) + reference.max(axis=0))
+    fibres = [vector(sheet, f"fibre_direction_{number}", 0).mean(axis=0) for number in (1, 2)]
+    normal = np.cross(*fibres)
+    return [Plane.through(middle, np.cross(fibre, normal)) for fibre in fibres]
+
+
+def draw_sections(
+    path: Path | str,
+    datasets: Mapping[str, xr.Dataset],
+    planes: Sequence[Plane],
+    tools: RunTools | None = None,
+    travel: np.ndarray | None = None,
+    frame: int = -1,
+) -> None:
+    """Draw cuts through sheet and tools: to scale, and unrolled with the thickness stretched.
+
+    Unrolled, the middle of the sheet is straight; its faces lie half the thickness off, and the
+    tools as far from the faces as they are, at every place the nearest way. A line within the sheet
+    is a tool that the sheet reaches into.
+
+    Parameters
+    ----------
+    datasets : groups of the result.
+    travel : of the tools in the frame [m], shape (T,).
+    """
+    sheet = datasets[SHEET]
+    cuts = [(plane, _strips(datasets, plane, frame)) for plane in planes]
+    width, pad = 6.4, 0.06
+    boxes = [_box(plane, strips, pad) for plane, strips in cuts]
+    heights = [float(np.clip(width * b[1, 1] / b[1, 0], 1.0, 5.0)) for b in boxes]
+    total = sum(heights) + 0.95 * len(heights) + 0.6
+    with matplotlib.rc_context(RC):
+        figure = new_figure(12.0, total)
+        bottom = total - 0.6
+        for (plane, strips), box, height in zip(cuts, boxes, heights, strict=True):
+            bottom -= height + 0.95
+            axis = axes_at(figure, 0.65, bottom + 0.5, width, height)
+            across = axes_at(figure, 0.65 + width + 0.75, bottom + 0.5, 3.95, max(height, 1.0))
+            if tools is not None and travel is not None:
+                _draw_tools(axis, plane, box, tools, travel)
+            _draw_sheet(axis, plane, strips)
+            axis.set_aspect("equal")
+            axis.set_xlim(1e3 * box[0, 0], 1e3 * (box[0, 0] + box[1, 0]))
+            axis.set_ylim(1e3 * box[0, 1], 1e3 * (box[0, 1] + box[1, 1]))
+            axis.set_title(_title(plane), color=FAINT, loc="left")
+            label_axes(axis, f"{_words(plane.along)} [mm]", f"{_words(plane.up)} [mm]")
+            _draw_unrolled(across, strips, tools, travel)
+        if tools is not None:
+            for name, colour in zip(tools.names, tools.colours):
+                axis.plot([], [], color=colour, lw=1.6, label=name)
+            figure.legend(
+                handles=axis.get_legend_handles_labels()[0], loc="upper right", ncols=4,
+                bbox_to_anchor=(1.0 - 0.3 / 12.0, 1.0 - 0.12 / total),
+            )  # fmt: skip
+        time = 1e3 * float(sheet["time"].values[frame])
+        headline(figure, "Sections", f"{sheet.attrs.get('title', '')}  ·  t = {time:.4g} ms")
+        save(figure, path)
+
+
+# --- to scale -------------------------------------------------------------------------------------
+
+
+def _strips(datasets: Mapping[str, xr.Dataset], plane: Plane, frame: int) -> list[Strip]:
+    """Return the strips of all sheets of a result, without thickness in the 2D approach."""
+    solids = [dataset for name, dataset in datasets.items() if name.endswith(SOLID)]
+    if not solids:
+        middle = sheet_positions(datasets[SHEET], frame)
+        return cut_sheet(middle, middle, middle, sheet_faces(datasets[SHEET]), plane)
+    found = []
+    for solid in solids:
+        positions = vector(solid, "reference_position") + vector(solid, "displacement", frame)
+        bottom, top = np.split(positions, 2)  # the upper nodes come in the order of the lower ones
+        found += cut_sheet(0.5 * (bottom + top), bottom, top, _lower_faces(solid), plane)
+    return found
+
+
+def _lower_faces(solid: xr.Dataset) -> np.ndarray:
+    """Return the nodes (F, 4) of the lower faces; a triangle repeats its last one."""
+    volumes = np.nan_to_num(solid["solid_volume_nodes"].values, nan=-1.0).astype(np.int64)
+    wedge = volumes[:, 6] < 0
+    return np.where(wedge[:, None], volumes[:, [0, 2, 1, 1]], volumes[:, :4])
+
+
+def _box(plane: Plane, strips: Sequence[Strip], pad: float) -> np.ndarray:
+    """Return lower corner and extent [m], (2, 2), of what a section shows."""
+    if not strips:
+        return np.array([[0.0, 0.0], [1e-3, 1e-3]])
+    shown = plane.flat(np.concatenate([face for strip in strips for face in strip]))
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    margin = pad * float((high - low).max())
+    return np.stack([low - margin, high - low + 2.0 * margin])
+
+
+def _draw_sheet(axis: Axes, plane: Plane, strips: Sequence[Strip]) -> None:
+    from matplotlib.collections import PolyCollection
+
+    for lower, upper in strips:
+        outline = 1e3 * plane.flat(np.concatenate([lower, upper[::-1]]))
+        axis.add_collection(
+            PolyCollection([outline], facecolors=SHEET_COLOUR, edgecolors=INK, linewidths=0.6)
+        )
+    if not strips:
+        axis.text(0.5, 0.5, "the plane misses the sheet", transform=axis.transAxes, ha="center")
+
+
+def _draw_tools(
+    axis: Axes, plane: Plane, box: np.ndarray, tools: RunTools, travel: np.ndarray
+) -> None:
+    """Tint the tools and draw their surface, where the distance that contact takes is zero."""
+    step = box[1, 0] / GRID
+    u, v = (low + step * np.arange(int(length / step) + 2) for low, length in box.T)
+    flat = np.stack(np.meshgrid(u, v), axis=-1)
+    points = np.ascontiguousarray(plane.place(flat).reshape(-1, 3))
+    for tool, colour in enumerate(tools.colours):
+        distance = gaps(tools.table, tool, points, float(travel[tool])).reshape(flat.shape[:2])
+        if not (distance < 0.0).any():
+            continue
+        mm = 1e3 * u, 1e3 * v
+        axis.contourf(*mm, distance, levels=[-np.inf, 0.0], colors=[colour], alpha=0.13)
+        axis.contour(*mm, distance, levels=[0.0], colors=[colour], linewidths=1.0, zorder=3)
+
+
+# --- unrolled -------------------------------------------------------------------------------------
+
+
+def _draw_unrolled(
+    axis: Axes, strips: Sequence[Strip], tools: RunTools | None, travel: np.ndarray | None
+) -> None:
+    """Draw the thickness over the length of the sheet, and the tools at their distances."""
+    start, largest = 0.0, 0.0
+    for lower, upper in strips:
+        middle = 0.5 * (lower + upper)
+        steps = np.linalg.norm(np.diff(middle, axis=0), axis=1)
+        length = 1e3 * (start + np.concatenate([[0.0], np.cumsum(steps)]))
+        start = 1e-3 * float(length[-1])
+        half = 0.5e3 * np.linalg.norm(upper - lower, axis=1)
+        largest = max(largest, float(2.0 * half.max()))
+        axis.fill_between(length, -half, half, color=SHEET_COLOUR, lw=0.0, zorder=1)
+        axis.plot(length, half, color=INK, lw=0.6, zorder=2)
+        axis.plot(length, -half, color=INK, lw=0.6, zorder=2)
+        if tools is None or travel is None:
+            continue
+        for tool, colour in enumerate(tools.colours):
+            for level in _distances(tools, tool, float(travel[tool]), lower, upper, half):
+                axis.plot(length, level, color=colour, lw=1.0, zorder=3)
+    reach = (0.5 + REACH) * (largest or 1.0)
+    axis.set_xlim(0.0, max(1e3 * start, 1e-9))
+    axis.set_ylim(-reach, reach)
+    extent = axis.get_window_extent()
+    stretch = (extent.height / (2.0 * reach)) / (extent.width / max(1e3 * start, 1e-9))
+    axis.set_title(f"unrolled, thickness × {stretch:.2g}", color=FAINT, loc="left")
+    label_axes(axis, "along the sheet [mm]", "from its middle [mm]")
+
+
+def _distances(
+    tools: RunTools, tool: int, travel: float, lower: np.ndarray, upper: np.ndarray, half
+) -> list[np.ndarray]:
+    """Return where a tool lies in the unrolled section [mm], nan on the side that it is not on."""
+    below, above = (
+        1e3 * gaps(tools.table, tool, np.ascontiguousarray(face), travel) for face in (lower, upper)
+    )
+    # a tool that stands across the sheet is as far from one face as from the other
+    is_below, is_above = above - below > half, below - above > half
+    if tools.table.kind[tool] == FIELD:  # far from a surface mesh distances are lower bounds
+        known = EXACT_SPACINGS * 1e3 * tools.table.spacing[tool]
+        is_below, is_above = is_below & (below < known), is_above & (above < known)
+    return [
+        np.where(is_below, -half - below, np.nan), np.where(is_above, half + above, np.nan)
+    ]  # fmt: skip
+
+
+def _title(plane: Plane) -> str:
+    """Say where a plane lies, after its name."""
+    where = _where(plane)
+    return f"{plane.name}: {where}" if plane.name else where
+
+
+def _where(plane: Plane) -> str:
+    across = int(np.argmax(np.abs(plane.normal)))
+    if abs(plane.normal[across]) > 1.0 - 1e-9:
+        return f"{'xyz'[across]} = {1e3 * plane.point[across] + 0.0:.4g} mm"
+    x, y, z = 1e3 * plane.point + 0.0
+    n = plane.normal + 0.0
+    return f"through ({x:.4g}, {y:.4g}, {z:.4g}) mm, normal ({n[0]:.3g}, {n[1]:.3g}, {n[2]:.3g})"
+
+
+def _words(direction: np.ndarray) -> str:
+    """Name a direction: an axis, or its components."""
+    axis = int(np.argmax(np.abs(direction)))
+    if direction[axis] > 1.0 - 1e-9:
+        return "xyz"[axis]
+    x, y, z = direction + 0.0
+    return f"({x:.2g}, {y:.2g}, {z:.2g})"

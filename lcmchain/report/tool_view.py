@@ -1,0 +1,68 @@
+"""The surfaces of the tools and where they stand in every frame, for the 3D view of the report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.fields.sheet import reference_positions, sheet_positions
+from lcmchain.report.packing import packed
+from lcmchain.tools.drawing import tool_surface
+from lcmchain.tools.motion.base import unit_direction
+
+if TYPE_CHECKING:
+    from lcmchain.scene import Scene
+
+#: Surfaces with more triangles than this in all are left out, the finest first.
+MOST_TRIANGLES = 60_000
+# Room around the sheet that tools are cut to, in parts of its length.
+MARGIN = (0.08, 0.08, 0.25)
+
+
+def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict[str, Any]]:
+    """Return index, name, ``points`` [mm] and ``triangles`` of every tool, and its ``shift`` [mm].
+
+    Parameters
+    ----------
+    scene : with the tools in the order of the result.
+    sheet, history : root group and ``/history`` of the result.
+
+    Returns
+    -------
+    Plain values for JSON; arrays as in :func:`lcmchain.report.field_view.view_data`. ``shift`` has
+    three numbers for every saved frame. A tool outside the room around the sheet is left out.
+    """
+    corners = np.concatenate([reference_positions(sheet), sheet_positions(sheet)])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = np.array(MARGIN) * float(max(high - low))
+    box = np.array([low - margin, high + margin])
+    surfaces = [tool_surface(tool, scene.source.directory, box) for tool in scene.tools]
+    found = []
+    for index in _shown(surfaces):
+        points, triangles = surfaces[index]
+        tool = scene.tools[index]
+        direction = getattr(tool.motion, "direction", None)
+        along = np.zeros(3) if direction is None else unit_direction(direction, tool.name)
+        shift = 1e3 * history["tool_travel"].values[:, index, None] * along
+        found.append(
+            {
+                "index": index,
+                "name": tool.name,
+                "points": packed(1e3 * points, "<f4"),
+                "triangles": packed(triangles, "<i4"),
+                "shift": np.round(shift, 4).tolist(),
+            }
+        )
+    return found
+
+
+def _shown(surfaces: list[tuple[np.ndarray, np.ndarray]]) -> list[int]:
+    """Return the tools with a surface in the room, as many as stay light, the coarsest first."""
+    chosen, room = [], MOST_TRIANGLES
+    for index in sorted(range(len(surfaces)), key=lambda i: len(surfaces[i][1])):
+        room -= len(surfaces[index][1])
+        if len(surfaces[index][1]) and room >= 0:
+            chosen.append(index)
+    return sorted(chosen)

@@ -1,0 +1,154 @@
+"""What all cases have in common: process, blank, material, friction."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcmchain.errors import InputError
+from lcmchain.scene.cases.template import filled, mm, quoted, wrapped_comment
+from lcmchain.scene.fabrics import PUBLISHED, PublishedFabric
+
+#: Mean speed of a tool that a process is made for [m/s].
+TOOL_SPEED = 0.4
+#: Periods of the slowest shear vibration, where the law is softest, that a process takes: from
+#: there on, as `check` says, nothing should change any more.
+PERIODS = 5
+SOFTEST_UP_TO = math.radians(45.0)
+#: Elements along the shorter side of a blank whose edge length nobody gives.
+ELEMENTS_ALONG_BLANK = 40
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The sheet of a new scene, in SI units; None takes what the case finds suitable.
+
+    Parameters
+    ----------
+    preset : published fabric; size : sides of the blank along x and y [m].
+    edge_length : of the elements [m]; fibre_angle : from x to fibre direction 1, as a text.
+    friction : Coulomb coefficient; time : of the process [s].
+    """
+
+    preset: str = "MD600"
+    size: tuple[float, float] | None = None
+    edge_length: float | None = None
+    fibre_angle: str = "0 deg"
+    friction: float | None = None
+    time: float | None = None
+
+    @property
+    def fabric(self) -> PublishedFabric:
+        """The published fabric.
+
+        Raises
+        ------
+        InputError : there is none of this name.
+        """
+        if self.preset not in PUBLISHED:
+            raise InputError(
+                f'there is no preset "{self.preset}"; there is {", ".join(PUBLISHED)}',
+                key="--preset",
+            )
+        return PUBLISHED[self.preset]
+
+    @property
+    def thickness(self) -> float:
+        """Thickness of the unloaded fabric [m]."""
+        return self.fabric.material.thickness
+
+
+@dataclass(frozen=True)
+class Process:
+    """How a case moves its sheet: longest travel of a tool [m], damping, weight, and the reasons.
+
+    ``least_time`` [s] goes before a shorter one.
+    """
+
+    travel: float
+    damping: str
+    damping_reason: str
+    gravity: bool
+    gravity_reason: str
+    least_time: float = 0.0
+
+
+def round_edge_length(length: float) -> float:
+    """Return the nearest of 1, 2, 2.5, 5 times a power of ten that is not longer [m]."""
+    unit = 10.0 ** math.floor(math.log10(length))
+    return max(step * unit for step in (1.0, 2.0, 2.5, 5.0) if step * unit <= length * (1 + 1e-9))
+
+
+def process_time(sheet: Sheet, size: tuple[float, float], travel: float) -> float:
+    """Return a process time [s], to two digits, in which sheet and tools are slow.
+
+    The slowest shear vibration of a sheet of length L has the period 2 L / sqrt(G/rho) with the
+    shear tangent G, of Eq. (21): the sum of (i + 1) s_i |E12|^i.
+    """
+    material = sheet.fabric.material
+    strain = 0.5 * np.sin(np.linspace(0.0, SOFTEST_UP_TO, 91))
+    tangent = sum((i + 1) * s * strain**i for i, s in enumerate(material.membrane.shear_polynomial))
+    period = 2.0 * max(size) / math.sqrt(np.min(tangent) / material.density)
+    return two_digits(max(PERIODS * period, travel / TOOL_SPEED))
+
+
+def two_digits(value: float) -> float:
+    """Return a positive number rounded to two digits."""
+    return float(f"{value:.1e}")
+
+
+def sheet_text(
+    sheet: Sheet,
+    process: Process,
+    *,
+    case: str,
+    file: str,
+    headline: str,
+    remarks: str,
+    size: tuple[float, float],
+    edge_length: float,
+    height: float,
+    height_reason: str,
+    material: str | None = None,
+) -> str:
+    """Return the part of a scene up to its tools.
+
+    Parameters
+    ----------
+    case, file : names of case and scene file; headline, remarks : what the scene is.
+    size, edge_length, height : of the blank [m]; material : table in place of the preset's name.
+    """
+    time = sheet.time or max(process_time(sheet, size, process.travel), process.least_time)
+    friction = 0.157 if sheet.friction is None else sheet.friction
+    if sheet.friction is not None:
+        reason = "As given."
+    elif sheet.preset == "MD600":
+        reason = "That of MD600 (sled test, Schäfer, Mitsch, Kärger, section 4.1)."
+    else:
+        reason = "Assumed: that of MD600."
+    values = {
+        "headline": headline,
+        "case": case,
+        "file": file,
+        "remarks": wrapped_comment(remarks),
+        "title": quoted(headline),
+        "time": f"{1e3 * time:.6g} ms",
+        "time_origin": "As given" if sheet.time else "Assumed",
+        "mass_damping": process.damping,
+        "damping_reason": process.damping_reason,
+        "gravity": str(process.gravity).lower(),
+        "gravity_reason": process.gravity_reason,
+        "size": ", ".join(quoted(mm(side)) for side in size),
+        "edge_length": mm(edge_length),
+        "fibre_angle": sheet.fibre_angle,
+        "height": mm(height),
+        "height_reason": height_reason,
+        "friction": f"{friction:g}",
+        "friction_reason": reason,
+    }
+    values["material"] = material or filled(
+        "preset", {"preset": sheet.preset, "description": sheet.fabric.description}
+    )
+    return filled("sheet", values)

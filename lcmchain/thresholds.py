@@ -1,0 +1,28 @@
+"""Numbers beyond which a result is questionable: its warnings and its verdicts read them here."""
+
+from __future__ import annotations
+
+#: Error of the energy balance, in parts of the largest internal energy.
+LARGEST_BALANCE_ERROR = 0.01
+#: Kinetic in parts of the internal energy when the process ends: the sheet is at rest below it,
+LARGEST_KINETIC_PART_AT_END = 0.05
+#: and during the process: inertia is no part of forces and shape below it,
+LARGEST_KINETIC_PART = 0.1
+#: where it is not exceeded over more than this part of the stroke.
+LONGEST_DYNAMIC_PART = 0.1
+#: Work of damping in parts of the external work.
+LARGEST_DAMPING_PART = 0.05
+#: Hourglass in parts of the internal energy.
+LARGEST_HOURGLASS_PART = 0.05
+#: Depth that nodes reach inside a tool [m].
+LARGEST_PENETRATION = 1e-4
+#: Strain of fibres; carbon fibres break at three times as much (1.5 %, data sheet of T300).
+LARGEST_FIBRE_STRAIN = 0.005
+
+#: Elements per wavelength below which a wave of the sheet is not resolved; half as many form none.
+LEAST_ELEMENTS_PER_WAVE = 8
+
+#: A share this many times its threshold makes a result bad, no longer doubtful.
+BAD = 3.0
+#: Part of the area of the sheet up to which an excess is local: doubtful, and bad beyond.
+LOCAL_AREA = 0.01
