@@ -219,7 +219,7 @@ class SolidShellBody:
         whole, cut = self._fibre_bounds
         return ReferenceFrequencies(
             in_plane=float(in_plane * max(whole, cut)),
-            at_nodes=0.0 if self.cut is None else float(in_plane * whole),
+            at_nodes=0.0 if self.cut is None else float(in_plane * self.cut.usual_bound),
             over_thickness=float(normal / self.geometry.height.min() ** 2),
         )
 
