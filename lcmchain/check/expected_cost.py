@@ -6,7 +6,8 @@ known in the reference: the fibre wave across the cells, with the cut ones
 the contacts (``Simulation`` adds them up in the same way). Of what changes on the way, compaction
 between parallel plates follows from their motion. How far a sheet shears is not known beforehand.
 It matters where the bound of ω² adds up both families of fibres, as the triangles and the cut
-elements do: with the sheared fibres at cos θ = sin γ to each other it grows by 1 + sin γ.
+elements do: with the sheared fibres at cos θ = sin γ to each other it grows by 1 + sin γ. The few
+nodes with the highest ω² of the reference, at corners of the outline, are taken not to shear.
 """
 
 from __future__ import annotations
@@ -81,13 +82,13 @@ def omega2_over_time(model: Model, shear_angle: float) -> np.ndarray:
 
     The sheets are taken to shear by up to ``shear_angle`` [rad], in proportion to the square of the
     tools' travel: a net of fibres on a surface of the Gaussian curvature K shears by K times the
-    area between two of them (Gauss and Bonnet).
+    area between two of them (Gauss and Bonnet). Where supports pull it shears with their travel.
     """
     times = np.linspace(0.0, model.process_time, TIMES)
     travel = np.array([_travel(model, time) for time in times])
     if not model.tool_names and model.supports is None:
         shear_angle = 0.0  # nothing forms the sheets
-    sheared = 1.0 + np.sin(shear_angle * _progress(model, travel, times) ** 2)
+    sheared = 1.0 + np.sin(shear_angle * _shear_progress(model, travel, times))
     gap = plate_distance(model, travel)
     omega2 = np.zeros((2, TIMES))
     for body in model.bodies:
@@ -150,10 +151,10 @@ def _travel(model: Model, time: float) -> list[float]:
     return [prescribed_travel(model.tools, k, time)[0] for k in range(len(model.tool_names))]
 
 
-def _progress(model: Model, travel: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Return how far the forming has come, 0 to 1: the way of the tool that moves furthest."""
+def _shear_progress(model: Model, travel: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Return the part of the shear, 0 to 1, by the way of the tool that moves furthest."""
     way = np.abs(np.diff(travel, axis=0, prepend=travel[:1])).cumsum(axis=0)
     if way.size == 0 or way[-1].max() == 0.0:
         return times / model.process_time
     furthest = way[:, np.argmax(way[-1])]
-    return furthest / furthest[-1]
+    return (furthest / furthest[-1]) ** 2

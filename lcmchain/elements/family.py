@@ -71,9 +71,9 @@ class NormalPressure(NamedTuple):
 class ReferenceFrequencies(NamedTuple):
     """ω² of the undeformed sheet [1/s²].
 
-    in_plane : of the fibre wave across elements that are bounded one by one.
-    at_nodes : of that across elements whose bound adds up both families of fibres at the nodes; it
-        grows by 1 + sin γ where the sheet shears by γ.
+    in_plane : of the fibre wave across the elements, the largest.
+    at_nodes : of that at usual nodes of elements whose bound adds up both families of fibres at the
+        nodes, 0 without such elements; it grows by 1 + sin γ where the sheet shears by γ.
     over_thickness : of the wave over the thickness; 0 without one.
     """
 

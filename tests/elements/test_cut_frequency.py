@@ -103,3 +103,15 @@ def test_estimated_step_is_that_of_the_solver(element, angle):
     model = model_of(SQUARE, angle, element)
     estimate = estimate_run(model)
     assert estimate.critical_step == pytest.approx(Simulation(model).critical_step(), rel=0.03)
+
+
+@pytest.mark.parametrize("element", ["solid-shell", "membrane-shell"])
+def test_the_bound_at_usual_nodes_grows_with_shear_as_expected(element):
+    """By 1 + sin γ, which ``check`` takes for its estimate, and from where whole elements are."""
+    model = model_of(SQUARE, 30.0, element)
+    found = model.body.reference_frequencies()
+    shear = 45.0
+    position = deformed(model, shear=shear, compaction=1.0, warp=0.0, seed=0)
+    bound = bound_at(model, position)[0]
+    grown = found.at_nodes * (1.0 + math.sin(math.radians(shear)))
+    assert 0.95 * grown < bound < 1.25 * grown

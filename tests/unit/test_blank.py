@@ -321,3 +321,19 @@ def test_polygons_keep_the_step_of_whole_elements(outline, degrees, edge_length)
     assert_sound(blank)
     assert blank.step_ratio <= LONGEST_SHARE
     assert blank.area == pytest.approx(blank.outline_area, rel=5e-3)
+
+
+def test_a_tip_narrower_than_an_element_is_told_of():
+    arrow = ((-0.1, -0.06), (0.1, -0.06), (0.1, -0.002), (0.16, 0.0), (0.1, 0.002), (0.1, 0.06))
+    blank = build_blank(blank_spec(outline=(*arrow, (-0.1, 0.06))), THICKNESS)
+    assert_sound(blank)
+    assert blank.step_ratio <= LONGEST_SHARE
+    missing = 1.0 - blank.area / blank.outline_area
+    assert 0.001 < missing < 0.006  # the tip is 0.5 % of the area
+    (remark,) = blank.remarks()
+    assert f"{-100.0 * missing:+.2f} %" in remark and "narrower than an element" in remark
+    # a sharp one that widens soon gets a triangle
+    wedge = build_blank(blank_spec(outline=((0, 0), (0.2, -0.01), (0.2, 0.03))), THICKNESS)
+    assert_covers(wedge, ((0, 0), (0.2, -0.01), (0.2, 0.03)))
+    assert wedge.step_ratio <= LONGEST_SHARE
+    assert wedge.remarks() == []

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from lcmchain import read_scene
+from lcmchain.check import estimate_run
 from lcmchain.fields import read_forming, sheet_faces, sheet_positions
 from lcmchain.fields.measures import flange_and_pole, mirror_difference
+from lcmchain.model import build_model
 
 INITIAL_THICKNESS = 1.004e-3
+SCENE = Path(__file__).parents[2] / "examples" / "hemisphere_holder" / "scene.toml"
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +110,11 @@ def test_fibre_volume_fraction_follows_thickness_and_shear(sheet):
 
 def test_punch_force_is_that_of_a_light_fabric(holder_result):
     assert 15.0 < holder_result.summary["punch_force_max_N"] < 60.0
+
+
+def test_check_expects_the_steps_that_are_made(holder_result):
+    estimate = estimate_run(build_model(read_scene(SCENE)))
+    assert estimate.step_count == pytest.approx(holder_result.summary["step_count"], rel=0.1)
 
 
 def test_summary_has_every_promised_entry(holder_result):

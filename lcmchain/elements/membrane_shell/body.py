@@ -109,17 +109,16 @@ class MembraneShellBody:
         return self._at_nodes(self.geometry.area)
 
     @cached_property
-    def fibre_bound(self) -> tuple[float, np.ndarray]:
-        """Bound of ω²/c² in the reference [1/m²], c the speed of the fibre wave, and its weights.
+    def fibre_bound(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bound of ω²/c² in the reference by each node [1/m²], c the speed of the fibre wave.
 
-        The weights of the nodes are 1 where no cell is cut.
+        And the weights of the nodes with which it holds, which are 1 where no cell is cut.
         """
         corners = self.mesh.elements
         shares = angle_shares(self.mesh.node_positions[corners])
         sweeps = SWEEPS if self.mesh.is_cut else 1
         gradient = np.abs(self.geometry.gradient)
-        bound, weight = nodal_bound(corners, gradient, shares, self.geometry.area, sweeps)
-        return float(bound.max()), weight
+        return nodal_bound(corners, gradient, shares, self.geometry.area, sweeps)
 
     def present_node_area(self, positions: np.ndarray) -> np.ndarray:
         own = positions[:, self.first_node : self.first_node + self.mesh.node_count].T
@@ -128,7 +127,7 @@ class MembraneShellBody:
     @cached_property
     def shortest_length(self) -> float:
         if self.mesh.is_cut:  # cut triangles share mass with their neighbours
-            return 2.0 / math.sqrt(self.fibre_bound[0])
+            return 2.0 / math.sqrt(float(self.fibre_bound[0].max()))
         return float(2.0 / np.abs(self.geometry.gradient).sum(axis=1).max())
 
     @property
@@ -181,7 +180,13 @@ class MembraneShellBody:
 
     def reference_frequencies(self) -> ReferenceFrequencies:
         in_plane = self.material.wave_stiffness()[0] / self.material.density
-        return ReferenceFrequencies(0.0, self.fibre_bound[0] * in_plane, 0.0)
+        # most nodes are whole ones, whatever weights the power iteration has given to them
+        shortest = np.abs(self.geometry.gradient).sum(axis=1).max(axis=1)
+        return ReferenceFrequencies(
+            in_plane=float(in_plane * self.fibre_bound[0].max()),
+            at_nodes=float(in_plane * np.median(shortest) ** 2),
+            over_thickness=0.0,
+        )
 
     def cause(self, code: int) -> str:
         return self.CAUSES[code]

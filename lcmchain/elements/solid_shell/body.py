@@ -226,8 +226,8 @@ class SolidShellBody:
         in_plane, normal = np.array(self.material.wave_stiffness()) / self.material.density
         whole, cut = self._fibre_bounds
         return ReferenceFrequencies(
-            in_plane=float(in_plane * whole),
-            at_nodes=float(in_plane * cut),
+            in_plane=float(in_plane * max(whole, cut)),
+            at_nodes=0.0 if self.cut is None else float(in_plane * self.cut.usual_bound),
             over_thickness=float(normal / self.geometry.height.min() ** 2),
         )
 

@@ -32,6 +32,7 @@ class CutElements:
     node : nodes of the body that they have, by corner (count, 8), numbered from 0 on.
     volume : of each (count,) [m³]. mass : that they give to the nodes [kg].
     fibre_bound : bound of ω²/c² in the reference, c the speed of the fibre wave [1/m²].
+    usual_bound : the same of a whole element.
     """
 
     elements: np.ndarray
@@ -42,6 +43,7 @@ class CutElements:
     volume: np.ndarray
     mass: np.ndarray
     fibre_bound: float
+    usual_bound: float
 
     @classmethod
     def of_body(
@@ -89,6 +91,7 @@ class CutElements:
             volume=volume,
             mass=data.density * np.bincount(node.ravel(), np.repeat(volume / 8.0, 8)),
             fibre_bound=float((2.0 / pitch * near.ratio).max() ** 2),
+            usual_bound=4.0 / pitch**2,
         )
 
     def highest_frequency(
