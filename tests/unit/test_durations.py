@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from lcmchain.check.expected_cost import Estimate
+from lcmchain.check.machine_speed import Speed
 from lcmchain.check.tables import cost_table
 from lcmchain.quantities.durations import duration_text
 from lcmchain.scene import Process
@@ -45,8 +46,15 @@ def test_a_clock_set_back_and_an_unknown_time_are_told_without_failing() -> None
 
 
 def test_check_tells_hours_as_hours() -> None:
-    estimate = Estimate(1e-6, 100_000, 7500.0, "in-plane waves")
+    estimate = Estimate(
+        critical_step=1e-6,
+        step_count=100_000,
+        range=(90_000, 110_000),
+        speed=Speed(1e-7, "assumed"),
+        seconds=7500.0,
+        controlled_by="in-plane waves",
+    )
     table = cost_table(estimate, Process(time=0.1), element_count=9, node_count=32)
     terminal = Console(width=100, file=io.StringIO())
     terminal.print(table)
-    assert "about 2 h 05 min on one core" in terminal.file.getvalue()
+    assert "about 2 h 05 min once compiled" in terminal.file.getvalue()
