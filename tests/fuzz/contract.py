@@ -122,8 +122,10 @@ def judge(case: Case) -> Outcome:
     message = said.err.getvalue()
     if complaint := _message_complaint(message, code, case):
         return Outcome(Verdict.MESSAGE, f"{complaint}\n{message[:2000]}", seconds)
-    if _contents(case.out) != before:
-        return Outcome(Verdict.LEFT_BEHIND, str(_contents(case.out)), seconds)
+    left = _contents(case.out)
+    # What a message names is left on purpose: a picture of what is wrong.
+    if not _only_named(left, message) and left != before:
+        return Outcome(Verdict.LEFT_BEHIND, str(left), seconds)
     return Outcome(Verdict.REFUSED, message.strip(), seconds)
 
 
@@ -195,6 +197,11 @@ def _contents(folder: Path | None) -> dict[str, int] | None:
     if folder is None or not folder.exists():
         return None
     return {str(path): path.lstat().st_mtime_ns for path in sorted(folder.rglob("*"))}
+
+
+def _only_named(left: dict[str, int] | None, message: str) -> bool:
+    """Whether a folder holds what a message names, and nothing else."""
+    return bool(left) and all(path in message for path in left)
 
 
 def _spent(start: float) -> float:

@@ -119,11 +119,11 @@ def drawn_rarely(draw):
     """Draw the picture of the start for every tenth case: it takes longer than all the rest."""
     count = 0
 
-    def drawn(path, scene, blank):
+    def drawn(*arguments):
         nonlocal count
         count += 1
         if count % 10 == 0:
-            draw(path, scene, blank)
+            draw(*arguments)
 
     return drawn
 
