@@ -100,17 +100,18 @@ class _Said:
     err: io.StringIO = field(default_factory=io.StringIO)
 
 
-def judge(case: Case) -> Outcome:
-    """Make the call of a case and say what came of it."""
+def judge(case: Case, *, limit: float | None = None) -> Outcome:
+    """Make the call of a case and say what came of it; ``limit`` [s] of computing time."""
+    limit = TIME_LIMIT if limit is None else limit
     before = _contents(case.out)
     said = _Said()
     start = time.process_time()
     try:
-        with _time_limit(), _captured(said):
+        with _time_limit(limit), _captured(said):
             code = _called(case)
             complaint = case.check() if code == 0 and case.check is not None else None
     except _TooLong:
-        return Outcome(Verdict.HANG, _last_line(), TIME_LIMIT)
+        return Outcome(Verdict.HANG, _last_line(), limit)
     except BaseException:
         return Outcome(Verdict.TRACEBACK, traceback.format_exc(limit=-6), _spent(start))
     seconds = _spent(start)
@@ -167,14 +168,14 @@ def _message_complaint(message: str, code: int, case: Case) -> str | None:
 
 
 @contextlib.contextmanager
-def _time_limit():
+def _time_limit(limit: float):
     def stop(number, frame):
         raise _TooLong
 
     # Computing time: on a busy machine a call may take longer without being slow.
     before = {number: signal.signal(number, stop) for number in (signal.SIGPROF, signal.SIGALRM)}
-    signal.setitimer(signal.ITIMER_PROF, TIME_LIMIT)
-    signal.setitimer(signal.ITIMER_REAL, WALL_LIMIT)
+    signal.setitimer(signal.ITIMER_PROF, limit)
+    signal.setitimer(signal.ITIMER_REAL, max(limit, WALL_LIMIT))
     try:
         yield
     finally:

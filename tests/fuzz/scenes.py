@@ -66,8 +66,8 @@ position = "0 0 2 mm"
 motion = { type = "table", direction = [0, 0, -1], times = "0 5 20 ms", travel = "0 2 9 mm" }
 [[tools]]
 name = "die"
-shape = { type = "revolved_profile", solid = "left", points = ["0 -9 mm", "20 -9 mm", "40 0 mm"], \
-fillet_radii = "0 3 0 mm" }
+shape = { type = "revolved_profile", solid = "right", points = ["0 -9 mm", "20 -9 mm", "40 0 mm", \
+"300 0 mm"], fillet_radii = "0 3 3 0 mm" }
 friction = 0.3
 [[tools]]
 name = "rod"
@@ -113,6 +113,16 @@ def prepare(folder: Path) -> None:
     """Copy the files that the examples name into a folder."""
     for file in [*EXAMPLES.glob("*/*.stl"), *EXAMPLES.glob("*/*.vtu")]:
         shutil.copy(file, folder / file.name)
+
+
+def sound_calls(folder: Path) -> list[list[str]]:
+    """Write scenes that are right and return the calls that check them."""
+    calls = []
+    for name in ("stl_tool", "isotropic"):
+        file = folder / f"{name}.toml"
+        file.write_text(to_toml(base_documents()[name]), encoding="utf-8")
+        calls.append(["check", str(file), "--out", str(folder / "out")])
+    return calls
 
 
 def drawn_rarely(draw):
