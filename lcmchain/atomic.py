@@ -22,10 +22,12 @@ def replacing(path: Path | str) -> Iterator[Path]:
 
     Raises
     ------
-    InputError : the folder cannot be made or written.
+    InputError : ``path`` is a folder, or its folder cannot be made or written.
     OutputError : writing failed on the way (a full disk); what was at ``path`` is still there.
     """
     path = Path(path)
+    if path.is_dir():
+        raise InputError("is a folder; name a file in it", file=path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(

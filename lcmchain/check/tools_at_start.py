@@ -6,12 +6,13 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lcmchain.check.smallest_gap import Distance, smallest_gap
 from lcmchain.errors import InputError
-from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.scene import Scene, Tool
 from lcmchain.tools.distance import gaps as node_gaps
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
@@ -78,9 +79,7 @@ def _initial_gap(
     return InitialGap(tool.name, gap, tuple(place.tolist()), at_nodes, surface)
 
 
-def require_no_initial_overlap(
-    scene: Scene, blank: BlankMesh, tool_table: ToolTable
-) -> list[InitialGap]:
+def require_no_initial_overlap(scene: Scene, blank: Any, tool_table: ToolTable) -> list[InitialGap]:
     """Stop when a tool reaches into the blank at the start, deeper than 1 % of the thickness.
 
     Such a tool would push the blank away with a jump of contact force that no process has.
@@ -88,7 +87,7 @@ def require_no_initial_overlap(
     Parameters
     ----------
     scene : validated scene.
-    blank : its mesh.
+    blank : its mesh, of any elements.
     tool_table : its tools, in the order of ``scene.tools``.
 
     Returns
@@ -99,6 +98,8 @@ def require_no_initial_overlap(
     ------
     InputError : names every tool that overlaps, the depth and the place.
     """
+    if not blank.has_thickness:  # the tools meet the faces of the sheet, whatever its elements
+        blank = build_blank(scene.blank, scene.material.thickness)
     gaps = initial_gaps(scene.tools, blank, tool_table, scene.source.directory)
     require_gaps(gaps, scene)
     return gaps

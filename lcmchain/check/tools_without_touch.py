@@ -46,7 +46,7 @@ def tools_out_of_reach(scene: Scene, model: Model) -> list[str]:
 def tools_never_touched(model: Model, state: State, snapshots: Sequence[Snapshot]) -> list[str]:
     """Say which tools have not touched the sheet in a complete run, and how close they came."""
     found = []
-    for tool in np.flatnonzero(state.penetration_max == 0.0):
+    for tool in np.flatnonzero(state.penetration_max == 0.0).tolist():
         gap = min(_gap(model, tool, s.position, float(s.tool_travel[tool])) for s in snapshots)
         if gap > _touch(model):
             found.append(

@@ -97,6 +97,7 @@ class Body(Protocol):
     volume : of the undeformed sheet [m³].
     history_count : numbers per element that its kernels keep.
     hourglass_tells : whether large hourglass energy means that the mesh is too coarse.
+    without_potential : scene entries, as they are set, whose forces have no potential.
     """
 
     name: str
@@ -114,6 +115,7 @@ class Body(Protocol):
     first_element: int
     volume: float
     hourglass_tells: bool
+    without_potential: tuple[str, ...]
 
     @property
     def history_count(self) -> int: ...

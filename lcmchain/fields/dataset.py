@@ -190,7 +190,7 @@ def model_datasets(
     """
     sheets = {b.name: SheetFrames.of_body(scene, model, b, frames) for b in model.bodies}
     if len(sheets) == 1:
-        groups = _one_sheet(scene, *sheets.values(), frames)
+        groups = _one_sheet(scene, next(iter(sheets.values())), frames)
     else:
         groups = {SHEET: _all_sheets(scene, sheets, frames)}
         for name, sheet in sheets.items():

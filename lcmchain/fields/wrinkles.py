@@ -8,8 +8,9 @@ on the undeformed mesh alone.
 What it does is known beforehand. Flat sheets, rigid motions and homogeneous deformations are
 reproduced exactly. Waves up to :data:`WAVE_PART` of the reach leave at most 5 % of their height in
 the copy, inside the sheet and, with 11 %, where they run along an edge; waves parallel to a free
-edge are mixed up with the curvature there and overstated, up to 2.5 times on the edge itself. A
-smooth sphere of radius R is missed by reach⁴ / (360 R³), a cylinder by 3/8 of it.
+edge are taken for curvature in part: 0.4 to 0.8 of their height is left on the edge and the next
+line of nodes, 0.7 and more farther in. A smooth sphere of radius R is missed by reach⁴ / (360 R³),
+a cylinder by 3/8 of it.
 
 A tool's fillet is sharper than that, and no wrinkle. Therefore a height is at most the clear
 distance to the tool that the sheet has lifted off from, the one below a crest or above a trough:

@@ -16,6 +16,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Jobs": (
         "run",
         "report",
+        "pictures",
         "scene",
         "coupons",
         "identification",

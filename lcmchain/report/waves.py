@@ -52,11 +52,13 @@ def rows_of_faces(faces: np.ndarray) -> list[np.ndarray]:
             a, b = nodes[side], nodes[(side + 1) % 4]
             if a != b:
                 across.setdefault((min(a, b), max(a, b)), []).append((face, side))
-    beside = {}  # (face, side) -> the face beyond that side, and its side there
+    # (face, side) -> the face beyond that side, and its side there
+    beside: dict[tuple[int, int], tuple[int, int]] = {}
     for pair in across.values():
         if len(pair) == 2:
             beside[pair[0]], beside[pair[1]] = pair[1], pair[0]
-    rows, done = [], set()
+    rows: list[np.ndarray] = []
+    done: set[tuple[int, int]] = set()
     for start in [(face, side) for face in range(len(faces)) for side in (0, 1)]:
         if start in done:
             continue

@@ -7,7 +7,8 @@ import numpy as np
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model
-from lcmchain.state import EXTERNAL, KINETIC, WORK_COLUMNS, State
+from lcmchain.solver.runaway import cause_of_runaway, energies_in_words
+from lcmchain.state import EXTERNAL, WORK_COLUMNS, State
 
 # Deeper in a tool than this part of its thickness, the sheet is not where the tools hold it.
 DEEPEST_PENETRATION = 0.15
@@ -89,11 +90,11 @@ def require_passive(model: Model, state: State) -> None:
     fastest = int(np.argmax(np.sum(state.velocity**2, axis=0)))
     element = model.element_at(fastest)
     raise SimulationError(
-        f"the energy balance runs away at {when(state)}: kinetic energy "
-        f"{state.work[KINETIC]:.3g} J and dissipation exceed the external work "
-        f"{state.work[EXTERNAL]:.3g} J by {surplus:.3g} J. The fastest node is {fastest} (element "
-        f"{element}) at {millimetres(state.position[:, fastest])}. Likely cause: an unstable time "
-        "step; lower process.step_safety or contact.penalty"
+        f"the energy balance runs away at {when(state)}: motion, contact and dissipation "
+        f"({energies_in_words(state)}) exceed the external work {state.work[EXTERNAL]:.3g} J by "
+        f"{surplus:.3g} J. The fastest node is {fastest} (element {element}) at "
+        f"{millimetres(state.position[:, fastest])}. Likely cause: "
+        f"{cause_of_runaway(model, state, surplus)}"
     )
 
 

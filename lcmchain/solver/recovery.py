@@ -8,6 +8,7 @@ would: the cause is looked for in the last sound state.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,9 @@ from lcmchain.solver.guards import (
     millimetres,
     when,
 )
+from lcmchain.solver.runaway import JUMP
 from lcmchain.state import HALVINGS, State
+from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 
 # A measure below this part of its limit is no cause.
 LEAST_SUSPICION = 0.5
@@ -59,6 +62,7 @@ def diagnosis(model: Model, state: State, energy: dict[str, float], interval: fl
     found = [
         *(finding for body in model.bodies for finding in _of_elements(model, body, state)),
         *_of_contact(model, state),
+        *_of_tools(model, state, interval),
         *_of_energy(model, energy),
         _of_speed(model, state, interval),
     ]
@@ -117,6 +121,29 @@ def _of_contact(model: Model, state: State) -> Iterator[Finding]:
         depth / limit,
         f"deepest penetration {1e3 * depth:.3f} mm ({model.tool_names[tool]})",
         "check gap and stroke of the tools, or raise contact.penalty",
+    )
+
+
+def _of_tools(model: Model, state: State, interval: float) -> Iterator[Finding]:
+    """The prescribed tool that moves farthest in one step of the interval [s]."""
+    step = state.last_step if state.last_step > 0.0 else interval
+    times = state.time + np.arange(0.0, interval + 1.5 * step, step)
+    ways = {
+        tool: max(
+            abs(after - before)
+            for before, after in pairwise(prescribed_travel(model.tools, tool, t)[0] for t in times)
+        )
+        for tool in np.flatnonzero((model.tools.motion_kind == PRESCRIBED) & (state.driven == 0))
+    }
+    if not ways:
+        return
+    tool = max(ways, key=ways.__getitem__)
+    name = model.tool_names[tool]
+    limit = JUMP * min(body.material.thickness for body in model.bodies)
+    yield Finding(
+        ways[tool] / limit,
+        f"{name} moves by {1e3 * ways[tool]:.3g} mm in one step",
+        f"it jumps; check tools.{name}.motion, and use a longer time for it",
     )
 
 

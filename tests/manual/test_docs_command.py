@@ -162,7 +162,7 @@ def test_regenerate_writes_the_reference_pages(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(generated, "FOLDER", tmp_path)
     assert docs("--regenerate") == 0
     written = {file.name for file in tmp_path.iterdir()}
-    assert written == {"scene-reference.md", "fields.md", "commands.md"}
+    assert written == {"scene-reference.md", "presets.md", "fields.md", "commands.md"}
     assert (tmp_path / "commands.md").read_text("utf-8") == (site.FOLDER / "commands.md").read_text(
         "utf-8"
     )

@@ -234,7 +234,10 @@ def test_vtu_holds_the_triangles(result):
 
 def test_pictures_show_what_there_is(result):
     names = {path.name for path in result.folder.glob("*.png")}
-    assert names == {"shear_angle.png", "energy.png", "force.png"}
+    assert names == {
+        "shear_angle.png", "wrinkle_height.png", "fibre_directions.png", "tools.png",
+        "sections.png", "energy.png", "force.png", "force_over_travel.png",
+    }  # fmt: skip
 
 
 def test_mapping_carries_what_exists_and_says_what_is_missing(result, tmp_path):

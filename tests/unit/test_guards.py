@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lcmchain import state as columns
 from lcmchain.errors import SimulationError
 from lcmchain.scene import scene_from_text
 from lcmchain.solver import guards
 from lcmchain.solver.simulation import Simulation
-from lcmchain.state import EXTERNAL, KINETIC
+from lcmchain.state import EXTERNAL, KINETIC, LAST_STEP
 
 SCENE = """
 title = "patch"
@@ -69,6 +70,81 @@ def test_energy_from_nowhere_stops_the_run(simulation):
     state.velocity[2, 3] = 50.0
     with pytest.raises(SimulationError, match="energy balance runs away.*fastest node is 3"):
         guards.require_passive(model, state)
+
+
+PLATES = """
+[[tools]]
+name = "bed"
+shape = { type = "plate", side = "below" }
+position = "0 0 BED mm"
+[[tools]]
+name = "press"
+shape = { type = "plate", side = "above" }
+position = "0 0 1.1 mm"
+motion = { type = "table", direction = [0, 0, -1], times = "0 0.5 0.50001 ms", travel = "0 0 1 mm" }
+"""
+
+
+def with_plates(bed=0.0, more="", scene=SCENE) -> Simulation:
+    return Simulation.from_scene(scene_from_text(scene + PLATES.replace("BED", str(bed)) + more))
+
+
+def runaway(sim, **work) -> str:
+    """Message of the guard where energies [J] by column are these."""
+    for name, value in work.items():
+        sim.state.work[getattr(columns, name)] = value
+    with pytest.raises(SimulationError, match="runs away") as error:
+        guards.require_passive(sim.model, sim.state)
+    return str(error.value)
+
+
+@pytest.mark.parametrize("time", [1e-7, 4e-4])
+def test_an_overlap_at_the_start_is_named_whatever_became_of_its_energy(time):
+    """After a step the springs hold the energy, after a chunk of steps the sheet moves with it."""
+    sim = with_plates(bed=0.03)
+    with pytest.raises(SimulationError, match="runs away") as error:
+        sim.advance_to(time)
+    assert "bed reaches 0.03 mm into the sheet at the start" in str(error.value)
+    assert "tools.bed.position" in str(error.value)
+
+
+def test_a_tool_that_jumps_is_named():
+    sim = with_plates()
+    with pytest.raises(SimulationError) as error:
+        sim.advance_to(1e-3)
+    # the step within which it jumps by 1 mm ends in values that are no numbers
+    assert "press moves by 1 mm in one step" in str(error.value)
+    assert "Likely cause: press moves" in str(error.value)
+    assert "it jumps; check tools.press.motion" in str(error.value)
+    driven = with_plates()
+    driven.state.driven[0], driven.state.tool_velocity[0] = 1, 100.0
+    driven.state.clock[LAST_STEP] = 5e-6
+    assert "bed jumps by 0.5 mm in one step; check the velocity that drives it from outside" in (
+        runaway(driven, CONTACT=1.0)
+    )
+
+
+def test_the_advice_fits_where_the_energy_is():
+    """The largest part of the energy names the cause; each has an entry of its own to change."""
+    assert "process.step_safety = 0.45" in runaway(with_plates(), KINETIC=1.0, CONTACT=0.2)
+    assert "kinetic energy 1 J, contact springs 0.2 J" in runaway(
+        with_plates(), KINETIC=1.0, CONTACT=0.2
+    )
+    assert "leave contact.penalty" not in runaway(with_plates(), KINETIC=1.0)
+    stiff = '[contact]\npenalty = "50 N/mm^3"\ndamping_ratio = 1.5'
+    assert "contact.penalty = 50 N/mm^3 is given" in runaway(with_plates(more=stiff), CONTACT=1.0)
+    assert "leave contact.penalty to the program" in runaway(with_plates(more=stiff), KINETIC=1.0)
+    assert "contact.damping_ratio below 1" in runaway(
+        with_plates(more=stiff), CONTACT=1.0, CONTACT_DAMPING=1.2
+    )
+    assert "process.time" in runaway(with_plates(), CONTACT=1.0)
+    assert "process.mass_damping" in runaway(with_plates(), MASS_DAMPING=1.0, KINETIC=0.5)
+    printed = "[element]\ncross_terms = true"
+    assert "element.cross_terms = true: such forces have no potential" in runaway(
+        with_plates(more=printed), KINETIC=1.0
+    )
+    published = '[element]\nhourglass = "published"'
+    assert 'element.hourglass = "published":' in runaway(with_plates(more=published), FRICTION=1.0)
 
 
 def test_a_strained_start_counts_as_energy_put_in(simulation):

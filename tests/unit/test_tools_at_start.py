@@ -12,10 +12,11 @@ from rich.console import Console
 
 from lcmchain.check import check_scene
 from lcmchain.check.smallest_gap import smallest_gap
-from lcmchain.check.tools_at_start import initial_gaps
+from lcmchain.check.tools_at_start import initial_gaps, require_no_initial_overlap
 from lcmchain.cli import main
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import build_blank
+from lcmchain.model import build_model
 from lcmchain.scene import read_scene
 from lcmchain.tools import gaps
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
@@ -103,6 +104,16 @@ def test_a_tip_between_the_nodes_is_an_overlap(tmp_path, depth):
     with pytest.raises(InputError, match=r"reaches .* into the blank .* at \(3.1, 2.2, ") as error:
         check_scene(scene)
     assert error.value.key == 'tools[1] "punch".position'
+
+
+def test_a_sheet_of_membrane_shells_has_the_same_gaps(tmp_path):
+    """Its nodes lie within the sheet, but the tools meet its faces."""
+    scene = scene_at(tmp_path, z=TOP - 0.3)
+    membranes = read_scene(tmp_path / "scene.toml", ['element.type="membrane-shell"'])
+    model = build_model(membranes)
+    with pytest.raises(InputError, match="reaches 0.3 mm into the blank"):
+        require_no_initial_overlap(membranes, model.blank, model.tools)
+    assert not model.blank.has_thickness and build_model(scene).blank.has_thickness
 
 
 def test_what_lies_far_behind_an_open_skin_is_free(tmp_path):

@@ -151,6 +151,19 @@ def test_waves_that_run_along_an_edge_keep_their_height_there(blank):
     assert np.abs(heights - expected)[on_edge].max() < 0.12 * AMPLITUDE
 
 
+@pytest.mark.parametrize("elements", [4.0, 6.0, 8.0])
+def test_waves_parallel_to_a_free_edge_are_taken_for_curvature_in_part(blank, elements):
+    surfaces = [bent(blank, wave(0.005 * elements, 0.0, p)) for p in np.linspace(0, np.pi, 9)]
+    heights = np.abs(wrinkle_height(blank, np.concatenate(surfaces), WAVE)).max(axis=0) / AMPLITUDE
+    x, y, _ = np.abs(blank.mid_surface_positions).T
+    middle = y < 0.0301
+    for depth in (0.0, 0.005):
+        at_edge = heights[middle & (np.abs(x - 0.1 + depth) < 1e-6)]
+        assert 0.35 < at_edge.min() and at_edge.max() < 0.85
+    farther_in = heights[middle & (x < 0.0901)]
+    assert 0.7 < farther_in.min() and farther_in.max() < 1.1
+
+
 def test_waves_much_longer_than_the_given_length_are_shape(blank):
     heights = wrinkle_height(blank, bent(blank, wave(0.16)), WAVE)[0]
     assert np.abs(heights[inside(blank)]).max() < 0.1 * AMPLITUDE

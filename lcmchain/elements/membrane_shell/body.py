@@ -52,6 +52,7 @@ class MembraneShellBody:
 
     type = kernel = "membrane-shell"
     hourglass_tells = True  # there is none
+    without_potential = ()
     CAUSES = ("in-plane stiffness", "bending stiffness")
 
     @staticmethod

@@ -167,6 +167,14 @@ class SolidShellBody:
         # directors that tilt fill the hourglass terms too; `unsound` names them
         return self.data.options.director is None
 
+    @property
+    def without_potential(self) -> tuple[str, ...]:
+        options = self.data.options
+        found = ["element.cross_terms = true"] if options.cross != 0.0 else []
+        if options.conservative is None and not self.material.constant_tangent:
+            found.append('element.hourglass = "published"')
+        return tuple(found)
+
     def effects(self) -> dict[str, tuple[bool, str]]:
         return solid_shell_effects(self.material, self.data.options)
 
