@@ -20,6 +20,7 @@ from lcmchain.identification.data import CouponData
 from lcmchain.identification.regression import (
     Fit,
     coefficient_of_determination,
+    exponential,
     fit_nonlinear,
     student_factor,
 )
@@ -92,7 +93,7 @@ def identify_bending(
     fit = fit_nonlinear(model, np.log(list(start.values())), tests.overhang, 0.0)
     half, interval_method = _half_widths(fit, tests)
     parameters = tuple(
-        Parameter(name, math.exp(value), "Pa", math.exp(value - h), math.exp(value + h))
+        Parameter(name, exponential(value), "Pa", exponential(value - h), exponential(value + h))
         for name, value, h in zip(start, fit.parameters, half)
     )
     derived = tuple(

@@ -15,7 +15,12 @@ from lcmchain.coupons.analytic import (
 )
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.regression import Fit, coefficient_of_determination, fit_nonlinear
+from lcmchain.identification.regression import (
+    Fit,
+    coefficient_of_determination,
+    exponential,
+    fit_nonlinear,
+)
 from lcmchain.identification.result import (
     Band,
     Identification,
@@ -82,7 +87,7 @@ def identify_compaction(
     stretch, pressure = below["thickness"] / thickness, below["pressure"]
 
     def law(theta):
-        c0, c1, c2 = math.exp(theta[0]), math.exp(theta[1]), theta[2]
+        c0, c1, c2 = exponential(theta[0]), exponential(theta[1]), theta[2]
         return compaction_pressure(stretch, c0, c1, c2)
 
     low, high = _GROWTH_EXPONENT
@@ -161,7 +166,8 @@ def _fit_power_law(data: CouponData, solid_height: float, floor: float) -> Fit:
 def _positive(name: str, unit: str, fit: Fit, index: int) -> Parameter:
     """Parameter that was fitted by its logarithm."""
     value, half = fit.parameters[index], fit.half_widths()[index]
-    return Parameter(name, math.exp(value), unit, math.exp(value - half), math.exp(value + half))
+    low, high = exponential(value - half), exponential(value + half)
+    return Parameter(name, exponential(value), unit, low, high)
 
 
 def _plain(name: str, unit: str, fit: Fit, index: int) -> Parameter:

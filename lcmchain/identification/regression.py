@@ -7,6 +7,7 @@ max(|model|, floor * largest |y|), the factor being unknown. Weights follow the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -74,6 +75,11 @@ class Fit:
         error = self.standard_errors
         with np.errstate(invalid="ignore", divide="ignore"):
             return self.covariance / np.outer(error, error)
+
+
+def exponential(logarithm: float) -> float:
+    """Return e to a power, infinite beyond the largest number."""
+    return math.exp(logarithm) if logarithm < 709.0 else math.inf
 
 
 def student_factor(degrees_of_freedom: int) -> float:

@@ -25,6 +25,23 @@ def prepare(folder: Path) -> None:
     write_netcdf(folder / "sound.nc", {"/": forming_result()})
 
 
+def sound_calls(folder: Path) -> list[list[str]]:
+    """Write meshes that are right and return the calls that map onto them."""
+    points, quads = grid(6, 0.08)
+    lifted = np.concatenate([points, points + [0.0, 0.0, 1e-3]])
+    solids = np.hstack([quads, quads + len(points)])
+    files = [
+        _written(folder / "shells.vtu", points, quads),
+        _written(folder / "solids.vtu", lifted, solids, "hexahedron"),
+    ]
+    out = str(folder / "out" / "mapped.nc")
+    return [
+        ["map", str(folder / "sound.nc"), str(file), "--out", out, "--method", method]
+        for file in files
+        for method in ("overlap", "closest")
+    ]
+
+
 def grid(count: int, width: float = WIDTH) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and quadrilaterals of a shallow bowl."""
     x = np.linspace(-0.5 * width, 0.5 * width, count + 1)

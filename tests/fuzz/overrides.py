@@ -99,7 +99,7 @@ def _complaint(file: Path, overrides: list[str]) -> str | None:
         value = parse_value(text.strip())
         if isinstance(value, (dict, list)) or value == "none":
             continue  # one key of the record for each entry
-        named = _named(key, document)
+        named = _named(key, str(value), document)
         if named.rpartition(".")[2].isdigit():
             continue  # a value in a list
         if named not in given and f"{named}.type" not in given:
@@ -111,7 +111,7 @@ def _complaint(file: Path, overrides: list[str]) -> str | None:
     return None
 
 
-def _named(key: str, document: dict) -> str:
+def _named(key: str, value: str, document: dict) -> str:
     """Write a key as the record does: entries of a list by their name."""
     parts: list[str] = []
     node: object = document
@@ -124,4 +124,6 @@ def _named(key: str, document: dict) -> str:
         else:
             node = node.get(part) if isinstance(node, dict) else None
         parts.append(part)
+    if parts[0] in ("tools", "mapping") and len(parts) == 3 and parts[2] == "name":
+        parts[1] = value  # the record has the new name
     return ".".join(parts)

@@ -48,6 +48,18 @@ class Fuzzer:
         folder.mkdir(parents=True, exist_ok=True)
         if hasattr(self.module, "prepare"):
             self.module.prepare(folder)
+        if hasattr(self.module, "sound_calls"):
+            self._compile()
+
+    def _compile(self) -> None:
+        """Make calls that are right: what they compile is not to count for the first case."""
+        from contract import WALL_LIMIT, Case, judge
+
+        for arguments in self.module.sound_calls(self.folder):
+            outcome = judge(Case(arguments, "a sound call"), limit=10.0 * WALL_LIMIT)
+            if outcome.verdict.value != "valid":
+                raise RuntimeError(f"{arguments} ends as {outcome}")
+            shutil.rmtree(self.folder / "out", ignore_errors=True)
 
     def run(self, number: int, failures: Path | None = None):
         """Judge one case; return the case and its outcome, and keep the inputs of a failed one."""

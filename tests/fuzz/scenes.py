@@ -66,8 +66,8 @@ position = "0 0 2 mm"
 motion = { type = "table", direction = [0, 0, -1], times = "0 5 20 ms", travel = "0 2 9 mm" }
 [[tools]]
 name = "die"
-shape = { type = "revolved_profile", solid = "left", points = ["0 -9 mm", "20 -9 mm", "40 0 mm"], \
-fillet_radii = "0 3 0 mm" }
+shape = { type = "revolved_profile", solid = "right", points = ["0 -9 mm", "20 -9 mm", "40 0 mm", \
+"300 0 mm"], fillet_radii = "0 3 3 0 mm" }
 friction = 0.3
 [[tools]]
 name = "rod"
@@ -115,15 +115,25 @@ def prepare(folder: Path) -> None:
         shutil.copy(file, folder / file.name)
 
 
+def sound_calls(folder: Path) -> list[list[str]]:
+    """Write scenes that are right and return the calls that check them."""
+    calls = []
+    for name in ("stl_tool", "isotropic"):
+        file = folder / f"{name}.toml"
+        file.write_text(to_toml(base_documents()[name]), encoding="utf-8")
+        calls.append(["check", str(file), "--out", str(folder / "out")])
+    return calls
+
+
 def drawn_rarely(draw):
     """Draw the picture of the start for every tenth case: it takes longer than all the rest."""
     count = 0
 
-    def drawn(path, scene, blank):
+    def drawn(*arguments):
         nonlocal count
         count += 1
         if count % 10 == 0:
-            draw(path, scene, blank)
+            draw(*arguments)
 
     return drawn
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, shortened
 from lcmchain.quantities.units import QuantityError, length_factor
 from lcmchain.tools.surfaces.orientation import oriented
 from lcmchain.tools.surfaces.surface import Surface, edge_middle, edges, place_text, warn
@@ -71,8 +71,9 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
                 mesh = meshio.read(file)
     except (Exception, SystemExit) as error:
         reason = said.getvalue().strip() or str(error) or type(error).__name__
+        reason = shortened(" ".join(reason.replace("Error: ", "").split()), 300)
         raise InputError(
-            f"cannot be read as a surface mesh ({' '.join(reason.split())}); "
+            f"cannot be read as a surface mesh ({reason}); "
             "check that the file is complete and its ending names its format",
             file=file,
         ) from None
