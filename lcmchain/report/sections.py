@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SHEET_COLOUR = "#b9c0c8"
 # Places of the plane at which the distance of the tools is taken, over the width of a section.
-GRID = 700
+GRID = 400
 # Gaps are shown as far as this from the faces of the sheet; in thicknesses.
 REACH = 3.0
 # Distances from a surface mesh are exact up to so many spacings of its distance field.
