@@ -13,6 +13,7 @@ import xarray as xr
 
 from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
 from lcmchain.check.machine_speed import record_speed
+from lcmchain.check.remarks import scene_warnings
 from lcmchain.errors import (
     LcmchainError,
     MappingError,
@@ -23,6 +24,7 @@ from lcmchain.errors import (
 from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
+from lcmchain.mesh.blank import build_blank
 from lcmchain.provenance import provenance
 from lcmchain.results import (
     COMPLETE,
@@ -123,10 +125,14 @@ class _Job:
     def build(self) -> None:
         """Build the model: what is wrong with the input is found here."""
         self.tell(0.0, "building the model")
-        self.simulation, self.warnings = _build_simulation(self.scene)
+        self.simulation, tool_warnings = _build_simulation(self.scene)
         model = self.simulation.model
         require_frames_fit(self.scene.process.frames, model)
-        require_no_initial_overlap(self.scene, model.blank, model.tools)
+        blank = model.blank
+        if not blank.has_thickness:  # the tools meet the faces of the sheet, whatever its elements
+            blank = build_blank(self.scene.blank, self.scene.material.thickness)
+        require_no_initial_overlap(self.scene, blank, model.tools)
+        self.warnings = [*scene_warnings(self.scene), *blank.remarks(), *tool_warnings]
         if self.scene.output.animation != NO_FILM:
             from lcmchain.report.run_pictures import require_film
 

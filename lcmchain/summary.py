@@ -14,6 +14,7 @@ import xarray as xr
 from lcmchain import __version__
 from lcmchain.check import run_effects
 from lcmchain.check.quasi_static import (
+    idle_energy,
     process_time_needed,
     quasi_static_measures,
     quasi_static_warnings,
@@ -87,7 +88,8 @@ def run_summary(
     history = datasets[HISTORY]
     punch = punch_index(history) if history.sizes["tool"] else None
     needed = process_time_needed(model)
-    measures = quasi_static_measures(history, snapshots[-1].energy, punch)
+    idle = idle_energy(model)
+    measures = quasi_static_measures(history, snapshots[-1].energy, punch, idle)
     summary = {
         "step_count": state.step_count,
         "wall_s": wall_s,
@@ -95,7 +97,7 @@ def run_summary(
         "threads": threads,
         "us_per_element_step": 1e6 * wall_s / max(state.step_count * model.element_count, 1),
         "energy": snapshots[-1].energy,
-        **energy_measures([snapshot.energy for snapshot in snapshots]),
+        **energy_measures([snapshot.energy for snapshot in snapshots], idle),
         **measures,
         "process_time_needed_s": needed.as_dict(),
         **field_summary(datasets),
@@ -113,19 +115,20 @@ def run_summary(
         *run_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),
     ]
-    return summary | {"warnings": found, "mapping": {}}
+    return summary | {"warnings": list(dict.fromkeys(found)), "mapping": {}}
 
 
-def energy_measures(energies: Sequence[Mapping[str, float]]) -> dict[str, float]:
+def energy_measures(energies: Sequence[Mapping[str, float]], idle: float = 0.0) -> dict[str, float]:
     """Return how the energies of the frames compare with the internal one, hourglass included.
 
     ``balance_error_max`` is relative to the largest internal energy of all frames, the kinetic
-    energy to the internal energy of its own frame. All are 0 where the sheet was never strained.
+    energy to the internal energy of its own frame. All are 0 where the sheet was never strained:
+    its internal energy stayed below ``idle`` [J].
     """
     internal = np.array([energy["internal"] + energy["hourglass"] for energy in energies])
     kinetic = np.array([energy["kinetic"] for energy in energies])
     error = np.array([energy["balance_error"] for energy in energies])
-    strained = internal > 0.0
+    strained = internal > idle
     ratio = np.divide(kinetic, internal, out=np.zeros_like(kinetic), where=strained)
     return {
         "balance_error_max": float(np.abs(error).max() / internal.max()) if strained.any() else 0.0,

@@ -14,6 +14,7 @@ import xarray as xr
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.fields.dataset import HISTORY, SHEET
+from lcmchain.report.captions import CAPTIONS, caption_of
 from lcmchain.report.curves import curve_data
 from lcmchain.report.field_view import view_data
 from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table
@@ -29,14 +30,6 @@ if TYPE_CHECKING:
 REPORT_FILE = "report.html"
 ASSETS = Path(__file__).resolve().parent / "assets"
 
-#: What the pictures of a run show, in the order of the report; others follow by their names.
-CAPTIONS = {
-    "shear_angle": "Shear angle on the formed shape",
-    "thickness": "Thickness on the formed shape",
-    "fibre_volume_fraction": "Fibre volume fraction on the formed shape",
-    "force": "Forces of the tools",
-    "energy": "Energy balance",
-}
 #: Quality of the pictures in the report; the files beside it are without loss.
 WEBP_QUALITY = 88
 
@@ -125,14 +118,13 @@ def _pictures(folder: Path, names: Sequence[str]) -> Iterator[tuple[str, str, st
     """Yield file name, caption and data address of pictures in the order of ``CAPTIONS``."""
     from PIL import Image
 
-    order = [f"{stem}.png" for stem in CAPTIONS]
+    order = list(CAPTIONS)
     for name in sorted(names, key=lambda n: order.index(n) if n in order else len(order)):
         packed = io.BytesIO()
         with Image.open(folder / name) as picture:
             picture.convert("RGB").save(packed, "WEBP", quality=WEBP_QUALITY)
         address = f"data:image/webp;base64,{base64.b64encode(packed.getvalue()).decode()}"
-        stem = Path(name).stem
-        yield name, CAPTIONS.get(stem, stem.replace("_", " ").capitalize()), address
+        yield name, caption_of(name), address
 
 
 def _mapping_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:

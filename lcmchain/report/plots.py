@@ -13,11 +13,10 @@ from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.loads import has_histories, mean_force, quoted_force
 from lcmchain.fields.summary import punch_index, tool_force_magnitude
 from lcmchain.report.style import INK, RC, SERIES, headline, new_figure, save
+from lcmchain.thresholds import LARGEST_KINETIC_PART
 
 # Parts of the energy balance that are not stored or dissipated energy, and how they are drawn.
 WORK, ERROR, MASS_DAMPING = "external", "balance_error", "mass_damping"
-# Kinetic to internal energy below which a process counts as quasi-static.
-QUASI_STATIC = 0.1
 # Curves of up to this many points show each of them.
 FEW_POINTS = 50
 
@@ -157,9 +156,10 @@ def _draw_ratios(axis, time, parts, error) -> None:
         if error is not None:
             share = np.abs(error) / largest
             _draw_ratio(axis, time, 100.0 * share, SERIES[1], "|balance error| /\nlargest internal")
-    axis.axhline(100.0 * QUASI_STATIC, color="#8a929c", lw=0.8, ls="--")
+    axis.axhline(100.0 * LARGEST_KINETIC_PART, color="#8a929c", lw=0.8, ls="--")
     axis.text(
-        0.995, 100.0 * QUASI_STATIC, f"{100.0 * QUASI_STATIC:g} %", ha="right", va="bottom",
+        0.995, 100.0 * LARGEST_KINETIC_PART, f"{100.0 * LARGEST_KINETIC_PART:g} %",
+        ha="right", va="bottom",
         transform=axis.get_yaxis_transform(), fontsize=7, color="#6b737d",
     )  # fmt: skip
     axis.set_yscale("log")

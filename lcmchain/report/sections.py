@@ -38,9 +38,18 @@ Strip = tuple[np.ndarray, np.ndarray]
 
 
 def default_planes(sheet: xr.Dataset) -> list[Plane]:
-    """Return the planes through the middle of the blank along either fibre family."""
+    """Return the planes through the middle of the blank along either fibre family.
+
+    Where the middle lies beside the sheet (two sheets, a frame), the face next to it is cut.
+    """
     reference = reference_positions(sheet)
     middle = 0.5 * (reference.min(axis=0) + reference.max(axis=0))
+    corners = reference[sheet_faces(sheet)]
+    centres = corners.mean(axis=1)
+    nearest = int(np.argmin(np.linalg.norm(centres - middle, axis=1)))
+    radius = np.linalg.norm(corners[nearest] - centres[nearest], axis=1).max()
+    if np.linalg.norm(centres[nearest] - middle) > 1.01 * radius:
+        middle = centres[nearest]
     fibres = [vector(sheet, f"fibre_direction_{number}", 0).mean(axis=0) for number in (1, 2)]
     normal = np.cross(*fibres)
     return [Plane.through(middle, np.cross(fibre, normal)) for fibre in fibres]

@@ -10,6 +10,7 @@ import xarray as xr
 
 from lcmchain.check import check_scene
 from lcmchain.check.quasi_static import (
+    idle_energy,
     milliseconds,
     process_time_needed,
     process_time_remarks,
@@ -19,6 +20,7 @@ from lcmchain.check.quasi_static import (
 )
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
+from lcmchain.summary import energy_measures
 
 SCENE = """
 process = {{ time = "{time} ms", mass_damping = "{rate} 1/s" }}
@@ -183,3 +185,18 @@ def test_hourglass_energy_is_warned_of_with_the_edge_length_that_ends_it():
     (text,) = warnings_of(measured(hourglass=0.2), scene())
     assert "hourglass energy is 20.0% of the internal energy" in text
     assert 'blank.edge_length = "5 mm"' in text
+
+
+def test_a_sheet_that_was_never_strained_is_not_called_fast():
+    """Rounding strains it by far less than a millionth: its energies say nothing of the process."""
+    idle = idle_energy(build_model(scene()))
+    area, thickness, stiffness = 0.2 * 0.12, 1.004e-3, scene().material.build().wave_stiffness()[0]
+    assert idle == pytest.approx(0.5e-12 * stiffness * area * thickness, rel=1e-9)
+    energy = {"damping": 0.0, "external": 1.0, "hourglass": 0.0, "internal": idle}
+    for share, ratio in ((0.9, 0.0), (1.1, 2.0)):  # the internal energy of the samples is 1 J
+        found = quasi_static_measures(history(2.0), energy, 0, 1.0 / share)
+        assert found["kinetic_to_internal_over_tenth_of_stroke"] == ratio
+        frame = energy | {"internal": share, "kinetic": 2.0 * share, "balance_error": share}
+        found = energy_measures([frame], 1.0)
+        assert found["kinetic_to_internal_end"] == ratio
+        assert found["balance_error_max"] == (1.0 if ratio else 0.0)
