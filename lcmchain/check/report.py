@@ -99,12 +99,12 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
         with warnings.catch_warnings(record=True) as tool_warnings:
             warnings.simplefilter("always")
             model = build_model(scene)
-        require_frames_fit(scene.process.frames, model)
         gaps = initial_gaps(scene.tools, blank, model.tools, scene.source.directory)
         marks = [gap.position for gap in overlapping(gaps, scene)]
         require_gaps(gaps, scene)
     except InputError as error:
         raise _with_picture(error, picture, scene, blank, marks) from None
+    require_frames_fit(scene.process.frames, model)
     needed = process_time_needed(model)
     found = scene_warnings(scene) + blank.remarks() + process_time_remarks(scene, needed)
     found += tools_out_of_reach(scene, model)
