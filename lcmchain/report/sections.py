@@ -230,8 +230,8 @@ def _where(plane: Plane) -> str:
     across = int(np.argmax(np.abs(plane.normal)))
     if abs(plane.normal[across]) > 1.0 - 1e-9:
         return f"{'xyz'[across]} = {1e3 * plane.point[across] + 0.0:.4g} mm"
-    x, y, z = 1e3 * plane.point + 0.0
-    n = plane.normal + 0.0
+    x, y, z = np.round(1e3 * plane.point, 6) + 0.0  # no 1e-14, and no -0
+    n = np.round(plane.normal, 6) + 0.0
     return f"through ({x:.4g}, {y:.4g}, {z:.4g}) mm, normal ({n[0]:.3g}, {n[1]:.3g}, {n[2]:.3g})"
 
 
@@ -240,5 +240,5 @@ def _words(direction: np.ndarray) -> str:
     axis = int(np.argmax(np.abs(direction)))
     if direction[axis] > 1.0 - 1e-9:
         return "xyz"[axis]
-    x, y, z = direction + 0.0
+    x, y, z = np.round(direction, 6) + 0.0
     return f"({x:.2g}, {y:.2g}, {z:.2g})"
