@@ -34,6 +34,8 @@ from lcmchain.quantities.units import LENGTH, PRESSURE
 
 COLUMNS = ((Column("thickness", LENGTH, loading=-1), Column("pressure", PRESSURE)),)
 MINIMUM_ROWS = 6
+# Part of the largest pressure by which noise may take a reading of none below zero.
+LARGEST_PULL = 0.1
 # Bounds of the scene for c2, and of c1 0.5^c2, the exponent at full compaction.
 _GROWTH_EXPONENT = (1.0, 10.0)
 _LARGEST_EXPONENT = 200.0
@@ -62,7 +64,8 @@ def identify_compaction(
 
     Raises
     ------
-    InputError : no pressure, a thickness that is not positive, or too few rows below t0.
+    InputError : no pressure, a thickness that is not positive, a pressure far below zero, or too
+        few rows below t0.
     """
     warnings = []
     wrong = np.flatnonzero(data["thickness"] <= 0.0)
@@ -70,6 +73,9 @@ def identify_compaction(
         raise data.wrong("thickness", wrong[0], "must be positive")
     if data["pressure"].max() <= 0.0:
         raise InputError("the pressure is nowhere positive", file=data.file)
+    pulled = np.flatnonzero(data["pressure"] < -LARGEST_PULL * data["pressure"].max())
+    if len(pulled):
+        raise data.wrong("pressure", pulled[0], "is negative; remove or correct it")
     loaded = data["thickness"] < thickness
     if not loaded.all():
         warnings.append(

@@ -18,6 +18,9 @@ from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, 
 if TYPE_CHECKING:
     from rich.table import Table
 
+# Largest factor between a curve and the end of its band that a logarithmic axis shows.
+WIDEST_BAND = 1e6
+
 
 def write_identification(result: Identification, folder: Path) -> tuple[Path, Path, Path]:
     """Write ``parameters.toml``, ``fit.png`` and ``identification.json``; return their paths.
@@ -160,8 +163,12 @@ def _draw_panel(axis, panel: Panel) -> None:
         several = len(panel.points) > 1
         colour = INK if several else SERIES[number % len(SERIES)]
         if curve.low is not None:
+            low, high = curve.low, curve.high
+            if panel.log_y:  # a band without end would leave no room for the data
+                low = np.maximum(low, curve.y / WIDEST_BAND)
+                high = np.minimum(high, curve.y * WIDEST_BAND)
             axis.fill_between(
-                curve.x, curve.low, curve.high, color=colour, alpha=0.22, lw=0,
+                curve.x, low, high, color=colour, alpha=0.22, lw=0,
                 label="95 % confidence",
             )  # fmt: skip
         style = "--" if curve.dashed else "-"

@@ -5,6 +5,7 @@ import math
 import runpy
 import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,10 @@ from lcmchain.identification.cantilever_tests import COLUMNS as BENDING_COLUMNS
 from lcmchain.identification.compaction import identify_compaction
 from lcmchain.identification.data import CouponData, read_coupon
 from lcmchain.identification.deflection_curve import fit_deflection_curve
-from lcmchain.identification.files import scene_snippet, write_identification
-from lcmchain.identification.regression import fit_linear
+from lcmchain.identification.files import draw_fit, scene_snippet, write_identification
+from lcmchain.identification.from_file import identify_compaction_file
+from lcmchain.identification.regression import exponential, fit_linear
+from lcmchain.identification.result import Band, Panel, Points
 from lcmchain.identification.shear import COLUMNS as SHEAR_COLUMNS
 from lcmchain.identification.shear import identify_shear
 from lcmchain.identification.synthetic import (
@@ -304,6 +307,31 @@ def test_thickness_above_the_initial_one_is_left_out_and_told():
     result = compaction_result(pressure, thickness)
     assert values(result.parameters) == pytest.approx(COMPACTION, rel=1e-9)
     assert any("2 rows at or above" in warning for warning in result.warnings)
+
+
+def test_a_pressure_far_below_zero_is_refused_and_a_little_noise_is_not(tmp_path):
+    lines = (EXAMPLE / "compaction.csv").read_text(encoding="utf-8").splitlines()
+    file = tmp_path / "compaction.csv"
+    for pressure, wrong in (("-1", True), ("-1e-4", False)):
+        changed = [*lines[:22], f"{lines[22].split(',')[0]},{pressure}", *lines[23:]]
+        file.write_text("\n".join(changed), encoding="utf-8")
+        if wrong:
+            with pytest.raises(InputError, match='line 23, column "pressure": is negative'):
+                identify_compaction_file(file, {})
+        else:
+            assert identify_compaction_file(file, {}).point_count > 20
+
+
+def test_a_band_without_end_is_drawn_as_far_as_the_data_can_be_seen(tmp_path):
+    """On a logarithmic axis; matplotlib finds no labels for one that reaches to infinity."""
+    x = np.linspace(0.56, 0.98, 200)
+    y, ratio = np.geomspace(4.0, 1e-7, 200), np.geomspace(1e13, 1e263, 200)[::-1]
+    band = Band(x, y, "fit", y / ratio, y * ratio)
+    panel = Panel("x", "y", (Points(x[::20], y[::20], "measured"),), (band,), log_y=True)
+    result = compaction_result(compaction_curve(MD600, THICKNESSES))
+    draw_fit(tmp_path / "fit.png", replace(result, panels=(panel, *result.panels[1:])))
+    assert (tmp_path / "fit.png").stat().st_size > 10_000
+    assert exponential(1e4) == np.inf and exponential(0.0) == 1.0
 
 
 def test_single_strips_give_values_without_intervals():
