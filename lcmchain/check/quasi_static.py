@@ -22,6 +22,7 @@ import xarray as xr
 from lcmchain.fields.loads import exceeded_over, has_histories
 from lcmchain.materials.law import Material
 from lcmchain.model import Model
+from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.scene import Scene
 from lcmchain.thresholds import (
     LARGEST_DAMPING_PART,
@@ -161,6 +162,13 @@ def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -
     ratio = measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0)
     if ratio <= LARGEST_KINETIC_PART:
         return []
+    if not _is_led(scene):
+        return [
+            f"the kinetic energy exceeds {ratio:.0%} of the internal energy over a tenth of the "
+            f"stroke (quasi-static: below {LARGEST_KINETIC_PART:.0%}), so that inertia is part of "
+            "the way to the shape; weight and forces set the pace here, whatever process.time is: "
+            "judge the shape at rest by kinetic_to_internal_end"
+        ]
     # at a given shape the kinetic energy falls with the square of the process time; a process that
     # is much too fast has another shape
     time = max(scene.process.time * math.sqrt(ratio / LARGEST_KINETIC_PART), needed.least)
@@ -171,10 +179,22 @@ def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -
     ]
 
 
+def _is_led(scene: Scene) -> bool:
+    """Whether a stroke or a table drives a tool: else weight and forces set the pace."""
+    return any(tool.motion.moves and tool.motion.kind != GUIDED for tool in scene.tools)
+
+
 def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
     part = measures["damping_to_external"]
     if part <= LARGEST_DAMPING_PART:
         return []
+    if not _is_led(scene):
+        return [
+            f"damping takes {part:.1%} of the external work (quasi-static: below "
+            f"{LARGEST_DAMPING_PART:.0%}): weight and forces work until it has brought sheet and "
+            "tools to rest, whatever process.time is; judge the shape at rest by "
+            "kinetic_to_internal_end"
+        ]
     by_mass = measures.get("mass_damping_to_external", part)
     text = (
         f"damping takes {part:.1%} of the external work (quasi-static: below "
@@ -212,8 +232,8 @@ def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
         return []
     return [
         f"process.time = {milliseconds(scene.process.time)} is shorter than {PERIODS[0]} periods "
-        f"of the slowest shear vibration of the sheet ({1e3 * needed.period:.3g} ms each): inertia "
-        "will be part of forces and shape; use process.time = "
+        f"of the slowest shear vibration of the sheet ({milliseconds_text(needed.period)} each): "
+        "inertia will be part of forces and shape; use process.time = "
         f"{milliseconds(needed.least)} or more"
     ]
 

@@ -8,7 +8,7 @@ from lcmchain.check.effects_of_run import Effect
 from lcmchain.check.expected_cost import Estimate
 from lcmchain.check.quasi_static import PERIODS, ProcessTime
 from lcmchain.check.tools_at_start import InitialGap
-from lcmchain.quantities.durations import duration_text
+from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process
 from lcmchain.scene.fabrics import Basis
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
@@ -144,15 +144,15 @@ def process_time_table(needed: ProcessTime, process: Process) -> Table:
     table.add_row("process.time", f"{1e3 * process.time:g} ms")
     table.add_row(
         "slowest shear vibration",
-        f"{1e3 * needed.period:.3g} ms at rest, {1e3 * needed.softened_period:.3g} ms where the "
-        "law is softest",
+        f"{milliseconds_text(needed.period)} at rest, "
+        f"{milliseconds_text(needed.softened_period)} where the law is softest",
     )
     table.add_row(
         "needed",
-        f"at least {1e3 * needed.least:.3g} ms ({PERIODS[0]} periods at rest); from "
-        f"{1e3 * needed.sufficient:.3g} ms on ({PERIODS[1]} periods where softest) nothing should "
-        "change any more",
+        f"at least {milliseconds_text(needed.least)} ({PERIODS[0]} periods at rest); from "
+        f"{milliseconds_text(needed.sufficient)} on ({PERIODS[1]} periods where softest) "
+        "nothing should change any more",
     )
     for name, period in needed.holder_periods.items():
-        table.add_row(f"{name} on the sheet", f"vibrates with {1e3 * period:.3g} ms")
+        table.add_row(f"{name} on the sheet", f"vibrates with {milliseconds_text(period)}")
     return table

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from lcmchain.commands.terminal import console, say, warn_in_groups
-from lcmchain.quantities.durations import duration_text
+from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.results import COMPLETE, all_warnings
 
 
@@ -57,8 +57,8 @@ def summary_rows(summary: Mapping) -> Iterator[tuple[str, str]]:
         yield (
             "process time",
             f"{1e3 * summary['process_time_s']:g} ms; the sheet needs at least "
-            f"{1e3 * needed['least_s']:.3g} ms, and {1e3 * needed['sufficient_s']:.3g} ms to be "
-            "safe",
+            f"{milliseconds_text(needed['least_s'])}, and "
+            f"{milliseconds_text(needed['sufficient_s'])} to be safe",
         )
     yield (
         "energy balance",
@@ -83,7 +83,7 @@ def _punch_force(summary: Mapping) -> Iterator[str]:
     yield f" as a mean, {summary['punch_force_peak_N']:.4g} N in a single step"
     parts = summary["tool_loads"][summary["punch"]].get("parts_at_maximum")
     if parts is not None:
-        yield f"; around it mass damping takes {parts['damping_N']:.3g} N"
+        yield f"; around it damping takes {parts['damping_N']:.3g} N"
         yield f" and inertia {parts['inertia_N']:.3g} N of {parts['force_N']:.4g} N"
 
 

@@ -22,6 +22,8 @@ from lcmchain.fields.sheet import vector
 WINDOW = 0.05
 # Travel below which the work of a tool says nothing about its force, relative to the largest one.
 LEAST_TRAVEL = 1e-3
+# A mean over the travel around the maximum says something of it from this part of it on.
+LEAST_OF_MAXIMUM = 0.5
 
 #: Parts of the force of a tool, and the energies that they follow from, with their signs.
 PARTS = {
@@ -74,7 +76,9 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
     ``force_peak_N`` of a single step with ``force_peak_time_s``; ``work_J`` on the sheets. For a
     tool that moves the sheets,
     ``parts_at_maximum`` and ``parts_over_stroke``: the force along its direction, averaged over the
-    travel around its maximum and over all of it, and the parts that make it up [N].
+    travel around its maximum and over all of it, and the parts that make it up [N]. A tool that
+    bears its maximum standing, such as one that force presses against a stop, does no work there
+    and has no ``parts_at_maximum``.
     """
     time = history[SAMPLE].values
     middle, force = quoted_force(history)
@@ -95,7 +99,9 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
         }
         if np.ptp(travel[:, tool], axis=0) > LEAST_TRAVEL * reach and work[-1, tool] > 0.0:
             first, last = _around(travel[:, tool], int(np.searchsorted(time, middle[top])))
-            loads[name]["parts_at_maximum"] = force_parts(history, tool, first, last)
+            parts = force_parts(history, tool, first, last)
+            if abs(parts["force_N"]) >= LEAST_OF_MAXIMUM * force[top, tool]:
+                loads[name]["parts_at_maximum"] = parts
             loads[name]["parts_over_stroke"] = force_parts(history, tool, -1, len(time) - 1)
     return loads
 
@@ -131,12 +137,17 @@ def force_parts(history: xr.Dataset, tool: int, first: int, last: int) -> dict[s
 
 
 def _around(travel: np.ndarray, sample: int) -> tuple[int, int]:
-    """Return the samples at the ends of the travel of ``WINDOW`` of the stroke around a sample."""
+    """Return the samples at the ends of the travel of ``WINDOW`` of the stroke around a sample.
+
+    It ends where the tool has come to rest for good: what other tools do then is not its work.
+    """
     reach = 0.5 * WINDOW * float(np.ptp(np.append(travel, 0.0)))
     far = np.abs(travel - travel[sample]) >= reach
     before, after = np.flatnonzero(far[:sample]), np.flatnonzero(far[sample:])
     first = int(before[-1]) if before.size else -1
-    last = sample + int(after[0]) if after.size else len(travel) - 1
+    moving = np.flatnonzero(travel != travel[-1])
+    rest = max(int(moving[-1]) + 1 if moving.size else 0, sample)
+    last = sample + int(after[0]) if after.size else rest
     return first, last
 
 

@@ -5,6 +5,11 @@ from __future__ import annotations
 import math
 
 
+def milliseconds_text(seconds: float) -> str:
+    """Return a simulated time [s] in ms, rounded to three digits: ``"1730 ms"``."""
+    return f"{float(f'{1e3 * seconds:.3g}'):g} ms"
+
+
 def duration_text(seconds: float) -> str:
     """Say how long something takes, in the two largest units that matter.
 

@@ -199,7 +199,7 @@ def _draw_unrolled(
     axis.set_ylim(-reach, reach)
     extent = axis.get_window_extent()
     stretch = (extent.height / (2.0 * reach)) / (extent.width / max(1e3 * start, 1e-9))
-    axis.set_title(f"unrolled, thickness × {stretch:.2g}", color=FAINT, loc="left")
+    axis.set_title(f"unrolled, thickness × {float(f'{stretch:.2g}'):g}", color=FAINT, loc="left")
     label_axes(axis, "along the sheet [mm]", "from its middle [mm]")
 
 
@@ -230,7 +230,7 @@ def _where(plane: Plane) -> str:
     across = int(np.argmax(np.abs(plane.normal)))
     if abs(plane.normal[across]) > 1.0 - 1e-9:
         return f"{'xyz'[across]} = {1e3 * plane.point[across] + 0.0:.4g} mm"
-    x, y, z = np.round(1e3 * plane.point, 6) + 0.0  # no 1e-14, and no -0
+    x, y, z = np.round(1e3 * plane.point, 6) + 0.0  # no rounding errors such as -1e-14 mm
     n = np.round(plane.normal, 6) + 0.0
     return f"through ({x:.4g}, {y:.4g}, {z:.4g}) mm, normal ({n[0]:.3g}, {n[1]:.3g}, {n[2]:.3g})"
 
@@ -240,5 +240,5 @@ def _words(direction: np.ndarray) -> str:
     axis = int(np.argmax(np.abs(direction)))
     if direction[axis] > 1.0 - 1e-9:
         return "xyz"[axis]
-    x, y, z = np.round(direction, 6) + 0.0
+    x, y, z = direction + 0.0
     return f"({x:.2g}, {y:.2g}, {z:.2g})"

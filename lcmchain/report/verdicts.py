@@ -16,6 +16,7 @@ import xarray as xr
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
 from lcmchain.fields.sheet import sheet_areas
+from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.report.waves import elements_per_wave
 from lcmchain.results import COMPLETE
 from lcmchain.solver import guards
@@ -249,14 +250,14 @@ def _process_time(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]
     grade = _grade(-time, -needed["least_s"], -needed["shear_period_s"])
     text = (
         f"{1e3 * time:.4g} ms; the sheet, whose slowest shear vibration takes "
-        f"{1e3 * needed['shear_period_s']:.3g} ms, needs at least {1e3 * needed['least_s']:.3g} ms"
+        f"{milliseconds_text(needed['shear_period_s'])}, needs at least "
+        f"{milliseconds_text(needed['least_s'])}"
     )
     if time >= needed["sufficient_s"]:
         text += "; nothing should change with a longer process"
     else:
-        text += (
-            f", and from {1e3 * needed['sufficient_s']:.3g} ms on nothing should change any more"
-        )
+        sufficient = milliseconds_text(needed["sufficient_s"])
+        text += f", and from {sufficient} on nothing should change any more"
     yield Verdict("Process time", grade, text, "process.time" if grade != GOOD else "")
 
 

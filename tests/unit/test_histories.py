@@ -10,7 +10,13 @@ from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, Histories, model_datasets, read_group, write_forming_netcdf
 from lcmchain.fields.dataset import HISTORY
 from lcmchain.fields.history_group import HISTORY_FIELDS
-from lcmchain.fields.loads import exceeded_over, force_parts, quoted_force, tool_loads
+from lcmchain.fields.loads import (
+    _around,
+    exceeded_over,
+    force_parts,
+    quoted_force,
+    tool_loads,
+)
 from lcmchain.fields.summary import field_summary
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
@@ -237,6 +243,14 @@ def test_quoted_forces_are_means_over_a_twentieth_of_the_process():
     assert mean[top, 0] == pytest.approx(36.0 / 5.0, rel=0.03)
     assert middle[top] == pytest.approx(0.425, abs=1e-3)
     np.testing.assert_allclose(mean[:, 1], 3.0, rtol=1e-12)
+
+
+def test_the_piece_around_the_maximum_ends_where_the_tool_rests():
+    """What others do to the sheet while it stands is not its work."""
+    travel = np.minimum(np.arange(1, 41) / 20.0, 1.0)  # comes to rest with sample 19
+    assert _around(travel, 19) == (18, 19)
+    assert _around(travel, 30) == (18, 30)
+    assert _around(travel, 10) == (9, 11)
 
 
 def test_parts_of_the_force_add_up_to_it(history):

@@ -181,6 +181,16 @@ def test_other_dampers_are_named():
     assert "tools.motion.damping" in tools
 
 
+def test_what_weight_and_force_drive_is_not_told_to_take_longer():
+    """They set the pace themselves, and damping takes their work, however long the process is."""
+    found = warnings_of(
+        measured([0.4, 0.4] + 8 * [0.0], damping=0.9, mass_damping=0.9), scene(motion=GUIDED)
+    )
+    assert len(found) == 2
+    for text in found:
+        assert "process.time =" not in text and "kinetic_to_internal_end" in text
+
+
 def test_hourglass_energy_is_warned_of_with_the_edge_length_that_ends_it():
     (text,) = warnings_of(measured(hourglass=0.2), scene())
     assert "hourglass energy is 20.0% of the internal energy" in text

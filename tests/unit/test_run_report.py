@@ -68,7 +68,7 @@ def test_the_punch_force_says_what_damping_and_inertia_take_of_it():
         "tool_loads": {"die": {}, "press": {"parts_at_maximum": parts}},
     }
     assert dict(summary_rows(SUMMARY | more))["largest punch force"] == (
-        "123.5 N as a mean, 150 N in a single step; around it mass damping takes 6.54 N and "
+        "123.5 N as a mean, 150 N in a single step; around it damping takes 6.54 N and "
         "inertia -1.23 N of 120 N"
     )
     still = more | {"tool_loads": {"press": {}}}
