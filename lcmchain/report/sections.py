@@ -240,5 +240,5 @@ def _words(direction: np.ndarray) -> str:
     axis = int(np.argmax(np.abs(direction)))
     if direction[axis] > 1.0 - 1e-9:
         return "xyz"[axis]
-    x, y, z = direction + 0.0
+    x, y, z = np.round(direction, 6) + 0.0
     return f"({x:.2g}, {y:.2g}, {z:.2g})"
