@@ -79,7 +79,7 @@ class Fit:
 
 def exponential(logarithm: float) -> float:
     """Return e to a power, infinite beyond the largest number."""
-    return math.exp(logarithm) if logarithm < 709.0 else math.inf
+    return math.inf if logarithm > 709.0 else math.exp(logarithm)  # not-a-number stays so
 
 
 def student_factor(degrees_of_freedom: int) -> float:
