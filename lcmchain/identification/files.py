@@ -162,7 +162,7 @@ def _draw_panel(axis, panel: Panel) -> None:
     for number, curve in enumerate(panel.curves):
         several = len(panel.points) > 1
         colour = INK if several else SERIES[number % len(SERIES)]
-        if curve.low is not None:
+        if curve.low is not None and curve.high is not None:
             low, high = curve.low, curve.high
             if panel.log_y:  # a band without end would leave no room for the data
                 low = np.maximum(low, curve.y / WIDEST_BAND)
