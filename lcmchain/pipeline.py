@@ -15,6 +15,7 @@ from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_e
 from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.errors import (
+    InputError,
     LcmchainError,
     MappingError,
     OutputError,
@@ -95,6 +96,7 @@ def run(
     folder = Path(out)
     thread_count = use_threads(threads)
     _require_readable_targets(scene)
+    _require_free_names(scene)
     with ResultsFolder.locked(folder, _input_files(scene)) as results:
         results.require_apart(_expected_files(scene))
         job = _Job(scene, results, thread_count, progress)
@@ -332,6 +334,19 @@ def _input_files(scene: Scene) -> list[Path]:
     return [*scene_file, *(directory / name for name in names)]
 
 
+def _require_free_names(scene: Scene) -> None:
+    """Refuse a mapping whose files would take the names of the run's own."""
+    from lcmchain.report.captions import CAPTIONS
+
+    taken = {Path(name).stem for name in (*OWN_FILES, *CAPTIONS)}
+    for index, target in enumerate(scene.mapping):
+        if target.name in taken:
+            raise InputError(
+                f'files of the run itself are named "{target.name}"; choose another name',
+                key=f"mapping[{index}].name",
+            )
+
+
 def _expected_files(scene: Scene) -> list[str]:
     """Return the names that a run writes, as far as the scene tells them."""
     mapped = [f"{target.name}{end}" for target in scene.mapping for end in MAPPED_SUFFIXES]
@@ -371,6 +386,6 @@ def _build_simulation(scene: Scene) -> tuple[Simulation, list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         simulation = Simulation.from_scene(scene)
-    for warning in caught:
+    for warning in {str(warning.message): warning for warning in caught}.values():
         warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
     return simulation, [str(w.message) for w in caught if issubclass(w.category, ToolWarning)]

@@ -112,7 +112,7 @@ def run_summary(
         *warnings,
         *tools_never_touched(model, state, snapshots),
         *field_warnings(datasets["/"], model.material),
-        *run_warnings(summary),
+        *run_warnings(summary, scene.material.thickness),
         *quasi_static_warnings(measures, scene, needed),
     ]
     return summary | {"warnings": list(dict.fromkeys(found)), "mapping": {}}
@@ -137,8 +137,11 @@ def energy_measures(energies: Sequence[Mapping[str, float]], idle: float = 0.0) 
     }
 
 
-def run_warnings(summary: Mapping) -> list[str]:
-    """Say in words where the numbers of a summary make its result questionable."""
+def run_warnings(summary: Mapping, thickness: float) -> list[str]:
+    """Say in words where the numbers of a summary make its result questionable.
+
+    thickness : of the fabric [m].
+    """
     found = []
     if summary["balance_error_max"] > LARGEST_BALANCE_ERROR:
         found.append(
@@ -151,6 +154,6 @@ def run_warnings(summary: Mapping) -> list[str]:
             "of the internal energy); use a longer process.time or process.mass_damping"
         )
     for tool, depth in summary["penetration_max_m"].items():
-        if depth > LARGEST_PENETRATION:
+        if depth > LARGEST_PENETRATION * thickness:
             found.append(f"nodes reached {1e3 * depth:.2f} mm into {tool}; raise contact.penalty")
     return found

@@ -14,8 +14,8 @@ LONGEST_DYNAMIC_PART = 0.1
 LARGEST_DAMPING_PART = 0.05
 #: Hourglass in parts of the internal energy.
 LARGEST_HOURGLASS_PART = 0.05
-#: Depth that nodes reach inside a tool [m].
-LARGEST_PENETRATION = 1e-4
+#: Depth that nodes reach inside a tool, in parts of the thickness.
+LARGEST_PENETRATION = 0.1
 #: Strain of fibres; carbon fibres break at three times as much (1.5 %, data sheet of T300).
 LARGEST_FIBRE_STRAIN = 0.005
 

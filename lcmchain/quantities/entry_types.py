@@ -108,6 +108,11 @@ class Quantity:
         example = self.example or self.dimension.example
         return {"type": "string", "pattern": QUANTITY_PATTERN, "examples": [example]}
 
+    @property
+    def _is_size(self) -> bool:
+        """Whether the sign is settled: a coordinate may have either."""
+        return self.allowed.low >= 0.0
+
     def _validate(self, value: Any, info: ValidationInfo) -> float:
         is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if is_number and not (info.context or {}).get("from_file"):
@@ -119,7 +124,7 @@ class Quantity:
             )
         elif isinstance(value, str):
             try:
-                si_value = parse_quantity(value, self.dimension)
+                si_value = parse_quantity(value, self.dimension, is_size=self._is_size)
             except QuantityError as error:
                 raise wrong(str(error)) from None
         else:
@@ -129,7 +134,8 @@ class Quantity:
             )
         if not math.isfinite(si_value):
             raise wrong(f"{value!r} is not finite; for example {self.example_text}")
-        if is_number and (complaint := self.dimension.complaint(si_value)):
+        complaint = self.dimension.complaint(si_value, is_size=self._is_size)
+        if is_number and complaint:
             raise wrong(f"{value!r} is {complaint}; for example {self.example_text}")
         complaint = self.allowed.complaint(si_value)
         if complaint:

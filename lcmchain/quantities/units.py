@@ -47,11 +47,14 @@ class Dimension:
         """The name as it stands in a sentence."""
         return f"{'an' if self.name[0] in 'aeiou' else 'a'} {self.name}"
 
-    def complaint(self, value: float) -> str | None:
-        """Say why a value in the SI unit is too large or too small to compute with, if it is."""
+    def complaint(self, value: float, *, is_size: bool = True) -> str | None:
+        """Say why a value in the SI unit is too large or too small to compute with, if it is.
+
+        What is no size, such as a coordinate, may lie as near to zero as rounding leaves it.
+        """
         if abs(value) > self.largest:
             return f"too large to compute with (at most {self.largest:g} {self.unit})"
-        if 0.0 < abs(value) < self.smallest:
+        if is_size and 0.0 < abs(value) < self.smallest:
             return f"too small to compute with (at least {self.smallest:g} {self.unit}, or 0)"
         return None
 
@@ -94,13 +97,14 @@ def split_row(text: str) -> list[str] | None:
     return [f"{number} {match[2].strip()}" for number in re.split(r"[\s,]+", match[1].strip())]
 
 
-def parse_quantity(text: str, dimension: Dimension) -> float:
+def parse_quantity(text: str, dimension: Dimension, *, is_size: bool = True) -> float:
     """Read a number with a unit and return it in SI units.
 
     Parameters
     ----------
     text : for example ``"5 mm"``, ``"0.1563 MPa"``, ``"600 g/m²"``, ``"45 deg"``.
     dimension : the kind of quantity that is needed.
+    is_size : False for coordinates and the like, which may be as small as rounding leaves them.
 
     Raises
     ------
@@ -141,7 +145,7 @@ def parse_quantity(text: str, dimension: Dimension) -> float:
         value = float(registry.Quantity(Decimal(number), unit).to(wanted).magnitude)
     except ArithmeticError:
         value = math.inf
-    complaint = dimension.complaint(value)
+    complaint = dimension.complaint(value, is_size=is_size)
     if complaint:
         raise QuantityError(f'"{text}" is {complaint}; {needed}')
     return value

@@ -281,12 +281,10 @@ def _penetration(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     if not depths:
         return
     tool, depth = max(depths.items(), key=lambda item: item[1])
-    worst = guards.DEEPEST_PENETRATION * scene.material.thickness
-    grade = _grade(depth, LARGEST_PENETRATION, worst)
-    text = (
-        f"nodes reach up to {1e3 * depth:.3f} mm into {tool} (good up to "
-        f"{1e3 * LARGEST_PENETRATION:.2g} mm)"
-    )
+    thickness = scene.material.thickness
+    limit = LARGEST_PENETRATION * thickness
+    grade = _grade(depth, limit, guards.DEEPEST_PENETRATION * thickness)
+    text = f"nodes reach up to {1e3 * depth:.3f} mm into {tool} (good up to {1e3 * limit:.2g} mm)"
     yield Verdict("Penetration", grade, text, "contact.penalty" if grade != GOOD else "")
 
 

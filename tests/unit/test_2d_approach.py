@@ -136,7 +136,7 @@ def test_check_tells_what_is_simulated_and_what_is_not():
     assert simulation.model.element_count == report.element_count
     simulation.advance_to(1e-6)
     assert simulation.critical_step() == pytest.approx(report.estimate.critical_step, rel=0.05)
-    assert report.estimate.controlled_by == "in-plane waves"
+    assert report.estimate.controlled_by == "in-plane stiffness"
 
 
 # --- result ---------------------------------------------------------------------------------------

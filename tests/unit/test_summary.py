@@ -208,6 +208,6 @@ def test_what_makes_a_result_questionable_is_said(changes, words):
         "kinetic_to_internal_end": 0.049,
         "penetration_max_m": {"die": 0.99e-4, "press": 0.0},
     }
-    assert run_warnings(sound) == []
-    (warning,) = run_warnings(sound | changes)
+    assert run_warnings(sound, 1e-3) == []
+    (warning,) = run_warnings(sound | changes, 1e-3)
     assert words in warning

@@ -188,7 +188,8 @@ def test_the_check_tells_what_surfaces_are_and_what_was_turned(tmp_path):
     report = check_scene(scene)
     assert report.initial_overlap == pytest.approx([0.0, 4e-6], abs=1e-12)
     with console.capture() as shown:
-        console.print(report.tables()[3])
+        for table in report.tables():
+            console.print(table)
     assert "touches; contact begins 4 um deeper" in shown.get()
 
 
@@ -234,3 +235,15 @@ def test_a_picture_that_cannot_be_written_hides_no_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="into the blank"):
         check_scene(scene, tmp_path / "file")
+
+
+def test_a_tool_in_another_unit_is_told(tmp_path):
+    """20 mm read as 20 m beside a blank of 60 mm."""
+    in_metres = STL.replace(
+        'length_unit = "mm", spacing = "1 mm"', 'length_unit = "m", spacing = "1 m"'
+    )
+    report = check_scene(scene_at(tmp_path, in_metres, z=2000.0))
+    (told,) = [text for text in report.warnings if "as large as the blank" in text]
+    assert "333 times" in told and 'length_unit (now "m")' in told
+    report = check_scene(scene_at(tmp_path))
+    assert not any("as large as the blank" in text for text in report.warnings)

@@ -120,7 +120,8 @@ def test_the_2d_run_is_sound(formed):
     assert summary["kinetic_to_internal_end"] < 0.05
     no_thickness, *others = summary["warnings"]
     assert "no thickness" in no_thickness
-    assert all("process.time" in warning for warning in others)  # 100 ms are short for it
+    # 100 ms are short for it, and 10 mm are coarse for waves
+    assert all("process.time" in text or "elements" in text for text in others), others
     for axis in (0, 1):
         assert mirror_difference(sheet, axis)["contour"] < 0.5e-3
 

@@ -77,7 +77,16 @@ def assert_same_bits(folder, plain):
 
 
 def command(scene_file, folder, *options):
-    program = [sys.executable, "-m", "lcmchain.cli", "run", str(scene_file), "--out", str(folder)]
+    program = [
+        sys.executable,
+        "-P",
+        "-m",
+        "lcmchain.cli",
+        "run",
+        str(scene_file),
+        "--out",
+        str(folder),
+    ]
     return [*program, *options]
 
 

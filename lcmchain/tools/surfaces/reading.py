@@ -17,6 +17,9 @@ from lcmchain.tools.surfaces.welding import weld
 
 _TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
 
+#: Ratio of the sizes of tool and blank from which one of them is probably in another unit.
+UNLIKE_SIZE = 30.0
+
 
 def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) -> Surface:
     """Read the surface of a tool from an STL file or any mesh that meshio reads.
@@ -43,6 +46,8 @@ def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) 
     points, triangles = read_triangles(Path(file))
     points = points * scale
     points, triangles = weld(points, triangles, file)
+    if blank is not None:
+        _warn_of_size(points, blank, file, length_unit)
     triangles, orientation = oriented(points, triangles, file, blank)
     edge_of_side, _, edge_use = edges(triangles)
     surface = Surface(points, triangles, edge_of_side, edge_use, Path(file), orientation)
@@ -103,3 +108,14 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
     if not np.isfinite(points[np.unique(triangles)]).all():
         raise InputError("has vertices that are not finite numbers; it is broken", file=file)
     return points, triangles
+
+
+def _warn_of_size(points: np.ndarray, blank: np.ndarray, file: Path, length_unit: str) -> None:
+    """Tell of a tool that is of another order of magnitude than the blank."""
+    ratio = np.ptp(points, axis=0).max() / np.ptp(blank, axis=0).max()
+    if not 1.0 / UNLIKE_SIZE < ratio < UNLIKE_SIZE:
+        warn(
+            file,
+            f"the surface is {ratio:.3g} times as large as the blank; check length_unit "
+            f'(now "{length_unit}")',
+        )
