@@ -76,11 +76,7 @@ class ResultsFolder:
     @property
     def files(self) -> list[str]:
         """Names of the files that the run in this folder has written, relative to it."""
-        try:
-            names = self._journal.read_text(encoding="utf-8").splitlines()
-        except FileNotFoundError:
-            return []
-        return sorted({name for name in names if name and (self.path / name).exists()})
+        return sorted(name for name in self._announced() if (self.path / name).exists())
 
     def require_apart(self, names: Iterable[str]) -> None:
         """Refuse to begin where a file to be written is one of the run's own inputs.
@@ -94,7 +90,7 @@ class ResultsFolder:
 
     def begin(self, *, resume: bool) -> None:
         """Begin a run: go on with the files that are there, or set them aside."""
-        for folder in {(self.path / name).parent for name in (SUMMARY_FILE, *self.files)}:
+        for folder in {(self.path / name).parent for name in (SUMMARY_FILE, *self._announced())}:
             remove_leftovers(folder)
         if not resume:
             self._set_aside()
@@ -107,6 +103,14 @@ class ResultsFolder:
         for folder in self.path.glob(f"{PREVIOUS}*"):
             if (folder / HIDDEN / JOURNAL).exists():
                 shutil.rmtree(folder)
+
+    def _announced(self) -> set[str]:
+        """Return the names in the journal, also of files that a killed run did not finish."""
+        try:
+            names = self._journal.read_text(encoding="utf-8").splitlines()
+        except FileNotFoundError:
+            return set()
+        return {name for name in names if name}
 
     def _set_aside(self) -> None:
         """Move the files of an earlier run into a folder named after their state.

@@ -416,3 +416,15 @@ def test_no_command_writes_over_its_own_input(tmp_path, capsys):
             cli.main(command)
         assert stop.value.code == 2 and "write over it" in capsys.readouterr().err, command
     assert data.read_text(encoding="utf-8") == text and scene.read_bytes() == before
+
+
+def test_what_a_killed_run_did_not_finish_is_removed(scenes, complete, tmp_path):
+    """Also from a folder in which it had finished nothing."""
+    folder = tmp_path / "results"
+    interrupted_run(scenes[1], folder)
+    shutil.rmtree(folder / "forming_frames")
+    left = folder / "forming_frames" / f"{atomic.UNFINISHED}forming_0000-abc.vtu"
+    left.parent.mkdir()
+    left.write_text("half a file", encoding="utf-8")
+    run(read_scene(scenes[1]), folder, resume=True)
+    require_same_results(folder, complete[1])
