@@ -28,6 +28,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
     path = Path(path)
     if path.is_dir():
         raise InputError("is a folder; name a file in it", file=path)
+    announce(path)  # before anything of it is there, so that a killed process leaves no stranger
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(
@@ -43,7 +44,6 @@ def replacing(path: Path | str) -> Iterator[Path]:
     os.chmod(name, 0o666 & ~umask)
     temporary = Path(name)
     try:
-        announce(path)
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
