@@ -24,7 +24,7 @@ CHECKPOINT_INTERVAL = 30.0
 Progress = Callable[[float, float, str], None]
 
 
-def _ignore(*_: object) -> None:
+def ignore(*_: object) -> None:
     """Take what nobody asked for."""
 
 
@@ -41,7 +41,7 @@ class FormingRun:
         simulation: Simulation,
         folder: Path,
         report: Progress,
-        on_saved: Callable[[], None] = _ignore,
+        on_saved: Callable[[], None] = ignore,
     ) -> None:
         self.scene, self.fingerprint, self.simulation = scene, fingerprint, simulation
         self.folder, self.report, self.on_saved = folder, report, on_saved

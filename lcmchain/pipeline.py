@@ -24,7 +24,7 @@ from lcmchain.errors import (
 )
 from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
-from lcmchain.forming_run import FormingRun, Progress
+from lcmchain.forming_run import FormingRun, Progress, ignore
 from lcmchain.mesh.blank import build_blank
 from lcmchain.provenance import provenance
 from lcmchain.results import (
@@ -121,8 +121,8 @@ class _Job:
         self.threads = threads
         self.fingerprint = run_fingerprint(scene)
         self.result: Result
-        self._log: Callable[[str], None] = _ignore
-        self._listeners: list[Progress] = [progress or _ignore]
+        self._log: Callable[[str], None] = ignore
+        self._listeners: list[Progress] = [progress or ignore]
 
     def build(self) -> None:
         """Build the model: what is wrong with the input is found here."""
@@ -313,10 +313,6 @@ class _Job:
             f"{summary['element_count']:,} elements, {self.threads} threads, process "
             f"{place['process']} on {place['host']}"
         )
-
-
-def _ignore(*_: object) -> None:
-    """Take what nobody asked for."""
 
 
 def _state_after(error: BaseException) -> str:
