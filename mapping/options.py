@@ -18,6 +18,8 @@ class MappingOptions:
         the sheet, or the radius of a typical cell where that is larger.
     length_unit : unit of the target's coordinates; what is written is in metres.
     frame : saved frame to map, counted from 0, or backwards from -1, the last one.
+    register : map as if the target lay where a small rigid motion brings it to the sheet; what is
+        written keeps the target's own coordinates.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
     allow_incomplete : map the fields of a run that did not come to its end, with a warning,
         instead of refusing them.
@@ -30,6 +32,7 @@ class MappingOptions:
     maximum_distance: float | None = None
     length_unit: str = "m"
     frame: int = -1
+    register: bool = False
     allow_unmapped: bool = False
     allow_incomplete: bool = False
     weights_file: Path | str | None = None

@@ -18,10 +18,11 @@ from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.picture import draw_mapping
+from lcmchain.mapping.registration import Registration, registered, registration_of
 from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, read_sheet
 from lcmchain.mapping.target import TargetMesh, read_target
-from lcmchain.mapping.transfer import transfer
+from lcmchain.mapping.transfer import transfer, turned
 from lcmchain.mapping.weights import MappingWeights, compute_weights
 from lcmchain.results import require_complete
 
@@ -91,12 +92,20 @@ def map_file(
         sheet.provenance.get("state"), file=sheet.name, allowed=options.allow_incomplete
     )
     target = read_target(target_mesh, kind=options.kind, length_unit=options.length_unit)
-    weights = _weights(sheet, target, options)
+    registration = registration_of(sheet, target)
+    placed = _placed(target, registration) if options.register else target
+    weights = _weights(sheet, placed, options)
     hint = length_unit_hint(sheet, target, options.length_unit)
     if not (options.allow_unmapped and weights.mapped.any()):
-        _refuse_unmapped(target, weights, hint, options.allow_unmapped)
-    mapped = transfer(sheet, target, weights)
-    report = mapping_report(sheet, target, weights, mapped, name=name, kind=options.kind)
+        near = None if options.register else registration
+        _refuse_unmapped(target, weights, hint, near, options.allow_unmapped)
+    mapped = transfer(sheet, placed, weights)
+    if options.register and registration is not None:
+        mapped = turned(mapped, registration.matrix.T)
+    report = mapping_report(
+        sheet, target, weights, mapped, name=name, kind=options.kind,
+        registration=registration, registered=options.register,
+    )  # fmt: skip
     report.warnings = [*unfinished, *([hint] if hint else []), *report.warnings]
 
     report.files = {what: path.name for what, path in files.items()}
@@ -122,6 +131,8 @@ def _command(report: MappingReport, target: TargetMesh, options: MappingOptions)
     ]  # fmt: skip
     if options.frame != -1:
         words += ["--frame", str(options.frame)]
+    if options.register:
+        words.append("--register")
     allowed = {"unmapped": options.allow_unmapped, "incomplete": options.allow_incomplete}
     return shlex.join(words + [f"--allow-{what}" for what, given in allowed.items() if given])
 
@@ -154,8 +165,28 @@ def _weights(sheet: Sheet, target: TargetMesh, options: MappingOptions) -> Mappi
     return weights
 
 
+def _placed(target: TargetMesh, registration: Registration | None) -> TargetMesh:
+    """Return the target where the fitted motion puts it.
+
+    Raises
+    ------
+    InputError : no small motion brings it to the sheet.
+    """
+    if registration is None:
+        reason = "it does not lie over the sheet: move it there, or check length_unit"
+    elif registration.is_off and not registration.helps:
+        reason = "; ".join(registration.warnings())
+    else:
+        return registered(target, registration)
+    raise InputError(f"the mesh cannot be registered: {reason}", file=target.file)
+
+
 def _refuse_unmapped(
-    target: TargetMesh, weights: MappingWeights, hint: str | None, allow_unmapped: bool
+    target: TargetMesh,
+    weights: MappingWeights,
+    hint: str | None,
+    registration: Registration | None,
+    allow_unmapped: bool,
 ) -> None:
     unmapped = np.flatnonzero(~weights.mapped)
     if len(unmapped) == 0:
@@ -169,6 +200,8 @@ def _refuse_unmapped(
         message += "Move the mesh to the sheet, or raise maximum_distance"
     else:
         message += "Trim the mesh to the sheet, raise maximum_distance, or allow unmapped cells"
+    if registration is not None and registration.is_off and registration.helps:
+        message = f"{message}. {registration.warnings()[0]}"
     raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
 
 

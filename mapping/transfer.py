@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -54,6 +54,18 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
         axes = {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
     return MappedFields(scalars, directions, axes)
+
+
+def turned(mapped: MappedFields, rotation: np.ndarray) -> MappedFields:
+    """Turn directions and axes by a rotation matrix, shape (3, 3)."""
+    return replace(
+        mapped,
+        directions={
+            name: found._replace(direction=found.direction @ rotation.T)
+            for name, found in mapped.directions.items()
+        },
+        axes={name: vectors @ rotation.T for name, vectors in mapped.axes.items()},
+    )
 
 
 def lies_in(sheet: Sheet, directions: np.ndarray) -> bool:

@@ -31,6 +31,10 @@ def map_fields(
         int,
         typer.Option(metavar="N", help="Saved frame to map, from 0; -1 is the last one."),
     ] = -1,
+    register: Annotated[
+        bool,
+        typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
+    ] = False,
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
@@ -57,6 +61,7 @@ def map_fields(
             maximum_distance=distance,
             length_unit=length_unit,
             frame=frame,
+            register=register,
             allow_unmapped=allow_unmapped,
             allow_incomplete=allow_incomplete,
         )
