@@ -21,6 +21,7 @@ from lcmchain.mapping.transfer import (
     content_of_cells,
     content_of_sheet,
     covered_areas,
+    facing,
 )
 from lcmchain.mapping.weights import MappingWeights, Status
 
@@ -43,7 +44,8 @@ class MappingReport:
     area and on the covered sheet area. Overlap weights keep it by scaling each face's shares;
     ``wedge_correction`` is the largest such scaling, so both are stated. ``registration`` says how
     the target lies to the sheet (:class:`lcmchain.mapping.registration.Registration`), and
-    ``registered`` whether its motion was applied before the mapping.
+    ``registered`` whether its motion was applied before the mapping. ``opposite_normals`` is the
+    number of cells whose normals point to the lower side of the sheet, None for solids.
     """
 
     name: str
@@ -67,6 +69,7 @@ class MappingReport:
     fields: list[str]
     ignored_cells: dict[str, int]
     ignored_fields: list[str]
+    opposite_normals: int | None = None
     registration: dict[str, Any] | None = None
     registered: bool = False
     warnings: list[str] = field(default_factory=list)
@@ -122,6 +125,7 @@ def mapping_report(
     masses = _fibre_mass(sheet, weights, mapped)
     error_cell, error = _second_family_error(mapped)
     sheet_area = sheet.surface.areas
+    opposite = _opposite_normals(sheet, target, weights)
     return MappingReport(
         name=name,
         kind=kind,
@@ -144,10 +148,12 @@ def mapping_report(
         fields=[*mapped.scalars, *mapped.vectors],
         ignored_cells=dict(target.ignored),
         ignored_fields=list(sheet.unused),
+        opposite_normals=opposite,
         registration=None if registration is None else registration.as_dict(),
         registered=registered,
         warnings=[
             *([] if registration is None or registered else registration.warnings()),
+            *_normal_warnings(opposite, weights),
             *_warnings(weights, target, sheet, mapped, kind, error, error_cell),
         ],
     )
@@ -174,6 +180,24 @@ def _second_family_error(mapped: MappedFields) -> tuple[int | None, float | None
         return None, None
     worst = int(np.nanargmax(error))
     return worst, float(error[worst])
+
+
+def _opposite_normals(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> int | None:
+    if target.is_solid:
+        return None
+    shown = facing(sheet, weights, target.surface.normals)[weights.mapped]
+    return int(np.sum(shown < 0.0))
+
+
+def _normal_warnings(opposite: int | None, weights: MappingWeights) -> list[str]:
+    mapped = int(weights.mapped.sum())
+    if not opposite or opposite == mapped:
+        return []
+    return [
+        f"the normals of {opposite} cells point to the lower side of the sheet and those of "
+        f"{mapped - opposite} to the upper one: shear_angle, which is counted about them, changes "
+        "its sign between; make the normals of the target consistent"
+    ]
 
 
 def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[str]:
