@@ -21,6 +21,9 @@ _SOLID_SHAPES = {
 }
 # Variants (reduced integration, hybrid, thermal, ...) follow the number of nodes as letters.
 _SHELL = re.compile(r"(?:S|US|DS|M3D|CPS|CPE|CPEG|DC2D)(\d+)(?:R5|[A-Z]*5?)")
+# Rigid, surface and axisymmetric elements, which are cells only where a deck has no shells: so
+# meshio writes triangles and quadrilaterals.
+_SECOND_CHOICE = re.compile(r"(?:R3D|SFM3D|CAX)(\d+)[A-Z]*")
 _STRI = {"STRI3": "triangle", "STRI65": "triangle6"}
 _CONTINUUM_SHELL = {"SC6": "wedge", "SC8": "hexahedron", "CSS8": "hexahedron"}
 _SOLID = re.compile(r"(?:C3D|DC3D|DCC3D|Q3D|EC3D)(\d+)([A-Z]*)")
@@ -37,6 +40,12 @@ FACES = {
 }
 
 
+def second_choice(element: str) -> str | None:
+    """Return meshio's name of the shape of an element that is a cell only for want of shells."""
+    found = _SECOND_CHOICE.fullmatch(element.upper())
+    return _SHELL_SHAPES.get(int(found[1][:3])) if found is not None else None
+
+
 def cell_type(element: str) -> str | None:
     """Return meshio's name of an element type's shape; None where it is no shell and no solid.
 
@@ -50,8 +59,8 @@ def cell_type(element: str) -> str | None:
         if re.fullmatch(f"{begin}R?H?T?", element):
             return shape
     if (found := _SHELL.fullmatch(element)) is not None:
-        return _SHELL_SHAPES.get(int(found[1]))
+        return _SHELL_SHAPES.get(int(found[1][:3]))
     found = _SOLID.fullmatch(element)
     if found is None or "V" in found[2]:
         return None
-    return _SOLID_SHAPES.get(int(found[1]))
+    return _SOLID_SHAPES.get(int(found[1][:3]))

@@ -17,7 +17,12 @@ from lcmchain.mapping.target.file_mesh import (
 )
 from lcmchain.mapping.target.readers.abaqus_elements import FACES
 from lcmchain.mapping.target.readers.abaqus_scope import Entry, Scope, Side
-from lcmchain.mapping.target.shapes import SOLID_CORNERS, base_type, corner_count
+from lcmchain.mapping.target.shapes import (
+    SOLID_CORNERS,
+    SURFACE_CORNERS,
+    base_type,
+    corner_count,
+)
 
 
 @dataclass
@@ -78,6 +83,7 @@ class Placed:
 
 def merged(deck: Deck) -> FileMesh:
     """Put all instances (or all parts, where none is placed) and what stands outside together."""
+    second = _settle_second_choice([*deck.parts.values(), *deck.own.values(), deck.outside])
     instances = [
         _placed(name, (deck.parts[part], deck.own[name.upper()]), rotation, shift)
         for name, part, rotation, shift in deck.placed
@@ -99,6 +105,11 @@ def merged(deck: Deck) -> FileMesh:
         mesh.cell_ids[one.cell_rows] = one.cell_ids
     _Sets(mesh, {one.name.upper(): one for one in everything}).fill()
     _fill_parts(mesh, everything)
+    if second:
+        mesh.notes.append(
+            f"the deck has no shells: {_list(second)} are taken for cells, though they are rigid, "
+            "surface or axisymmetric elements"
+        )
     used = {part for _, part, _, _ in deck.placed}
     unused = [part.name for key, part in deck.parts.items() if deck.placed and key not in used]
     if unused:
@@ -113,6 +124,24 @@ def merged(deck: Deck) -> FileMesh:
             for element, count in scope.aside.items():
                 mesh.left_aside[element] = mesh.left_aside.get(element, 0) + count
     return mesh
+
+
+def _settle_second_choice(scopes: list[Scope]) -> list[str]:
+    """Take elements of second choice for cells in a deck without shells, else count them.
+
+    Returns
+    -------
+    types : of the elements that are taken.
+    """
+    has_shells = any(base_type(cells.name) in SURFACE_CORNERS for s in scopes for cells in s.cells)
+    taken = {} if has_shells else {element: None for s in scopes for element, _ in s.second}
+    for scope in scopes:
+        for element, cells in scope.second:
+            if element in taken:
+                scope.cells.append(cells)
+            else:
+                scope.aside[element] = scope.aside.get(element, 0) + len(cells.ids)
+    return list(taken)
 
 
 def _placed(name: str, scopes: tuple[Scope, ...], rotation, shift) -> Placed:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lcmchain.mapping.target.file_mesh import NO_IDS, Cells, Place
 from lcmchain.mapping.target.readers.abaqus_blocks import Block, words
-from lcmchain.mapping.target.readers.abaqus_elements import cell_type
+from lcmchain.mapping.target.readers.abaqus_elements import cell_type, second_choice
 from lcmchain.mapping.target.readers.abaqus_numbers import (
     element_count,
     element_table,
@@ -58,6 +58,7 @@ class Scope:
     Parameters
     ----------
     ids, points, node_places : of the nodes, block by block. cells : of the elements.
+    second : elements that are cells only in a deck without shells, by their type.
     sections : element sets that a section is assigned to, in their order.
     aside : number of elements of types that are no shells or solids.
     """
@@ -67,6 +68,7 @@ class Scope:
     points: list[np.ndarray] = field(default_factory=list)
     node_blocks: list[Block] = field(default_factory=list)
     cells: list[Cells] = field(default_factory=list)
+    second: list[tuple[str, Cells]] = field(default_factory=list)
     node_sets: NamedEntries = field(default_factory=NamedEntries)
     element_sets: NamedEntries = field(default_factory=NamedEntries)
     surfaces: NamedEntries = field(default_factory=NamedEntries)
@@ -105,15 +107,18 @@ class Scope:
         if "INPUT" in block.parameters:
             raise block.error("reads its elements from another file; put them into the deck")
         element = block.name("TYPE").upper()
-        shape = cell_type(element)
+        first_choice = cell_type(element)
+        shape = first_choice or second_choice(element)
         if shape is None:
             self.aside[element] = self.aside.get(element, 0) + element_count(block)
             return
         node_count = int(shape[len(base_type(shape)) :] or corner_count(shape))
         table, begins = element_table(block, node_count)
-        self.cells.append(
-            Cells(shape, table[:, 0], table[:, 1:], lambda row: block.place_of(begins[row]))
-        )
+        cells = Cells(shape, table[:, 0], table[:, 1:], lambda row: block.place_of(begins[row]))
+        if first_choice:
+            self.cells.append(cells)
+        else:
+            self.second.append((element, cells))
         if block.parameters.get("ELSET"):
             entry = Entry(table[:, 0], "", "", block.place)
             self.element_sets.add(block.parameters["ELSET"], [entry])
