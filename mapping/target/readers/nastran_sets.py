@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.mapping.target.file_mesh import FileMesh, Numbering, Place
+from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh, Numbering, Place
 from lcmchain.mapping.target.readers.nastran_cards import Card, NastranDeck
 
 NODES, ELEMENTS = "nodes", "elements"
@@ -37,6 +38,13 @@ _NAMED_PROPERTY = (
 )
 
 
+class Members(NamedTuple):
+    """Numbers that a set lists, and those listed singly: ranges may well have gaps."""
+
+    numbers: np.ndarray
+    single: np.ndarray
+
+
 def property_names(deck: NastranDeck) -> dict[int, str]:
     """Return names of properties by their numbers, from comments."""
     names: dict[int, str] = {}
@@ -57,7 +65,7 @@ def fill_sets(mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering) -> Non
     names, kinds = _said(deck)
     cells = Numbering(mesh.cell_ids)
     doubtful, lost = [], []
-    for number, kind, listed in [*_of_case_control(deck, cells, ids_of_nodes), *_of_bulk(deck)]:
+    for number, kind, members in [*_of_case_control(deck, cells, ids_of_nodes), *_of_bulk(deck)]:
         name = names.get(number, f"SET {number}")
         kind = kind or kinds.get(number, "")
         if not kind:
@@ -69,14 +77,14 @@ def fill_sets(mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering) -> Non
         ):
             if kind not in ("", wanted):
                 continue
-            rows = numbering.rows(listed)
+            rows = numbering.rows(members.numbers)
             rows = np.unique(rows[rows >= 0])
-            found = max(found, len(rows))
+            found = max(found, int((numbering.rows(members.single) >= 0).sum()))
             if len(rows) or kind:
                 free = name if name not in sets else f"{name} ({number})"
                 sets[free] = rows
-        if found < len(listed):
-            lost.append(f"{name} ({len(listed) - found})")
+        if found < len(members.single):
+            lost.append(f"{name} ({len(members.single) - found})")
     if doubtful:
         mesh.notes.append(
             "the deck does not say whether these sets list nodes or elements, they are kept as "
@@ -114,7 +122,7 @@ def _said(deck: NastranDeck) -> tuple[dict[int, str], dict[int, str]]:
 
 def _of_case_control(
     deck: NastranDeck, cells: Numbering, nodes: Numbering
-) -> list[tuple[int, str, np.ndarray]]:
+) -> list[tuple[int, str, Members]]:
     """Number and members of each SET of the case control; ``ALL`` is every number there is."""
     found = []
     lines = iter(deck.case_control)
@@ -131,14 +139,15 @@ def _of_case_control(
         words = [word for word in re.split(r"[\s,]+", listed.upper()) if word]
         number = int(match[1][:17])
         if words == ["ALL"]:
-            found.append((number, "", np.union1d(cells.ids, nodes.ids)))
+            every = np.union1d(cells.ids, nodes.ids)
+            found.append((number, "", Members(every, every[:0])))
         elif all(word[0].isdigit() or word in ("THRU", "EXCEPT") for word in words):
             found.append((number, "", _members(words, place)))
         # others list names of outputs or places, no members of a mesh
     return found
 
 
-def _of_bulk(deck: NastranDeck) -> Iterable[tuple[int, str, np.ndarray]]:
+def _of_bulk(deck: NastranDeck) -> Iterable[tuple[int, str, Members]]:
     """Number, kind and members of the sets in the bulk data."""
     for card in deck.cards:
         if card.name == "SET1":
@@ -158,7 +167,7 @@ def _listed(card: Card, first: int) -> list[str]:
     return [text.upper() for text in card.fields[first:] if text and text.upper() != "SKIN"]
 
 
-def _members(words: list[str], place: Place) -> np.ndarray:
+def _members(words: list[str], place: Place) -> Members:
     """Return the numbers of a list with THRU and EXCEPT, which takes them out of the last range.
 
     Raises
@@ -166,6 +175,7 @@ def _members(words: list[str], place: Place) -> np.ndarray:
     InputError : an entry is no number, or a range is none.
     """
     kept: list[np.ndarray] = []
+    single: list[int] = []
     range_end = -1  # of the range that an EXCEPT cuts, while one is in force
     at = 0
     while at < len(words):
@@ -190,7 +200,9 @@ def _members(words: list[str], place: Place) -> np.ndarray:
         else:
             range_end = -1
             kept.append(numbers)
-    return np.unique(np.concatenate(kept)) if kept else np.empty(0, dtype=np.int64)
+            single += [first] if len(numbers) == 1 else []
+    every = np.concatenate([NO_IDS, *kept])
+    return Members(np.unique(every), np.array(single, dtype=np.int64))
 
 
 def _number(word: str, place: Place) -> int:
