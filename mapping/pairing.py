@@ -1,4 +1,4 @@
-"""Which faces each target cell takes from, and in what shares: by overlap or by the closest place."""
+"""Which faces a target cell takes from, in what shares: by overlap or by the closest place."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ COVERED = 0.99
 # least this share of it; the rest fell into the wedges between neighbouring cells at a sharp bend.
 WEDGE = 0.5
 
-# Cells without an edge of the sheet over them are covered if the area seen from the faces differs by
-# no more than this: facets of 5 mm on a radius of 10 mm make a few per cent.
+# Cells without an edge of the sheet over them are covered if the area seen from the faces differs
+# by no more than this: facets of 5 mm on a radius of 10 mm make a few per cent.
 CURVED = 0.1
 
 # A face is tiled by the cells over it if their shares leave no more than rounding.

@@ -56,11 +56,7 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         )
         for name, values in sheet.scalars.items()
     }
-    density = fibre_density(sheet)
-    if density is not None:
-        scalars["fibre_volume_fraction"] = scalars["areal_fibre_mass"] / (
-            density * scalars["thickness"]
-        )
+    scalars |= _fibre_volume_fraction(sheet, scalars)
     normals = None if target.is_solid else target.surface.normals
     if normals is not None:
         for name in ABOUT_NORMAL & scalars.keys():
@@ -98,6 +94,34 @@ def turned(mapped: MappedFields, rotation: np.ndarray) -> MappedFields:
         },
         axes={name: vectors @ rotation.T for name, vectors in mapped.axes.items()},
     )
+
+
+def fibre_mass(weights: MappingWeights, mapped: MappedFields) -> np.ndarray | None:
+    """Fibre mass of each cell [kg], shape (C,); None where the mapping does not keep it."""
+    if "areal_fibre_mass" not in mapped.scalars or not weights.conservative:
+        return None
+    return mapped.scalars["areal_fibre_mass"] * covered_areas(weights)
+
+
+def with_fibre_mass(
+    sheet: Sheet, weights: MappingWeights, mapped: MappedFields, mass: np.ndarray
+) -> MappedFields:
+    """Give cells a fibre mass [kg], shape (C,), and the volume fraction that follows from it."""
+    areas = covered_areas(weights)
+    there = areas > 0.0
+    areal = mapped.scalars["areal_fibre_mass"].copy()
+    areal[there] = mass[there] / areas[there]
+    scalars = {**mapped.scalars, "areal_fibre_mass": areal}
+    return replace(mapped, scalars=scalars | _fibre_volume_fraction(sheet, scalars))
+
+
+def _fibre_volume_fraction(sheet: Sheet, scalars: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Volume fraction of the mapped fibre mass in the mapped thickness, if the density is known."""
+    density = fibre_density(sheet)
+    if density is None:
+        return {}
+    fraction = scalars["areal_fibre_mass"] / (density * scalars["thickness"])
+    return {"fibre_volume_fraction": fraction}
 
 
 def fibre_density(sheet: Sheet) -> float | None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
@@ -93,6 +94,12 @@ class MappingWeights:
     def start(self) -> np.ndarray:
         """First weight of each cell, shape (C + 1,)."""
         return np.searchsorted(self.cell, np.arange(self.cell_count + 1))
+
+    @cached_property
+    def average_matrix(self) -> csr_array:
+        """Averages over the cell of what is constant within each face, shape (C, F)."""
+        shape = (self.cell_count, self.face_count)
+        return csr_array((self.average, self.face, self.start), shape=shape)
 
     def save(self, path: Path | str) -> None:
         """Store as a compressed NumPy archive (``.npz``), complete or not at all."""
