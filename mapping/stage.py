@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Iterable
 from dataclasses import replace
@@ -25,17 +24,13 @@ from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, frame_at, read_sheet
 from lcmchain.mapping.solid_file import file_groups
 from lcmchain.mapping.target import TargetMesh, read_target
+from lcmchain.mapping.target.length_unit import length_unit_hint
 from lcmchain.mapping.transfer import transfer, turned
 from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 from lcmchain.results import require_complete
 
-# Ratios of usual units of length; sizes of mesh and sheet that differ by about as much make the
-# unit doubtful, and so does anything beyond a hundred.
-UNIT_FACTORS = tuple(factor**sign for factor in (10.0, 25.4, 100.0) for sign in (1, -1))
 # Options that are given or not, in the order in which the history tells them.
 FLAGS = ("all-frames", "register", "allow-unmapped", "allow-ambiguous", "allow-incomplete")
-
-SAME_SIZE = 0.3  # largest logarithm of the ratio of a part to its sheet, or the reverse
 
 
 def map_forming(
@@ -93,7 +88,7 @@ def map_file(
     motion = _motion(target, registration) if options.register else None
     placed = registered(target, motion) if motion is not None else target
     weights = _weights(sheet, placed, options)
-    hint = length_unit_hint(sheet, target, options.length_unit)
+    hint = length_unit_hint(target.size, sheet.surface.size, options.length_unit)
     if not (options.allow_unmapped and weights.mapped.any()):
         near = None if options.register else registration
         _refuse_unmapped(target, weights, hint, near, options.allow_unmapped)
@@ -243,19 +238,6 @@ def _refuse_unmapped(
     if registration is not None and registration.is_off and registration.helps:
         message = f"{message}. {registration.warnings()[0]}"
     raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
-
-
-def length_unit_hint(sheet: Sheet, target: TargetMesh, length_unit: str) -> str | None:
-    """Say that the mesh is as much larger or smaller than the sheet as with a wrong unit, if so."""
-    used = target.points[np.unique(target.corners[target.corners >= 0])]
-    ratio = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0))) / sheet.surface.size
-    near = any(abs(math.log(ratio / factor)) < SAME_SIZE for factor in UNIT_FACTORS)
-    if not near and 0.01 <= ratio <= 100.0:
-        return None
-    return (
-        f"the mesh is {ratio:.3g} times as large as the sheet: check length_unit "
-        f'(now "{length_unit}")'
-    )
 
 
 def _place(point: np.ndarray) -> str:

@@ -216,14 +216,14 @@ def _nodes_2(numbers: Numbers, read: _Content, binary: bool) -> None:
 def _elements_2(numbers: Numbers, read: _Content, binary: bool) -> None:
     rows: dict[tuple[int, int, tuple[int, ...]], list[np.ndarray]] = {}
     for code, tags, row in _rows_2(numbers, binary):
-        groups = (int(abs(tags[0])),) if len(tags) and tags[0] else ()
+        groups = tuple(int(abs(tag)) for tag in tags[:1] if tag)
         entity = int(tags[1]) if len(tags) > 1 else 0
         rows.setdefault((code, entity, groups), []).append(row)
-    for (code, entity, groups), listed in rows.items():
+    for (code, entity, within), listed in rows.items():
         kind = KINDS[code]
         table = np.stack(listed)
         nodes = table[:, 1:][:, kind.order]
-        read.batches.append(Batch(kind, table[:, 0], nodes, entity, groups))
+        read.batches.append(Batch(kind, table[:, 0], nodes, entity, within))
 
 
 def _rows_2(numbers: Numbers, binary: bool) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
