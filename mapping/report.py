@@ -217,6 +217,14 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     if len(unmapped):
         found.append(f"{len(unmapped)} cells are unmapped and hold no values (NaN) "
                      f"({first_few(unmapped)})")  # fmt: skip
+    if weights.missed.any():
+        faces = np.flatnonzero(weights.missed)
+        share = sheet.surface.areas[faces].sum() / sheet.surface.areas.sum()
+        found.append(
+            f"{len(faces)} faces of the sheet lie over the target and no cell takes from them "
+            f"({100 * share:.2g} % of its area; {first_few(faces, what='face')}): the sheet lies in "
+            "folds or walls there that the target lacks, and their fibres are missing"
+        )
     found += _permeability_warnings(weights, mapped)
     if weights.wedge_correction > LARGE_CORRECTION:
         found.append(

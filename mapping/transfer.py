@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lcmchain.mapping.averages import contents_of_cells, mean_over_cells
+from lcmchain.mapping.averages import contents_of_cells, contents_of_faces, mean_over_cells
 from lcmchain.mapping.orientation import MappedDirections, map_directions
 from lcmchain.mapping.permeability import map_permeability
 from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, Sheet
@@ -179,7 +179,7 @@ def content_of_cells(weights: MappingWeights, per_area: np.ndarray) -> float:
 
 
 def content_of_sheet(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> float:
-    """Content that the covered parts of the faces hand to the cells."""
+    """Content of the covered part of the sheet."""
     if not weights.conservative:
         return float(np.sum(per_area * sheet.surface.areas * weights.face_coverage))
-    return float(contents_of_cells(sheet.surface, weights, per_area).sum())
+    return float(contents_of_faces(sheet.surface, weights, per_area).sum())
