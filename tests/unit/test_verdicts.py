@@ -130,6 +130,35 @@ def test_grades_of_the_process_time(datasets, time, grade):
     assert "30 ms" in verdict.text and "90 ms" in verdict.text and time in verdict.text
 
 
+def driven_by(motion, gravity="false"):
+    """The scene with another motion of its tool, and the sheet's weight or none."""
+    stroke = '{ type = "stroke", direction = [0, 0, -1], distance = "1 mm" }'
+    text = SCENE.replace(stroke, motion)
+    return scene_from_text(text.replace('"200 ms"', f'"200 ms", gravity = {gravity}'))
+
+
+PRESSED = '{ type = "guided", direction = [0, 0, -1], mass = "1 kg", force = "5 N" }'
+
+
+@pytest.mark.parametrize(
+    ("motion", "gravity", "inertia", "damping"),
+    [
+        (PRESSED, "false", "tools.motion.ramp, tools.motion.damping", "tools.motion.ramp"),
+        ('{ type = "fixed" }', "true", "process.mass_damping", ""),
+    ],
+)
+def test_where_weight_and_force_set_the_pace_other_entries_help(
+    datasets, motion, gravity, inertia, damping
+):
+    """A longer process does not slow them, and whatever is not stored goes into the dampers."""
+    shares = {"kinetic_to_internal_over_tenth_of_stroke": 9.0, "damping_to_external": 0.9}
+    found = judged(driven_by(motion, gravity), datasets, **shares)
+    for check, entries in (("Quasi-static", inertia), ("Damping", damping)):
+        assert (found[check].grade, found[check].remedy_key) == ("doubtful", entries)
+        assert "weight and forces" in found[check].text
+        assert "at rest at the end" in found[check].text
+
+
 def test_where_nothing_is_driven_no_process_time_is_needed(datasets):
     still = SCENE.replace(', distance = "1 mm"', "").replace('"stroke"', '"fixed"')
     scene = scene_from_text(still.replace(", direction = [0, 0, -1]", ""))
