@@ -87,6 +87,8 @@ def run(
             job.draw()
             job.map_fields()
             job.complete()
+        remove_checkpoint(folder)
+        results.remove_previous()
     return job.result
 
 
@@ -199,12 +201,10 @@ class _Job:
             )
 
     def complete(self) -> None:
-        """Say that everything is there, and remove what only an unfinished run needs."""
+        """Write the report, and say that everything is there."""
         self.tell(self.scene.process.time, "writing the report")
         self.write_report(COMPLETE)
         self.account.complete()
-        remove_checkpoint(self.folder)
-        self.results.remove_previous()
 
     def save(self) -> None:
         """Note in the summary how far the run has come; called after every checkpoint."""
