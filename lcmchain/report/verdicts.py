@@ -16,8 +16,8 @@ import xarray as xr
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
 from lcmchain.fields.sheet import sheet_areas
+from lcmchain.fields.waves import area_in_waves_below, elements_per_wave
 from lcmchain.quantities.durations import milliseconds_text
-from lcmchain.report.waves import elements_per_wave
 from lcmchain.results import COMPLETE
 from lcmchain.scene.pace import entries_that_slow, has_guided_load, is_driven, is_led
 from lcmchain.solver import guards
@@ -241,13 +241,11 @@ def _hourglass(summary: Mapping[str, Any]) -> Iterator[Verdict]:
 
 def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
     found = elements_per_wave(sheet)
-    if found is None:
-        return
     if not np.isfinite(found).any():
         yield Verdict("Resolution of wrinkles", GOOD, "the sheet has no waves")
         return
     few, none = (
-        _area_where(sheet, found < count)
+        area_in_waves_below(sheet, found, count)
         for count in (LEAST_ELEMENTS_PER_WAVE, 0.5 * LEAST_ELEMENTS_PER_WAVE)
     )
     grade = BAD_GRADE if none > LOCAL_AREA else DOUBTFUL if few else GOOD
