@@ -18,6 +18,7 @@ from lcmchain.fields.sheet import (
 from lcmchain.fields.wrinkles import node_normals
 from lcmchain.mesh.fibre_lines import lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE
+from lcmchain.quantities.places import millimetres
 from lcmchain.thresholds import LEAST_ELEMENTS_PER_WAVE
 
 #: Turn of the sheet over half a wave that counts as one [rad]. At eight elements of 5 mm it is a
@@ -75,12 +76,11 @@ def wave_warnings(sheet: xr.Dataset, frame: int = -1) -> list[str]:
     part = area_in_waves_below(sheet, found, LEAST_ELEMENTS_PER_WAVE)
     if part == 0.0:
         return []
-    x, y, z = 1e3 * face_centres(sheet, formed=True)[int(np.argmin(found))]
+    place = millimetres(face_centres(sheet, formed=True)[int(np.argmin(found))], 1)
     return [
-        f"waves are unresolved: down to {found.min():.1f} elements per wavelength, at ({x:.1f}, "
-        f"{y:.1f}, {z:.1f}) mm, and fewer than {LEAST_ELEMENTS_PER_WAVE} in {part:.2%} of the "
-        "area, so that their height and length are those of the mesh; use a smaller "
-        "blank.edge_length"
+        f"waves are unresolved: down to {found.min():.1f} elements per wavelength, at {place}, and "
+        f"fewer than {LEAST_ELEMENTS_PER_WAVE} in {part:.2%} of the area, so that their height and "
+        "length are those of the mesh; use a smaller blank.edge_length"
     ]
 
 
