@@ -3,8 +3,8 @@
 Two walls, two folds or two plies may be closer to each other than an edge of a mesh. A cell takes
 from one layer only: of those that show it the right side, the nearest. Which side is right is a
 matter of a whole connected piece of the target: the one by which its cells lie nearer to the sheet,
-in the mean of the squares. A U that was moved across its gap by any amount still knows its walls: the
-other sides would bring one wall as much nearer as the other one farther, and the squares grow.
+in the mean of the squares. A U that was moved across its gap by any amount still knows its walls:
+the other sides would bring one wall as much nearer as the other one farther, and the squares grow.
 """
 
 from __future__ import annotations

@@ -222,8 +222,8 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
         share = sheet.surface.areas[faces].sum() / sheet.surface.areas.sum()
         found.append(
             f"{len(faces)} faces of the sheet lie over the target and no cell takes from them "
-            f"({100 * share:.2g} % of its area; {first_few(faces, what='face')}): the sheet lies in "
-            "folds or walls there that the target lacks, and their fibres are missing"
+            f"({100 * share:.2g} % of its area; {first_few(faces, what='face')}): the sheet lies "
+            "in folds or walls there that the target lacks, and their fibres are missing"
         )
     found += _permeability_warnings(weights, mapped)
     if weights.wedge_correction > LARGE_CORRECTION:

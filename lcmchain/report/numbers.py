@@ -101,9 +101,10 @@ def load_table(summary: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
     rows = []
     for name, load in loads.items():
         parts = load.get("parts_over_stroke", {})
-        row = [f"{factor * load[entry]:.4g}" for _, entry, factor in _LOADS]
+        row = [f"{factor * load[entry] + 0.0:.4g}" for _, entry, factor in _LOADS]  # no minus zero
         row += [
-            f"{parts[entry]:.3g}" if parts else "" for entry in ("force_N", *(p for _, p in _PARTS))
+            f"{parts[entry] + 0.0:.3g}" if parts else ""
+            for entry in ("force_N", *(p for _, p in _PARTS))
         ]
         rows.append([name, *row])
     return headings, rows

@@ -16,9 +16,10 @@ import xarray as xr
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
 from lcmchain.fields.sheet import sheet_areas
+from lcmchain.fields.waves import area_in_waves_below, elements_per_wave
 from lcmchain.quantities.durations import milliseconds_text
-from lcmchain.report.waves import elements_per_wave
 from lcmchain.results import COMPLETE
+from lcmchain.scene.pace import entries_that_slow, has_guided_load, is_driven, is_led
 from lcmchain.solver import guards
 from lcmchain.thresholds import (
     BAD,
@@ -69,9 +70,9 @@ def verdicts(
     return [
         *_state(summary),
         *_energy_balance(summary),
-        *_inertia(summary),
+        *_inertia(summary, scene),
         *_rest(summary),
-        *_damping(summary),
+        *_damping(summary, scene),
         *_process_time(summary, scene),
         *_hourglass(summary),
         *_waves(sheet),
@@ -155,17 +156,26 @@ def _energy_balance(summary: Mapping[str, Any]) -> Iterator[Verdict]:
         )
 
 
-def _inertia(summary: Mapping[str, Any]) -> Iterator[Verdict]:
-    if "kinetic_to_internal_over_tenth_of_stroke" in summary:
-        yield _share(
-            "Quasi-static",
-            summary["kinetic_to_internal_over_tenth_of_stroke"],
-            LARGEST_KINETIC_PART,
-            f"over {percent(LONGEST_DYNAMIC_PART)} of the stroke the kinetic energy exceeds "
-            "{} of the internal energy",
-            "inertia is part of forces and shape",
-            "process.time",
+def _inertia(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    if "kinetic_to_internal_over_tenth_of_stroke" not in summary:
+        return
+    consequence, remedy, worst = "inertia is part of forces and shape", "process.time", None
+    if not is_led(scene):
+        consequence = (
+            "inertia is part of the way to the shape, whose pace weight and forces set; the shape "
+            "is judged by whether it is at rest at the end"
         )
+        remedy, worst = ", ".join(entries_that_slow(scene)), np.inf
+    yield _share(
+        "Quasi-static",
+        summary["kinetic_to_internal_over_tenth_of_stroke"],
+        LARGEST_KINETIC_PART,
+        f"over {percent(LONGEST_DYNAMIC_PART)} of the stroke the kinetic energy exceeds "
+        "{} of the internal energy",
+        consequence,
+        remedy,
+        worst,
+    )
 
 
 def _rest(summary: Mapping[str, Any]) -> Iterator[Verdict]:
@@ -181,16 +191,27 @@ def _rest(summary: Mapping[str, Any]) -> Iterator[Verdict]:
         )
 
 
-def _damping(summary: Mapping[str, Any]) -> Iterator[Verdict]:
-    if "damping_to_external" in summary:
-        yield _share(
-            "Damping",
-            summary["damping_to_external"],
-            LARGEST_DAMPING_PART,
-            "damping took {} of the external work",
-            "the mean forces over the stroke are too high by it" + _of_punch(summary),
-            "process.mass_damping, process.damping_average, process.time",
+def _damping(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    if "damping_to_external" not in summary:
+        return
+    consequence = "the mean forces over the stroke are too high by it" + _of_punch(summary)
+    remedy, worst = "process.mass_damping, process.damping_average, process.time", None
+    if not is_led(scene):
+        consequence = (
+            "weight and forces work until it has brought sheet and tools to rest; the shape is "
+            "judged by whether it is at rest at the end"
         )
+        # what falls freely gives all that it does not store to the dampers, whatever they are
+        remedy, worst = "tools.motion.ramp" if has_guided_load(scene) else "", np.inf
+    yield _share(
+        "Damping",
+        summary["damping_to_external"],
+        LARGEST_DAMPING_PART,
+        "damping took {} of the external work",
+        consequence,
+        remedy,
+        worst,
+    )
 
 
 def _of_punch(summary: Mapping[str, Any]) -> str:
@@ -220,13 +241,11 @@ def _hourglass(summary: Mapping[str, Any]) -> Iterator[Verdict]:
 
 def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
     found = elements_per_wave(sheet)
-    if found is None:
-        return
     if not np.isfinite(found).any():
         yield Verdict("Resolution of wrinkles", GOOD, "the sheet has no waves")
         return
     few, none = (
-        _area_where(sheet, found < count)
+        area_in_waves_below(sheet, found, count)
         for count in (LEAST_ELEMENTS_PER_WAVE, 0.5 * LEAST_ELEMENTS_PER_WAVE)
     )
     grade = BAD_GRADE if none > LOCAL_AREA else DOUBTFUL if few else GOOD
@@ -243,8 +262,7 @@ def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
 
 def _process_time(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     needed = summary.get("process_time_needed_s")
-    moved = scene.process.gravity or any(tool.motion.moves for tool in scene.tools)
-    if needed is None or not moved:
+    if needed is None or not is_driven(scene):
         return
     time = scene.process.time
     grade = _grade(-time, -needed["least_s"], -needed["shear_period_s"])
