@@ -46,6 +46,8 @@ class MappingReport:
     the target lies to the sheet (:class:`lcmchain.mapping.registration.Registration`), and
     ``registered`` whether its motion was applied before the mapping. ``opposite_normals`` is the
     number of cells whose normals point to the lower side of the sheet, None for solids.
+    ``verification`` holds the error that the mapping adds to each field
+    (:class:`lcmchain.mapping.verify.FieldError`), where that was asked for.
     """
 
     name: str
@@ -72,6 +74,7 @@ class MappingReport:
     opposite_normals: int | None = None
     registration: dict[str, Any] | None = None
     registered: bool = False
+    verification: dict[str, dict[str, Any]] | None = None
     warnings: list[str] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
 
