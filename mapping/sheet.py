@@ -69,6 +69,8 @@ class Sheet:
     provenance : what the source file says about where it comes from, its name and its hash.
     permeability : principal values and axes, if the result has them all.
     time : of the saved state [s], if it is known.
+    ply : number of the ply of each face, shape (F,), where there are several.
+    ply_names : names of the plies.
     """
 
     surface: Surface
@@ -80,6 +82,20 @@ class Sheet:
     name: str = "forming result"
     permeability: PrincipalPermeability | None = None
     time: float | None = None
+    ply: np.ndarray | None = None
+    ply_names: tuple[str, ...] = ()
+
+    @property
+    def is_stack(self) -> bool:
+        """Whether there are several plies."""
+        return len(self.ply_names) > 1
+
+    @property
+    def plies(self) -> np.ndarray:
+        """Number of the ply of each face, shape (F,); zero where there is only one."""
+        if self.ply is None:
+            return np.zeros(self.surface.face_count, dtype=np.int64)
+        return self.ply
 
 
 def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> Sheet:
