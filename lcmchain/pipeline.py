@@ -207,20 +207,16 @@ class _Job:
         """
         failures = []
         for target in self.scene.mapping:
-            from lcmchain.mapping import map_forming
+            from lcmchain.mapping import MappingOptions, map_forming
 
             self.tell(self.scene.process.time, f"mapping {target.name}")
             try:
                 report = map_forming(
                     self.folder / "forming.nc",
                     self.scene.source.directory / target.mesh,
+                    MappingOptions(**target.options(), picture=self.scene.output.pictures),
                     name=target.name,
-                    kind=target.kind,
-                    method=target.method,
-                    maximum_distance=target.maximum_distance,
-                    length_unit=target.length_unit,
                     out_dir=self.folder,
-                    picture=self.scene.output.pictures,
                 )
                 self.summary["mapping"][target.name] = report.as_dict()
             except OutputError:
@@ -345,7 +341,11 @@ def _require_free_names(scene: Scene) -> None:
 
 def _expected_files(scene: Scene) -> list[str]:
     """Return the names that a run writes, as far as the scene tells them."""
-    mapped = [f"{target.name}{end}" for target in scene.mapping for end in MAPPED_SUFFIXES]
+    mapped = [
+        f"{target.name}{end}"
+        for target in scene.mapping
+        for end in (*MAPPED_SUFFIXES, *([".pvd"] if target.all_frames else []))
+    ]
     return [*OWN_FILES, *mapped]
 
 

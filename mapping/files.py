@@ -17,6 +17,15 @@ from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
 
+ALIGNMENT = (
+    "largest eigenvalue of the mean of the tensors a a over the part of the sheet above the cell: "
+    "1 where all directions a are parallel, 1/2 where they are spread evenly in a plane"
+)
+SHEAR_ABOUT_CELL = (
+    "a right angle minus the angle from the axis of fibre 1 to that of fibre 2 about the normal of "
+    "the cell: where it points to the lower side of the sheet, the sign is not that of the sheet"
+)
+
 
 def mapped_dataset(
     sheet: Sheet,
@@ -35,7 +44,7 @@ def mapped_dataset(
     command : line that maps as this mapping did, for the history of the file.
     """
     mesh = UgridMesh("target", topology_dimension=3 if target.is_solid else 2)
-    used, corners = _compact(target.corners)
+    used, corners = compact(target.corners)
     width = 3 if not target.is_solid and np.all(corners[:, 3] < 0) else corners.shape[1]
     variables: dict[str, Variable] = {}
     if target.is_solid:
@@ -46,7 +55,7 @@ def mapped_dataset(
     variables |= mesh.node_positions(target.points[used])
     if sheet.time is not None:
         variables[TIME] = saved_times(np.asarray(sheet.time))
-    for name, (values, attributes) in _cell_fields(sheet, weights, mapped).items():
+    for name, (values, attributes) in cell_fields(sheet, weights, mapped).items():
         variables[name] = mesh.on_cells(values, attributes)
     own = _global_attributes(sheet, target, report, command)
     return mesh.dataset(variables, {**sheet.provenance, **own})
@@ -62,7 +71,7 @@ def write_vtu(
     """Write the mapped fields on the target mesh as VTU; directions and axes become vectors."""
     data = {
         name: values
-        for name, (values, _) in _cell_fields(sheet, weights, mapped).items()
+        for name, (values, _) in cell_fields(sheet, weights, mapped).items()
         if name[:-2] not in mapped.vectors
     }
     data |= mapped.vectors
@@ -75,11 +84,21 @@ def write_vtu(
     write_mesh(path, mesh)
 
 
-def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
-    """Every cell variable with its attributes, in the order of the file."""
+def cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
+    """Return values (C,) and attributes of every cell variable, in the order of the file."""
     fields = {}
     for name, values in mapped.scalars.items():
         fields[name] = (values, _attributes(sheet, name))
+    if "shear_angle" in fields and not mapped.about_sheet:
+        fields["shear_angle"][1]["comment"] = SHEAR_ABOUT_CELL
+    for name, found in mapped.directions.items():
+        attributes = {
+            "long_name": f"alignment of {name.replace('_', ' ')}",
+            "units": "1",
+            "comment": ALIGNMENT,
+            "_FillValue": np.nan,
+        }
+        fields[f"{name}_alignment"] = (found.alignment, attributes)
     for stem, vectors in mapped.vectors.items():
         for axis, values in zip("xyz", vectors.T, strict=True):
             name = f"{stem}_{axis}"
@@ -116,11 +135,11 @@ def _attributes(sheet: Sheet, name: str) -> dict:
     return {"long_name": name, "units": "1", **sheet.attributes.get(name, {}), "_FillValue": np.nan}
 
 
-def _compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Used nodes, and the corner table that counts only these."""
-    used, compact = np.unique(corners[corners >= 0], return_inverse=True)
+def compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the used nodes, and the corner table that counts only these."""
+    used, numbers = np.unique(corners[corners >= 0], return_inverse=True)
     renumbered = np.full(corners.shape, -1, dtype=np.int64)
-    renumbered[corners >= 0] = compact.reshape(-1)
+    renumbered[corners >= 0] = numbers.reshape(-1)
     return used, renumbered
 
 
