@@ -14,6 +14,7 @@ import xarray as xr
 
 from lcmchain.errors import InputError, shortened
 from lcmchain.fields.ugrid import TIME
+from lcmchain.mapping.bodies import holes_of, plies_of
 from lcmchain.mapping.source_checks import (
     UNREADABLE,
     mesh_of,
@@ -207,7 +208,9 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     fields, attributes = _face_fields(dataset, connectivity.dims[0], node_dimension, faces)
     permeability = _take_permeability(fields, name)
 
-    holes = {key: np.flatnonzero(~np.isfinite(values)) for key, values in fields.items()}
+    ply, ply_names = plies_of(dataset, connectivity.dims[0], name)
+
+    holes = {key: holes_of(values, ply) for key, values in fields.items()}
     for key, bad in holes.items():
         if len(bad) and _stem(key) in NEEDED:
             raise InputError(f"{key} of face {bad[0]} is not finite", file=name)
@@ -239,7 +242,7 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     }
     return Sheet(
         Surface(points, faces), scalars, directions, attributes, unused, provenance, name,
-        permeability, _time_of(dataset),
+        permeability, _time_of(dataset), ply, ply_names,
     )  # fmt: skip
 
 

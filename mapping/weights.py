@@ -61,8 +61,9 @@ class MappingWeights:
     face_coverage : covered share of each face, shape (F,).
     wedge_correction : largest relative change of ``content`` that made it sum to the covered
         share of a face.
-    solid_thickness, formed_thickness : of the target and of the textile (of all plies) at each
+    solid_thickness, formed_thickness : of the target itself and of the textile, all plies, at each
         solid cell [m], shape (C,); empty for surfaces.
+    ply_coverage : coverage of each cell by every ply, shape (P, C); empty for a single ply.
     """
 
     cell: np.ndarray
@@ -82,6 +83,7 @@ class MappingWeights:
     target_key: str
     solid_thickness: np.ndarray = field(default_factory=lambda: np.zeros(0))
     formed_thickness: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    ply_coverage: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def cell_count(self) -> int:
@@ -199,6 +201,15 @@ def compute_weights(
         from lcmchain.mapping.solids.weights import compute_solid_weights
 
         return compute_solid_weights(sheet, target, maximum_distance=maximum_distance)
+    if sheet.is_stack:
+        from lcmchain.mapping.plies import weights_of_plies
+
+        return weights_of_plies(
+            sheet,
+            lambda ply: compute_weights(
+                ply, target, method=method, maximum_distance=maximum_distance
+            ),
+        )
     if maximum_distance is None:
         maximum_distance = default_maximum_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):

@@ -36,12 +36,13 @@ def solid_scalars(
     sum to the mass of the covered sheet over the volume, or the area, of all cells. A cell that
     reaches beyond the sheet holds less, one that lies beyond it nothing.
 
-    averages : mean of each field of the sheet over the cells; names that are not among them are
-        not made.
+    averages : fields of the textile over the cells, of all plies; names that are not among them
+        are not made.
     """
-    formed, solid = weights.formed_thickness, weights.solid_thickness
+    solid = np.where(weights.mapped, weights.solid_thickness, np.nan)
     found = {}
     if "thickness" in averages:
+        formed = np.where(weights.mapped, averages["thickness"], np.nan)
         found = {
             "thickness": formed,
             "solid_thickness": solid,
@@ -72,22 +73,23 @@ def fibre_density(sheet: Sheet) -> np.ndarray:
         return fields["areal_fibre_mass"] / (fields["thickness"] * fields["fibre_volume_fraction"])
 
 
-def require_thickness(target: TargetMesh, weights: MappingWeights, limit: float) -> None:
+def require_thickness(target: TargetMesh, fields: Mapping[str, np.ndarray], limit: float) -> None:
     """Refuse a solid that is thicker or thinner than the formed textile.
 
     Parameters
     ----------
+    fields : mapped scalars, each of shape (C,).
     limit : largest relative difference of the thicknesses, 1.
 
     Raises
     ------
     InputError : names the worst cell, both thicknesses and what to do.
     """
-    formed, solid = weights.formed_thickness, weights.solid_thickness
-    if not len(solid):
+    if "thickness_difference" not in fields:
         return
-    difference = np.abs(solid / formed - 1.0)
-    difference = np.where(np.isfinite(difference) & weights.mapped, difference, 0.0)
+    formed, solid = fields["thickness"], fields["solid_thickness"]
+    difference = np.abs(fields["thickness_difference"])
+    difference = np.where(np.isfinite(difference), difference, 0.0)
     beyond = int(np.sum(difference > limit))
     if not beyond:
         return

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcmchain.mapping.bodies import present
 from lcmchain.mapping.solids.columns import Columns
 from lcmchain.mapping.solids.lines import AT_EDGE, crossings
 from lcmchain.mapping.solids.overlap import Overlaps, Slices
@@ -136,8 +137,8 @@ def _plies(
     end = np.stack([low.min(axis=1), high.max(axis=1)], axis=1)
     # a ply that ends inside the cell counts with the part that is there
     held = np.bincount(cell * ply_count + ply[face], weights=volume, minlength=middle.size)
-    present = np.minimum(held.reshape(middle.shape) / cells.volumes[:, None], 1.0)
-    thickness = np.nan_to_num(mean(face_thickness[face])) * present
+    held = held.reshape(middle.shape) / cells.volumes[:, None]
+    thickness = np.nan_to_num(mean(face_thickness[face])) * present(held.T).T
     return _Plies(normal, middle, thickness, end)
 
 

@@ -73,7 +73,8 @@ def compute_solid_weights(
     found = overlaps(cells, columns)
     walls = own_walls(found, columns, sheet.plies, target.cell_count)
     found = found.only(walls.kept)
-    coverage = _coverage(found, sheet.plies, cells)
+    by_ply = _coverage(found, sheet.plies, cells)
+    coverage = by_ply.max(axis=0)
     face_thickness = sheet.scalars.get("thickness", np.ones(sheet.surface.face_count))
     if len(np.unique(sheet.plies)) > 1:
         stack = stack_of(cells, columns, skin, found, sheet.plies, face_thickness)
@@ -124,7 +125,8 @@ def compute_solid_weights(
         source_key=mesh_key(sheet.surface.points, sheet.surface.faces),
         target_key=mesh_key(target.points, target.corners),
         solid_thickness=solid,
-        formed_thickness=formed if "thickness" in sheet.scalars else np.full_like(formed, np.nan),
+        formed_thickness=formed,
+        ply_coverage=by_ply if sheet.is_stack else np.zeros((0, 0)),
     )
 
 
@@ -141,11 +143,11 @@ def default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
 
 
 def _coverage(found: Overlaps, ply: np.ndarray, cells: Solids) -> np.ndarray:
-    """Share of each cell's volume over the ply that covers most of it, shape (C,)."""
-    ply_count = int(ply.max()) + 1
-    key = found.cell * ply_count + ply[found.face]
-    held = np.bincount(key, weights=found.volume, minlength=len(cells.volumes) * ply_count)
-    return held.reshape(-1, ply_count).max(axis=1) / cells.volumes
+    """Share of each cell's volume that lies over every ply, shape (P, C)."""
+    ply_count, cell_count = int(ply.max()) + 1, len(cells.volumes)
+    key = ply[found.face] * cell_count + found.cell
+    held = np.bincount(key, weights=found.volume, minlength=ply_count * cell_count)
+    return held.reshape(ply_count, cell_count) / cells.volumes
 
 
 def _parts(
