@@ -25,6 +25,10 @@ from lcmchain.mapping.weights import (
     mesh_key,
 )
 
+#: Solids are looked for this many thicknesses of all plies on either side of the sheet: far enough
+#: to see that a mesh is ten times too thick.
+THICKEST = 5.0
+
 
 class _Parts(NamedTuple):
     """What the columns of the sheet have in common with the target, by cell, then face.
@@ -56,8 +60,9 @@ def compute_solid_weights(
 
     Parameters
     ----------
-    maximum_distance : how far [m] from the sheet a cell may lie; by default one edge length of
-        the sheet, the radius of a typical cell, or the thickness of the stack, the largest.
+    maximum_distance : how far [m] from the sheet a cell may lie; by default the largest of one
+        edge length of the sheet, the radius of a typical cell, and five times the thickness of
+        all plies.
 
     Raises
     ------
@@ -75,13 +80,14 @@ def compute_solid_weights(
     found = found.only(walls.kept)
     by_ply = _coverage(found, sheet.plies, cells)
     coverage = by_ply.max(axis=0)
+    held = np.bincount(found.face, weights=found.volume, minlength=sheet.surface.face_count)
+    covered = covered_faces(skin, columns, held)
     face_thickness = sheet.scalars.get("thickness", np.ones(sheet.surface.face_count))
     if len(np.unique(sheet.plies)) > 1:
         stack = stack_of(cells, columns, skin, found, sheet.plies, face_thickness)
         found = sliced(cells, columns, found, stack.slices)
     else:
         stack = one_ply(found, face_thickness, target.cell_count)
-    covered = covered_faces(skin, columns)
     parts = _parts(found, columns, covered.share, stack.part)
 
     volume = np.bincount(parts.cell, weights=parts.volume, minlength=target.cell_count)
@@ -107,7 +113,7 @@ def compute_solid_weights(
     status[whole] = Status.PROJECTED
     status[whole & (distance <= half)] = Status.INSIDE
     status[walls.undecided] = Status.AMBIGUOUS
-    held = np.bincount(parts.face, minlength=sheet.surface.face_count) > 0
+    taken = np.bincount(parts.face, minlength=sheet.surface.face_count) > 0
     return MappingWeights(
         cell=cell[order],
         face=face[order],
@@ -117,7 +123,7 @@ def compute_solid_weights(
         coverage=coverage,
         distance=distance,
         cell_area=cells.volumes / solid,
-        face_coverage=np.where(held, covered.share, 0.0),
+        face_coverage=np.where(taken, covered.share, 0.0),
         wedge_correction=0.0,
         method="overlap",
         maximum_distance=float(maximum_distance),
@@ -139,7 +145,7 @@ def default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
     stack = sum(
         np.nanmax(thickness[sheet.plies == ply], initial=0.0) for ply in np.unique(sheet.plies)
     )
-    return max(distance, 1.5 * float(stack))
+    return max(distance, THICKEST * float(stack))
 
 
 def _coverage(found: Overlaps, ply: np.ndarray, cells: Solids) -> np.ndarray:
