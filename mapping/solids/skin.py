@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.jit import strict_equation
-from lcmchain.mapping.solids.boxes import box_tree, touching
+from lcmchain.mapping.solids.boxes import touching, tree_of
 from lcmchain.mapping.solids.clipping import clip_triangle, tetrahedron_planes
 from lcmchain.mapping.solids.columns import Columns
 from lcmchain.mapping.solids.overlap import relative
@@ -111,7 +111,7 @@ def _before_a_cell(four: np.ndarray, triangle: np.ndarray, cells: Solids) -> np.
     length = np.linalg.norm(across, axis=1)
     middle = np.where(triangle[:, None], four[:, :3].mean(axis=1), four.mean(axis=1))
     in_front = middle + IN_FRONT * across / np.sqrt(np.where(length > 0.0, length, 1.0))[:, None]
-    start, near = touching(box_tree(cells.low, cells.high), in_front, in_front)
+    start, near = touching(tree_of(cells.low, cells.high), in_front, in_front)
     return _inside(in_front, start, near, *cells[:3], TABLE)
 
 
