@@ -25,6 +25,7 @@ class MappingOptions:
     register : map as if the target lay where a small rigid motion brings it to the sheet; what is
         written keeps the target's own coordinates.
     verify : estimate the error that the mapping adds to every field; takes some ten times as long.
+    thickness_limit : largest relative difference of the thickness of a solid from the formed one.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
     allow_ambiguous : take the nearer of two layers of the sheet that lie about as near instead of
         failing.
@@ -44,6 +45,7 @@ class MappingOptions:
     all_frames: bool = False
     register: bool = False
     verify: bool = False
+    thickness_limit: float = 0.1
     allow_unmapped: bool = False
     allow_ambiguous: bool = False
     allow_incomplete: bool = False

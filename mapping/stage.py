@@ -25,6 +25,7 @@ from lcmchain.mapping.registration import Registration, registered, registration
 from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, frame_at, read_sheet
 from lcmchain.mapping.solid_file import file_groups
+from lcmchain.mapping.solids.fields import require_thickness
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.target.length_unit import length_unit_hint
 from lcmchain.mapping.transfer import transfer, turned
@@ -100,6 +101,7 @@ def map_file(
     if not options.allow_ambiguous:
         _refuse_ambiguous(target, weights)
     mapped = transfer(sheet, placed, weights)
+    require_thickness(target, mapped.scalars, options.thickness_limit)
     verification = None
     if options.verify:
         within = replace(options, maximum_distance=weights.maximum_distance)
@@ -167,6 +169,8 @@ def _command(report: MappingReport, target: TargetMesh, options: MappingOptions)
         words += ["--time", f"{options.time:.10g} s"]
     elif options.frame != -1:
         words += ["--frame", str(options.frame)]
+    if options.thickness_limit != MappingOptions.thickness_limit:
+        words += ["--thickness-limit", f"{options.thickness_limit:.10g}"]
     words += [f"--{flag}" for flag in FLAGS if getattr(options, flag.replace("-", "_"))]
     return shlex.join(words)
 

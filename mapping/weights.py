@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
@@ -58,6 +58,9 @@ class MappingWeights:
     wedge_correction : largest relative change of ``content`` that made it sum to the covered
         share of a face; rounding, unless the target bends more sharply than the sheet.
     order : 1 carries means of faces, 2 what varies linearly within them.
+    solid_thickness, formed_thickness : of the target itself and of the textile, all plies, at each
+        solid cell [m], shape (C,); empty for surfaces.
+    ply_coverage : coverage of each cell by every ply, shape (P, C); empty for a single ply.
     """
 
     cell: np.ndarray
@@ -78,6 +81,9 @@ class MappingWeights:
     conservative: bool
     source_key: str
     target_key: str
+    solid_thickness: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    formed_thickness: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    ply_coverage: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def cell_count(self) -> int:
@@ -204,6 +210,15 @@ def compute_weights(
         raise InputError(f'"{method}" is no mapping method; write one of {", ".join(METHODS)}')
     if order not in ORDERS:
         raise InputError(f"the order of a mapping is 1 or 2, not {order}")
+    if target.is_solid and method == "overlap":
+        from lcmchain.mapping.solids.weights import compute_solid_weights
+
+        return compute_solid_weights(sheet, target, order=order, maximum_distance=maximum_distance)
+    if sheet.is_stack:
+        from lcmchain.mapping.plies import weights_of_plies
+
+        alone = {"method": method, "order": order, "maximum_distance": maximum_distance}
+        return weights_of_plies(sheet, lambda ply: compute_weights(ply, target, **alone))
     if maximum_distance is None:
         maximum_distance = default_maximum_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
@@ -239,13 +254,13 @@ def _status(sheet: Sheet, found: Pairing) -> np.ndarray:
     status = np.where(mapped, Status.EXTRAPOLATED, Status.UNMAPPED).astype(np.int8)
     covered = mapped & (found.coverage >= COVERED)
     status[covered] = Status.PROJECTED
-    within = found.distance <= _half_thickness(sheet)[found.nearest_face]
+    within = found.distance <= half_thickness(sheet)[found.nearest_face]
     status[covered & within] = Status.INSIDE
     status[mapped & found.ambiguous] = Status.AMBIGUOUS
     return status
 
 
-def _half_thickness(sheet: Sheet) -> np.ndarray:
+def half_thickness(sheet: Sheet) -> np.ndarray:
     """Distance from the mid-surface within which a point lies in the sheet [m], shape (F,)."""
     if "thickness" in sheet.scalars:
         return 0.5 * sheet.scalars["thickness"]

@@ -50,6 +50,10 @@ def map_fields(
         bool,
         typer.Option("--verify", help="Estimate the error that the mapping adds to every field."),
     ] = False,
+    thickness_limit: Annotated[
+        float,
+        typer.Option(help="Largest relative difference of a solid's thickness from the formed."),
+    ] = 0.1,
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
@@ -84,6 +88,7 @@ def map_fields(
             all_frames=all_frames,
             register=register,
             verify=verify,
+            thickness_limit=thickness_limit,
             allow_unmapped=allow_unmapped,
             allow_ambiguous=allow_ambiguous,
             allow_incomplete=allow_incomplete,
