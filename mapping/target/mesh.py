@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import io
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -34,6 +35,9 @@ KINDS = ("infiltration", "structure")
 
 # A cell that is thinner than this part of its length is none.
 FLATNESS = 1e-7
+
+# Stands for numbers that the file does not have.
+_COUNTED = np.empty(0, dtype=np.int64)
 
 # Farthest place of a node [m] that squares and products of lengths can be computed with.
 FARTHEST = 1e9
@@ -73,12 +77,32 @@ class TargetMesh:
     points : node positions [m], shape (N, 3).
     blocks : cell type (meshio's name) and node numbers of each block; all surface or all solid.
     ignored : number of cells left aside, by type (points, lines, the skin of a solid).
+    cell_ids, node_ids : numbers of cells (C,) and nodes (N,) in the file; counted from 1, without
+        gaps, where it has none.
+    cell_sets, node_sets : rows of the cells and nodes of each named set, ascending.
+    parts : rows of the cells of each part, property, block or region of the file; a cell belongs
+        to one part at most.
+    notes : sentences about what the file holds and this mesh does not.
     """
 
     points: np.ndarray
     blocks: tuple[tuple[str, np.ndarray], ...]
     ignored: dict[str, int]
     file: Path | None = None
+    cell_ids: np.ndarray = _COUNTED
+    node_ids: np.ndarray = _COUNTED
+    cell_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    node_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
+    parts: Mapping[str, np.ndarray] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, count in (("cell_ids", self.cell_count), ("node_ids", len(self.points))):
+            given = getattr(self, name)
+            ids = np.arange(1, count + 1) if given is _COUNTED else np.asarray(given)
+            if ids.shape != (count,):
+                raise ValueError(f"{name} has the shape {ids.shape}, not ({count},)")
+            object.__setattr__(self, name, ids.astype(np.int64))
 
     @property
     def cell_count(self) -> int:
