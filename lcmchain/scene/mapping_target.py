@@ -6,7 +6,7 @@ scene and never imports what is built on it.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -36,3 +36,7 @@ class MappingTarget(SceneModel):
     length_unit: Annotated[str, LengthUnit()] = Field(
         default="m", description="Unit of the coordinates in the file."
     )
+
+    def options(self) -> dict[str, Any]:
+        """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
+        return self.model_dump(exclude={"name", "mesh"})
