@@ -6,12 +6,20 @@ scene and never imports what is built on it.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from lcmchain.quantities.entry_types import AbsentMeans, LengthUnit, Name, PositiveLength, Text
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    LengthUnit,
+    Name,
+    PositiveLength,
+    Text,
+    wrong,
+)
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.structure import Structure
 
 
 class MappingTarget(SceneModel):
@@ -36,7 +44,18 @@ class MappingTarget(SceneModel):
     length_unit: Annotated[str, LengthUnit()] = Field(
         default="m", description="Unit of the coordinates in the file."
     )
+    structure: Annotated[Structure | None, AbsentMeans("none")] = Field(
+        default=None,
+        description="Structural analysis on this mesh, from the mapped fields; kind = "
+        '"structure" only.',
+    )
+
+    @model_validator(mode="after")
+    def _check_structure(self) -> Self:
+        if self.structure is not None and self.kind != "structure":
+            raise wrong(f'needs kind = "structure", but kind is "{self.kind}"', field="structure")
+        return self
 
     def options(self) -> dict[str, Any]:
         """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
-        return self.model_dump(exclude={"name", "mesh"})
+        return self.model_dump(exclude={"name", "mesh", "structure"})
