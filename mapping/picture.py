@@ -121,7 +121,8 @@ def _drawn_sheet(sheet: Sheet) -> _Drawn:
 
 
 def _drawn_target(target: TargetMesh, weights: MappingWeights) -> _Drawn:
-    corners, cell = _skin(target)
+    nodes, cell = skin(target)
+    corners = target.points[nodes]
     rim = None if target.is_solid else 1e3 * target.points[_rim(target.surface)]
     return _Drawn(1e3 * corners, cell, 1e3 * target.centroids, rim, weights.status)
 
@@ -160,10 +161,14 @@ def _shear(families: list[np.ndarray]) -> np.ndarray:
     return np.degrees(np.arcsin(np.clip(cosine, 0.0, 1.0)))
 
 
-def _skin(target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (F, 4, 3) [m] and cells (F,) of what is seen: cells of a shell, skin of a solid."""
+def skin(target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Corner nodes (F, 4) and cells (F,) of what is seen: cells of a shell, skin of a solid.
+
+    Triangles repeat their last corner.
+    """
     if not target.is_solid:
-        return target.surface.corners, np.arange(target.cell_count)
+        corners = np.where(target.corners < 0, target.corners[:, 2:3], target.corners)
+        return corners, np.arange(target.cell_count)
     parts, cell_numbers = [], []
     first = 0
     for name, cells in target.blocks:
@@ -178,7 +183,7 @@ def _skin(target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
         np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True
     )
     outer = count[number.reshape(-1)] == 1
-    return target.points[faces[outer]], owners[outer]
+    return faces[outer], owners[outer]
 
 
 # --- on paper -------------------------------------------------------------------------------------

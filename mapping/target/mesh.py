@@ -89,8 +89,8 @@ class TargetMesh:
     blocks: tuple[tuple[str, np.ndarray], ...]
     ignored: dict[str, int]
     file: Path | None = None
-    cell_ids: np.ndarray = _COUNTED
-    node_ids: np.ndarray = _COUNTED
+    cell_ids: np.ndarray = field(default_factory=lambda: _COUNTED)
+    node_ids: np.ndarray = field(default_factory=lambda: _COUNTED)
     cell_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
     node_sets: Mapping[str, np.ndarray] = field(default_factory=dict)
     parts: Mapping[str, np.ndarray] = field(default_factory=dict)
