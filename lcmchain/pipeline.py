@@ -40,7 +40,7 @@ from lcmchain.results import (
 )
 from lcmchain.results.log import LOG_FILE
 from lcmchain.results.state import SUMMARY_FILE
-from lcmchain.scene import Scene
+from lcmchain.scene import MappingTarget, Scene
 from lcmchain.scene.output import NO_FILM
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
@@ -51,6 +51,11 @@ from lcmchain.tools import ToolWarning
 #: Files that a run writes under names of its own; each mapping adds files of its name.
 OWN_FILES = ("forming.nc", "forming.vtu", "forming.pvd", "report.html", SUMMARY_FILE, LOG_FILE)
 MAPPED_SUFFIXES = (".nc", ".vtu", ".png", ".json")
+STRUCTURAL_ENDINGS = tuple(
+    f"_calculix{ending}"
+    for ending in (".inp", "_mesh.inp", "_sections.inp", ".nc", ".vtu", ".png", ".json", ".frd",
+                   ".dat", ".log")
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -219,11 +224,12 @@ class _Job:
                     out_dir=self.folder,
                 )
                 self.summary["mapping"][target.name] = report.as_dict()
+                self._analyse(target)
             except OutputError:
                 raise  # a full disk is no fault of the mesh
             except LcmchainError as error:
                 failures.append(f'mapping "{target.name}" failed: {error}')
-                self.summary["mapping"][target.name] = {"error": str(error)}
+                self.summary["mapping"].setdefault(target.name, {"error": str(error)})
             self._set_state(RUNNING)
         if failures:
             raise MappingError(
@@ -232,6 +238,24 @@ class _Job:
                 "without forming again",
                 self.result,
             )
+
+    def _analyse(self, target: MappingTarget) -> None:
+        """Analyse the structure of a mapped part where the scene asks for it."""
+        if target.structure is None:
+            return
+        from lcmchain.mapping.structure import SolverOptions, analyse
+
+        self.tell(self.scene.process.time, f"structural analysis of {target.name}")
+        report = analyse(
+            self.folder / f"{target.name}.nc",
+            self.scene.source.directory / target.mesh,
+            target.structure,
+            name=target.name,
+            out_dir=self.folder,
+            length_unit=target.length_unit,
+            options=SolverOptions(threads=self.threads, picture=self.scene.output.pictures),
+        )
+        self.summary.setdefault("structure", {})[target.name] = report.as_dict()
 
     def complete(self) -> None:
         """Say that everything is there, and remove what only an unfinished run needs."""
@@ -342,7 +366,13 @@ def _require_free_names(scene: Scene) -> None:
 def _expected_files(scene: Scene) -> list[str]:
     """Return the names that a run writes, as far as the scene tells them."""
     mapped = [f"{target.name}{end}" for target in scene.mapping for end in MAPPED_SUFFIXES]
-    return [*OWN_FILES, *mapped]
+    analysed = [
+        f"{target.name}{end}"
+        for target in scene.mapping
+        if target.structure is not None
+        for end in STRUCTURAL_ENDINGS
+    ]
+    return [*OWN_FILES, *mapped, *analysed]
 
 
 def _write_fields(
@@ -370,7 +400,11 @@ def _require_readable_targets(scene: Scene) -> None:
 
     for target in scene.mapping:
         path = scene.source.directory / target.mesh
-        read_target(path, kind=target.kind, length_unit=target.length_unit)
+        mesh = read_target(path, kind=target.kind, length_unit=target.length_unit)
+        if target.structure is not None:
+            from lcmchain.mapping.structure import require_places
+
+            require_places(mesh, target.structure)
 
 
 def _build_simulation(scene: Scene) -> tuple[Simulation, list[str]]:

@@ -83,9 +83,9 @@ class Fibre(SceneModel):
     nu12: Annotated[float, Number(0.2, _POISSON)] = Field(
         description="Poisson's ratio: contraction across the fibre under tension along it."
     )
-    nu23: Annotated[
-        Annotated[float, Number(0.07, _POISSON)] | None, AbsentMeans("nu12")
-    ] = Field(default=None, description="Poisson's ratio in the plane across the fibre.")
+    nu23: Annotated[Annotated[float, Number(0.07, _POISSON)] | None, AbsentMeans("nu12")] = Field(
+        default=None, description="Poisson's ratio in the plane across the fibre."
+    )
     density: Annotated[Density | None, AbsentMeans("that of the forming result")] = Field(
         default=None, description="Density of the fibre."
     )

@@ -43,9 +43,9 @@ class Plane(SceneModel):
 
     normal: Direction = Field(description="Normal of the plane.")
     position: Length = Field(description="Distance from the origin along the normal.")
-    tolerance: Annotated[
-        PositiveLength | None, AbsentMeans("a thousandth of the mesh's size")
-    ] = Field(default=None, description="How far from the plane a node may lie.")
+    tolerance: Annotated[PositiveLength | None, AbsentMeans("a thousandth of the mesh's size")] = (
+        Field(default=None, description="How far from the plane a node may lie.")
+    )
 
 
 class Place(SceneModel):

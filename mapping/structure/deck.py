@@ -13,9 +13,10 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mapping.structure.materials import Materials
-from lcmchain.mapping.structure.mesh import DeckMesh
+from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
 from lcmchain.mapping.structure.places import cells_at, nodes_at, sides_at
 from lcmchain.mapping.structure.sections import Sections, layers_of
+from lcmchain.mapping.target import TargetMesh
 from lcmchain.scene.structure import COMPONENTS, Load, Structure
 
 #: Names of everything, so that a user's own names stay free.
@@ -131,6 +132,20 @@ def step_lines(mesh: DeckMesh, structure: Structure) -> Iterator[str]:
             yield f"** load {load.name}"
             yield from _load_lines(load, mesh, units, f'loads[{index}] "{load.name}"')
         yield from (nodes, "U", f"*EL PRINT, ELSET={ALL_ELEMENTS}, GLOBAL=NO", "S, E", "*END STEP")
+
+
+def require_places(target: TargetMesh, structure: Structure) -> None:
+    """Refuse supports and loads of an analysis at places that a mesh does not have.
+
+    Raises
+    ------
+    InputError : cells without an element, or a place that the mesh does not have.
+    """
+    mesh = deck_mesh(target, quadratic=structure.elements == "quadratic")
+    if structure.lay_up != "interleaved":
+        _require_layers(mesh, structure)
+    for _ in step_lines(mesh, structure):
+        pass
 
 
 def aniso_lines(stiffness: np.ndarray) -> Iterator[str]:

@@ -119,10 +119,9 @@ def results_dataset(
             results.frequencies,
             {"units": "Hz", "long_name": "eigenfrequency"},
         )
-        for axis in range(3):
-            about = {"units": "1", "long_name": f"{'xyz'[axis]} of the mode, largest length 1"}
-            shape = np.ascontiguousarray(results.modes[:, rows, axis])
-            dataset[f"mode_shape_{'xyz'[axis]}"] = (("mode", nodes), shape, about | on_nodes)
+        for axis, shapes in zip("xyz", np.moveaxis(results.modes[:, rows], 2, 0)):
+            about = {"units": "1", "long_name": f"{axis} of the mode, largest length 1"} | on_nodes
+            dataset[f"mode_shape_{axis}"] = (("mode", nodes), np.ascontiguousarray(shapes), about)
     dataset.attrs |= attributes | {
         "history": _history(mapped),
         "source": f"lcmchain {__version__}, structural stage",
@@ -148,11 +147,16 @@ def write_results_vtu(
         path,
         meshio.Mesh(
             mesh.points,
-            [(name, cells) for name, _, cells in mesh.blocks],
+            [_drawn_block(name, cells) for name, _, cells in mesh.blocks],
             point_data=on_points,
             cell_data={name: np.split(values, ends) for name, values in on_cells.items()},
         ),
     )
+
+
+def _drawn_block(name: str, cells: np.ndarray) -> tuple[str, np.ndarray]:
+    """Cells as meshio writes them: it has no wedges with nodes in the middle of edges."""
+    return ("wedge", cells[:, :6]) if name in ("wedge15", "wedge18") else (name, cells)
 
 
 def _node_rows(mapped: xr.Dataset, target: TargetMesh, mesh: DeckMesh) -> np.ndarray:

@@ -79,9 +79,16 @@ def _draw(figure, axis, bar, panel: _Panel, target, corners: np.ndarray, view: V
     draw_facets(axis, moved[corners], view, colours.to_rgba(values), rim=rim)
     fit_axis(axis, view.on_screen(moved[corners]).reshape(-1, 2), 0.02)
     axis.set_axis_off()
-    axis.set_title(f"{panel.title}, drawn {factor:.3g} times", color=FAINT, loc="left")
+    axis.set_title(_title(panel, largest, float(factor)), color=FAINT, loc="left")
     draw_triad(axis, view)
-    draw_colour_bar(figure, bar, colours, values, panel.shown)
+    # The colour of a facet is the mean of its corners: the largest stands in the title.
+    draw_colour_bar(figure, bar, colours, values, panel.shown, extremes=False)
+
+
+def _title(panel: _Panel, largest: float, factor: float) -> str:
+    if panel.shown is MODE:
+        return panel.title
+    return f"{panel.title}: at most {1e3 * largest:.3g} mm, drawn {factor:.3g} times"
 
 
 def _rim(target: TargetMesh) -> np.ndarray:

@@ -38,9 +38,7 @@ def nodes_at(place: Place, mesh: DeckMesh, key: str) -> np.ndarray:
     else:
         nodes, missing = _on_edge(mesh), "the mesh has no outer edge"
         if mesh.is_solid:
-            raise InputError(
-                "solids have no outer edge; name a set or a plane", key=f"{key}.edge"
-            )
+            raise InputError("solids have no outer edge; name a set or a plane", key=f"{key}.edge")
     nodes = np.unique(nodes)
     nodes = nodes[mesh.used[nodes]]
     if len(nodes) == 0:
@@ -85,10 +83,10 @@ def sides_at(place: Place, mesh: DeckMesh, key: str) -> tuple[np.ndarray, np.nda
     owners, numbers, corners = [], [], []
     first = 0
     for name, _, cells in mesh.blocks:
-        for number, side in enumerate(SIDES[base_type(name)], start=1):
+        for side_number, side in enumerate(SIDES[base_type(name)], start=1):
             closed = [*side, side[-1]][:4]
             owners.append(first + np.arange(len(cells)))
-            numbers.append(np.full(len(cells), number))
+            numbers.append(np.full(len(cells), side_number))
             corners.append(np.sort(cells[:, closed], axis=1))
         first += len(cells)
     owner, number, nodes = (np.concatenate(parts) for parts in (owners, numbers, corners))

@@ -69,12 +69,21 @@ def read_results(
         stress = _mean(printed.stress / units.stress, row, mesh.cell_count)
         strain = _mean(of_points, row, mesh.cell_count)
         fibre_strain = _along_fibres(of_points, row, sections.angle)
-    return StructuralResults(displacement, printed.frequencies, shapes, stress, strain, fibre_strain)
+    return StructuralResults(
+        displacement, printed.frequencies, shapes, stress, strain, fibre_strain
+    )
 
 
 def _on_nodes(block: NodalResult, mesh: DeckMesh) -> np.ndarray:
+    """Displacements of the mesh's nodes (N, 3), not a number where no element is.
+
+    Layered shells leave the nodes of the solids that CalculiX makes of them in the file too.
+    """
+    known = np.isin(block.node_ids, mesh.node_ids)
     values = np.full((len(mesh.points), 3), np.nan)
-    values[_rows(block.node_ids, mesh.node_ids)] = block.displacement
+    values[_rows(block.node_ids[known], mesh.node_ids)] = block.displacement[known]
+    if np.isnan(values[mesh.used]).any():
+        raise InputError("CalculiX left no displacement for some nodes of the deck")
     return values
 
 

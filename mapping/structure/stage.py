@@ -20,20 +20,17 @@ from lcmchain.mapping.structure.deck import UNITS, mesh_lines, section_lines, st
 from lcmchain.mapping.structure.files import results_dataset, write_results_vtu
 from lcmchain.mapping.structure.formed import formed_cells
 from lcmchain.mapping.structure.materials import Materials, materials_of
-from lcmchain.mapping.structure.mesh import STIFF, DeckMesh, deck_mesh
+from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
 from lcmchain.mapping.structure.picture import draw_results
-from lcmchain.mapping.structure.report import StructureReport
+from lcmchain.mapping.structure.report import StructureReport, deck_report
 from lcmchain.mapping.structure.results import StructuralResults, read_results
 from lcmchain.mapping.structure.sections import Sections, build_sections
-from lcmchain.mapping.structure.solver import SolverRun, find_solver, run_solver
+from lcmchain.mapping.structure.solver import SolverError, SolverRun, find_solver, run_solver
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.scene.structure import Structure
 
 #: What the names of the stage's files end in, before their suffix.
 ENDING = "_calculix"
-
-#: A difference between thicknesses of cell and nodes that a user should know of.
-NOTABLE = 0.05
 
 
 @dataclass(frozen=True)
@@ -88,7 +85,7 @@ def analyse(
     out = Path(out_dir) / f"{name}{ENDING}"
     texts = _deck_texts(out.name, mesh, sections, materials, structure)
     program = find_solver(options.command) if options.run else None
-    report = _report(name, target, mesh, sections, materials, structure)
+    report = deck_report(name, target, mesh, sections, materials, structure)
     for text_name, text in texts.items():
         with replacing(out.with_name(text_name)) as temporary:
             temporary.write_text(text, encoding="ascii")
@@ -98,7 +95,7 @@ def analyse(
     has_steps = bool(structure.loads or structure.frequencies)
     if program is not None and has_steps:
         run, results = _solve(program, out, mesh, sections, structure, options)
-        _tell_results(report, run, results, mesh)
+        report.add_results(run, results, mesh)
     elif has_steps:
         why = "CalculiX was not to be run" if not options.run else "CalculiX is not installed"
         report.warnings.append(
@@ -191,7 +188,22 @@ def _solve(
                 if deck.with_suffix(ending).exists():
                     with replacing(out.with_name(out.name + ending)) as temporary:
                         shutil.copyfile(deck.with_suffix(ending), temporary)
-        return run, read_results(deck, mesh, sections, structure, UNITS[structure.units])
+        results = read_results(deck, mesh, sections, structure, UNITS[structure.units])
+    _require_held(results, mesh)
+    return run, results
+
+
+def _require_held(results: StructuralResults, mesh: DeckMesh) -> None:
+    """Refuse displacements as they come out where a singular matrix was solved all the same."""
+    if results.displacement is None:
+        return
+    largest = float(np.linalg.norm(results.displacement[mesh.used], axis=1).max())
+    if not largest < mesh.size:
+        raise SolverError(
+            f"the largest displacement is {1e3 * largest:.3g} mm, beyond the size of the part "
+            f"({1e3 * mesh.size:.3g} mm), which no linear analysis means: the supports do not hold "
+            "the part against every motion, or a load is in another unit"
+        )
 
 
 def _write_results(
@@ -221,74 +233,3 @@ def _write_results(
     if options.picture and results is not None:
         draw_results(out.with_name(f"{out.name}.png"), target, results, report)
     report.save(out.with_name(f"{out.name}.json"))
-
-
-def _report(
-    name: str,
-    target: TargetMesh,
-    mesh: DeckMesh,
-    sections: Sections,
-    materials: Materials,
-    structure: Structure,
-) -> StructureReport:
-    v, error = sections.fibre_volume_fraction, sections.thickness_error
-    mass = None
-    if sections.thickness is not None:
-        mass = float((sections.density * sections.thickness * target.surface.areas).sum())
-    report = StructureReport(
-        name=name,
-        target=str(target.file) if target.file else "mesh",
-        elements=mesh.elements,
-        cell_count=mesh.cell_count,
-        node_count=int(mesh.used.sum()),
-        material_count=len(materials.density),
-        material_error_max=materials.error,
-        thickness_error_max=None if error is None else error[0],
-        thickness_error_cell=None if error is None else int(target.cell_ids[error[1]]),
-        fibre_volume_fraction_min=float(v.min()),
-        fibre_volume_fraction_max=float(v.max()),
-        second_family_error_max=float(np.abs(0.5 * np.pi - np.abs(sections.angle)).max()),
-        mass=mass,
-        warnings=list(sections.warnings),
-    )
-    stiff = [element for element in mesh.elements if element in STIFF]
-    if stiff:
-        report.warnings.append(
-            f"{' and '.join(stiff)} elements are much too stiff in bending unless the mesh is very "
-            'fine; elements = "quadratic" adds nodes in the middle of the edges'
-        )
-    if error is not None and error[0] > NOTABLE:
-        report.warnings.append(
-            f"the thickness varies by up to {100 * error[0]:.0f} % between neighbouring cells (cell "
-            f"{report.thickness_error_cell}); shells take it as the mean at their nodes"
-        )
-    if structure.lay_up != "interleaved":
-        report.warnings.append(
-            "layers give every element a thickness of its own, and CalculiX makes the joints "
-            "between elements of different thickness rigid: displacements come out too small "
-            "(by 3 to 8 % on a plate whose thickness varies by 10 %)"
-        )
-    return report
-
-
-def _tell_results(
-    report: StructureReport, run: SolverRun, results: StructuralResults, mesh: DeckMesh
-) -> None:
-    report.solved, report.solver = True, f"CalculiX {run.version}"
-    report.warnings += [f"CalculiX warns: {warning}" for warning in run.warnings]
-    if results.displacement is not None and results.fibre_strain is not None:
-        size = np.linalg.norm(results.displacement, axis=1)
-        node = int(np.nanargmax(size))
-        report.displacement_max, report.displacement_max_node = (
-            float(size[node]),
-            int(mesh.node_ids[node]),
-        )
-        strain = np.abs(results.fibre_strain).max(axis=1)
-        cell = int(np.argmax(strain))
-        report.fibre_strain_max, report.fibre_strain_max_cell = (
-            float(strain[cell]),
-            int(mesh.cell_ids[cell]),
-        )
-    report.eigenfrequencies = [
-        float(value) if np.isfinite(value) else None for value in results.frequencies
-    ]

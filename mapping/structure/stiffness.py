@@ -71,13 +71,13 @@ def homogenised(plies: list[np.ndarray], shares: list[float]) -> np.ndarray:
     ----------
     plies : stiffness of each ply in the axes of the cell, (C, 6, 6). shares : of the thickness.
     """
-    soft = sum(f * np.linalg.inv(_block(ply, THROUGH, THROUGH)) for f, ply in zip(shares, plies))
+    soft, mixed, plane = (np.zeros((len(plies[0]), 3, 3)) for _ in range(3))
+    for ply, share in zip(plies, shares):
+        inverse = np.linalg.inv(_block(ply, THROUGH, THROUGH))
+        soft += share * inverse
+        mixed += share * _block(ply, IN_PLANE, THROUGH) @ inverse
+        plane += share * reduced(ply)
     through = np.linalg.inv(soft)
-    mixed = sum(
-        f * _block(ply, IN_PLANE, THROUGH) @ np.linalg.inv(_block(ply, THROUGH, THROUGH))
-        for f, ply in zip(shares, plies)
-    )
-    plane = sum(f * reduced(ply) for f, ply in zip(shares, plies))
     mixed_through = mixed @ through
     result = np.empty_like(plies[0])
     _put(result, IN_PLANE, IN_PLANE, plane + mixed_through @ _transposed(mixed))
@@ -130,9 +130,7 @@ def _block(stiffness: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.n
     return stiffness[:, rows[:, None], columns[None, :]]
 
 
-def _put(
-    stiffness: np.ndarray, rows: np.ndarray, columns: np.ndarray, values: np.ndarray
-) -> None:
+def _put(stiffness: np.ndarray, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> None:
     stiffness[:, rows[:, None], columns[None, :]] = values
 
 
