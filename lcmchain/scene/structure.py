@@ -151,9 +151,10 @@ class Structure(SceneModel):
         description="Families mixed over the thickness, the second above the first (as the "
         "normal of the cell points), or the first in two halves outside.",
     )
-    elements: Literal["as_mesh", "quadratic"] = Field(
-        default="as_mesh",
-        description="Elements as the mesh has them, or with nodes added in the middle of edges.",
+    elements: Literal["quadratic", "as_mesh"] = Field(
+        default="quadratic",
+        description="Elements with nodes added in the middle of edges where the mesh has none, or "
+        "as the mesh has them.",
     )
     material_tolerance: Annotated[float, Number(0.01, Range(0.0, 0.2))] = Field(
         default=0.0,

@@ -10,7 +10,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.mapping.structure.materials import Materials
-from lcmchain.mapping.structure.mesh import STIFF, DeckMesh
+from lcmchain.mapping.structure.mesh import TOO_STIFF, DeckMesh
 from lcmchain.mapping.structure.results import StructuralResults
 from lcmchain.mapping.structure.sections import Sections
 from lcmchain.mapping.structure.solver import SolverRun
@@ -137,12 +137,12 @@ def deck_report(
         mass=mass,
         warnings=list(sections.warnings),
     )
-    stiff = [element for element in mesh.elements if element in STIFF]
-    if stiff:
-        report.warnings.append(
-            f"{' and '.join(stiff)} elements are much too stiff in bending unless the mesh is very "
-            'fine; elements = "quadratic" adds nodes in the middle of the edges'
-        )
+    for element in mesh.elements:
+        if element in TOO_STIFF:
+            report.warnings.append(
+                f"{element} elements are too stiff in bending: the deflection of a thin plate on "
+                f'20 x 20 cells {TOO_STIFF[element]}; write elements = "quadratic"'
+            )
     if error is not None and error[0] > NOTABLE:
         report.warnings.append(
             f"the thickness varies by up to {100 * error[0]:.0f} % between neighbouring cells "
@@ -151,7 +151,7 @@ def deck_report(
     if structure.lay_up != "interleaved":
         report.warnings.append(
             "layers give every element a thickness of its own, and CalculiX makes the joints "
-            "between elements of different thickness rigid: displacements come out too small "
-            "(by 3 to 8 % on a plate whose thickness varies by 10 %)"
+            "between elements of different thickness rigid (a plate whose thickness varies by 10 % "
+            "came out 4 % too stiff, its frequencies up to 8 % too high)"
         )
     return report

@@ -38,6 +38,7 @@ maximum_distance = "3 mm"
 [mapping.structure]
 fibre = { preset = "T300", density = "1810 kg/m^3" }
 resin = { preset = "MY750" }
+elements = "as_mesh"
 frequencies = 3
 supports = [{ name = "rim", edge = true }]
 loads = [{ name = "push", point = "0 0 0.5 mm", force = "0 0 -1 N" }]
@@ -77,7 +78,7 @@ def test_a_run_analyses_the_mapped_part(out):
         assert "areal_fibre_mass" in results and "stress_11" in results
         assert "structural stage" in results.attrs["history"]
     log = (out / "lcmchain.log").read_text(encoding="utf-8")
-    assert "part: S4 elements are much too stiff" in log
+    assert "part: S4 elements are too stiff" in log
 
 
 def test_a_wrong_place_is_told_before_anything_is_computed(folder, tmp_path):

@@ -29,7 +29,7 @@ def fake(path, text):
 
 @needs_calculix
 def test_files_and_what_is_in_them(solve, tmp_path):
-    case = 'elements = "quadratic"\nfrequencies = 2\n' + HELD + PUSHED
+    case = "frequencies = 2\n" + HELD + PUSHED
     report = solve("quad", case, count=4, options=SolverOptions())
     stem = tmp_path / "plate_calculix"
     for name in report.files.values():
@@ -129,7 +129,7 @@ def test_a_part_that_nothing_holds_is_an_error(solve):
             condition("supports", "a", plane=plane([1, 0, 0], -0.05)),
             r'supports\[0\] "a": no node lies within .* nearest is 50 mm',
         ),
-        ('lay_up = "stacked"\n', "layers in S8R and S6 elements only, not in S4"),
+        ('elements = "as_mesh"\nlay_up = "stacked"\n', "layers in S8R and S6 elements only, not in S4"),
     ],
 )
 def test_wrong_cases_name_the_entry(solve, tmp_path, case, message):
@@ -208,7 +208,7 @@ def test_numbers_and_sets_of_the_mesh_stand_in_the_deck(kit, write_mesh, tmp_pat
     )  # fmt: skip
     mesh = write_mesh(points, [(name, cells)], "mesh.vtu")
     map_file(kit.formed(), mesh, tmp_path / "plate.nc", picture=False)
-    case = 'elements = "quadratic"\n' + condition("supports", "hold", set='"Left"')
+    case = condition("supports", "hold", set='"Left"')
     case += condition("loads", "p", set='"half part"', pressure='"5 Pa"')
     options = SolverOptions(run=False, picture=False)
     with xr.open_dataset(tmp_path / "plate.nc", mask_and_scale=False) as mapped:
@@ -235,7 +235,7 @@ def test_shared_materials_stay_within_the_tolerance(kit, write_mesh, tmp_path):
     mapped["fibre_volume_fraction"].values[:] = np.linspace(0.45, 0.55, 36)
     reports = {}
     for tolerance in (0.0, 0.02):
-        case = f'elements = "quadratic"\nmaterial_tolerance = {tolerance}\nfrequencies = 2\n' + HELD
+        case = f'material_tolerance = {tolerance}\nfrequencies = 2\n' + HELD
         reports[tolerance] = analyse(
             mapped, mesh, structure_from_text(MATERIAL + case), name="p", out_dir=tmp_path,
             options=SolverOptions(picture=False),
