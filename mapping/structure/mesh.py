@@ -172,7 +172,7 @@ def deck_mesh(target: TargetMesh, *, quadratic: bool) -> DeckMesh:
         return mesh
     if not all(linear):
         raise InputError(
-            "the mesh has both linear and quadratic cells, which cannot be made quadratic together; "
+            "the mesh has both linear and quadratic cells, which cannot be made quadratic; "
             'write elements = "as_mesh"',
             file=target.file,
         )

@@ -5,9 +5,21 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from lcmchain.mapping import map_file
+from lcmchain.mapping.structure import SolverOptions, analyse
+from lcmchain.scene import structure_from_text
 from lcmchain.scene.constituents import Fibre, Resin
 
-from .conftest import SIDE, THICKNESS, V, condition, needs_calculix, plane, simply_supported
+from .conftest import (
+    MATERIAL,
+    SIDE,
+    THICKNESS,
+    V,
+    condition,
+    needs_calculix,
+    plane,
+    simply_supported,
+)
 
 pytestmark = needs_calculix
 
@@ -138,3 +150,51 @@ def test_millimetres_and_metres_give_the_same_part(solve, tmp_path):
         report = solve("quad", f'units = "{units}"\n' + loaded("quadratic"), count=4)
         found[units] = middle(tmp_path), *report.eigenfrequencies[:3]
     np.testing.assert_allclose(found["mm-t-s"], found["m-kg-s"], rtol=2e-5)
+
+
+def frequencies_of(kit, write_mesh, tmp_path, turned_over, signs):
+    """Frequencies of a plate with families at 10 and 60 degrees, three sides free."""
+    points, ((cells, nodes),) = kit.plate("quad", count=6)
+    mesh = write_mesh(points, [(cells, nodes[:, ::-1] if turned_over else nodes)], "mesh.vtu")
+    source = kit.formed(np.radians([10.0, 60.0]))
+    for family, sign in zip((1, 2), signs):
+        for axis in "xyz":
+            source[f"fibre_direction_{family}_{axis}"] *= sign
+    map_file(source, mesh, tmp_path / "plate.nc", picture=False)
+    clamp = condition("supports", "clamp", plane=plane([1, 0, 0], 0.0),
+                      fixed='["x", "y", "z", "rx", "ry", "rz"]')  # fmt: skip
+    case = structure_from_text(MATERIAL + "frequencies = 4\n" + clamp)
+    report = analyse(tmp_path / "plate.nc", mesh, case, name="p", out_dir=tmp_path,
+                     options=SolverOptions(picture=False))  # fmt: skip
+    return np.array(report.eigenfrequencies)
+
+
+def test_neither_normals_nor_signs_of_fibres_mirror_the_material(kit, write_mesh, tmp_path):
+    """A family on the wrong side of the first would change the coupling of bending and torsion."""
+    expected = frequencies_of(kit, write_mesh, tmp_path, False, (1, 1))
+    for turned_over in (False, True):
+        for signs in ((1, -1), (-1, 1)):
+            found = frequencies_of(kit, write_mesh, tmp_path, turned_over, signs)
+            np.testing.assert_allclose(found, expected, rtol=1e-4)
+
+
+def test_weight_is_the_pressure_of_the_mass(solve, tmp_path):
+    weight = density(V) * THICKNESS * 9.81
+    held = simply_supported(shell=True)
+    found = []
+    for load in ({"acceleration": '"0 0 -9.81 m/s^2"'}, {"pressure": f'"{-weight} Pa"'}):
+        solve("quad", held + condition("loads", "load", **load), count=4)
+        found.append(middle(tmp_path))
+    assert found[0] == pytest.approx(found[1], rel=1e-4) and found[0] < 0.0
+
+
+def test_a_force_on_a_set_is_the_sum_over_its_corner_nodes(solve, tmp_path):
+    held = condition("supports", "held", plane=plane([1, 0, 0], 0.0))
+    push = condition("loads", "push", plane=plane([1, 0, 0], SIDE), force='"1 0 -3 N"')
+    solve("quad", held + push, count=4, options=SolverOptions(run=False))
+    lines = (tmp_path / "plate_calculix.inp").read_text().splitlines()
+    start = lines.index("*CLOAD") + 1
+    forces = [line.split(", ") for line in lines[start : lines.index("U", start) - 1]]
+    total = {d: sum(float(f) for _, degree, f in forces if degree == d) for d in "123"}
+    assert len(forces) == 10  # five corner nodes, without the nodes between them
+    assert total == pytest.approx({"1": 1.0, "2": 0.0, "3": -3.0})

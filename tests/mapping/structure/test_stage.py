@@ -129,7 +129,10 @@ def test_a_part_that_nothing_holds_is_an_error(solve):
             condition("supports", "a", plane=plane([1, 0, 0], -0.05)),
             r'supports\[0\] "a": no node lies within .* nearest is 50 mm',
         ),
-        ('elements = "as_mesh"\nlay_up = "stacked"\n', "layers in S8R and S6 elements only, not in S4"),
+        (
+            'elements = "as_mesh"\nlay_up = "stacked"\n',
+            "layers in S8R and S6 elements only, not in S4",
+        ),
     ],
 )
 def test_wrong_cases_name_the_entry(solve, tmp_path, case, message):
@@ -235,7 +238,7 @@ def test_shared_materials_stay_within_the_tolerance(kit, write_mesh, tmp_path):
     mapped["fibre_volume_fraction"].values[:] = np.linspace(0.45, 0.55, 36)
     reports = {}
     for tolerance in (0.0, 0.02):
-        case = f'material_tolerance = {tolerance}\nfrequencies = 2\n' + HELD
+        case = f"material_tolerance = {tolerance}\nfrequencies = 2\n" + HELD
         reports[tolerance] = analyse(
             mapped, mesh, structure_from_text(MATERIAL + case), name="p", out_dir=tmp_path,
             options=SolverOptions(picture=False),
