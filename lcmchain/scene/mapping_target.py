@@ -15,6 +15,7 @@ from lcmchain.quantities.entry_types import (
     LengthUnit,
     Name,
     PositiveLength,
+    Switch,
     Text,
     wrong,
 )
@@ -44,6 +45,15 @@ class MappingTarget(SceneModel):
     length_unit: Annotated[str, LengthUnit()] = Field(
         default="m", description="Unit of the coordinates in the file."
     )
+    all_frames: Switch = Field(
+        default=False,
+        description="Carry the mesh along with the material and map every saved state.",
+    )
+    # Not "register", which every class of pydantic has as a method.
+    registration: Switch = Field(
+        default=False, description="Bring the mesh to the sheet by a small rigid motion."
+    )
+
     structure: Annotated[Structure | None, AbsentMeans("none")] = Field(
         default=None,
         description="Structural analysis on this mesh, from the mapped fields; kind = "
@@ -58,4 +68,5 @@ class MappingTarget(SceneModel):
 
     def options(self) -> dict[str, Any]:
         """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
-        return self.model_dump(exclude={"name", "mesh", "structure"})
+        same = self.model_dump(exclude={"name", "mesh", "registration", "structure"})
+        return {**same, "register": self.registration}
