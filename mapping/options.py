@@ -23,6 +23,8 @@ class MappingOptions:
         weights of the one that is mapped.
     register : map as if the target lay where a small rigid motion brings it to the sheet; what is
         written keeps the target's own coordinates.
+    thickness_limit : largest relative difference of the thickness of a solid from the formed one.
+    allow_ambiguous : write what cells between two equally near walls took, instead of failing.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
     allow_incomplete : map the fields of a run that did not come to its end, with a warning,
         instead of refusing them.
@@ -38,6 +40,8 @@ class MappingOptions:
     time: float | None = None
     all_frames: bool = False
     register: bool = False
+    thickness_limit: float = 0.1
+    allow_ambiguous: bool = False
     allow_unmapped: bool = False
     allow_incomplete: bool = False
     weights_file: Path | str | None = None

@@ -23,7 +23,7 @@ from lcmchain.mapping.transfer import (
     covered_areas,
     facing,
 )
-from lcmchain.mapping.weights import MappingWeights, Status
+from lcmchain.mapping.weights import COVERED, MappingWeights, Status
 
 # Below this the families or layers in a cell disagree so much that one direction misleads:
 # 0.75 is the mean of two axes 60 degrees apart.
@@ -32,6 +32,8 @@ LOW_ALIGNMENT = 0.75
 LARGE_TILT = np.radians(30.0)
 # Changes of content beyond this come from a target that covers the sheet more than once.
 LARGE_CORRECTION = 0.25
+# Below this the thickness of a solid mesh is the formed one for all that a report can say.
+NOTABLE_DIFFERENCE = 0.01
 # Below this a shear angle is within what a perpendicular second family misrepresents harmlessly.
 NOTABLE_ANGLE = np.radians(1.0)
 
@@ -218,6 +220,7 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
         found.append(f"{len(unmapped)} cells are unmapped and hold no values (NaN) "
                      f"({first_few(unmapped)})")  # fmt: skip
     found += _permeability_warnings(weights, mapped)
+    found += _solid_warnings(weights, mapped)
     if weights.wedge_correction > LARGE_CORRECTION:
         found.append(
             "the target bends sharply or covers parts of the sheet more than once: contents were "
@@ -252,6 +255,29 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     found += target.notes
     if sheet.unused:
         found.append(f"fields left aside, no scalars or with holes: {', '.join(sheet.unused)}")
+    return found
+
+
+def _solid_warnings(weights: MappingWeights, mapped: MappedFields) -> list[str]:
+    """Cells of a solid that hold less textile than they have room for, and their thickness."""
+    found = []
+    if not len(weights.solid_thickness):
+        return found
+    difference = np.abs(mapped.scalars.get("thickness_difference", np.zeros(0)))
+    if len(difference) and np.nanmax(difference) > NOTABLE_DIFFERENCE:
+        worst = int(np.nanargmax(difference))
+        signed = mapped.scalars["thickness_difference"][worst]
+        found.append(
+            f"the solid mesh is up to {100.0 * abs(signed):.2g} % "
+            f"{'thicker' if signed > 0.0 else 'thinner'} than the formed textile (cell {worst}); "
+            "its fibre volume fraction is that of the formed fibre mass in its own thickness"
+        )
+    partly = np.flatnonzero(weights.mapped & (weights.coverage < COVERED))
+    if len(partly):
+        found.append(
+            f"{len(partly)} cells lie beyond the sheet in part or whole and hold fibre only where "
+            f"it is ({first_few(partly)})"
+        )
     return found
 
 

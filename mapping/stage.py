@@ -23,14 +23,15 @@ from lcmchain.mapping.registration import Registration, registered, registration
 from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, frame_at, read_sheet
 from lcmchain.mapping.solid_file import file_groups
+from lcmchain.mapping.solids.fields import require_thickness
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.target.length_unit import length_unit_hint
 from lcmchain.mapping.transfer import transfer, turned
-from lcmchain.mapping.weights import MappingWeights, compute_weights
+from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 from lcmchain.results import require_complete
 
 # Options that are given or not, in the order in which the history tells them.
-FLAGS = ("all-frames", "register", "allow-unmapped", "allow-incomplete")
+FLAGS = ("all-frames", "register", "allow-ambiguous", "allow-unmapped", "allow-incomplete")
 
 
 def map_forming(
@@ -92,7 +93,10 @@ def map_file(
     if not (options.allow_unmapped and weights.mapped.any()):
         near = None if options.register else registration
         _refuse_unmapped(target, weights, hint, near, options.allow_unmapped)
+    if not options.allow_ambiguous:
+        _refuse_ambiguous(target, weights)
     mapped = transfer(sheet, placed, weights)
+    require_thickness(target, mapped.scalars, options.thickness_limit)
     if motion is not None:
         mapped = turned(mapped, motion.matrix.T)
     report = mapping_report(
@@ -149,6 +153,8 @@ def _command(report: MappingReport, target: TargetMesh, options: MappingOptions)
         words += ["--time", f"{options.time:.10g} s"]
     elif options.frame != -1:
         words += ["--frame", str(options.frame)]
+    if options.thickness_limit != MappingOptions.thickness_limit:
+        words += ["--thickness-limit", f"{options.thickness_limit:.10g}"]
     words += [f"--{flag}" for flag in FLAGS if getattr(options, flag.replace("-", "_"))]
     return shlex.join(words)
 
@@ -219,6 +225,18 @@ def _refuse_unmapped(
     if registration is not None and registration.is_off and registration.helps:
         message = f"{message}. {registration.warnings()[0]}"
     raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
+
+
+def _refuse_ambiguous(target: TargetMesh, weights: MappingWeights) -> None:
+    undecided = np.flatnonzero(weights.status == Status.AMBIGUOUS)
+    if len(undecided):
+        raise InputError(
+            f"{len(undecided)} of {target.cell_count} cells lie between two walls of the sheet "
+            f"that are equally near ({first_few(undecided)}; the first has its centroid at "
+            f"{_place(target.centroids[undecided[0]])} mm). Move the mesh to its own wall, refine "
+            "it there, or allow ambiguous cells",
+            file=target.file,
+        )
 
 
 def _place(point: np.ndarray) -> str:

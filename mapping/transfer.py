@@ -9,6 +9,7 @@ import numpy as np
 from lcmchain.mapping.orientation import MappedDirections, map_directions
 from lcmchain.mapping.permeability import map_permeability
 from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, Sheet
+from lcmchain.mapping.solids.fields import solid_scalars
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.weights import MappingWeights
 
@@ -41,6 +42,10 @@ class MappedFields:
 
 def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> MappedFields:
     """Carry every field of the sheet to the target."""
+    if sheet.is_stack:
+        from lcmchain.mapping.plies import transfer_plies
+
+        return transfer_plies(sheet, target, weights)
     scalars = {
         name: (
             transfer_content(sheet, weights, values)
@@ -49,6 +54,8 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         )
         for name, values in sheet.scalars.items()
     }
+    if len(weights.solid_thickness):
+        scalars |= solid_scalars(sheet, weights, scalars)
     normals = None if target.is_solid else target.surface.normals
     if normals is not None:
         for name in ABOUT_NORMAL & scalars.keys():
@@ -117,7 +124,9 @@ def covered_areas(weights: MappingWeights) -> np.ndarray:
 
 
 def content_of_cells(weights: MappingWeights, per_area: np.ndarray) -> float:
-    """Content of all cells over their covered areas."""
+    """Content of all cells over their covered areas, or of solids over all that they hold."""
+    if len(weights.solid_thickness):
+        return float(np.nansum(per_area * weights.cell_area))
     covered = covered_areas(weights)
     return float(np.sum(np.where(covered > 0.0, per_area * covered, 0.0)))
 

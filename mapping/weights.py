@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
@@ -41,6 +41,7 @@ class Status(IntEnum):
     PROJECTED = 1  # covered, but off the sheet: values come along the normal
     EXTRAPOLATED = 2  # beyond the edge of the sheet, in part or whole: values of the nearest part
     UNMAPPED = 3  # no sheet within the maximum distance: not a number
+    AMBIGUOUS = 4  # two walls of the sheet are equally near: it takes from one, or from both
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,9 @@ class MappingWeights:
     face_coverage : covered share of each face, shape (F,).
     wedge_correction : largest relative change of ``content`` that made it sum to the covered
         share of a face.
+    solid_thickness, formed_thickness : of the target itself and of the textile, all plies, at each
+        solid cell [m], shape (C,); empty for surfaces.
+    ply_coverage : coverage of each cell by every ply, shape (P, C); empty for a single ply.
     """
 
     cell: np.ndarray
@@ -77,6 +81,9 @@ class MappingWeights:
     conservative: bool
     source_key: str
     target_key: str
+    solid_thickness: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    formed_thickness: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    ply_coverage: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def cell_count(self) -> int:
@@ -190,6 +197,19 @@ def compute_weights(
     """
     if method not in METHODS:
         raise InputError(f'"{method}" is no mapping method; write one of {", ".join(METHODS)}')
+    if target.is_solid and method == "overlap":
+        from lcmchain.mapping.solids.weights import compute_solid_weights
+
+        return compute_solid_weights(sheet, target, maximum_distance=maximum_distance)
+    if sheet.is_stack:
+        from lcmchain.mapping.plies import weights_of_plies
+
+        return weights_of_plies(
+            sheet,
+            lambda ply: compute_weights(
+                ply, target, method=method, maximum_distance=maximum_distance
+            ),
+        )
     if maximum_distance is None:
         maximum_distance = default_maximum_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
@@ -230,7 +250,7 @@ def compute_weights(
     else:
         whole = ~closest.beside
     status[whole] = Status.PROJECTED
-    status[whole & (closest.distance <= _half_thickness(sheet)[closest.face])] = Status.INSIDE
+    status[whole & (closest.distance <= half_thickness(sheet)[closest.face])] = Status.INSIDE
     # A cell that is covered although its centroid found no face lies where the overlap found it.
     distance = closest.distance.copy()
     if method == "overlap":
@@ -257,7 +277,7 @@ def compute_weights(
     )
 
 
-def _half_thickness(sheet: Sheet) -> np.ndarray:
+def half_thickness(sheet: Sheet) -> np.ndarray:
     """Distance from the mid-surface within which a point lies in the sheet [m], shape (F,)."""
     if "thickness" in sheet.scalars:
         return 0.5 * sheet.scalars["thickness"]

@@ -43,6 +43,13 @@ def map_fields(
         bool,
         typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
     ] = False,
+    thickness_limit: Annotated[
+        float,
+        typer.Option(help="Largest relative difference of a solid's thickness from the formed."),
+    ] = 0.1,
+    allow_ambiguous: Annotated[
+        bool, typer.Option("--allow-ambiguous", help="Accept cells between two equally near walls.")
+    ] = False,
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
@@ -72,6 +79,8 @@ def map_fields(
             time=None if time is None else time_of("--time", time),
             all_frames=all_frames,
             register=register,
+            thickness_limit=thickness_limit,
+            allow_ambiguous=allow_ambiguous,
             allow_unmapped=allow_unmapped,
             allow_incomplete=allow_incomplete,
         )

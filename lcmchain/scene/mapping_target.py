@@ -11,9 +11,11 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from lcmchain.quantities.entry_types import (
+    NOT_NEGATIVE,
     AbsentMeans,
     LengthUnit,
     Name,
+    Number,
     PositiveLength,
     Switch,
     Text,
@@ -44,6 +46,10 @@ class MappingTarget(SceneModel):
     ] = Field(default=None, description="Farthest distance over which a value is taken.")
     length_unit: Annotated[str, LengthUnit()] = Field(
         default="m", description="Unit of the coordinates in the file."
+    )
+    thickness_limit: Annotated[float, Number(0.1, NOT_NEGATIVE)] = Field(
+        default=0.1,
+        description="Largest relative difference of a solid's thickness from the formed one.",
     )
     all_frames: Switch = Field(
         default=False,

@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import xarray as xr
-
-from lcmchain.errors import InputError, shortened
+from lcmchain.errors import InputError
 from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.report import MappingReport
-from lcmchain.mapping.source_checks import UNREADABLE
 from lcmchain.mapping.stage import map_forming
 from lcmchain.mapping.structure.report import StructureReport
-from lcmchain.mapping.structure.stage import SolverOptions, analyse, is_mapped, mapped_onto
+from lcmchain.mapping.structure.stage import (
+    SolverOptions,
+    analyse,
+    is_mapped,
+    mapped_onto,
+    open_mapped,
+)
 from lcmchain.scene.structure import Structure
 
 
@@ -40,9 +43,12 @@ def map_and_analyse(
     InputError, SolverError : as the mapping and :func:`analyse` do.
     """
     mapping = mapping or MappingOptions()
-    attributes = _open(source)
+    path = Path(source)
+    if not path.is_file():
+        raise InputError("there is no such file", file=path)
+    attributes = open_mapped(path)
     report = None
-    mapped = Path(source)
+    mapped = path
     if not mapped_onto(attributes, target_mesh):
         report = map_forming(
             source, target_mesh, replace(mapping, kind="structure"), name=name, out_dir=out_dir
@@ -57,17 +63,3 @@ def map_and_analyse(
         mapped, target_mesh, structure, name=name, out_dir=out_dir,
         length_unit=mapping.length_unit, options=options,
     )  # fmt: skip
-
-
-def _open(source: Path | str) -> xr.Dataset:
-    """Read what tells a mapped file from a forming result."""
-    path = Path(source)
-    if not path.is_file():
-        raise InputError("there is no such file", file=path)
-    try:
-        with xr.open_dataset(path, engine="netcdf4", mask_and_scale=False) as dataset:
-            return xr.Dataset({k: dataset[k].load() for k in ("target",) if k in dataset},
-                              attrs=dataset.attrs)  # fmt: skip
-    except UNREADABLE as error:
-        reason = shortened(str(error), 300)
-        raise InputError(f"this is no netCDF result ({reason})", file=path) from None

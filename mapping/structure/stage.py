@@ -13,8 +13,9 @@ import xarray as xr
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError, shortened
-from lcmchain.fields.ugrid import ROOT, write_netcdf
+from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping.sheet import file_sha256
+from lcmchain.mapping.solid_file import SKIN, SOLID, file_groups
 from lcmchain.mapping.source_checks import UNREADABLE
 from lcmchain.mapping.structure.deck import UNITS, mesh_lines, section_lines, step_lines
 from lcmchain.mapping.structure.files import results_dataset, write_results_vtu
@@ -121,15 +122,30 @@ def read_mapped(path: Path | str) -> xr.Dataset:
     path = Path(path)
     if not path.is_file():
         raise InputError("there is no such mapped file", file=path)
-    try:
-        with xr.open_dataset(path, engine="netcdf4", mask_and_scale=False) as dataset:
-            loaded = dataset.load()
-    except UNREADABLE as error:
-        raise InputError(
-            f"this is no mapped file ({shortened(str(error), 300)})", file=path
-        ) from None
+    loaded = open_mapped(path)
     if not is_mapped(loaded):
         raise InputError("this is no mapped file: it has no mesh named target", file=path)
+    return loaded
+
+
+def open_mapped(path: Path) -> xr.Dataset:
+    """Read the group of a file that has all cells of a mapping: ``/solid`` for solids, or the root.
+
+    Raises
+    ------
+    InputError : it is no netCDF file.
+    """
+    try:
+        with xr.open_dataset(path, engine="netcdf4", mask_and_scale=False) as root:
+            loaded = root.load()
+        if not is_mapped(loaded) and SKIN.name in loaded:
+            with xr.open_dataset(
+                path, engine="netcdf4", mask_and_scale=False, group=SOLID
+            ) as solid:
+                loaded = solid.load()
+    except UNREADABLE as error:
+        reason = shortened(str(error), 300)
+        raise InputError(f"this is no netCDF result ({reason})", file=path) from None
     return loaded
 
 
@@ -228,7 +244,7 @@ def _write_results(
         "structure_warnings": "\n".join(report.warnings),
     }
     dataset = results_dataset(source, target, mesh, sections, results, attributes)
-    write_netcdf(out.with_name(f"{out.name}.nc"), {ROOT: dataset})
+    write_netcdf(out.with_name(f"{out.name}.nc"), file_groups(dataset, target))
     write_results_vtu(out.with_name(f"{out.name}.vtu"), mesh, sections, results)
     if options.picture and results is not None:
         draw_results(out.with_name(f"{out.name}.png"), target, results, report)
