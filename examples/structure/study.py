@@ -145,7 +145,10 @@ def table(found: dict[str, dict[str, Found]]) -> str:
             if one is not reference:
                 changes = _changes(one, reference)
                 mass = one.mass / reference.mass - 1.0
-                cells = [f"{c} ({x:+.1%})" for c, x in zip(cells, [mass, *changes], strict=True)]
+                cells = [
+                    f"{c} ({round(x, 3) + 0.0:+.1%})"
+                    for c, x in zip(cells, [mass, *changes], strict=True)
+                ]
             lines.append(f"| {variant} | {' | '.join(cells)} |")
         lines.append("")
     return "\n".join(lines)
@@ -171,7 +174,7 @@ def draw(path: Path, found: dict[str, dict[str, Found]]) -> None:
                 axis.bar(places, changes, 0.18, color=SERIES[number], label=name)
                 for x, y in zip(places, changes, strict=True):
                     va, shift = ("bottom", 2) if y >= 0 else ("top", -2)
-                    text = f"{y:+.1f}".replace("-", "\N{MINUS SIGN}")
+                    text = f"{round(y, 1) + 0.0:+.1f}".replace("-", "\N{MINUS SIGN}")
                     axis.annotate(text, (x, y), (0, shift), textcoords="offset points",
                                   ha="center", va=va, fontsize=5.8, color=INK)  # fmt: skip
             axis.axhline(0.0, color=INK, lw=0.8)

@@ -172,7 +172,7 @@ def deck_names(names: Iterable[str]) -> dict[str, str]:
 
 def _material_lines(materials: Materials, units: Units, layered: bool) -> Iterator[str]:
     kinds = (
-        [(f"_{family + 1}", plies) for family, plies in enumerate(materials.plies)]
+        [(f"_{family + 1}", layer) for family, layer in enumerate(materials.layers)]
         if layered
         else [("", materials.stiffness)]
     )

@@ -1,4 +1,4 @@
-"""What the structural stage takes from a mapped file: one layer of textile in every cell."""
+"""What the structural stage takes from a mapped file: the plies of textile in every cell."""
 
 from __future__ import annotations
 
@@ -15,6 +15,26 @@ from lcmchain.mapping.target import TargetMesh
 #: Families closer to each other than this have no plane between them.
 CLOSEST_FAMILIES = np.radians(1.0)
 
+#: What the share of a ply in the cells is called, before the name of the ply.
+SHARE = "ply_share_"
+
+
+@dataclass(frozen=True)
+class FormedPly:
+    """Formed textile of one ply.
+
+    Parameters
+    ----------
+    share : of the cell's thickness or volume, zero where the cell has nothing of the ply, (C,).
+    fibre_volume_fraction : (C,). direction_1, direction_2 : unit vectors along both fibre
+        families, (C, 3). They are those of the first ply where the share is zero.
+    """
+
+    share: np.ndarray
+    fibre_volume_fraction: np.ndarray
+    direction_1: np.ndarray
+    direction_2: np.ndarray
+
 
 @dataclass(frozen=True)
 class FormedCells:
@@ -22,15 +42,15 @@ class FormedCells:
 
     Parameters
     ----------
-    thickness : [m], (C,). fibre_volume_fraction : (C,).
-    direction_1, direction_2 : unit vectors along both fibre families, (C, 3).
+    thickness : of all plies [m], (C,).
+    leading : the ply with the largest share in each cell, whose families give the axes.
+    plies : all of them.
     fibre_density : that the fibre volume fraction belongs to [kg/m3], if the file tells it.
     """
 
     thickness: np.ndarray
-    fibre_volume_fraction: np.ndarray
-    direction_1: np.ndarray
-    direction_2: np.ndarray
+    leading: FormedPly
+    plies: tuple[FormedPly, ...]
     fibre_density: float | None = None
 
 
@@ -41,30 +61,52 @@ def formed_cells(mapped: xr.Dataset, target: TargetMesh, file: str) -> FormedCel
     ------
     InputError : a field is missing, belongs to another mesh, or has cells without a value.
     """
-    components = [f"{family}_{axis}" for family in FIBRE_FAMILIES for axis in "xyz"]
-    fields = {
-        name: _field(mapped, name, target, file)
-        for name in ("thickness", "fibre_volume_fraction", *components)
-    }
-    unmapped = np.flatnonzero(~np.isfinite(np.stack(list(fields.values()))).all(axis=0))
-    if len(unmapped):
+    thickness = _field(mapped, "thickness", target, file)
+    names = [str(n).removeprefix(SHARE) for n in mapped.data_vars if str(n).startswith(SHARE)]
+    leading = _ply(mapped, "", np.ones(target.cell_count), target, file)
+    values = [leading.fibre_volume_fraction[:, None], leading.direction_1, leading.direction_2]
+    known = np.isfinite(np.hstack([thickness[:, None], *values])).all(axis=1)
+    if not known.all():
+        unmapped = np.flatnonzero(~known)
         raise InputError(
             f"{len(unmapped)} of {target.cell_count} cells have no sheet and so no material "
             f"({first_few(target.cell_ids[unmapped])}); trim the mesh to the sheet, or map with a "
             "larger maximum distance",
             file=file,
         )
-    first, second = (
-        np.stack([fields[f"{family}_{axis}"] for axis in "xyz"], axis=1)
-        for family in FIBRE_FAMILIES
-    )
+    plies = tuple(_named_ply(mapped, name, leading, target, file) for name in names)
     density = mapped.attrs.get("fibre_density_kg_m3")
     return FormedCells(
-        fields["thickness"],
-        fields["fibre_volume_fraction"],
-        first,
-        second,
-        None if density is None else float(density),
+        thickness, leading, plies or (leading,), None if density is None else float(density)
+    )
+
+
+def _ply(
+    mapped: xr.Dataset, prefix: str, share: np.ndarray, target: TargetMesh, file: str
+) -> FormedPly:
+    families = [
+        np.stack(
+            [_field(mapped, f"{prefix}{family}_{axis}", target, file) for axis in "xyz"], axis=1
+        )
+        for family in FIBRE_FAMILIES
+    ]
+    return FormedPly(
+        share, _field(mapped, f"{prefix}fibre_volume_fraction", target, file), *families
+    )
+
+
+def _named_ply(
+    mapped: xr.Dataset, name: str, leading: FormedPly, target: TargetMesh, file: str
+) -> FormedPly:
+    """One ply of a stack; cells without it have values that no result depends on."""
+    share = _field(mapped, f"{SHARE}{name}", target, file)
+    ply = _ply(mapped, f"{name}_", share, target, file)
+    there = share > 0.0
+    return FormedPly(
+        share,
+        np.where(there, ply.fibre_volume_fraction, leading.fibre_volume_fraction),
+        np.where(there[:, None], ply.direction_1, leading.direction_1),
+        np.where(there[:, None], ply.direction_2, leading.direction_2),
     )
 
 
@@ -84,6 +126,6 @@ def _field(mapped: xr.Dataset, name: str, target: TargetMesh, file: str) -> np.n
 def _remedy(name: str) -> str:
     if name == "thickness":
         return 'form the sheet with element = "solid-shell", which predicts it'
-    if name == "fibre_volume_fraction":
+    if name.endswith("fibre_volume_fraction"):
         return "give material.fibre_density and material.areal_mass in the scene, and form again"
     return "map a forming result with both fibre directions"

@@ -13,14 +13,14 @@ class Materials(NamedTuple):
     """Materials and the cells that have them.
 
     of_cell : material of each cell, (C,).
-    stiffness : [Pa], (M, 6, 6). plies : of each family, (M, 6, 6). density : [kg/m3], (M,).
+    stiffness : [Pa], (M, 6, 6). layers : of each layer, (M, 6, 6). density : [kg/m3], (M,).
     error : largest difference between a stiffness of a cell and that of its material, relative to
         the largest stiffness of the cell.
     """
 
     of_cell: np.ndarray
     stiffness: np.ndarray
-    plies: tuple[np.ndarray, np.ndarray]
+    layers: tuple[np.ndarray, ...]
     density: np.ndarray
     error: float
 
@@ -28,20 +28,22 @@ class Materials(NamedTuple):
 def materials_of(sections: Sections, tolerance: float) -> Materials:
     """Group the cells whose stiffness differs by less than ``tolerance``; 0 groups none.
 
-    Fibre volume fraction and angle between the families decide the stiffness in the axes of the
-    cell. Both are divided into equal steps, which are made smaller until the tolerance holds.
+    Fibre volume fraction, angle and share of every layer decide the stiffness in the axes of the
+    cell. All are divided into equal steps, which are made smaller until the tolerance holds.
     """
-    count = len(sections.density)
     if tolerance == 0.0:
-        return Materials(
-            np.arange(count), sections.stiffness, sections.plies, sections.density, 0.0
-        )
+        layers = tuple(layer.stiffness for layer in sections.layers)
+        each = np.arange(len(sections.density))
+        return Materials(each, sections.stiffness, layers, sections.density, 0.0)
+    mean = sections.fibre_volume_fraction.mean()
+    states = [
+        column
+        for layer in sections.layers
+        for column in (layer.fibre_volume_fraction / mean, layer.angle, layer.share)
+    ]
     step = tolerance
     while True:
-        v_step = step * sections.fibre_volume_fraction.mean()
-        keys = np.stack(
-            [sections.fibre_volume_fraction / v_step, sections.angle / step], axis=1
-        ).round()
+        keys = (np.stack(states, axis=1) / step).round()
         _, of_cell = np.unique(keys, axis=0, return_inverse=True)
         found = _grouped(sections, of_cell.reshape(-1))
         if found.error <= tolerance:
@@ -60,5 +62,5 @@ def _grouped(sections: Sections, of_cell: np.ndarray) -> Materials:
     stiffness = mean(sections.stiffness)
     off = np.abs(stiffness[of_cell] - sections.stiffness).max(axis=(1, 2))
     error = float((off / sections.stiffness.max(axis=(1, 2))).max())
-    plies = mean(sections.plies[0]), mean(sections.plies[1])
-    return Materials(of_cell, stiffness, plies, mean(sections.density), error)
+    layers = tuple(mean(layer.stiffness) for layer in sections.layers)
+    return Materials(of_cell, stiffness, layers, mean(sections.density), error)

@@ -133,7 +133,7 @@ def deck_report(
         thickness_error_cell=None if error is None else int(target.cell_ids[error[1]]),
         fibre_volume_fraction_min=float(v.min()),
         fibre_volume_fraction_max=float(v.max()),
-        second_family_error_max=float(np.abs(0.5 * np.pi - np.abs(sections.angle)).max()),
+        second_family_error_max=sections.second_family_error,
         mass=mass,
         warnings=list(sections.warnings),
     )

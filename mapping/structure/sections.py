@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mapping.first_few import first_few
-from lcmchain.mapping.structure.formed import CLOSEST_FAMILIES, FormedCells
+from lcmchain.mapping.structure.formed import CLOSEST_FAMILIES, FormedCells, FormedPly
 from lcmchain.mapping.structure.micromechanics import MODELS
 from lcmchain.mapping.structure.stiffness import (
     LaminateStiffness,
@@ -25,8 +26,24 @@ from lcmchain.scene.structure import Structure
 #: Round fibres cannot be packed closer: pi / (2 sqrt 3).
 CLOSEST_PACKING = np.pi / (2.0 * np.sqrt(3.0))
 
+#: Right angles that differ by less [rad] are the same one, whatever their sign.
+RIGHT = 1e-9
+
 #: Densities of fibres that differ by more than this are of different fibres.
 SAME_DENSITY = 0.01
+
+
+class Layer(NamedTuple):
+    """One fibre family of one ply in its resin.
+
+    stiffness : in the axes of the cell [Pa], (C, 6, 6). share : of the thickness, (C,).
+    angle : about axis 3 from axis 1 [rad], (C,). fibre_volume_fraction : (C,).
+    """
+
+    stiffness: np.ndarray
+    share: np.ndarray
+    angle: np.ndarray
+    fibre_volume_fraction: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -35,11 +52,13 @@ class Sections:
 
     Parameters
     ----------
-    axes : rows 1 (along the first family), 2 and 3 (through the sheet), (C, 3, 3).
-    angle : from the first to the second family about axis 3 [rad], (C,).
+    axes : rows 1 (along the first family of the leading ply), 2 and 3 (through the sheet),
+        (C, 3, 3).
+    angle : from the first to the second family of the leading ply about axis 3 [rad], (C,).
     fibre_volume_fraction : (C,), of the thickness that the deck has. density : [kg/m3], (C,).
-    plies : stiffness of a ply of each family in the axes of the cell [Pa], (C, 6, 6).
-    stiffness : of both together [Pa], (C, 6, 6).
+    layers : both families of every ply.
+    stiffness : of all together [Pa], (C, 6, 6).
+    second_family_error : largest angle of a second family from perpendicular [rad].
     thickness : of the cells in the deck [m], (C,), and node_thickness (N,); None for solids.
     laminate : stiffness of the laminate, None for solids.
     thickness_error : largest relative difference between the cell's thickness and that of the
@@ -51,8 +70,9 @@ class Sections:
     angle: np.ndarray
     fibre_volume_fraction: np.ndarray
     density: np.ndarray
-    plies: tuple[np.ndarray, np.ndarray]
+    layers: tuple[Layer, ...]
     stiffness: np.ndarray
+    second_family_error: float
     thickness: np.ndarray | None = None
     node_thickness: np.ndarray | None = None
     laminate: LaminateStiffness | None = None
@@ -70,40 +90,66 @@ def build_sections(formed: FormedCells, target: TargetMesh, structure: Structure
 
     Raises
     ------
-    InputError : no density of the fibre, families that lie upon each other, or more fibre than
-        there is room for.
+    InputError : no density of the fibre, families that lie upon each other, more fibre than there
+        is room for, or several plies with a lay-up of one.
     """
     warnings: list[str] = []
     fibre_density = _fibre_density(formed, structure, warnings)
-    axes, angle = _axes(formed, target)
-    v = formed.fibre_volume_fraction
+    _require_one_ply(formed, target, structure, warnings)
+    axes = _axes(formed.leading, target)
     thickness = node_thickness = error = None
+    fuller = np.ones(target.cell_count)
     if not target.is_solid:
         node_thickness = thickness_at_nodes(target, formed.thickness)
         corners = target.corners
         of_corners = np.where(corners >= 0, node_thickness[corners], 0.0)
         thickness = of_corners.sum(axis=1) / (corners >= 0).sum(axis=1)
-        v = v * formed.thickness / thickness
-        off = np.abs(thickness / formed.thickness - 1.0)
+        fuller = formed.thickness / thickness
+        off = np.abs(1.0 / fuller - 1.0)
         error = float(off.max()), int(np.argmax(off))
+    layers: list[Layer] = []
+    second_family_error = 0.0
+    v = np.zeros(target.cell_count)
+    for ply in formed.plies:
+        own = ply.fibre_volume_fraction * fuller
+        v += ply.share * own
+        of_families = _layers(ply, own, axes, target, structure)
+        between = np.abs(of_families[1].angle - of_families[0].angle)
+        off = np.abs(0.5 * np.pi - between % np.pi)
+        second_family_error = max(second_family_error, float(off.max()))
+        layers += of_families
     _require_room(v, target, warnings)
-    ply = ply_stiffness(MODELS[structure.micromechanics](structure.fibre, structure.resin, v))
-    plies = ply, turned(ply, angle)
-    shares = [structure.family_1_share, 1.0 - structure.family_1_share]
-    stiffness = homogenised(list(plies), shares)
+    stiffness = homogenised([each.stiffness for each in layers], [each.share for each in layers])
     return Sections(
         axes=axes,
-        angle=angle,
+        angle=_angle(formed.leading.direction_2, axes, target),
         fibre_volume_fraction=v,
         density=v * fibre_density + (1.0 - v) * structure.resin.density,
-        plies=plies,
+        layers=tuple(layers),
         stiffness=stiffness,
+        second_family_error=second_family_error,
         thickness=thickness,
         node_thickness=node_thickness,
-        laminate=None if thickness is None else _laminate(plies, stiffness, thickness, structure),
+        laminate=None if thickness is None else _laminate(layers, stiffness, thickness, structure),
         thickness_error=error,
         warnings=tuple(warnings),
     )
+
+
+def _layers(
+    ply: FormedPly, v: np.ndarray, axes: np.ndarray, target: TargetMesh, structure: Structure
+) -> list[Layer]:
+    """Both families of a ply."""
+    _require_room(np.where(ply.share > 0.0, v, 0.5), target, [])
+    first = _angle(ply.direction_1, axes, target, apart=False)
+    second = _angle(ply.direction_2, axes, target, apart=False)
+    _require_apart(second - first, target)
+    plain = ply_stiffness(MODELS[structure.micromechanics](structure.fibre, structure.resin, v))
+    share = structure.family_1_share
+    return [
+        Layer(turned(plain, angle), part * ply.share, angle, v)
+        for angle, part in ((first, share), (second, 1.0 - share))
+    ]
 
 
 def layers_of(structure: Structure) -> list[tuple[int, float]]:
@@ -127,42 +173,75 @@ def thickness_at_nodes(target: TargetMesh, thickness: np.ndarray) -> np.ndarray:
 
 
 def _laminate(
-    plies: tuple[np.ndarray, np.ndarray],
-    stiffness: np.ndarray,
-    thickness: np.ndarray,
-    structure: Structure,
+    layers: list[Layer], stiffness: np.ndarray, thickness: np.ndarray, structure: Structure
 ) -> LaminateStiffness:
     if structure.lay_up == "interleaved":
         return interleaved(reduced(stiffness), thickness)
-    layers = [(plies[family], share) for family, share in layers_of(structure) if share > 0.0]
-    return laminate(layers, thickness)
+    stacked = [(layers[family].stiffness, share) for family, share in layers_of(structure)]
+    return laminate([layer for layer in stacked if layer[1] > 0.0], thickness)
 
 
-def _axes(formed: FormedCells, target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Axes of the cells (C, 3, 3), and the angle to the second family [rad], within +-90 deg."""
-    first, second = formed.direction_1, formed.direction_2
+def _axes(leading: FormedPly, target: TargetMesh) -> np.ndarray:
+    """Axes of the cells (C, 3, 3): 1 along the first family, 3 through the sheet."""
+    first, second = leading.direction_1, leading.direction_2
     if target.is_solid:
         normal = np.cross(first, second)
-        lying = np.linalg.norm(normal, axis=1) < np.sin(CLOSEST_FAMILIES)
-        third = normal / np.where(lying, 1.0, np.linalg.norm(normal, axis=1))[:, None]
+        length = np.linalg.norm(normal, axis=1)
+        _require_apart(np.arcsin(np.minimum(length, 1.0)), target)
+        third = normal / length[:, None]
     else:
         third = target.surface.normals
         first = _unit(first - np.einsum("ci,ci->c", first, third)[:, None] * third)
-        lying = np.zeros(len(first), dtype=bool)
-    across = np.cross(third, first)
-    along = np.einsum("ci,ci->c", second, first)
-    sideways = np.einsum("ci,ci->c", second, across)
-    lying |= np.abs(sideways) < np.sin(CLOSEST_FAMILIES)
-    if lying.any():
-        cells = target.cell_ids[np.flatnonzero(lying)]
+    return np.stack([first, np.cross(third, first), third], axis=1)
+
+
+def _angle(
+    direction: np.ndarray, axes: np.ndarray, target: TargetMesh, *, apart: bool = True
+) -> np.ndarray:
+    """Angle of a family from axis 1 about axis 3 [rad], above -90 and up to 90 degrees, (C,).
+
+    apart : whether it has to differ from axis 1.
+    """
+    along = np.einsum("ci,ci->c", direction, axes[:, 0])
+    sideways = np.einsum("ci,ci->c", direction, axes[:, 1])
+    # A family has no sense: the one that goes along axis 1 is taken.
+    sign = np.where(along < 0.0, -1.0, 1.0)
+    angle = np.arctan2(sign * sideways, sign * along)
+    angle = np.where(angle < -0.5 * np.pi + RIGHT, angle + np.pi, angle)
+    if apart:
+        _require_apart(angle, target)
+    return angle
+
+
+def _require_apart(angle: np.ndarray, target: TargetMesh) -> None:
+    """Refuse families that run in the same direction, by the angle between them [rad]."""
+    lying = np.flatnonzero(np.abs(np.sin(angle)) < np.sin(CLOSEST_FAMILIES))
+    if len(lying):
         raise InputError(
-            f"both fibre families run in the same direction in {len(cells)} cells "
-            f"({first_few(cells)}); the textile has no such state, look at the forming result",
+            f"both fibre families run in the same direction in {len(lying)} cells "
+            f"({first_few(target.cell_ids[lying])}); the textile has no such state, look at the "
+            "forming result",
             file=target.file,
         )
-    # A family has no sense: the angle is taken between -90 and 90 degrees, or 90.
-    sign = np.where(sideways < 0.0, -1.0, 1.0)
-    return np.stack([first, across, third], axis=1), np.arctan2(sign * sideways, sign * along)
+
+
+def _require_one_ply(
+    formed: FormedCells, target: TargetMesh, structure: Structure, warnings: list[str]
+) -> None:
+    if len(formed.plies) == 1:
+        return
+    if structure.lay_up != "interleaved":
+        raise InputError(
+            f'is "{structure.lay_up}", but the part has {len(formed.plies)} plies; write '
+            '"interleaved", or map each ply onto cells of its own',
+            key="lay_up",
+        )
+    if not target.is_solid:
+        warnings.append(
+            f"the {len(formed.plies)} plies are taken as mixed over the thickness: in bending a "
+            "laminate whose plies differ has another stiffness; a solid mesh with cells for each "
+            "ply has theirs"
+        )
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

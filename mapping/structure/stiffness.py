@@ -5,9 +5,11 @@ Components stand in the order 11, 22, 33, 12, 13, 23 of CalculiX, with engineeri
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.mapping.structure.micromechanics import Ply
 
@@ -60,7 +62,7 @@ def turned(stiffness: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return turn @ stiffness @ turn.transpose(0, 2, 1)
 
 
-def homogenised(plies: list[np.ndarray], shares: list[float]) -> np.ndarray:
+def homogenised(plies: Sequence[np.ndarray], shares: Sequence[ArrayLike]) -> np.ndarray:
     """Stiffness of many thin plies as one material [Pa], shape (C, 6, 6).
 
     The plies have the same strains in the plane and the same stresses on it (iso-strain and
@@ -69,10 +71,12 @@ def homogenised(plies: list[np.ndarray], shares: list[float]) -> np.ndarray:
 
     Parameters
     ----------
-    plies : stiffness of each ply in the axes of the cell, (C, 6, 6). shares : of the thickness.
+    plies : stiffness of each ply in the axes of the cell, (C, 6, 6).
+    shares : of each ply in the thickness, one number or (C,).
     """
     soft, mixed, plane = (np.zeros((len(plies[0]), 3, 3)) for _ in range(3))
-    for ply, share in zip(plies, shares):
+    for ply, part in zip(plies, shares):
+        share = np.asarray(part, dtype=float).reshape(-1, 1, 1)
         inverse = np.linalg.inv(_block(ply, THROUGH, THROUGH))
         soft += share * inverse
         mixed += share * _block(ply, IN_PLANE, THROUGH) @ inverse

@@ -132,6 +132,37 @@ def test_the_command_maps_and_then_takes_what_is_mapped(folder, out, tmp_path, c
     assert second["eigenfrequencies"] == []
 
 
+def test_a_deck_keeps_numbers_and_sets_of_the_user_s_file(make, out, tmp_path, capsys):
+    """From an Abaqus file in mm, whose numbers begin anywhere, to the deck of CalculiX."""
+    points, quads = make.grid(2, 2, (-15.0, -15.0), (15.0, 15.0))
+    nodes = "".join(f"{301 + 2 * k}, {x}, {y}, 0.0\n" for k, (x, y) in enumerate(points))
+    cells = "".join(
+        f"{9000 - k}, " + ", ".join(str(301 + 2 * node) for node in nodes_of_cell) + "\n"
+        for k, nodes_of_cell in enumerate(quads)
+    )
+    (tmp_path / "part.inp").write_text(
+        f"*NODE\n{nodes}*ELEMENT, TYPE=S4R, ELSET=SKIN\n{cells}*NSET, NSET=LEFT\n301, 303, 305\n"
+        "*ELSET, ELSET=PATCH\n9000, 8998\n"
+    )
+    case = tmp_path / "case.toml"
+    text = SCENE.partition("[mapping.structure]\n")[2].partition("supports")[0]
+    case.write_text(
+        f'{text}supports = [{{ name = "left", set = "LEFT" }}]\n'
+        'loads = [{ name = "wind", set = "PATCH", pressure = "10 Pa" }]\n'
+    )
+    command = ["structure", out / "forming.nc", tmp_path / "part.inp", "--case", case]
+    code = exit_code(*command, "--out", tmp_path / "o", "--length-unit", "mm", "--no-solve")
+    assert code == 0, capsys.readouterr().err
+    mesh = (tmp_path / "o" / "structure_calculix_mesh.inp").read_text().splitlines()
+    assert "9000, 301, 307, 309, 303" in mesh
+    assert mesh[mesh.index("*NSET, NSET=LEFT") + 1] == "301, 303, 305,"
+    assert mesh[mesh.index("*ELSET, ELSET=PATCH") + 1] in ("9000, 8998,", "8998, 9000,")
+    deck = (tmp_path / "o" / "structure_calculix.inp").read_text()
+    assert "303, 3, 3" in deck and "8998, P, 1.0" in deck and "8999, P" not in deck
+    sections = (tmp_path / "o" / "structure_calculix_sections.inp").read_text()
+    assert "*ORIENTATION, NAME=LCM_O9000" in sections
+
+
 def test_without_a_solver_the_command_has_done_its_work(folder, out, tmp_path, capsys):
     case = tmp_path / "case.toml"
     case.write_text(SCENE.partition("[mapping.structure]\n")[2], encoding="utf-8")

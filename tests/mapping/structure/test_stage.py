@@ -248,3 +248,33 @@ def test_shared_materials_stay_within_the_tolerance(kit, write_mesh, tmp_path):
     assert 3 <= shared.material_count <= 18
     assert 0.0 < shared.material_error_max <= 0.02
     np.testing.assert_allclose(shared.eigenfrequencies, own.eigenfrequencies, rtol=0.01)
+
+
+def test_plies_of_a_stack_have_their_own_directions(kit, write_mesh, tmp_path):
+    """Plies at 0/90 and at 45/-45 with equal shares: the same stiffness in every direction."""
+    mesh = write_mesh(*kit.plate("quad", count=2), "mesh.vtu")
+    map_file(kit.formed(), mesh, tmp_path / "plate.nc", picture=False)
+    with xr.open_dataset(tmp_path / "plate.nc", mask_and_scale=False) as opened:
+        mapped = opened.load()
+    face = mapped["thickness"].dims
+    for name, angle, share in (("lower", 0.0, 0.5), ("upper", np.pi / 4, 0.5)):
+        mapped[f"ply_share_{name}"] = (face, np.full(4, share))
+        mapped[f"{name}_fibre_volume_fraction"] = mapped["fibre_volume_fraction"]
+        for family, turn in ((1, angle), (2, angle + np.pi / 2)):
+            for axis, value in zip("xyz", (np.cos(turn), np.sin(turn), 0.0)):
+                values = np.full(4, value)
+                mapped[f"{name}_fibre_direction_{family}_{axis}"] = (face, values)
+    mapped["ply_share_upper"].values[3] = 0.0  # one cell with the lower ply alone
+    mapped["ply_share_lower"].values[3] = 1.0
+    mapped["upper_fibre_direction_1_x"].values[3] = np.nan
+    structure = structure_from_text(MATERIAL)
+    report = analyse(mapped, mesh, structure, name="p", out_dir=tmp_path)
+    assert any("2 plies are taken as mixed" in warning for warning in report.warnings)
+    with xr.open_dataset(tmp_path / "p_calculix.nc") as results:
+        A11, A22, A12, A66 = (results[f"laminate_A_{k}"].values for k in ("11", "22", "12", "66"))
+    np.testing.assert_allclose(A11, A22, rtol=1e-9)
+    np.testing.assert_allclose(A66[:3], 0.5 * (A11 - A12)[:3], rtol=1e-9)
+    assert A66[3] < 0.3 * (A11 - A12)[3]
+    stacked = structure_from_text(MATERIAL + 'lay_up = "stacked"')
+    with pytest.raises(InputError, match="but the part has 2 plies"):
+        analyse(mapped, mesh, stacked, name="q", out_dir=tmp_path)
