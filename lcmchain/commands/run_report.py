@@ -73,6 +73,8 @@ def summary_rows(summary: Mapping) -> Iterator[tuple[str, str]]:
     )
     for name, report in summary["mapping"].items():
         yield f"mapping {name}", _mapping_text(report)
+    for name, report in summary.get("structure", {}).items():
+        yield f"structure {name}", "".join(_structure_text(report))
 
 
 def _punch_force(summary: Mapping) -> Iterator[str]:
@@ -91,6 +93,17 @@ def _step_control(summary: Mapping) -> str:
     causes = sorted(summary["step_control"].items(), key=lambda item: -item[1])
     total = sum(summary["step_control"].values())
     return ", ".join(f"{cause} ({count / total:.0%})" for cause, count in causes)
+
+
+def _structure_text(report: Mapping) -> Iterator[str]:
+    yield f"{report['cell_count']:,} {'/'.join(report['elements'])} elements"
+    if not report["solved"]:
+        yield ", not solved"
+    if report["displacement_max"] is not None:
+        yield f", displaced by up to {1e3 * report['displacement_max']:.4g} mm"
+    if report["eigenfrequencies"]:
+        found = [f"{value:.4g}" for value in report["eigenfrequencies"][:3] if value is not None]
+        yield f", eigenfrequencies {', '.join(found)} Hz"
 
 
 def _mapping_text(report: Mapping) -> str:

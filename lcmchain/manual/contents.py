@@ -22,6 +22,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "identification",
         "membrane-shell",
         "mapping",
+        "structure",
         "fmu",
         "verify",
         "bench",
