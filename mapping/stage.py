@@ -11,12 +11,13 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import ROOT, write_netcdf
+from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.picture import draw_mapping
 from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, read_sheet
+from lcmchain.mapping.solid_file import file_groups
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.transfer import transfer
 from lcmchain.mapping.weights import MappingWeights, compute_weights
@@ -137,7 +138,7 @@ def map_file(
     allowed = {"unmapped": allow_unmapped, "incomplete": allow_incomplete}
     command = _command(report, target, length_unit, **allowed)
     dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
-    write_netcdf(files["netcdf"], {ROOT: dataset})
+    write_netcdf(files["netcdf"], file_groups(dataset, target))
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from lcmchain.mapping.target.mesh import (
-    CellPolygons,
-    TargetMesh,
-    base_type,
-    corner_count,
-    read_target,
-    section,
-)
+from lcmchain.mapping.target.mesh import CellPolygons, TargetMesh, section
+from lcmchain.mapping.target.read import read_target
+from lcmchain.mapping.target.shapes import base_type, corner_count
 
 __all__ = [
     "CellPolygons",
