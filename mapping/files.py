@@ -23,6 +23,15 @@ from lcmchain.mapping.target.variables import (
 from lcmchain.mapping.transfer import MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
 
+ALIGNMENT = (
+    "largest eigenvalue of the mean of the tensors a a over the part of the sheet above the cell: "
+    "1 where all directions a are parallel, 1/2 where they are spread evenly in a plane"
+)
+SHEAR_ABOUT_CELL = (
+    "a right angle minus the angle from the axis of fibre 1 to that of fibre 2 about the normal of "
+    "the cell: where it points to the lower side of the sheet, the sign is not that of the sheet"
+)
+
 
 def mapped_dataset(
     sheet: Sheet,
@@ -95,6 +104,16 @@ def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) ->
     fields = {}
     for name, values in mapped.scalars.items():
         fields[name] = (values, _attributes(sheet, name))
+    if "shear_angle" in fields and not mapped.about_sheet:
+        fields["shear_angle"][1]["comment"] = SHEAR_ABOUT_CELL
+    for name, found in mapped.directions.items():
+        attributes = {
+            "long_name": f"alignment of {name.replace('_', ' ')}",
+            "units": "1",
+            "comment": ALIGNMENT,
+            "_FillValue": np.nan,
+        }
+        fields[f"{name}_alignment"] = (found.alignment, attributes)
     for stem, vectors in mapped.vectors.items():
         for axis, values in zip("xyz", vectors.T, strict=True):
             name = f"{stem}_{axis}"

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -14,12 +16,14 @@ from lcmchain.errors import InputError
 from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.picture import draw_mapping
+from lcmchain.mapping.registration import Registration, registered, registration_of
 from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, read_sheet
 from lcmchain.mapping.solid_file import file_groups
 from lcmchain.mapping.target import TargetMesh, read_target
-from lcmchain.mapping.transfer import transfer
+from lcmchain.mapping.transfer import transfer, turned
 from lcmchain.mapping.weights import MappingWeights, compute_weights
 from lcmchain.results import require_complete
 
@@ -32,55 +36,28 @@ SAME_SIZE = 0.3  # largest logarithm of the ratio of a part to its sheet, or the
 def map_forming(
     source: Path | str | xr.Dataset,
     target_mesh: Path | str,
+    options: MappingOptions | None = None,
     *,
     name: str,
-    kind: str,
     out_dir: Path | str,
-    method: str = "overlap",
-    maximum_distance: float | None = None,
-    length_unit: str = "m",
-    frame: int = -1,
-    allow_unmapped: bool = False,
-    allow_incomplete: bool = False,
-    weights_file: Path | str | None = None,
-    picture: bool = True,
+    **changes: Any,
 ) -> MappingReport:
     """Map a forming result onto a mesh; write ``NAME.nc``, ``.vtu``, ``.png`` and ``.json``.
 
     Arguments as in :func:`map_file`; ``name`` names the target and its files in ``out_dir``.
     """
-    return map_file(
-        source,
-        target_mesh,
-        Path(out_dir) / f"{name}.nc",
-        name=name,
-        kind=kind,
-        method=method,
-        maximum_distance=maximum_distance,
-        length_unit=length_unit,
-        frame=frame,
-        allow_unmapped=allow_unmapped,
-        allow_incomplete=allow_incomplete,
-        weights_file=weights_file,
-        picture=picture,
-    )
+    out = Path(out_dir) / f"{name}.nc"
+    return map_file(source, target_mesh, out, options, name=name, **changes)
 
 
 def map_file(
     source: Path | str | xr.Dataset,
     target_mesh: Path | str,
     out: Path | str,
+    options: MappingOptions | None = None,
     *,
     name: str | None = None,
-    kind: str = "structure",
-    method: str = "overlap",
-    maximum_distance: float | None = None,
-    length_unit: str = "m",
-    frame: int = -1,
-    allow_unmapped: bool = False,
-    allow_incomplete: bool = False,
-    weights_file: Path | str | None = None,
-    picture: bool = True,
+    **changes: Any,
 ) -> MappingReport:
     """Map a forming result onto a mesh and write the fields, a picture and a report.
 
@@ -89,24 +66,16 @@ def map_file(
     source : ``forming.nc``, or its root group as a dataset.
     target_mesh : any mesh file that meshio reads.
     out : ``.nc`` or ``.vtu``; the other of the two, ``.png`` and ``.json`` are written beside it.
+    options : how to map, :class:`lcmchain.mapping.MappingOptions`.
     name : name of the target in the report, by default the stem of ``out``.
-    kind : ``"infiltration"`` (surface cells) or ``"structure"`` (solids, else shells).
-    method : ``"overlap"`` or ``"closest"``.
-    maximum_distance : how far [m] from the sheet a cell may lie, by default one edge length of
-        the sheet, or the radius of a typical cell where that is larger.
-    length_unit : unit of the target's coordinates; what is written is in metres.
-    frame : saved frame to map, the last one by default.
-    allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
-    allow_incomplete : map the fields of a run that did not come to its end, with a warning,
-        instead of refusing them.
-    weights_file : ``.npz`` with stored weights: used where it exists, else written.
-    picture : draw source and target side by side.
+    changes : entries of the options by keyword, such as ``kind="infiltration"``.
 
     Raises
     ------
     InputError : unreadable input, unwritable output, unmapped cells that are not allowed, or no
         cell with a sheet nearby. Nothing is written then.
     """
+    options = replace(options or MappingOptions(), **changes)
     out = Path(out)
     if out.is_dir():
         raise InputError("this is a folder; name the mapped file, such as mapped.nc", file=out)
@@ -115,48 +84,57 @@ def map_file(
     name = name if name is not None else out.stem
     # Names only in the report: it stays right when the folder moves.
     endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
-    if picture:
+    if options.picture:
         endings["picture"] = ".png"
     files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
     _require_apart(files.values(), source, target_mesh)
-    sheet = read_sheet(source, frame=frame)
+    sheet = read_sheet(source, frame=options.frame)
     unfinished = require_complete(
-        sheet.provenance.get("state"), file=sheet.name, allowed=allow_incomplete
+        sheet.provenance.get("state"), file=sheet.name, allowed=options.allow_incomplete
     )
-    target = read_target(target_mesh, kind=kind, length_unit=length_unit)
-    weights = _weights(sheet, target, method, maximum_distance, weights_file)
-    hint = length_unit_hint(sheet, target, length_unit)
-    if not (allow_unmapped and weights.mapped.any()):
-        _refuse_unmapped(target, weights, hint, allow_unmapped)
-    mapped = transfer(sheet, target, weights)
-    report = mapping_report(sheet, target, weights, mapped, name=name, kind=kind)
+    target = read_target(target_mesh, kind=options.kind, length_unit=options.length_unit)
+    registration = registration_of(sheet, target)
+    placed = _placed(target, registration) if options.register else target
+    weights = _weights(sheet, placed, options)
+    hint = length_unit_hint(sheet, target, options.length_unit)
+    if not (options.allow_unmapped and weights.mapped.any()):
+        near = None if options.register else registration
+        _refuse_unmapped(target, weights, hint, near, options.allow_unmapped)
+    mapped = transfer(sheet, placed, weights)
+    if options.register and registration is not None:
+        mapped = turned(mapped, registration.matrix.T)
+    report = mapping_report(
+        sheet, target, weights, mapped, name=name, kind=options.kind,
+        registration=registration, registered=options.register,
+    )  # fmt: skip
     report.warnings = [*unfinished, *([hint] if hint else []), *report.warnings]
 
     report.files = {what: path.name for what, path in files.items()}
-    if weights_file is not None and not Path(weights_file).exists():
-        weights.save(weights_file)
-    allowed = {"unmapped": allow_unmapped, "incomplete": allow_incomplete}
-    command = _command(report, target, length_unit, **allowed)
+    if options.weights_file is not None and not Path(options.weights_file).exists():
+        weights.save(options.weights_file)
+    command = _command(report, target, options)
     dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
     write_netcdf(files["netcdf"], file_groups(dataset, target))
     write_vtu(files["vtu"], sheet, target, weights, mapped)
-    if picture:
+    if options.picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
     report.save(files["report"])
     return report
 
 
-def _command(report: MappingReport, target: TargetMesh, length_unit: str, **allowed: bool) -> str:
-    """Return the command line that maps as this mapping did, with the names of files alone.
-
-    allowed : which of the options ``--allow-...`` it has.
-    """
+def _command(report: MappingReport, target: TargetMesh, options: MappingOptions) -> str:
+    """Return the command line that maps as this mapping did, with the names of files alone."""
     words = [
         "lcmchain", "map", Path(report.source).name, target.file.name if target.file else "TARGET",
         "--out", report.files["netcdf"], "--kind", report.kind, "--method", report.method,
         "--maximum-distance", f"{1e3 * report.maximum_distance:.10g} mm",
-        "--length-unit", length_unit,
+        "--length-unit", options.length_unit,
     ]  # fmt: skip
+    if options.frame != -1:
+        words += ["--frame", str(options.frame)]
+    if options.register:
+        words.append("--register")
+    allowed = {"unmapped": options.allow_unmapped, "incomplete": options.allow_incomplete}
     return shlex.join(words + [f"--allow-{what}" for what, given in allowed.items() if given])
 
 
@@ -171,29 +149,45 @@ def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> N
             )
 
 
-def _weights(
-    sheet: Sheet,
-    target: TargetMesh,
-    method: str,
-    maximum_distance: float | None,
-    weights_file: Path | str | None,
-) -> MappingWeights:
-    if weights_file is None or not Path(weights_file).exists():
+def _weights(sheet: Sheet, target: TargetMesh, options: MappingOptions) -> MappingWeights:
+    """Compute the weights, or take the stored ones where they are those that are asked for."""
+    method, maximum_distance = options.method, options.maximum_distance
+    if options.weights_file is None or not Path(options.weights_file).exists():
         return compute_weights(sheet, target, method=method, maximum_distance=maximum_distance)
-    weights = MappingWeights.load(weights_file)
-    weights.check_meshes(sheet, target, file=weights_file)
+    weights = MappingWeights.load(options.weights_file)
+    weights.check_meshes(sheet, target, file=options.weights_file)
     same_distance = maximum_distance in (None, weights.maximum_distance)
     if weights.method != method or not same_distance:
         raise InputError(
             f"the stored weights are {weights.method} weights within "
             f"{weights.maximum_distance:g} m; ask for the same or delete the file",
-            file=weights_file,
+            file=options.weights_file,
         )
     return weights
 
 
+def _placed(target: TargetMesh, registration: Registration | None) -> TargetMesh:
+    """Return the target where the fitted motion puts it.
+
+    Raises
+    ------
+    InputError : no small motion brings it to the sheet.
+    """
+    if registration is None:
+        reason = "it does not lie over the sheet: move it there, or check length_unit"
+    elif registration.is_off and not registration.helps:
+        reason = "; ".join(registration.warnings())
+    else:
+        return registered(target, registration)
+    raise InputError(f"the mesh cannot be registered: {reason}", file=target.file)
+
+
 def _refuse_unmapped(
-    target: TargetMesh, weights: MappingWeights, hint: str | None, allow_unmapped: bool
+    target: TargetMesh,
+    weights: MappingWeights,
+    hint: str | None,
+    registration: Registration | None,
+    allow_unmapped: bool,
 ) -> None:
     unmapped = np.flatnonzero(~weights.mapped)
     if len(unmapped) == 0:
@@ -207,6 +201,8 @@ def _refuse_unmapped(
         message += "Move the mesh to the sheet, or raise maximum_distance"
     else:
         message += "Trim the mesh to the sheet, raise maximum_distance, or allow unmapped cells"
+    if registration is not None and registration.is_off and registration.helps:
+        message = f"{message}. {registration.warnings()[0]}"
     raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
 
 

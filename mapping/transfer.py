@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,17 +15,23 @@ from lcmchain.mapping.weights import MappingWeights
 # Fields that count something per area; its total over the covered area is kept.
 CONTENTS = ("areal_fibre_mass",)
 
+# Angles between axes, counted about the normal: seen from the other side they change their sign.
+ABOUT_NORMAL = frozenset({"shear_angle"})
+
 
 @dataclass(frozen=True)
 class MappedFields:
     """Fields on the target: scalars (C,), directions (C, 3); not a number where unmapped.
 
     axes : principal axes (C, 3), which are unit vectors without a sense.
+    about_sheet : whether signed angles are about the normal of the sheet, as in solid cells, rather
+        than about that of the cell.
     """
 
     scalars: dict[str, np.ndarray]
     directions: dict[str, MappedDirections]
     axes: dict[str, np.ndarray] = field(default_factory=dict)
+    about_sheet: bool = False
 
     @property
     def vectors(self) -> dict[str, np.ndarray]:
@@ -44,6 +50,9 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         for name, values in sheet.scalars.items()
     }
     normals = None if target.is_solid else target.surface.normals
+    if normals is not None:
+        for name in ABOUT_NORMAL & scalars.keys():
+            scalars[name] = facing(sheet, weights, normals) * scalars[name]
     directions = {
         name: map_directions(weights, values, normals if lies_in(sheet, values) else None)
         for name, values in sheet.directions.items()
@@ -53,7 +62,28 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         found = map_permeability(weights, sheet.permeability, normals)
         scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
         axes = {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
-    return MappedFields(scalars, directions, axes)
+    return MappedFields(scalars, directions, axes, about_sheet=target.is_solid)
+
+
+def facing(sheet: Sheet, weights: MappingWeights, normals: np.ndarray) -> np.ndarray:
+    """Whether cells show the upper side of the sheet (1.0) or the lower one (-1.0), shape (C,).
+
+    normals : unit normals of the cells, shape (C, 3).
+    """
+    of_sheet = weights.average_matrix @ sheet.surface.normals
+    return np.where(np.einsum("ci,ci->c", of_sheet, normals) < 0.0, -1.0, 1.0)
+
+
+def turned(mapped: MappedFields, rotation: np.ndarray) -> MappedFields:
+    """Turn directions and axes by a rotation matrix, shape (3, 3)."""
+    return replace(
+        mapped,
+        directions={
+            name: found._replace(direction=found.direction @ rotation.T)
+            for name, found in mapped.directions.items()
+        },
+        axes={name: vectors @ rotation.T for name, vectors in mapped.axes.items()},
+    )
 
 
 def lies_in(sheet: Sheet, directions: np.ndarray) -> bool:

@@ -6,11 +6,18 @@ scene and never imports what is built on it.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from lcmchain.quantities.entry_types import AbsentMeans, LengthUnit, Name, PositiveLength, Text
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    LengthUnit,
+    Name,
+    PositiveLength,
+    Switch,
+    Text,
+)
 from lcmchain.quantities.scene_model import SceneModel
 
 
@@ -36,3 +43,12 @@ class MappingTarget(SceneModel):
     length_unit: Annotated[str, LengthUnit()] = Field(
         default="m", description="Unit of the coordinates in the file."
     )
+    # Not "register", which every class of pydantic has as a method.
+    registration: Switch = Field(
+        default=False, description="Bring the mesh to the sheet by a small rigid motion."
+    )
+
+    def options(self) -> dict[str, Any]:
+        """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
+        same = self.model_dump(exclude={"name", "mesh", "registration"})
+        return {**same, "register": self.registration}
