@@ -16,6 +16,7 @@ from lcmchain.errors import InputError
 from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.formats import export_files, export_path, prepare_export
 from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.picture import draw_mapping
 from lcmchain.mapping.registration import Registration, registered, registration_of
@@ -72,8 +73,8 @@ def map_file(
 
     Raises
     ------
-    InputError : unreadable input, unwritable output, unmapped cells that are not allowed, or no
-        cell with a sheet nearby. Nothing is written then.
+    InputError : unreadable input, unwritable output, unmapped cells that are not allowed, no cell
+        with a sheet nearby, or an export that cannot take the result. Nothing is written then.
     """
     options = replace(options or MappingOptions(), **changes)
     out = Path(out)
@@ -87,7 +88,8 @@ def map_file(
     if options.picture:
         endings["picture"] = ".png"
     files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
-    _require_apart(files.values(), source, target_mesh)
+    exported = [file for format in options.exports for file in export_files(out, format)]
+    _require_apart([*files.values(), *exported], source, target_mesh)
     sheet = read_sheet(source, frame=options.frame)
     unfinished = require_complete(
         sheet.provenance.get("state"), file=sheet.name, allowed=options.allow_incomplete
@@ -114,10 +116,15 @@ def map_file(
         weights.save(options.weights_file)
     command = _command(report, target, options)
     dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
+    exports = [
+        prepare_export(dataset, target, format, export_path(out, format))
+        for format in options.exports
+    ]
     write_netcdf(files["netcdf"], file_groups(dataset, target))
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if options.picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
+    report.add_exports([write() for write in exports])
     report.save(files["report"])
     return report
 
@@ -134,6 +141,8 @@ def _command(report: MappingReport, target: TargetMesh, options: MappingOptions)
         words += ["--frame", str(options.frame)]
     if options.register:
         words.append("--register")
+    for format in options.exports:
+        words += ["--export", format]
     allowed = {"unmapped": options.allow_unmapped, "incomplete": options.allow_incomplete}
     return shlex.join(words + [f"--allow-{what}" for what, given in allowed.items() if given])
 

@@ -35,6 +35,14 @@ def map_fields(
         bool,
         typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
     ] = False,
+    exports: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--export",
+            metavar="FORMAT",
+            help="Write for another program too: vmap, drape, rtmsim or lcmsim; repeatable.",
+        ),
+    ] = None,
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
@@ -64,6 +72,7 @@ def map_fields(
             register=register,
             allow_unmapped=allow_unmapped,
             allow_incomplete=allow_incomplete,
+            exports=tuple(dict.fromkeys(exports or ())),
         )
         report = map_file(source, target, out, options)
     say(report.summary())

@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
-from lcmchain.mapping.formats.export import FORMATS, export, export_path
+from lcmchain.mapping.formats.export import (
+    FORMATS,
+    export,
+    export_files,
+    export_path,
+    prepare_export,
+)
 from lcmchain.mapping.formats.report import ExportReport, Loss
 
-__all__ = ["FORMATS", "ExportReport", "Loss", "export", "export_path"]
+__all__ = [
+    "FORMATS",
+    "ExportReport",
+    "Loss",
+    "export",
+    "export_files",
+    "export_path",
+    "prepare_export",
+]

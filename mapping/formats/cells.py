@@ -30,6 +30,7 @@ class MappedCells:
     attributes : ``units`` and ``long_name`` of each variable that has them.
     provenance : what the mapped file says of its origin.
     time : of the saved state [s], if it is known.
+    left_out : names of fields with more than one value per cell, such as those of plies.
     """
 
     target: TargetMesh
@@ -38,6 +39,7 @@ class MappedCells:
     attributes: Mapping[str, dict] = field(default_factory=dict)
     provenance: Mapping[str, object] = field(default_factory=dict)
     time: float | None = None
+    left_out: tuple[str, ...] = ()
 
     @cached_property
     def mapped(self) -> np.ndarray:
@@ -152,12 +154,13 @@ def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> Mappe
             "the fields lie on the nodes and exports take those of cells; map onto cells",
             file=target.file,
         )
-    wrong = [name for name, v in own.items() if v.shape != (target.cell_count,)]
-    if wrong or not own:
+    if not own or any(v.shape[-1:] != (target.cell_count,) for v in own.values()):
         raise InputError(
             f"the mapped result is not one on this mesh of {target.cell_count} cells",
             file=target.file,
         )
+    left_out = tuple(name for name, variable in own.items() if variable.ndim > 1)
+    own = {name: variable for name, variable in own.items() if name not in left_out}
     stems: dict[str, int] = {}
     for name in own:
         if match := _COMPONENT.fullmatch(name):
@@ -182,4 +185,5 @@ def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> Mappe
         {name: dict(variable.attrs) for name, variable in own.items()},
         dict(mapped.attrs),
         float(time) if time is not None and time.ndim == 0 else None,
+        left_out,
     )

@@ -11,7 +11,7 @@ import xarray as xr
 from lcmchain.errors import InputError
 from lcmchain.mapping.formats import drape, lcmsim, rtmsim, vmap
 from lcmchain.mapping.formats.cells import MappedCells, mapped_cells
-from lcmchain.mapping.formats.report import ExportReport, Saver
+from lcmchain.mapping.formats.report import ExportReport, Loss, Saver
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import MappedFields
 
@@ -67,17 +67,35 @@ def prepare_export(
     Parameters and errors as of :func:`export`; nothing is written before the call of what it
     returns.
     """
-    if format not in FORMATS:
-        raise InputError(f'no export has the name "{format}"; write one of {", ".join(FORMATS)}')
-    return FORMATS[format].prepare(Path(path), mapped_cells(mapped, target))
+    prepare = _format(format).prepare
+    cells = mapped_cells(mapped, target)
+    save = prepare(Path(path), cells)
+    if not cells.left_out:
+        return save
+
+    def save_and_tell() -> ExportReport:
+        report = save()
+        names = ", ".join(cells.left_out)
+        report.losses.append(
+            Loss(f"fields with more than one value per cell are left out: {names}")
+        )
+        return report
+
+    return save_and_tell
 
 
 def export_path(mapped_file: Path, format: str) -> Path:
     """Where the export of a mapped file goes: beside it, with its stem and the format's ending."""
-    return mapped_file.with_name(mapped_file.stem + FORMATS[format].ending)
+    return mapped_file.with_name(mapped_file.stem + _format(format).ending)
 
 
 def export_files(mapped_file: Path, format: str) -> list[Path]:
     """Every file that the export of a mapped file writes."""
-    endings = (FORMATS[format].ending, *FORMATS[format].beside)
+    endings = (_format(format).ending, *_format(format).beside)
     return [mapped_file.with_name(mapped_file.stem + ending) for ending in endings]
+
+
+def _format(name: str) -> Format:
+    if name not in FORMATS:
+        raise InputError(f'no export has the name "{name}"; write one of {", ".join(FORMATS)}')
+    return FORMATS[name]

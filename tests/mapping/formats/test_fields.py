@@ -97,3 +97,11 @@ def test_fields_on_nodes_are_refused(bowl, tmp_path, name):
 def test_an_unknown_format_names_those_there_are(bowl, tmp_path):
     with pytest.raises(InputError, match='"abaqus"; write one of vmap, drape'):
         export(bowl.dataset, bowl.target, "abaqus", tmp_path / "no")
+
+
+def test_fields_of_plies_are_left_out_and_told(bowl, tmp_path):
+    layers = bowl.dataset["thickness"].expand_dims({"ply": 2})
+    report = export(
+        bowl.dataset.assign(ply_thickness=layers), bowl.target, "vmap", tmp_path / "plies.vmap"
+    )
+    assert any("left out: ply_thickness" in sentence for sentence in report.warnings)
