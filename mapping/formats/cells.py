@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
+from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, PERMEABILITY_AXES
 from lcmchain.mapping.target import TargetMesh
@@ -137,12 +138,16 @@ class MappedCells:
 def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> MappedCells:
     """Gather the fields of the cells from a mapped dataset, or from the fields themselves.
 
+    Of several saved states the last one is taken.
+
     Raises
     ------
     InputError : the fields lie on nodes, or belong to another mesh.
     """
     if isinstance(mapped, MappedFields):
         return MappedCells(target, mapped.scalars, mapped.vectors)
+    if TIME in mapped.dims:
+        mapped = mapped.isel({TIME: -1})
     place = "volume" if target.is_solid else "face"
     own = {
         str(name): variable
@@ -177,7 +182,7 @@ def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> Mappe
         for name, variable in own.items()
         if name not in in_vectors and name != "cell_id"
     }
-    time = mapped.get("time")
+    time = mapped.get(TIME)
     return MappedCells(
         target,
         scalars,

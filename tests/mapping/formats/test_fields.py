@@ -105,3 +105,22 @@ def test_fields_of_plies_are_left_out_and_told(bowl, tmp_path):
         bowl.dataset.assign(ply_thickness=layers), bowl.target, "vmap", tmp_path / "plies.vmap"
     )
     assert any("left out: ply_thickness" in sentence for sentence in report.warnings)
+
+
+def test_of_several_states_the_last_one_is_written(bowl, tmp_path):
+    earlier = bowl.dataset.copy(deep=True)
+    earlier["thickness"].values *= 2.0
+    fields = [name for name, v in bowl.dataset.items() if v.attrs.get("location") == "face"]
+    history = bowl.dataset.assign(
+        {
+            name: (
+                ("time", *bowl.dataset[name].dims),
+                np.stack([earlier[name].values, bowl.dataset[name].values]),
+                bowl.dataset[name].attrs,
+            )
+            for name in fields
+        }
+    )
+    last = export(bowl.dataset, bowl.target, "drape", tmp_path / "last.fem")
+    of_all = export(history, bowl.target, "drape", tmp_path / "all.fem")
+    assert of_all.details == last.details and of_all.losses == last.losses

@@ -12,7 +12,9 @@ import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.mapping import compute_weights, read_target, transfer
+from lcmchain.mapping.files import mapped_dataset
 from lcmchain.mapping.formats import export
+from lcmchain.mapping.report import mapping_report
 
 
 @pytest.fixture(scope="module")
@@ -160,11 +162,35 @@ def test_solids_of_every_shape_keep_their_connectivity(bowl, make, tmp_path):
     target = read_target(tmp_path / "solid.vtu")
     weights = compute_weights(bowl.sheet, target, maximum_distance=0.2)
     fields = transfer(bowl.sheet, target, weights)
-    report = export(fields, target, "vmap", tmp_path / "solid.vmap")
+    mapping = mapping_report(bowl.sheet, target, weights, fields, name="solid", kind="structure")
+    mapping.files = {"netcdf": "solid.nc"}
+    dataset = mapped_dataset(bowl.sheet, target, weights, fields, mapping, command="lcmchain map")
+    report = export(dataset, target, "vmap", tmp_path / "solid.vmap")
     frame = pylife.vmap.VMAPImport(tmp_path / "solid.vmap").make_mesh("1").to_frame()
     read = [group.index.get_level_values(1).tolist() for _, group in frame.groupby(level=0)]
     assert read == [(block[0] + 1).tolist() for _, block in cells]
     assert report.cells == 3
+    thickness = read_on_elements(tmp_path / "solid.vmap", "THICKNESS", ["t"])["t"].to_numpy()
+    assert np.array_equal(thickness, fields.scalars["thickness"])
+    with h5py.File(tmp_path / "solid.vmap") as file:
+        types = file["VMAP/SYSTEM/ELEMENTTYPES"]["myTypeName"][:, 0].tolist()
+        axes = file["VMAP/SYSTEM/COORDINATESYSTEM"]["myAxisVectors"][1:, 0].reshape(-1, 3, 3)
+    assert types == [
+        b"VMAP_ELEM_3D_HEXAHEDRON_8", b"VMAP_ELEM_3D_TETRAHEDRON_4", b"VMAP_ELEM_3D_WEDGE_6",
+    ]  # fmt: skip
+    first, second = (fields.vectors[f"fibre_direction_{n}"] for n in (1, 2))
+    assert np.allclose(axes[:, 0], first)
+    assert np.allclose(np.einsum("ci,ci->c", axes[:, 2], second), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["drape", "rtmsim", "lcmsim"])
+def test_formats_of_shells_refuse_solids(bowl, tmp_path, name):
+    points = np.array([[0.1, 0.1, 0.0], [0.2, 0.1, 0.0], [0.1, 0.2, 0.0], [0.1, 0.1, 0.1]])
+    meshio.Mesh(points, [("tetra", np.array([[0, 1, 2, 3]]))]).write(tmp_path / "solid.vtu")
+    target = read_target(tmp_path / "solid.vtu")
+    weights = compute_weights(bowl.sheet, target, maximum_distance=0.2)
+    with pytest.raises(InputError, match="solid cells; map onto a mesh of triangles"):
+        export(transfer(bowl.sheet, target, weights), target, name, tmp_path / "no")
 
 
 def test_unmapped_cells_are_in_no_variable(bowl, tmp_path):
