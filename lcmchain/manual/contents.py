@@ -22,6 +22,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "identification",
         "membrane-shell",
         "mapping",
+        "formats",
         "fmu",
         "verify",
         "bench",

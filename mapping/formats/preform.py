@@ -129,7 +129,7 @@ def losses_of(preform: Preform) -> list[Loss]:
         )
     ]
     losses.append(
-        worst("places of nodes have eight columns", moved, target.node_ids[used], unit="m")
+        worst("places of nodes have eight columns", moved, target.node_ids[used], unit="m", place="node")
     )
     losses.append(
         Loss(
@@ -138,9 +138,8 @@ def losses_of(preform: Preform) -> list[Loss]:
     )
     halved = preform.triangles.halved
     if halved:
-        losses.append(
-            Loss(f"{halved} quadrilaterals are two triangles each, with the values of the cell")
-        )
+        what = f"{halved} quadrilaterals are two triangles each, with the values of the cell"
+        losses.append(Loss(what, 0.0))
     return losses
 
 

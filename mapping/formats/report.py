@@ -20,9 +20,9 @@ class Loss:
     what : what is left out or taken otherwise, as the beginning of a sentence.
     error : largest error that this causes, in ``unit``; None where it has no number.
     unit : ``rad``, ``m`` or ``1`` (relative).
-    cell : number of the cell (or node, where ``what`` says so) with that error, in the target's
-        file.
+    cell : number of the cell with that error in the target's file, or of what ``place`` names.
     mean : mean over the area [unit], where it is known.
+    place : ``cell`` or ``node``.
     """
 
     what: str
@@ -30,6 +30,7 @@ class Loss:
     unit: str = "1"
     cell: int | None = None
     mean: float | None = None
+    place: str = "cell"
 
     @property
     def notable(self) -> bool:
@@ -41,7 +42,7 @@ class Loss:
         if self.error is None:
             return self.what
         mean = "" if self.mean is None else f" (mean {_shown(self.mean, self.unit)})"
-        where = "" if self.cell is None else f" at number {self.cell}"
+        where = "" if self.cell is None else f" in {self.place} {self.cell}"
         return f"{self.what}: wrong by up to {_shown(self.error, self.unit)}{where}{mean}"
 
 
@@ -82,13 +83,19 @@ Saver = Callable[[], ExportReport]
 
 
 def worst(
-    what: str, error: np.ndarray, numbers: np.ndarray, *, unit: str, area: np.ndarray | None = None
+    what: str,
+    error: np.ndarray,
+    numbers: np.ndarray,
+    *,
+    unit: str,
+    area: np.ndarray | None = None,
+    place: str = "cell",
 ) -> Loss:
     """Loss with the largest of many errors, shape (C,); not-a-number counts for none.
 
     Parameters
     ----------
-    numbers : number of each cell in the target's file, shape (C,).
+    numbers : number of each cell, or of what ``place`` names, in the target's file, shape (C,).
     area : of each cell [m2], for the mean, shape (C,).
     """
     found = np.where(np.isfinite(error), np.abs(error), -1.0)
@@ -97,7 +104,7 @@ def worst(
     if area is not None:
         known = found >= 0.0
         mean = float(np.average(found[known], weights=area[known]))
-    return Loss(what, max(float(found[row]), 0.0), unit, int(numbers[row]), mean)
+    return Loss(what, max(float(found[row]), 0.0), unit, int(numbers[row]), mean, place)
 
 
 def _shown(value: float, unit: str) -> str:
