@@ -129,7 +129,13 @@ def losses_of(preform: Preform) -> list[Loss]:
         )
     ]
     losses.append(
-        worst("places of nodes have eight columns", moved, target.node_ids[used], unit="m", place="node")
+        worst(
+            "places of nodes have eight columns",
+            moved,
+            target.node_ids[used],
+            unit="m",
+            place="node",
+        )
     )
     losses.append(
         Loss(
