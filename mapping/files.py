@@ -51,7 +51,7 @@ def mapped_dataset(
     command : line that maps as this mapping did, for the history of the file.
     """
     mesh = UgridMesh("target", topology_dimension=3 if target.is_solid else 2)
-    used, corners = _compact(target.corners)
+    used, corners = compact(target.corners)
     width = 3 if not target.is_solid and np.all(corners[:, 3] < 0) else corners.shape[1]
     variables: dict[str, Variable] = {}
     if target.is_solid:
@@ -62,7 +62,7 @@ def mapped_dataset(
     variables |= mesh.node_positions(target.points[used])
     if sheet.time is not None:
         variables[TIME] = saved_times(np.asarray(sheet.time))
-    for name, (values, attributes) in _cell_fields(sheet, weights, mapped).items():
+    for name, (values, attributes) in cell_fields(sheet, weights, mapped).items():
         variables[name] = mesh.on_cells(values, attributes)
     for name, (values, attributes) in cell_variables(target).items():
         variables[name] = mesh.on_cells(values, attributes)
@@ -85,7 +85,7 @@ def write_vtu(
     """
     data = {
         name: values
-        for name, (values, _) in _cell_fields(sheet, weights, mapped).items()
+        for name, (values, _) in cell_fields(sheet, weights, mapped).items()
         if name[:-2] not in mapped.vectors
     }
     data |= mapped.vectors | cell_data(target)
@@ -99,8 +99,8 @@ def write_vtu(
     write_mesh(path, mesh)
 
 
-def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
-    """Every cell variable with its attributes, in the order of the file."""
+def cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
+    """Return values (C,) and attributes of every cell variable, in the order of the file."""
     fields = {}
     for name, values in mapped.scalars.items():
         fields[name] = (values, _attributes(sheet, name))
@@ -150,11 +150,11 @@ def _attributes(sheet: Sheet, name: str) -> dict:
     return {"long_name": name, "units": "1", **sheet.attributes.get(name, {}), "_FillValue": np.nan}
 
 
-def _compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Used nodes, and the corner table that counts only these."""
-    used, compact = np.unique(corners[corners >= 0], return_inverse=True)
+def compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the used nodes, and the corner table that counts only these."""
+    used, numbers = np.unique(corners[corners >= 0], return_inverse=True)
     renumbered = np.full(corners.shape, -1, dtype=np.int64)
-    renumbered[corners >= 0] = compact.reshape(-1)
+    renumbered[corners >= 0] = numbers.reshape(-1)
     return used, renumbered
 
 

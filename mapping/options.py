@@ -18,6 +18,9 @@ class MappingOptions:
         the sheet, or the radius of a typical cell where that is larger.
     length_unit : unit of the target's coordinates; what is written is in metres.
     frame : saved frame to map, counted from 0, or backwards from -1, the last one.
+    time : of the saved state [s], the nearest is taken; instead of ``frame``.
+    all_frames : carry the target along with the material and write every saved state, with the
+        weights of the one that is mapped.
     register : map as if the target lay where a small rigid motion brings it to the sheet; what is
         written keeps the target's own coordinates.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
@@ -34,6 +37,8 @@ class MappingOptions:
     maximum_distance: float | None = None
     length_unit: str = "m"
     frame: int = -1
+    time: float | None = None
+    all_frames: bool = False
     register: bool = False
     allow_unmapped: bool = False
     allow_incomplete: bool = False

@@ -106,6 +106,11 @@ class Registration:
         centre = np.array(self.centre)
         return (points - centre) @ self.matrix.T + centre + self.shift
 
+    def restored(self, points: np.ndarray) -> np.ndarray:
+        """Move points [m], shape (N, 3), back to where they were."""
+        centre = np.array(self.centre)
+        return (points - centre - self.shift) @ self.matrix + centre
+
     def distance_in_words(self) -> str:
         """Mean and root-mean-square distance, for the terminal."""
         side = "above" if self.signed_mean >= 0.0 else "below"

@@ -48,16 +48,28 @@ class SmoothSurface:
         ----------
         face : of each place, shape (K,). foot : the places on the facets [m], shape (K, 3).
         """
-        surface = self.surface
-        triangle, shares = self._triangles_at(face, foot)
-        corners = surface.points[surface.triangles[triangle]]
-        normals = self.node_normals[surface.triangles[triangle]]
-        normal = _unit(np.einsum("kc,kci->ki", shares, normals))
-        rise = np.einsum("kci,kci->kc", normals, corners - foot[:, None])
-        height = 0.5 * np.einsum("kc,kc,kci,ki->k", shares, rise, normals, normal)
+        triangle, shares = self.triangles_at(face, foot)
+        _, normal, height = self.over(self.surface.triangles[triangle], shares)
         return normal, height
 
-    def _triangles_at(self, face: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def over(
+        self, nodes: np.ndarray, shares: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Places (K, 3) [m], normals (K, 3) and heights [m] (K,) of the surface over them.
+
+        Parameters
+        ----------
+        nodes : corners of the triangle that holds each place, shape (K, 3).
+        shares : its barycentric coordinates there, shape (K, 3).
+        """
+        corners, normals = self.surface.points[nodes], self.node_normals[nodes]
+        place = np.einsum("kc,kci->ki", shares, corners)
+        normal = _unit(np.einsum("kc,kci->ki", shares, normals))
+        rise = np.einsum("kci,kci->kc", normals, corners - place[:, None])
+        height = 0.5 * np.einsum("kc,kc,kci,ki->k", shares, rise, normals, normal)
+        return place, normal, height
+
+    def triangles_at(self, face: np.ndarray, foot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Triangle of the face that holds each place, and the place's shares of its corners."""
         first = self.surface.first_triangle
         one, other = first[face], first[face + 1] - 1

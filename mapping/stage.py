@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Iterable
 from dataclasses import replace
@@ -17,21 +16,22 @@ from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.formats import export_files, export_path, prepare_export
+from lcmchain.mapping.frame_files import write_frames
+from lcmchain.mapping.frames import mapped_frames
 from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.picture import draw_mapping
 from lcmchain.mapping.registration import Registration, registered, registration_of
 from lcmchain.mapping.report import MappingReport, mapping_report
-from lcmchain.mapping.sheet import Sheet, read_sheet
+from lcmchain.mapping.sheet import Sheet, frame_at, read_sheet
 from lcmchain.mapping.solid_file import file_groups
 from lcmchain.mapping.target import TargetMesh, read_target
+from lcmchain.mapping.target.length_unit import length_unit_hint
 from lcmchain.mapping.transfer import transfer, turned
 from lcmchain.mapping.weights import MappingWeights, compute_weights
 from lcmchain.results import require_complete
 
-# Ratios of usual units of length; sizes of mesh and sheet that differ by about as much make the
-# unit doubtful, and so does anything beyond a hundred.
-UNIT_FACTORS = tuple(factor**sign for factor in (10.0, 25.4, 100.0) for sign in (1, -1))
-SAME_SIZE = 0.3  # largest logarithm of the ratio of a part to its sheet, or the reverse
+# Options that are given or not, in the order in which the history tells them.
+FLAGS = ("all-frames", "register", "allow-unmapped", "allow-incomplete")
 
 
 def map_forming(
@@ -78,48 +78,45 @@ def map_file(
     """
     options = replace(options or MappingOptions(), **changes)
     out = Path(out)
-    if out.is_dir():
-        raise InputError("this is a folder; name the mapped file, such as mapped.nc", file=out)
-    if out.suffix not in (".nc", ".vtu"):
-        raise InputError("the mapped file has to end in .nc or .vtu", file=out)
-    name = name if name is not None else out.stem
-    # Names only in the report: it stays right when the folder moves.
-    endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
-    if options.picture:
-        endings["picture"] = ".png"
-    files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
+    files = _output_files(out, options)
     exported = [file for format in options.exports for file in export_files(out, format)]
     _require_apart([*files.values(), *exported], source, target_mesh)
-    sheet = read_sheet(source, frame=options.frame)
+    frame = options.frame if options.time is None else frame_at(source, options.time)
+    sheet = read_sheet(source, frame=frame)
     unfinished = require_complete(
         sheet.provenance.get("state"), file=sheet.name, allowed=options.allow_incomplete
     )
     target = read_target(target_mesh, kind=options.kind, length_unit=options.length_unit)
     registration = registration_of(sheet, target)
-    placed = _placed(target, registration) if options.register else target
+    motion = _motion(target, registration) if options.register else None
+    placed = registered(target, motion) if motion is not None else target
     weights = _weights(sheet, placed, options)
-    hint = length_unit_hint(sheet, target, options.length_unit)
+    hint = length_unit_hint(target.size, sheet.surface.size, options.length_unit)
     if not (options.allow_unmapped and weights.mapped.any()):
         near = None if options.register else registration
         _refuse_unmapped(target, weights, hint, near, options.allow_unmapped)
     mapped = transfer(sheet, placed, weights)
-    if options.register and registration is not None:
-        mapped = turned(mapped, registration.matrix.T)
+    if motion is not None:
+        mapped = turned(mapped, motion.matrix.T)
     report = mapping_report(
-        sheet, target, weights, mapped, name=name, kind=options.kind,
-        registration=registration, registered=options.register,
+        sheet, target, weights, mapped, name=name if name is not None else Path(out).stem,
+        kind=options.kind, registration=registration, registered=options.register,
     )  # fmt: skip
     report.warnings = [*unfinished, *([hint] if hint else []), *report.warnings]
 
+    # Names only in the report: it stays right when the folder moves.
     report.files = {what: path.name for what, path in files.items()}
-    if options.weights_file is not None and not Path(options.weights_file).exists():
-        weights.save(options.weights_file)
     command = _command(report, target, options)
     dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
     exports = [
         prepare_export(dataset, target, format, export_path(out, format))
         for format in options.exports
     ]
+    if options.weights_file is not None and not Path(options.weights_file).exists():
+        weights.save(options.weights_file)
+    if options.all_frames:
+        frames = mapped_frames(source, sheet, placed, weights)
+        dataset = write_frames(files["frames"], dataset, frames, target, motion)
     write_netcdf(files["netcdf"], file_groups(dataset, target))
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if options.picture:
@@ -127,6 +124,25 @@ def map_file(
     report.add_exports([write() for write in exports])
     report.save(files["report"])
     return report
+
+
+def _output_files(out: Path, options: MappingOptions) -> dict[str, Path]:
+    """Return the files that a mapping writes, by what they hold.
+
+    Raises
+    ------
+    InputError : ``out`` is a folder, or does not end in .nc or .vtu.
+    """
+    if out.is_dir():
+        raise InputError("this is a folder; name the mapped file, such as mapped.nc", file=out)
+    if out.suffix not in (".nc", ".vtu"):
+        raise InputError("the mapped file has to end in .nc or .vtu", file=out)
+    endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
+    if options.all_frames:
+        endings["frames"] = ".pvd"
+    if options.picture:
+        endings["picture"] = ".png"
+    return {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
 
 
 def _command(report: MappingReport, target: TargetMesh, options: MappingOptions) -> str:
@@ -137,14 +153,14 @@ def _command(report: MappingReport, target: TargetMesh, options: MappingOptions)
         "--maximum-distance", f"{1e3 * report.maximum_distance:.10g} mm",
         "--length-unit", options.length_unit,
     ]  # fmt: skip
-    if options.frame != -1:
+    if options.time is not None:
+        words += ["--time", f"{options.time:.10g} s"]
+    elif options.frame != -1:
         words += ["--frame", str(options.frame)]
-    if options.register:
-        words.append("--register")
     for format in options.exports:
         words += ["--export", format]
-    allowed = {"unmapped": options.allow_unmapped, "incomplete": options.allow_incomplete}
-    return shlex.join(words + [f"--allow-{what}" for what, given in allowed.items() if given])
+    words += [f"--{flag}" for flag in FLAGS if getattr(options, flag.replace("-", "_"))]
+    return shlex.join(words)
 
 
 def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> None:
@@ -175,19 +191,19 @@ def _weights(sheet: Sheet, target: TargetMesh, options: MappingOptions) -> Mappi
     return weights
 
 
-def _placed(target: TargetMesh, registration: Registration | None) -> TargetMesh:
-    """Return the target where the fitted motion puts it.
+def _motion(target: TargetMesh, registration: Registration | None) -> Registration:
+    """Return the motion that brings the target to the sheet.
 
     Raises
     ------
-    InputError : no small motion brings it to the sheet.
+    InputError : no small motion does.
     """
     if registration is None:
         reason = "it does not lie over the sheet: move it there, or check length_unit"
     elif registration.is_off and not registration.helps:
         reason = "; ".join(registration.warnings())
     else:
-        return registered(target, registration)
+        return registration
     raise InputError(f"the mesh cannot be registered: {reason}", file=target.file)
 
 
@@ -213,19 +229,6 @@ def _refuse_unmapped(
     if registration is not None and registration.is_off and registration.helps:
         message = f"{message}. {registration.warnings()[0]}"
     raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
-
-
-def length_unit_hint(sheet: Sheet, target: TargetMesh, length_unit: str) -> str | None:
-    """Say that the mesh is as much larger or smaller than the sheet as with a wrong unit, if so."""
-    used = target.points[np.unique(target.corners[target.corners >= 0])]
-    ratio = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0))) / sheet.surface.size
-    near = any(abs(math.log(ratio / factor)) < SAME_SIZE for factor in UNIT_FACTORS)
-    if not near and 0.01 <= ratio <= 100.0:
-        return None
-    return (
-        f"the mesh is {ratio:.3g} times as large as the sheet: check length_unit "
-        f'(now "{length_unit}")'
-    )
 
 
 def _place(point: np.ndarray) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from lcmchain.commands.folders import output_folder
-from lcmchain.commands.terminal import length_of, require_choice, say, warn
+from lcmchain.commands.terminal import length_of, require_choice, say, time_of, warn
 from lcmchain.errors import InputError
 
 
@@ -31,6 +31,14 @@ def map_fields(
         int,
         typer.Option(metavar="N", help="Saved frame to map, from 0; -1 is the last one."),
     ] = -1,
+    time: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help='Saved state to map by its time, such as "120 ms".'),
+    ] = None,
+    all_frames: Annotated[
+        bool,
+        typer.Option("--all-frames", help="Also map every other state, on the moving mesh."),
+    ] = False,
     register: Annotated[
         bool,
         typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
@@ -69,6 +77,8 @@ def map_fields(
             maximum_distance=distance,
             length_unit=length_unit,
             frame=frame,
+            time=None if time is None else time_of("--time", time),
+            all_frames=all_frames,
             register=register,
             allow_unmapped=allow_unmapped,
             allow_incomplete=allow_incomplete,

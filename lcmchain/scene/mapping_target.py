@@ -43,6 +43,10 @@ class MappingTarget(SceneModel):
     length_unit: Annotated[str, LengthUnit()] = Field(
         default="m", description="Unit of the coordinates in the file."
     )
+    all_frames: Switch = Field(
+        default=False,
+        description="Carry the mesh along with the material and map every saved state.",
+    )
     # Not "register", which every class of pydantic has as a method.
     registration: Switch = Field(
         default=False, description="Bring the mesh to the sheet by a small rigid motion."

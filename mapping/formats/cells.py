@@ -15,6 +15,7 @@ from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, PERMEABILITY_AXES
 from lcmchain.mapping.target import TargetMesh
+from lcmchain.mapping.target.variables import cell_variables
 from lcmchain.mapping.transfer import MappedFields
 
 _COMPONENT = re.compile(r"(.+)_([xyz])")
@@ -149,10 +150,14 @@ def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> Mappe
     if TIME in mapped.dims:
         mapped = mapped.isel({TIME: -1})
     place = "volume" if target.is_solid else "face"
+    # Numbers, parts and sets of the cells are no fields: they come from the target.
+    about_cells = cell_variables(target)
     own = {
         str(name): variable
         for name, variable in mapped.data_vars.items()
-        if variable.attrs.get("location") == place and variable.dtype.kind in "fiu"
+        if variable.attrs.get("location") == place
+        and variable.dtype.kind in "fiu"
+        and name not in about_cells
     }
     if not own and any(v.attrs.get("location") == "node" for v in mapped.data_vars.values()):
         raise InputError(
@@ -176,11 +181,10 @@ def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> Mappe
         if count == 3
     }
     in_vectors = {f"{stem}_{axis}" for stem in vectors for axis in "xyz"}
-    # The number of a cell is no field: it comes from the target.
     scalars = {
         name: np.asarray(variable.values, dtype=float)
         for name, variable in own.items()
-        if name not in in_vectors and name != "cell_id"
+        if name not in in_vectors
     }
     time = mapped.get(TIME)
     return MappedCells(

@@ -128,6 +128,12 @@ class TargetMesh:
         return float(np.median(distance.max(axis=1)))
 
     @cached_property
+    def size(self) -> float:
+        """Diagonal of the box around the corners of the cells [m]."""
+        used = self.points[np.unique(self.corners[self.corners >= 0])]
+        return float(np.linalg.norm(used.max(axis=0) - used.min(axis=0)))
+
+    @cached_property
     def skin(self) -> tuple[np.ndarray, np.ndarray]:
         """Outer faces of a solid: corner nodes (F, 4), -1 behind a triangle, and cells (F,)."""
         faces, owners = [], []

@@ -16,6 +16,7 @@ Described = tuple[np.ndarray, dict[str, Any]]
 
 # A variable's name, and a word of flag_meanings, consist of these (CF 1.11, 2.3 and 3.5).
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_]+")
+_NOT_IN_XML = re.compile(r"[<>&\"'\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
 def cell_variables(target: TargetMesh) -> dict[str, Described]:
@@ -57,17 +58,16 @@ def cell_data(target: TargetMesh) -> dict[str, np.ndarray]:
     data = {"cell_id": target.cell_ids}
     if target.parts:
         data["part"] = part_numbers(target)
-    for prefix, sets in ((PART, target.parts), (CELL_SET, target.cell_sets)):
-        data |= {prefix + _plain(name): _marks(rows, target.cell_count)
-                 for name, rows in sets.items()}  # fmt: skip
-    return data
+    return (
+        data
+        | _marked(PART, target.parts, target.cell_count)
+        | _marked(CELL_SET, target.cell_sets, target.cell_count)
+    )
 
 
 def point_data(target: TargetMesh) -> dict[str, np.ndarray]:
     """Return number and membership in sets of every node, for VTU."""
-    count = len(target.points)
-    sets = {NODE_SET + _plain(name): _marks(rows, count) for name, rows in target.node_sets.items()}
-    return {"node_id": target.node_ids} | sets
+    return {"node_id": target.node_ids} | _marked(NODE_SET, target.node_sets, len(target.points))
 
 
 def part_numbers(target: TargetMesh) -> np.ndarray:
@@ -98,19 +98,22 @@ def _marks(rows: np.ndarray, count: int) -> np.ndarray:
     return marks
 
 
-def _distinct(names: Iterable[str]) -> list[str]:
-    """Names as words for variables and flags, no two alike."""
+def _marked(kind: str, sets: Mapping[str, np.ndarray], count: int) -> dict[str, np.ndarray]:
+    """Arrays of 0 and 1 named by what they mark, without what meshio does not escape in XML."""
+    names = _distinct(sets, _NOT_IN_XML)
+    return {
+        kind + name: _marks(rows, count) for name, rows in zip(names, sets.values(), strict=True)
+    }
+
+
+def _distinct(names: Iterable[str], forbidden: re.Pattern = _NOT_IN_NAMES) -> list[str]:
+    """Names without what is forbidden in them, no two alike."""
     words: list[str] = []
     for name in names:
-        word = base = _NOT_IN_NAMES.sub("_", name).strip("_") or "unnamed"
+        word = base = forbidden.sub("_", name) or "unnamed"
         number = 1
         while word in words:
             number += 1
             word = f"{base}_{number}"
         words.append(word)
     return words
-
-
-def _plain(name: str) -> str:
-    """Name without what XML cannot hold."""
-    return "".join(letter if letter.isprintable() else "_" for letter in name)

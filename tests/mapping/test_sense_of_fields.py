@@ -110,3 +110,14 @@ def test_alignment_of_each_family_is_a_field(make, write_mesh, tmp_path):
         np.testing.assert_allclose(found, [1.0, 0.75, 1.0], rtol=1e-12)
         assert found.attrs["units"] == "1" and "eigenvalue" in found.attrs["comment"]
         np.testing.assert_allclose(dataset["fibre_direction_2_alignment"], 1.0, rtol=1e-12)
+
+
+def test_a_mapped_file_is_mapped_further(make, bowl, cells, write_mesh, tmp_path):
+    points, quads = cells
+    flipped = write_mesh(points, [("quad", quads[:, ::-1])])
+    map_file(result_of(make, *bowl), flipped, tmp_path / "m.nc", picture=False)
+    map_file(tmp_path / "m.nc", write_mesh(points, [("quad", quads)], "up.vtu"), tmp_path / "n.nc",
+             picture=False)  # fmt: skip
+    with xr.open_dataset(tmp_path / "n.nc") as dataset:  # about the normals of the first target
+        np.testing.assert_allclose(dataset["shear_angle"].values, SHEAR, rtol=1e-12)
+        assert dataset["fibre_direction_1_alignment"].min() > 0.99

@@ -29,7 +29,7 @@ _CONTINUUM_SHELL = {"SC6": "wedge", "SC8": "hexahedron", "CSS8": "hexahedron"}
 _SOLID = re.compile(r"(?:C3D|DC3D|DCC3D|Q3D|EC3D)(\d+)([A-Z]*)")
 
 #: Faces of solids by their number from 1, corners from 0.
-FACES = {
+FACES: dict[str, list[tuple[int, ...]]] = {
     "tetra": [(0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)],
     "pyramid": [(0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)],
     "wedge": [(0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)],

@@ -157,7 +157,8 @@ def _placed(name: str, scopes: tuple[Scope, ...], rotation, shift) -> Placed:
     cells = [group for scope in scopes for group in scope.cells]
     blocks, cell_ids = merged_blocks(cells, Numbering(ids))
     unturned = np.array_equal(rotation, np.eye(3))
-    points = points + shift if unturned else points @ rotation.T + shift
+    with np.errstate(over="ignore", invalid="ignore"):  # places far off are told by the cells
+        points = points + shift if unturned else points @ rotation.T + shift
     return Placed(name, scopes, ids, points, blocks, cell_ids)
 
 

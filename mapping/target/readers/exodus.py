@@ -30,7 +30,7 @@ _SHAPES = {
     "CIR": {1: "vertex"},
 }
 # Nodes of the sides by their number from 1, corners from 0.
-_SIDES = {
+_SIDES: dict[str, list[tuple[int, ...]]] = {
     "hexahedron": [
         *[(0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (0, 4, 7, 3)],
         *[(0, 3, 2, 1), (4, 5, 6, 7)],
@@ -169,9 +169,9 @@ def _take_sets(file: Any, mesh: FileMesh, rows: np.ndarray, kinds: list[str]) ->
         found = [NO_IDS]
         for element, side in zip(elements, sides, strict=True):
             row = int(rows[element]) if 0 <= element < len(rows) else -1
-            nodes = _nodes_of_side(mesh, row, int(side), kinds) if row >= 0 else None
-            lost += nodes is None
-            found.append(NO_IDS if nodes is None else nodes)
+            corners = _nodes_of_side(mesh, row, int(side), kinds) if row >= 0 else None
+            lost += corners is None
+            found.append(NO_IDS if corners is None else corners)
         free = name if name not in mesh.node_sets else f"{name} (sides)"
         mesh.node_sets[free] = np.unique(np.concatenate(found))
     mesh.notes.append(

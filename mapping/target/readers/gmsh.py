@@ -92,14 +92,10 @@ def read_gmsh(path: Path) -> FileMesh:
     """
     content = path.read_bytes()
     found = re.match(rb"\s*\$MeshFormat\s+(\d+\.?\d*)\s+([01])\s+(\d+)[^\n]*\n", content)
-    if found is None or found[1] not in (b"2", b"2.2", b"4.1") or found[3] not in (b"4", b"8"):
-        mesh = read_by_meshio(path)
-        if found is not None:
-            mesh.notes.append(
-                f"numbers of nodes and elements of MSH {found[1].decode()} are not read, they are "
-                "counted from 1; save as version 4.1"
-            )
-        return mesh
+    if found is None:
+        return read_by_meshio(path)  # Ansys has this ending too
+    if found[1] not in (b"2", b"2.2", b"4.1") or found[3] not in (b"4", b"8"):
+        return _of_other_version(path, found[1].decode())
     first = content[found.end() : found.end() + 4]
     numbers = {
         "binary": found[2] == b"1",
@@ -110,6 +106,23 @@ def read_gmsh(path: Path) -> FileMesh:
     if not len(read.node_ids) or not read.batches:
         raise InputError("the file has no nodes or no elements", file=path)
     return _mesh(path, read)
+
+
+def _of_other_version(path: Path, version: str) -> FileMesh:
+    """Mesh as meshio reads it, without numbers."""
+    try:
+        mesh = read_by_meshio(path)
+    except InputError as error:
+        raise InputError(
+            f"MSH {version} cannot be read here; save as version 4.1 (Mesh.MshFileVersion = 4.1): "
+            f"{error.message}",
+            file=path,
+        ) from None
+    mesh.notes.append(
+        f"numbers of nodes and elements of MSH {version} are not read, they are counted from 1; "
+        "save as version 4.1"
+    )
+    return mesh
 
 
 def _read(path: Path, content: bytes, version_4: bool, options: dict) -> _Content:
@@ -203,14 +216,14 @@ def _nodes_2(numbers: Numbers, read: _Content, binary: bool) -> None:
 def _elements_2(numbers: Numbers, read: _Content, binary: bool) -> None:
     rows: dict[tuple[int, int, tuple[int, ...]], list[np.ndarray]] = {}
     for code, tags, row in _rows_2(numbers, binary):
-        groups = (int(abs(tags[0])),) if len(tags) and tags[0] else ()
+        groups = tuple(int(abs(tag)) for tag in tags[:1] if tag)
         entity = int(tags[1]) if len(tags) > 1 else 0
         rows.setdefault((code, entity, groups), []).append(row)
-    for (code, entity, groups), listed in rows.items():
+    for (code, entity, within), listed in rows.items():
         kind = KINDS[code]
         table = np.stack(listed)
         nodes = table[:, 1:][:, kind.order]
-        read.batches.append(Batch(kind, table[:, 0], nodes, entity, groups))
+        read.batches.append(Batch(kind, table[:, 0], nodes, entity, within))
 
 
 def _rows_2(numbers: Numbers, binary: bool) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:

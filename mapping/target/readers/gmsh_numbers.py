@@ -6,7 +6,7 @@ Source: Gmsh reference manual, "MSH file format".
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +77,7 @@ class Numbers:
         return InputError(f"the section ${self._name} {message}", file=self._path)
 
 
-def sections(path: Path, content: bytes) -> Iterator[tuple[str, int, int]]:
+def sections(path: Path, content: bytes) -> Generator[tuple[str, int, int], int | None, None]:
     """Yield name, start and end of each section; send the end of a binary one back.
 
     Raises

@@ -155,11 +155,11 @@ def _groups(cards: list[Card], element: Element) -> list[_Group]:
         if rows:
             listed = [card for card, _ in rows]
             ids = np.array([card.whole(0) for card in listed], dtype=np.int64)
-            nodes = np.array([nodes for _, nodes in rows], dtype=np.int64)[:, order]
+            table = np.array([nodes for _, nodes in rows], dtype=np.int64)[:, order]
             # without a property it has that of its own number
             numbers = np.array([card.whole(1, card.whole(0)) for card in listed])
             place = [card.place for card in listed]
-            cells = Cells(name, ids, nodes, place.__getitem__)
+            cells = Cells(name, ids, table, place.__getitem__)
             found.append(_Group(cells, numbers, np.array(partly if name == element.shape else [])))
     return found
 

@@ -91,8 +91,8 @@ class Systems:
         with np.errstate(over="ignore", invalid="ignore"):
             z = points[1] - points[0]
             y = np.cross(z, points[2] - points[0])
-            lengths = np.linalg.norm(z), np.linalg.norm(y)
-        if not all(np.isfinite(lengths)) or min(lengths) <= 1e-12 * max(1.0, *lengths):
+            lengths = float(np.linalg.norm(z)), float(np.linalg.norm(y))
+        if not np.isfinite(lengths).all() or min(lengths) <= 1e-12 * max(1.0, *lengths):
             raise card.place.error(f"{card.name} {card.text(first)} has no three different axes")
         z, y = z / lengths[0], y / lengths[1]
         return System(card.name[5], points[0], np.stack([np.cross(y, z), y, z]))

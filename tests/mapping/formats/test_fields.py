@@ -78,7 +78,10 @@ def test_fields_themselves_give_the_same_as_the_dataset(bowl, tmp_path, name):
 def test_a_result_of_another_mesh_is_refused(bowl, part, tmp_path, name):
     other = part(low=-0.8)
     fewer = replace(
-        other.target, blocks=other.target.blocks[:1], cell_ids=other.target.cell_ids[:36]
+        other.target,
+        blocks=other.target.blocks[:1],
+        cell_ids=other.target.cell_ids[:36],
+        cell_sets={},
     )
     with pytest.raises(InputError, match="not one on this mesh of 36 cells"):
         export(bowl.dataset, fewer, name, tmp_path / "no")
