@@ -31,9 +31,9 @@ def inputs(make, tmp_path):
     return tmp_path
 
 
-def run(folder, *words):
+def run(folder, *words, target="target.vtu"):
     command = [
-        "map", str(folder / "forming.nc"), str(folder / "target.vtu"),
+        "map", str(folder / "forming.nc"), str(folder / target),
         "--out", str(folder / "mapped.nc"), "--length-unit", "mm", *words,
     ]  # fmt: skip
     return CliRunner().invoke(app, command)
@@ -60,6 +60,34 @@ def test_exports_lie_beside_the_mapped_file_and_in_its_report(inputs):
         pylife.vmap.VMAPImport(inputs / "mapped.vmap").make_mesh("1").join_coordinates().to_frame()
     )
     assert np.allclose(frame["x"].max(), 1.0)  # metres
+
+
+def test_numbers_and_sets_of_a_solver_deck_arrive(inputs):
+    deck = """*NODE
+    10, 0.0, 0.0, 0.0
+    20, 1000.0, 0.0, 0.0
+    30, 1000.0, 1000.0, 0.0
+    40, 0.0, 1000.0, 0.0
+    *ELEMENT, TYPE=S3, ELSET=SKIN
+    700, 10, 20, 30
+    800, 10, 30, 40
+    *ELSET, ELSET=GATE
+    800,
+    *NSET, NSET=CORNER
+    20, 30
+    """
+    (inputs / "target.inp").write_text(deck.replace("    ", ""))
+    done = run(inputs, "--export", "vmap", target="target.inp")
+    assert done.exit_code == 0, done.output
+    file = pylife.vmap.VMAPImport(inputs / "mapped.vmap")
+    nodes = {700: [10, 20, 30], 800: [10, 30, 40]}
+    found = file.make_mesh("1").to_frame().index.tolist()
+    assert found == [(cell, node) for cell, corners in nodes.items() for node in corners]
+    assert set(file.element_sets("1")) == {"SKIN", "GATE"}
+    gate = file.make_mesh("1").filter_element_set("GATE").to_frame()
+    assert set(gate.index.get_level_values("element_id")) == {800}
+    corner = file.make_mesh("1").filter_node_set("CORNER").to_frame()
+    assert set(corner.index.get_level_values("node_id")) == {20, 30}
 
 
 def test_the_history_of_the_file_repeats_the_exports(inputs):

@@ -100,6 +100,14 @@ def test_the_report_names_the_worst_second_family(bowl, written, vectors):
     assert f"{np.degrees(error.max()):.2g} degrees" in written[1].warnings[0]
 
 
+def test_numbers_and_sets_of_the_target_are_no_variables(bowl, written):
+    found = set(pylife.vmap.VMAPImport(written[0]).variables("1", "STATE-1"))
+    about_cells = {name for name in bowl.dataset.data_vars if name.startswith(("cell_", "part"))}
+    assert len(about_cells) == 3  # number and two sets
+    assert found.isdisjoint(name.upper() for name in about_cells)
+    assert found >= {name.upper() for name in {*bowl.fields.scalars, *bowl.fields.vectors}}
+
+
 def test_units_stand_in_the_file(written):
     with h5py.File(written[0]) as file:
         system = file["VMAP/SYSTEM/UNITSYSTEM"][:, 0]
