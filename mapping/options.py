@@ -33,6 +33,8 @@ class MappingOptions:
         instead of refusing them.
     weights_file : ``.npz`` with stored weights: used where it exists, else written.
     picture : draw source and target side by side.
+    exports : formats of other programs to write beside the mapped file, by their names in
+        :data:`lcmchain.mapping.formats.FORMATS`.
     """
 
     kind: str = "structure"
@@ -51,3 +53,4 @@ class MappingOptions:
     allow_incomplete: bool = False
     weights_file: Path | str | None = None
     picture: bool = True
+    exports: tuple[str, ...] = ()

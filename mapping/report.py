@@ -11,6 +11,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.formats.report import ExportReport
 from lcmchain.mapping.orientation import perpendicular_family_error
 from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
@@ -50,6 +51,7 @@ class MappingReport:
     number of cells whose normals point to the lower side of the sheet, None for solids.
     ``verification`` holds the error that the mapping adds to each field
     (:class:`lcmchain.mapping.verify.FieldError`), where that was asked for.
+    ``exports`` holds an :class:`lcmchain.mapping.formats.ExportReport` of each further format.
     """
 
     name: str
@@ -79,6 +81,12 @@ class MappingReport:
     verification: dict[str, dict[str, Any]] | None = None
     warnings: list[str] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
+    exports: list[dict[str, Any]] = field(default_factory=list)
+
+    def add_exports(self, exports: list[ExportReport]) -> None:
+        """Take up what was written for other programs, and what their formats cannot hold."""
+        self.exports += [export.as_dict() for export in exports]
+        self.warnings += [warning for export in exports for warning in export.warnings]
 
     def as_dict(self) -> dict:
         """Plain values, ready for JSON."""

@@ -54,6 +54,14 @@ def map_fields(
         float,
         typer.Option(help="Largest relative difference of a solid's thickness from the formed."),
     ] = 0.1,
+    exports: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--export",
+            metavar="FORMAT",
+            help="Write for another program too: vmap, drape, rtmsim or lcmsim; repeatable.",
+        ),
+    ] = None,
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
@@ -92,6 +100,7 @@ def map_fields(
             allow_unmapped=allow_unmapped,
             allow_ambiguous=allow_ambiguous,
             allow_incomplete=allow_incomplete,
+            exports=tuple(dict.fromkeys(exports or ())),
         )
         report = map_file(source, target, out, options)
     say(report.summary())
