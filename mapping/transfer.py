@@ -61,6 +61,14 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         from lcmchain.mapping.plies import transfer_plies
 
         return transfer_plies(sheet, target, weights)
+    return carried(sheet, weights, None if target.is_solid else target.surface.normals)
+
+
+def carried(sheet: Sheet, weights: MappingWeights, normals: np.ndarray | None) -> MappedFields:
+    """Carry every field of one ply to the cells, or to the nodes, that weights are for.
+
+    normals : unit normals of the cells (C, 3); None for solids, which have none.
+    """
     scalars = {
         name: (
             transfer_content(sheet, weights, values)
@@ -73,7 +81,6 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         scalars |= solid_scalars(sheet, weights, scalars, fibre_density(sheet))
     else:
         scalars |= _fibre_volume_fraction(sheet, scalars, weights.solid_thickness)
-    normals = None if target.is_solid else target.surface.normals
     if normals is not None:
         for name in ABOUT_NORMAL & scalars.keys():
             scalars[name] = facing(sheet, weights, normals) * scalars[name]
@@ -88,7 +95,7 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         found = map_permeability(sheet.surface, weights, sheet.permeability, normals)
         scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
         axes = {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
-    return MappedFields(scalars, directions, axes, about_sheet=target.is_solid)
+    return MappedFields(scalars, directions, axes, about_sheet=normals is None)
 
 
 def facing(sheet: Sheet, weights: MappingWeights, normals: np.ndarray) -> np.ndarray:
