@@ -47,13 +47,13 @@ def meshes(make, source, target, triangles=True, shape=dome):
     return shape(points), quads, TargetMesh(shape(other), ((kind, cells),), {})
 
 
-def verified(sheet, target, method="overlap"):
+def verified(sheet, target, method="overlap", order=2):
     """The estimate, and what was mapped."""
-    weights = compute_weights(sheet, target, method=method)
+    weights = compute_weights(sheet, target, method=method, order=order)
 
     def weigh(one, other):
         distance = weights.maximum_distance
-        return compute_weights(one, other, method=method, maximum_distance=distance)
+        return compute_weights(one, other, method=method, order=order, maximum_distance=distance)
 
     mapped = transfer(sheet, target, weights)
     return verify(sheet, target, weights, mapped, weigh), mapped
@@ -90,7 +90,8 @@ def test_four_parts_of_every_face_cover_it_and_share_their_edges(make):
 def test_parts_of_targets_know_their_cells(make):
     points, faces = mixed(make)
     target, face = as_target(Surface(points, faces))
-    np.testing.assert_allclose(target.centroids, Surface(points, faces).centroids[face], atol=1e-15)
+    centroids = Surface(points, faces).centroids[face]
+    np.testing.assert_allclose(target.surface.centroids, centroids, atol=1e-15)
     fine, parent = refined_target(target)
     areas = np.bincount(parent, fine.surface.areas, minlength=target.cell_count)
     np.testing.assert_allclose(areas, target.surface.areas, rtol=1e-12)
@@ -142,28 +143,34 @@ def test_means_of_parts_converge_with_third_order_on_a_dome(make):
 # --- the estimate ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["overlap", "closest"])
+@pytest.mark.parametrize(
+    ("method", "order", "alike"), [("overlap", 1, 0.7), ("overlap", 2, 0.3), ("closest", 1, 0.7)]
+)
 @pytest.mark.parametrize(
     ("source", "target", "triangles"), [(30, 16, True), (30, 50, True), (30, 27, False)]
 )
 def test_the_estimate_is_the_true_error_within_a_factor_of_two(
-    make, method, source, target, triangles
+    make, method, order, alike, source, target, triangles
 ):
-    """On coarser, finer and equal targets, of states and of contents, by both methods."""
+    """On coarser, finer and equal targets, of states and of contents, by both methods.
+
+    alike : least correlation of estimate and error; of second order both are twenty times smaller,
+        and contents are left out: what they differ by are the areas of facets and of the dome.
+    """
     points, quads, mesh = meshes(make, source, target, triangles)
     thickness = exact_means(Surface(points, quads))
     sheet = read_sheet(
         make.forming_result(points, quads, thickness=thickness, areal_fibre_mass=600.0 * thickness)
     )
-    found, mapped = verified(sheet, mesh, method)
+    found, mapped = verified(sheet, mesh, method, order)
     true = exact_means(mesh.surface)
-    for name, factor in (("thickness", 1.0), ("areal_fibre_mass", 600.0)):
+    for name, factor in (("thickness", 1.0), ("areal_fibre_mass", 600.0))[: 3 - order]:
         error = np.abs(mapped.scalars[name] - factor * true)
         estimate, of_field = found.cells[name], found.fields[name]
         assert 0.5 < of_field.root_mean_square / np.sqrt(np.mean(error**2)) < 2.0
         assert 0.5 < of_field.worst / error.max() < 2.0
         assert estimate[of_field.worst_cell] == of_field.worst == estimate.max()
-        assert np.corrcoef(estimate, error)[0, 1] > 0.7  # and it is large where the error is
+        assert np.corrcoef(estimate, error)[0, 1] > alike  # and it is large where the error is
     assert (of_field.units, found.fields["thickness"].units) == ("kg m-2", "m")
 
 
@@ -186,10 +193,18 @@ def test_constant_fields_have_no_error(make):
 
 def swirled(points, quads, make):
     """Two families that turn by 60 degrees over the part and are sheared unevenly."""
-    normal = make.area_vectors(points, quads)
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    centre = points[quads].mean(axis=1)
-    return directions_at(centre, normal)
+    return on_facets(Surface(points, quads))
+
+
+def on_facets(surface):
+    """The families on the sphere, projected onto the facets."""
+    normal = surface.centroids / np.linalg.norm(surface.centroids, axis=1)[:, None]
+    families = []
+    for family in directions_at(RADIUS * normal, normal):
+        out = np.einsum("fi,fi->f", family, surface.normals)[:, None]
+        flat = family - out * surface.normals
+        families.append(flat / np.linalg.norm(flat, axis=1)[:, None])
+    return families
 
 
 def directions_at(places, normal):
@@ -217,8 +232,7 @@ def test_errors_of_directions_and_of_the_permeability_are_estimated(make, signs)
         principal_permeabilities(law, np.full(len(quads), 0.5), first, second),
     )
     found, mapped = verified(read_sheet(result), mesh)
-    at = RADIUS * mesh.centroids / np.linalg.norm(mesh.centroids, axis=1)[:, None]
-    expected = directions_at(at, mesh.surface.normals)
+    expected = on_facets(mesh.surface)
     for number, true in enumerate(expected, start=1):
         name = f"fibre_direction_{number}"
         cosine = np.abs(np.einsum("ci,ci->c", mapped.directions[name].direction, true))
@@ -227,7 +241,7 @@ def test_errors_of_directions_and_of_the_permeability_are_estimated(make, signs)
         assert of_field.units == "rad"
         assert 0.5 < of_field.root_mean_square / np.sqrt(np.mean(error**2)) < 2.0
         assert 0.5 < of_field.worst / error.max() < 2.0
-    true = principal_permeabilities(law, np.full(len(at), 0.5), *expected)
+    true = principal_permeabilities(law, np.full(mesh.cell_count, 0.5), *expected)
     tensor = lambda values, axes: sum(  # noqa: E731
         k[:, None, None] * np.einsum("ci,cj->cij", e, e) for k, e in zip(values, axes, strict=True)
     )
@@ -284,7 +298,7 @@ def test_errors_leave_as_fields_numbers_and_picture(make, write_mesh, tmp_path, 
         nodes = np.concatenate([nodes * 0.996, nodes * 1.004])
         table = np.hstack([table, table + len(mesh.points)])
     target = write_mesh(nodes, [(cells, table)])
-    report = map_file(result, target, tmp_path / "m.nc", verify=True)
+    report = map_file(result, target, tmp_path / "m.nc", verify=True, thickness_limit=1.0)
     assert report.files["errors"] == "m_errors.png" and (tmp_path / "m_errors.png").is_file()
     found = report.verification["thickness"]
     assert json.loads((tmp_path / "m.json").read_text())["verification"]["thickness"] == found
@@ -298,7 +312,7 @@ def test_errors_leave_as_fields_numbers_and_picture(make, write_mesh, tmp_path, 
         assert "--verify" in dataset.attrs["history"]
     data = meshio.read(tmp_path / "m.vtu").cell_data
     assert data["areal_fibre_mass_mapping_error"][0].shape == (mesh.cell_count,)
-    again = map_file(result, target, tmp_path / "m.nc", picture=False)
+    again = map_file(result, target, tmp_path / "m.nc", picture=False, thickness_limit=1.0)
     assert again.verification is None
     with xr.open_dataset(tmp_path / "m.nc") as dataset:
         assert not any("mapping_error" in str(name) for name in dataset)
