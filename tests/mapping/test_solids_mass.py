@@ -309,3 +309,25 @@ def test_nodes_that_are_repeated_from_cell_to_cell_are_the_same(make, uneven_bow
     np.testing.assert_allclose(
         everything(sheet, apart), everything(uneven_bowl, target), rtol=1e-12, atol=1e-12
     )
+
+
+def test_a_wrinkled_solid_is_covered_to_its_outline(make):
+    """Thin cells whose sides are warped by more than they are thick, to the edge of the sheet."""
+    points, quads = make.grid(14, 14, (-0.5, -0.5), (0.5, 0.5), jitter=0.1)
+
+    def wrinkled(p, z):
+        x, y = p.T
+        normal = np.stack([-0.4 * np.cos(8.0 * x) * np.cos(7.0 * y),
+                           0.35 * np.sin(8.0 * x) * np.sin(7.0 * y), np.ones(len(p))], axis=1)  # fmt: skip
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        height = 0.05 * np.sin(8.0 * x) * np.cos(7.0 * y)
+        return np.stack([x, y, height], axis=1) + z * normal
+
+    even = {"thickness": 0.009, "areal_fibre_mass": 0.6, "fibre_volume_fraction": 0.5}
+    sheet = read_sheet(make.forming_result(wrinkled(points, 0.0), quads, **even))
+    target = solid(*make.bricks(points, quads, (-0.0045, -0.0015, 0.0015, 0.0045), wrinkled))
+    weights, fields = mapped_onto(sheet, target)
+    np.testing.assert_array_equal(weights.face_coverage, 1.0)
+    mass = np.sum(fields["fibre_volume_fraction"] * 0.6 / 0.0045 * volumes_of(target))
+    assert mass == pytest.approx(np.sum(0.6 * sheet.surface.areas), rel=1e-12)
+    np.testing.assert_allclose(fields["solid_thickness"], 0.009, rtol=0.02)
