@@ -14,6 +14,12 @@ from lcmchain.fields.vtu import write_mesh
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import Sheet, file_sha256
 from lcmchain.mapping.target import TargetMesh
+from lcmchain.mapping.target.variables import (
+    cell_data,
+    cell_variables,
+    node_variables,
+    point_data,
+)
 from lcmchain.mapping.transfer import ERROR, PERMEABILITY, MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
 
@@ -43,7 +49,8 @@ def mapped_dataset(
     """Mapped fields as a UGRID dataset in the conventions of the forming result.
 
     Cells of a shell are faces of a two-dimensional mesh, cells of a solid volumes of a
-    three-dimensional one; mid-side nodes of higher-order cells are left out.
+    three-dimensional one; mid-side nodes of higher-order cells and nodes without a cell are left
+    out. Numbers, parts and sets of the target are variables beside the fields.
 
     command : line that maps as this mapping did, for the history of the file.
     """
@@ -61,6 +68,10 @@ def mapped_dataset(
         variables[TIME] = saved_times(np.asarray(sheet.time))
     for name, (values, attributes) in cell_fields(sheet, weights, mapped).items():
         variables[name] = mesh.on_cells(values, attributes)
+    for name, (values, attributes) in cell_variables(target).items():
+        variables[name] = mesh.on_cells(values, attributes)
+    for name, (values, attributes) in node_variables(target).items():
+        variables[name] = mesh.on_nodes(values[used], attributes)
     own = _global_attributes(sheet, target, report, command)
     return mesh.dataset(variables, {**sheet.provenance, **own})
 
@@ -72,18 +83,22 @@ def write_vtu(
     weights: MappingWeights,
     mapped: MappedFields,
 ) -> None:
-    """Write the mapped fields on the target mesh as VTU; directions and axes become vectors."""
+    """Write the mapped fields on the target mesh as VTU; directions and axes become vectors.
+
+    All nodes of the target file are there, mid-side nodes and those without a cell too.
+    """
     data = {
         name: values
         for name, (values, _) in cell_fields(sheet, weights, mapped).items()
         if name[:-2] not in mapped.vectors
     }
-    data |= mapped.vectors
+    data |= mapped.vectors | cell_data(target)
     ends = np.cumsum([len(cells) for _, cells in target.blocks])[:-1]
     mesh = meshio.Mesh(
         target.points,
         [(name, cells) for name, cells in target.blocks],
         cell_data={name: np.split(values, ends) for name, values in data.items()},
+        point_data=point_data(target),
     )
     write_mesh(path, mesh)
 

@@ -252,6 +252,7 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     if target.ignored:
         cells = ", ".join(f"{count} {name}" for name, count in target.ignored.items())
         found.append(f"cells of the target file left aside: {cells}")
+    found += target.notes
     if sheet.unused:
         found.append(f"fields left aside, no scalars or with holes: {', '.join(sheet.unused)}")
     return found

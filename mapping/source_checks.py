@@ -45,6 +45,11 @@ def mesh_of(dataset: xr.Dataset, name: str) -> tuple[Mapping[str, Any], xr.DataA
         raise InputError(
             f"a forming result has one two-dimensional mesh, this has {len(found)}", file=name
         )
+    if "skin_of" in found[0]:
+        raise InputError(
+            "this holds fields on a solid mesh, which is no formed sheet; map from forming.nc",
+            file=name,
+        )
     key = str(found[0].get("face_node_connectivity"))
     if key not in dataset.variables:
         raise InputError(f'the mesh has no faces: there is no variable "{key}"', file=name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Iterable
 from dataclasses import replace
@@ -14,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import ROOT, write_netcdf
+from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping.error_picture import draw_errors
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few
@@ -25,19 +24,18 @@ from lcmchain.mapping.picture import draw_mapping
 from lcmchain.mapping.registration import Registration, registered, registration_of
 from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, frame_at, read_sheet
+from lcmchain.mapping.solid_file import file_groups
 from lcmchain.mapping.target import TargetMesh, read_target
+from lcmchain.mapping.target.length_unit import length_unit_hint
 from lcmchain.mapping.transfer import transfer, turned
 from lcmchain.mapping.verify import verify
-from lcmchain.mapping.weights import MappingWeights, compute_weights
+from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 from lcmchain.results import require_complete
 
-# Ratios of usual units of length; sizes of mesh and sheet that differ by about as much make the
-# unit doubtful, and so does anything beyond a hundred.
-UNIT_FACTORS = tuple(factor**sign for factor in (10.0, 25.4, 100.0) for sign in (1, -1))
 # Options that are given or not, in the order in which the history tells them.
-FLAGS = ("all-frames", "register", "verify", "allow-unmapped", "allow-incomplete")
-
-SAME_SIZE = 0.3  # largest logarithm of the ratio of a part to its sheet, or the reverse
+FLAGS = (
+    "all-frames", "register", "verify", "allow-unmapped", "allow-ambiguous", "allow-incomplete"
+)  # fmt: skip
 
 
 def map_forming(
@@ -95,10 +93,12 @@ def map_file(
     motion = _motion(target, registration) if options.register else None
     placed = registered(target, motion) if motion is not None else target
     weights = _weights(sheet, placed, options)
-    hint = length_unit_hint(sheet, target, options.length_unit)
+    hint = length_unit_hint(target.size, sheet.surface.size, options.length_unit)
     if not (options.allow_unmapped and weights.mapped.any()):
         near = None if options.register else registration
         _refuse_unmapped(target, weights, hint, near, options.allow_unmapped)
+    if not options.allow_ambiguous:
+        _refuse_ambiguous(target, weights)
     mapped = transfer(sheet, placed, weights)
     verification = None
     if options.verify:
@@ -123,7 +123,7 @@ def map_file(
     if options.all_frames:
         frames = mapped_frames(source, sheet, placed, weights)
         dataset = write_frames(files["frames"], dataset, frames, target, motion)
-    write_netcdf(files["netcdf"], {ROOT: dataset})
+    write_netcdf(files["netcdf"], file_groups(dataset, target))
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if options.picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
@@ -159,6 +159,7 @@ def _command(report: MappingReport, target: TargetMesh, options: MappingOptions)
     words = [
         "lcmchain", "map", Path(report.source).name, target.file.name if target.file else "TARGET",
         "--out", report.files["netcdf"], "--kind", report.kind, "--method", report.method,
+        "--order", str(options.order),
         "--maximum-distance", f"{1e3 * report.maximum_distance:.10g} mm",
         "--length-unit", options.length_unit,
     ]  # fmt: skip
@@ -183,25 +184,45 @@ def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> N
 
 def _computed(options: MappingOptions, sheet: Sheet, target: TargetMesh) -> MappingWeights:
     return compute_weights(
-        sheet, target, method=options.method, maximum_distance=options.maximum_distance
+        sheet,
+        target,
+        method=options.method,
+        order=options.order,
+        maximum_distance=options.maximum_distance,
     )
 
 
 def _weights(sheet: Sheet, target: TargetMesh, options: MappingOptions) -> MappingWeights:
     """Compute the weights, or take the stored ones where they are those that are asked for."""
-    method, maximum_distance = options.method, options.maximum_distance
+    wanted = {"method": options.method, "order": options.order}
+    maximum_distance = options.maximum_distance
     if options.weights_file is None or not Path(options.weights_file).exists():
         return _computed(options, sheet, target)
     weights = MappingWeights.load(options.weights_file)
     weights.check_meshes(sheet, target, file=options.weights_file)
     same_distance = maximum_distance in (None, weights.maximum_distance)
-    if weights.method != method or not same_distance:
+    same = all(getattr(weights, name) == value for name, value in wanted.items())
+    if not same or not same_distance:
         raise InputError(
-            f"the stored weights are {weights.method} weights within "
+            f"the stored weights are {weights.method} weights of order {weights.order} within "
             f"{weights.maximum_distance:g} m; ask for the same or delete the file",
             file=options.weights_file,
         )
     return weights
+
+
+def _refuse_ambiguous(target: TargetMesh, weights: MappingWeights) -> None:
+    ambiguous = np.flatnonzero(weights.status == Status.AMBIGUOUS)
+    if len(ambiguous):
+        raise InputError(
+            f"{len(ambiguous)} of {target.cell_count} cells lie about as near to one layer of the "
+            f"sheet as to another ({first_few(ambiguous)}; the first has its centroid at "
+            f"{_place(target.centroids[ambiguous[0]])} mm): two walls, or folds, that are closer "
+            "to each other than the mesh is to either. Move the mesh onto the mid-surface of the "
+            "sheet (--register shows how far it is off), lower maximum_distance, or allow "
+            "ambiguous cells, which then take the nearer layer",
+            file=target.file,
+        )
 
 
 def _motion(target: TargetMesh, registration: Registration | None) -> Registration:
@@ -242,19 +263,6 @@ def _refuse_unmapped(
     if registration is not None and registration.is_off and registration.helps:
         message = f"{message}. {registration.warnings()[0]}"
     raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
-
-
-def length_unit_hint(sheet: Sheet, target: TargetMesh, length_unit: str) -> str | None:
-    """Say that the mesh is as much larger or smaller than the sheet as with a wrong unit, if so."""
-    used = target.points[np.unique(target.corners[target.corners >= 0])]
-    ratio = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0))) / sheet.surface.size
-    near = any(abs(math.log(ratio / factor)) < SAME_SIZE for factor in UNIT_FACTORS)
-    if not near and 0.01 <= ratio <= 100.0:
-        return None
-    return (
-        f"the mesh is {ratio:.3g} times as large as the sheet: check length_unit "
-        f'(now "{length_unit}")'
-    )
 
 
 def _place(point: np.ndarray) -> str:
