@@ -53,12 +53,19 @@ def _fitted(surface: Surface, moment: np.ndarray, values: np.ndarray) -> np.ndar
     scales = length ** np.array([1, 1, 2, 2, 2])
     rows /= scales
     weight = (length / distance) ** 2
-    start = np.searchsorted(face, np.arange(surface.face_count))
+    pair = np.arange(len(face))
+    shape = (surface.face_count, len(face))
+    of_face = csr_array((np.ones(len(face)), (face, pair)), shape=shape)
     squares = np.einsum("pi,pj,p->pij", rows, rows, weight)
-    matrix = np.add.reduceat(squares, start, axis=0)
-    matrix += _REGULAR * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
+    matrix = (of_face @ squares.reshape(-1, 25)).reshape(-1, 5, 5)
+    trace = np.trace(matrix, axis1=1, axis2=2)
+    # A face without others around keeps its mean everywhere.
+    matrix += np.where(trace > 0.0, _REGULAR * trace, 1.0)[:, None, None] * np.eye(5)
     products = np.einsum("pi,pn,p->pin", rows, values[other] - values[face], weight)
-    return np.linalg.solve(matrix, np.add.reduceat(products, start, axis=0)) / scales[:, None]
+    right = (of_face @ products.reshape(len(face), 5 * values.shape[1])).reshape(
+        -1, 5, values.shape[1]
+    )
+    return np.linalg.solve(matrix, right) / scales[:, None]
 
 
 def _rows(
@@ -84,8 +91,9 @@ def _faces_around(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of a face and another that shares a node with it (or with one that does), by face."""
     there = surface.faces >= 0
     face = np.repeat(np.arange(surface.face_count), there.sum(axis=1))
+    place = surface.places[surface.faces[there]]  # nodes may be repeated face by face
     shape = (surface.face_count, len(surface.points))
-    touches = csr_array((np.ones(len(face)), (face, surface.faces[there])), shape=shape)
+    touches = csr_array((np.ones(len(face)), (face, place)), shape=shape)
     near = csr_array(touches @ touches.T)
     counts = np.diff(near.indptr) - 1
     few = counts < ENOUGH

@@ -138,6 +138,22 @@ def test_quadratics_are_exact_on_any_plane_mesh(make):
     np.testing.assert_allclose(found, means(fine), atol=1e-8)
 
 
+def test_repeated_nodes_are_one_place_and_a_lonely_face_keeps_its_mean(make):
+    points, faces = mixed(make)
+    surface = Surface(points, faces)
+    values = np.sin(5.0 * surface.centroids[:, :1])
+    fine, parent = refined_surface(surface)
+    expected = means_of_parts(surface, fine, parent, values)
+    closed = np.where(faces < 0, faces[:, 2:3], faces)
+    apart = np.where(faces < 0, -1, np.arange(faces.size).reshape(faces.shape))
+    torn = Surface(points[closed].reshape(-1, 3), apart)
+    found = means_of_parts(torn, refined_surface(torn)[0], parent, values)
+    np.testing.assert_allclose(found, expected, atol=1e-10)
+    alone = Surface(points, faces[:1])
+    found = means_of_parts(alone, *refined_surface(alone), np.array([[3.0]]))
+    np.testing.assert_allclose(found, 3.0, rtol=1e-12)
+
+
 def test_means_of_parts_converge_with_third_order_on_a_dome(make):
     errors = []
     for cells in (12, 24, 48):
