@@ -31,11 +31,10 @@ def means_of_parts(
 
     Source: Barth and Frederickson, AIAA paper 90-0013 (1990), k-exact reconstruction.
     """
-    frame = np.stack(_tangents(surface.normals), axis=1)
-    centroid, moment = _moments(surface)
-    coefficients = _fitted(surface, frame, centroid, moment, values)
-    of_part, moment_of_part = _moments(parts)
-    rows, _ = _rows(of_part - centroid[parent], moment_of_part - moment[parent], frame[parent])
+    moment = _moments(surface)
+    coefficients = _fitted(surface, moment, values)
+    offset = parts.centroids - surface.centroids[parent]
+    rows, _ = _rows(offset, _moments(parts) - moment[parent], surface.frames[parent])
     found = values[parent] + np.einsum("pk,pkn->pn", rows, coefficients[parent])
     # What rounding and warped faces leave of the mean is taken from all parts alike.
     area = np.bincount(parent, weights=parts.areas, minlength=surface.face_count)
@@ -45,28 +44,28 @@ def means_of_parts(
     return found - (mean - values)[parent]
 
 
-def _fitted(
-    surface: Surface,
-    frame: np.ndarray,
-    centroid: np.ndarray,
-    moment: np.ndarray,
-    values: np.ndarray,
-) -> np.ndarray:
+def _fitted(surface: Surface, moment: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Coefficients of the quadratics, shape (F, 5, K)."""
     face, other = _faces_around(surface)
-    rows, distance = _rows(
-        centroid[other] - centroid[face], moment[other] - moment[face], frame[face]
-    )
+    offset = surface.centroids[other] - surface.centroids[face]
+    rows, distance = _rows(offset, moment[other] - moment[face], surface.frames[face])
     length = surface.edge_length
     scales = length ** np.array([1, 1, 2, 2, 2])
     rows /= scales
     weight = (length / distance) ** 2
-    start = np.searchsorted(face, np.arange(surface.face_count))
+    pair = np.arange(len(face))
+    shape = (surface.face_count, len(face))
+    of_face = csr_array((np.ones(len(face)), (face, pair)), shape=shape)
     squares = np.einsum("pi,pj,p->pij", rows, rows, weight)
-    matrix = np.add.reduceat(squares, start, axis=0)
-    matrix += _REGULAR * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(5)
+    matrix = (of_face @ squares.reshape(-1, 25)).reshape(-1, 5, 5)
+    trace = np.trace(matrix, axis1=1, axis2=2)
+    # A face without others around keeps its mean everywhere.
+    matrix += np.where(trace > 0.0, _REGULAR * trace, 1.0)[:, None, None] * np.eye(5)
     products = np.einsum("pi,pn,p->pin", rows, values[other] - values[face], weight)
-    return np.linalg.solve(matrix, np.add.reduceat(products, start, axis=0)) / scales[:, None]
+    right = (of_face @ products.reshape(len(face), 5 * values.shape[1])).reshape(
+        -1, 5, values.shape[1]
+    )
+    return np.linalg.solve(matrix, right) / scales[:, None]
 
 
 def _rows(
@@ -92,8 +91,9 @@ def _faces_around(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of a face and another that shares a node with it (or with one that does), by face."""
     there = surface.faces >= 0
     face = np.repeat(np.arange(surface.face_count), there.sum(axis=1))
+    place = surface.places[surface.faces[there]]  # nodes may be repeated face by face
     shape = (surface.face_count, len(surface.points))
-    touches = csr_array((np.ones(len(face)), (face, surface.faces[there])), shape=shape)
+    touches = csr_array((np.ones(len(face)), (face, place)), shape=shape)
     near = csr_array(touches @ touches.T)
     counts = np.diff(near.indptr) - 1
     few = counts < ENOUGH
@@ -113,25 +113,14 @@ def _faces_around(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     return face[order].astype(np.int64), other[order].astype(np.int64)
 
 
-def _tangents(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    away = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = np.cross(normals, away)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    return first, np.cross(normals, first)
-
-
-def _moments(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids [m], shape (F, 3), and mean of d d over each face [m2], d from there, (F, 3, 3)."""
+def _moments(surface: Surface) -> np.ndarray:
+    """Mean of d d over each face [m2], d from its centroid, shape (F, 3, 3)."""
     corners, face = surface.triangle_corners, surface.triangle_face
     middle = corners.mean(axis=1)
     offset = corners - middle[:, None]
-    area = 0.5 * np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    area = np.linalg.norm(surface.triangle_area_vectors, axis=1)
     share = area / np.bincount(face, area, minlength=surface.face_count)[face]
-    start = surface.first_triangle[:-1]
-    centroid = np.add.reduceat(share[:, None] * middle, start, axis=0)
-    apart = middle - centroid[face]
+    apart = middle - surface.centroids[face]
     squares = np.einsum("tci,tcj->tij", offset, offset) / 12.0
     squares += np.einsum("ti,tj->tij", apart, apart)
-    return centroid, np.add.reduceat(share[:, None, None] * squares, start, axis=0)
+    return np.add.reduceat(share[:, None, None] * squares, surface.first_triangle[:-1], axis=0)
