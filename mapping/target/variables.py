@@ -109,12 +109,12 @@ def _marked(kind: str, sets: Mapping[str, np.ndarray], count: int) -> dict[str, 
 
 def _distinct(names: Iterable[str], forbidden: re.Pattern = _NOT_IN_NAMES) -> list[str]:
     """Names without what is forbidden in them, no two alike."""
-    words: list[str] = []
+    words: dict[str, None] = {}
     for name in names:
         word = base = forbidden.sub("_", name) or "unnamed"
         number = 1
         while word in words:
             number += 1
             word = f"{base}_{number}"
-        words.append(word)
-    return words
+        words[word] = None
+    return list(words)
