@@ -151,7 +151,9 @@ def _elements_4(numbers: Numbers, read: Content, binary: bool) -> None:
         dimension, entity, code = (int(value) for value in numbers.take("int", 3))
         kind = _known(numbers, code)
         count = numbers.one("size")
-        table = numbers.take("size", count * (1 + kind.node_count)).reshape(count, -1)
+        table = numbers.take("size", count * (1 + kind.node_count)).reshape(
+            count, 1 + kind.node_count
+        )
         groups = read.physical.get((dimension, entity), ())
         nodes = table[:, 1:][:, kind.order]
         read.batches.append(Batch(kind, table[:, 0], nodes, entity, groups))
@@ -189,14 +191,14 @@ def _rows_2(numbers: Numbers, binary: bool) -> Iterator[tuple[int, np.ndarray, n
     if not binary:
         for _ in range(numbers.one("int")):
             number, code, tag_count = (int(value) for value in numbers.take("int", 3))
-            kind = _known(numbers, code)
+            kind = _known(numbers, code, tag_count)
             values = numbers.take("int", tag_count + kind.node_count)
             yield code, values[:tag_count], np.concatenate([[number], values[tag_count:]])
         return
     left = numbers.count
     while left > 0:
         code, count, tag_count = (int(value) for value in numbers.take("int", 3))
-        kind = _known(numbers, code)
+        kind = _known(numbers, code, tag_count)
         if count < 1:
             raise numbers.error("holds a count that cannot be right (0)")
         left -= count
@@ -205,7 +207,10 @@ def _rows_2(numbers: Numbers, binary: bool) -> Iterator[tuple[int, np.ndarray, n
             yield code, row[1 : 1 + tag_count], np.concatenate([row[:1], row[1 + tag_count :]])
 
 
-def _known(numbers: Numbers, code: int) -> Kind:
+def _known(numbers: Numbers, code: int, tag_count: int = 0) -> Kind:
+    """Kind of a type's number, which stands before a count of tags in version 2."""
+    if tag_count < 0:
+        raise numbers.error(f"holds a count that cannot be right ({tag_count})")
     if code not in KINDS:
         raise numbers.error(
             f"holds elements of type {code}, above the second order; mesh with order 1 or 2"
