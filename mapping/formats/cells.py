@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
+from lcmchain.fields.table import FIELD_OF_VARIABLE
 from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, PERMEABILITY_AXES
@@ -146,7 +147,13 @@ def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> Mappe
     InputError : the fields lie on nodes, or belong to another mesh.
     """
     if isinstance(mapped, MappedFields):
-        return MappedCells(target, mapped.scalars, mapped.vectors)
+        names = [*mapped.scalars, *(f"{stem}_x" for stem in mapped.vectors)]
+        known = {name: FIELD_OF_VARIABLE[name] for name in names if name in FIELD_OF_VARIABLE}
+        about = {
+            name: {"units": field.units, "long_name": field.long_name}
+            for name, field in known.items()
+        }
+        return MappedCells(target, mapped.scalars, mapped.vectors, about)
     if TIME in mapped.dims:
         mapped = mapped.isel({TIME: -1})
     place = "volume" if target.is_solid else "face"

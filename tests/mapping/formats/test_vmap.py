@@ -121,6 +121,14 @@ def test_units_stand_in_the_file(written):
         assert state["FIBRE_VOLUME_FRACTION"].attrs["MYUNIT"] == -1
 
 
+def test_fields_without_their_file_have_units_too(bowl, tmp_path):
+    export(bowl.fields, bowl.target, "vmap", tmp_path / "fields.vmap")
+    with h5py.File(tmp_path / "fields.vmap") as file:
+        state = file["VMAP/VARIABLES/STATE-1/1"]
+        assert state["THICKNESS"].attrs["MYUNIT"] == 1
+        assert state["PERMEABILITY_1"].attrs["MYVARIABLEDESCRIPTION"].endswith(b"[m2]")
+
+
 def shape_of(file):
     """Every group and dataset, with the names of its attributes and columns."""
     found = {}
