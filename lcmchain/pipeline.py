@@ -344,7 +344,11 @@ def _expected_files(scene: Scene) -> list[str]:
     mapped = [
         f"{target.name}{end}"
         for target in scene.mapping
-        for end in (*MAPPED_SUFFIXES, *([".pvd"] if target.all_frames else []))
+        for end in (
+            *MAPPED_SUFFIXES,
+            *([".pvd"] if target.all_frames else []),
+            *(["_errors.png"] if target.verify else []),
+        )
     ]
     return [*OWN_FILES, *mapped]
 

@@ -24,6 +24,7 @@ class MappingOptions:
         weights of the one that is mapped.
     register : map as if the target lay where a small rigid motion brings it to the sheet; what is
         written keeps the target's own coordinates.
+    verify : estimate the error that the mapping adds to every field; takes some ten times as long.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
     allow_ambiguous : take the nearer of two layers of the sheet that lie about as near instead of
         failing.
@@ -44,6 +45,7 @@ class MappingOptions:
     time: float | None = None
     all_frames: bool = False
     register: bool = False
+    verify: bool = False
     allow_unmapped: bool = False
     allow_ambiguous: bool = False
     allow_incomplete: bool = False

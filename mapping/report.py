@@ -48,6 +48,8 @@ class MappingReport:
     ``registered`` whether its motion was applied before the mapping. ``opposite_normals`` is the
     number of cells whose normals point to the lower side of the sheet, None for solids.
     ``exports`` holds an :class:`lcmchain.mapping.formats.ExportReport` of each further format.
+    ``verification`` holds the error that the mapping adds to each field
+    (:class:`lcmchain.mapping.verify.FieldError`), where that was asked for.
     """
 
     name: str
@@ -74,6 +76,7 @@ class MappingReport:
     opposite_normals: int | None = None
     registration: dict[str, Any] | None = None
     registered: bool = False
+    verification: dict[str, dict[str, Any]] | None = None
     warnings: list[str] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
     exports: list[dict[str, Any]] = field(default_factory=list)

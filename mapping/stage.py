@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.mapping.error_picture import draw_errors
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.formats import export_files, export_path, prepare_export
@@ -27,11 +29,14 @@ from lcmchain.mapping.solid_file import file_groups
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.target.length_unit import length_unit_hint
 from lcmchain.mapping.transfer import transfer, turned
+from lcmchain.mapping.verify import verify
 from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 from lcmchain.results import require_complete
 
 # Options that are given or not, in the order in which the history tells them.
-FLAGS = ("all-frames", "register", "allow-unmapped", "allow-ambiguous", "allow-incomplete")
+FLAGS = (
+    "all-frames", "register", "verify", "allow-unmapped", "allow-ambiguous", "allow-incomplete"
+)  # fmt: skip
 
 
 def map_forming(
@@ -98,12 +103,18 @@ def map_file(
     if not options.allow_ambiguous:
         _refuse_ambiguous(target, weights)
     mapped = transfer(sheet, placed, weights)
+    verification = None
+    if options.verify:
+        within = replace(options, maximum_distance=weights.maximum_distance)
+        verification = verify(sheet, placed, weights, mapped, partial(_computed, within))
+        mapped = replace(mapped, errors=verification.cells)
     if motion is not None:
         mapped = turned(mapped, motion.matrix.T)
     report = mapping_report(
         sheet, target, weights, mapped, name=name if name is not None else Path(out).stem,
         kind=options.kind, registration=registration, registered=options.register,
     )  # fmt: skip
+    report.verification = verification.as_dict() if verification else None
     report.warnings = [*unfinished, *([hint] if hint else []), *report.warnings]
 
     # Names only in the report: it stays right when the folder moves.
@@ -123,6 +134,8 @@ def map_file(
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if options.picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
+        if options.verify:
+            draw_errors(files["errors"], target, mapped, report)
     report.add_exports([write() for write in exports])
     report.save(files["report"])
     return report
@@ -144,6 +157,8 @@ def _output_files(out: Path, options: MappingOptions) -> dict[str, Path]:
         endings["frames"] = ".pvd"
     if options.picture:
         endings["picture"] = ".png"
+        if options.verify:
+            endings["errors"] = "_errors.png"
     return {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
 
 
@@ -177,12 +192,22 @@ def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> N
             )
 
 
+def _computed(options: MappingOptions, sheet: Sheet, target: TargetMesh) -> MappingWeights:
+    return compute_weights(
+        sheet,
+        target,
+        method=options.method,
+        order=options.order,
+        maximum_distance=options.maximum_distance,
+    )
+
+
 def _weights(sheet: Sheet, target: TargetMesh, options: MappingOptions) -> MappingWeights:
     """Compute the weights, or take the stored ones where they are those that are asked for."""
     wanted = {"method": options.method, "order": options.order}
     maximum_distance = options.maximum_distance
     if options.weights_file is None or not Path(options.weights_file).exists():
-        return compute_weights(sheet, target, **wanted, maximum_distance=maximum_distance)
+        return _computed(options, sheet, target)
     weights = MappingWeights.load(options.weights_file)
     weights.check_meshes(sheet, target, file=options.weights_file)
     same_distance = maximum_distance in (None, weights.maximum_distance)

@@ -19,6 +19,12 @@ ONE_DENSITY = 1e-4
 # Fields that count something per area; its total over the covered area is kept.
 CONTENTS = ("areal_fibre_mass",)
 
+# What the error that the mapping adds to a field is called, after the name of the field.
+ERROR = "_mapping_error"
+
+# The permeability has one error, that of its tensor.
+PERMEABILITY = "permeability"
+
 # Angles between axes, counted about the normal: seen from the other side they change their sign.
 ABOUT_NORMAL = frozenset({"shear_angle"})
 
@@ -30,12 +36,14 @@ class MappedFields:
     axes : principal axes (C, 3), which are unit vectors without a sense.
     about_sheet : whether signed angles are about the normal of the sheet, as in solid cells, rather
         than about that of the cell.
+    errors : that the mapping adds to fields, by their names, shape (C,); where it was verified.
     """
 
     scalars: dict[str, np.ndarray]
     directions: dict[str, MappedDirections]
     axes: dict[str, np.ndarray] = field(default_factory=dict)
     about_sheet: bool = False
+    errors: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def vectors(self) -> dict[str, np.ndarray]:

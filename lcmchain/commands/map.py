@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from lcmchain.commands.folders import output_folder
-from lcmchain.commands.terminal import length_of, require_choice, say, time_of, warn
+from lcmchain.commands.terminal import console, length_of, require_choice, say, time_of, warn
 from lcmchain.errors import InputError
 
 
@@ -54,6 +54,10 @@ def map_fields(
             help="Write for another program too: vmap, drape, rtmsim or lcmsim; repeatable.",
         ),
     ] = None,
+    verify: Annotated[
+        bool,
+        typer.Option("--verify", help="Estimate the error that the mapping adds to every field."),
+    ] = False,
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
@@ -87,6 +91,7 @@ def map_fields(
             time=None if time is None else time_of("--time", time),
             all_frames=all_frames,
             register=register,
+            verify=verify,
             allow_unmapped=allow_unmapped,
             allow_ambiguous=allow_ambiguous,
             allow_incomplete=allow_incomplete,
@@ -94,6 +99,10 @@ def map_fields(
         )
         report = map_file(source, target, out, options)
     say(report.summary())
+    if report.verification is not None:
+        from lcmchain.report.mapping_errors import error_table
+
+        console().print(error_table(report.verification))
     for warning in report.warnings:
         warn(warning)
 

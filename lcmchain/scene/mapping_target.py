@@ -55,6 +55,10 @@ class MappingTarget(SceneModel):
         default=False, description="Bring the mesh to the sheet by a small rigid motion."
     )
 
+    verify: Switch = Field(
+        default=False, description="Estimate the error that the mapping adds to every field."
+    )
+
     def options(self) -> dict[str, Any]:
         """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
         same = self.model_dump(exclude={"name", "mesh", "registration"})
