@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
+from lcmchain.fields.table import FIELD_OF_VARIABLE
 from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, PERMEABILITY_AXES
@@ -146,7 +147,13 @@ def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> Mappe
     InputError : the fields lie on nodes, or belong to another mesh.
     """
     if isinstance(mapped, MappedFields):
-        return MappedCells(target, mapped.scalars, mapped.vectors)
+        names = [*mapped.scalars, *(f"{stem}_x" for stem in mapped.vectors)]
+        known = {name: FIELD_OF_VARIABLE[name] for name in names if name in FIELD_OF_VARIABLE}
+        about = {
+            name: {"units": field.units, "long_name": field.long_name}
+            for name, field in known.items()
+        }
+        return MappedCells(target, mapped.scalars, mapped.vectors, about)
     if TIME in mapped.dims:
         mapped = mapped.isel({TIME: -1})
     place = "volume" if target.is_solid else "face"
@@ -159,33 +166,24 @@ def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> Mappe
         and variable.dtype.kind in "fiu"
         and name not in about_cells
     }
-    if not own and any(v.attrs.get("location") == "node" for v in mapped.data_vars.values()):
+    # How the cells were mapped is on them also where the fields are not.
+    fields_of_cells = [name for name in own if not name.startswith("mapping_")]
+    on_nodes = any(v.attrs.get("location") == "node" for v in mapped.data_vars.values())
+    if not fields_of_cells and on_nodes:
         raise InputError(
             "the fields lie on the nodes and exports take those of cells; map onto cells",
             file=target.file,
         )
-    if not own or any(v.shape[-1:] != (target.cell_count,) for v in own.values()):
+    numbers = mapped.get("cell_id")
+    others = numbers is not None and not np.array_equal(numbers.values, target.cell_ids)
+    if not own or others or any(v.shape[-1:] != (target.cell_count,) for v in own.values()):
         raise InputError(
             f"the mapped result is not one on this mesh of {target.cell_count} cells",
             file=target.file,
         )
     left_out = tuple(name for name, variable in own.items() if variable.ndim > 1)
     own = {name: variable for name, variable in own.items() if name not in left_out}
-    stems: dict[str, int] = {}
-    for name in own:
-        if match := _COMPONENT.fullmatch(name):
-            stems[match[1]] = stems.get(match[1], 0) + 1
-    vectors = {
-        stem: np.stack([own[f"{stem}_{axis}"].values for axis in "xyz"], axis=1)
-        for stem, count in stems.items()
-        if count == 3
-    }
-    in_vectors = {f"{stem}_{axis}" for stem in vectors for axis in "xyz"}
-    scalars = {
-        name: np.asarray(variable.values, dtype=float)
-        for name, variable in own.items()
-        if name not in in_vectors
-    }
+    scalars, vectors = _scalars_and_vectors(own)
     time = mapped.get(TIME)
     return MappedCells(
         target,
@@ -196,3 +194,25 @@ def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> Mappe
         float(time) if time is not None and time.ndim == 0 else None,
         left_out,
     )
+
+
+def _scalars_and_vectors(
+    variables: Mapping[str, xr.DataArray],
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Variables by name; those that are three components of one become a vector."""
+    stems: dict[str, int] = {}
+    for name in variables:
+        if match := _COMPONENT.fullmatch(name):
+            stems[match[1]] = stems.get(match[1], 0) + 1
+    vectors = {
+        stem: np.stack([variables[f"{stem}_{axis}"].values for axis in "xyz"], axis=1)
+        for stem, count in stems.items()
+        if count == 3
+    }
+    in_vectors = {f"{stem}_{axis}" for stem in vectors for axis in "xyz"}
+    scalars = {
+        name: np.asarray(variable.values, dtype=float)
+        for name, variable in variables.items()
+        if name not in in_vectors
+    }
+    return scalars, vectors

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Passes over all cells between two splits; the last ones lower the errors by less than a percent.
-MOST_PASSES = 30
+# Passes over all cells between two splits, and the share of the squared errors that one has to take
+# away for another to follow.
+MOST_PASSES, GAIN = 30, 1e-3
 
 # Squared relative error below which a class stands for a cell exactly.
 EXACT = 1e-20
@@ -95,7 +96,7 @@ def classify(cells: Permeable, count: int) -> Classes:
 
 def _split(cells: Permeable, classes: Classes, most: int) -> Classes:
     """Begin a new class at the worst cell of each of the worst classes, ``most`` at most."""
-    own = _squares(cells, classes)[np.arange(len(cells.area)), classes.of_cell]
+    own = _own_squares(cells, classes)
     costs = cells.area * own
     cost = np.bincount(classes.of_cell, costs, minlength=classes.count)
     of_cell, count = classes.of_cell.copy(), classes.count
@@ -113,9 +114,10 @@ def class_errors(cells: Permeable, classes: Classes) -> ClassErrors:
 
     The error of the tensor is the Frobenius norm of its difference over that of the tensor.
     """
-    rows, own = np.arange(len(cells.area)), classes.of_cell
+    own = classes.of_cell
+    twice = _cosine_of_twice(*_own_components(cells, classes.direction[own]))
     return ClassErrors(
-        np.sqrt(_tensor_squares(cells, classes)[rows, own]),
+        np.sqrt(_tensor_squares(cells, classes.values[own], twice)),
         np.abs(classes.porosity[own] / cells.porosity - 1.0),
         np.abs(classes.thickness[own] / cells.thickness - 1.0),
     )
@@ -130,9 +132,12 @@ def _improved(cells: Permeable, classes: Classes) -> tuple[Classes, float]:
             break
         found = _fitted(cells, of_cell, best.count, best)
         its_cost = _cost(cells, found)
-        if its_cost >= cost * (1.0 - 1e-12):
+        if its_cost < cost:
+            best, gain, cost = found, cost - its_cost, its_cost
+        else:
+            gain = 0.0
+        if gain < GAIN * cost:
             break
-        best, cost = found, its_cost
     return best, cost
 
 
@@ -165,54 +170,77 @@ def _leading_axis(cells: Permeable, mine: np.ndarray) -> np.ndarray:
 
 def _best_values(cells: Permeable, mine: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float]:
     """Permeabilities along a projected axis and across it with the fewest squares, and these."""
-    along, across, coupling, norm = _components(cells, mine, axis[None])
-    weight = cells.area[mine] / norm**2
-    values = np.array([
-        np.sum(weight * component[:, 0]) / weight.sum() for component in (along, across)
-    ])  # fmt: skip
-    squares = (
-        (along[:, 0] - values[0]) ** 2 + (across[:, 0] - values[1]) ** 2 + 2.0 * coupling[:, 0] ** 2
-    )
-    return values, float(np.sum(weight * squares))
-
-
-def _components(
-    cells: Permeable, mine: np.ndarray, directions: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Each cell's tensor in the frame of N projected directions, (M, N) each, and its norm (M,)."""
-    axis, normal = cells.axis[mine], cells.normal[mine]
     larger, smaller = cells.values[mine].T
-    cosine, sine = axis @ directions.T, np.cross(normal, axis) @ directions.T
-    length = np.hypot(cosine, sine)
-    # A direction along the normal projects to nothing: the cell's own axis stands in.
-    flat = length > 0.0
-    cosine = np.where(flat, cosine / np.where(flat, length, 1.0), 1.0)
-    sine = np.where(flat, sine / np.where(flat, length, 1.0), 0.0)
-    along = larger[:, None] * cosine**2 + smaller[:, None] * sine**2
-    across = larger[:, None] * sine**2 + smaller[:, None] * cosine**2
-    coupling = (larger - smaller)[:, None] * cosine * sine
-    return along, across, coupling, np.hypot(larger, smaller)
-
-
-def _tensor_squares(cells: Permeable, classes: Classes) -> np.ndarray:
-    """Squared relative error of the tensor of each cell in each class, shape (C, N)."""
-    everywhere = np.ones(len(cells.area), dtype=bool)
-    along, across, coupling, norm = _components(cells, everywhere, classes.direction)
-    squares = (
-        (along - classes.values[:, 0]) ** 2
-        + (across - classes.values[:, 1]) ** 2
-        + 2.0 * coupling**2
+    twice = _cosine_of_twice(
+        cells.axis[mine] @ axis, np.cross(cells.normal[mine], cells.axis[mine]) @ axis
     )
-    return squares / norm[:, None] ** 2
+    weight = cells.area[mine] / (larger**2 + smaller**2)
+    mean, half = 0.5 * (larger + smaller), 0.5 * (larger - smaller)
+    middle = np.sum(weight * mean) / weight.sum()
+    deviator = np.sum(weight * half * twice) / weight.sum()
+    squares = (mean - middle) ** 2 + half**2 + deviator**2 - 2.0 * half * deviator * twice
+    return np.array([middle + deviator, middle - deviator]), float(np.sum(weight * squares))
+
+
+def _own_components(cells: Permeable, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Components of one direction per cell along its axis and across it, shape (C,)."""
+    across = np.cross(cells.normal, cells.axis)
+    return (
+        np.einsum("ci,ci->c", cells.axis, directions),
+        np.einsum("ci,ci->c", across, directions),
+    )
+
+
+def _cosine_of_twice(along: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """Cosine of twice the angle between an axis and a projected direction, from its components.
+
+    A direction along the normal projects to nothing: the axis itself stands in.
+    """
+    along, across = along**2, across**2
+    length = along + across
+    return np.where(length > 0.0, (along - across) / np.where(length > 0.0, length, 1.0), 1.0)
+
+
+def _tensor_squares(cells: Permeable, values: np.ndarray, twice: np.ndarray) -> np.ndarray:
+    """Squared relative difference between the tensors of cells and classes.
+
+    In the plane a tensor is its mean value and half the difference of its principal values at
+    twice the angle of the larger one.
+
+    Parameters
+    ----------
+    values : of the classes, shape (..., 2).
+    twice : cosine of twice the angle between the axes, shape (C,) or (C, N).
+    """
+    larger, smaller = (cells.values[:, column] for column in (0, 1))
+    if twice.ndim == 2:
+        larger, smaller = larger[:, None], smaller[:, None]
+    mean, half = 0.5 * (larger + smaller), 0.5 * (larger - smaller)
+    middle, deviator = (
+        0.5 * (values[..., 0] + values[..., 1]),
+        0.5 * (values[..., 0] - values[..., 1]),
+    )
+    squares = (mean - middle) ** 2 + (half - deviator) ** 2 + 2.0 * half * deviator * (1.0 - twice)
+    # Rounding may leave less than nothing where both are the same.
+    return 2.0 * np.maximum(squares, 0.0) / (larger**2 + smaller**2)
 
 
 def _squares(cells: Permeable, classes: Classes) -> np.ndarray:
     """Sum of the squared relative errors of each cell in each class, shape (C, N)."""
-    porosity = classes.porosity[None] / cells.porosity[:, None] - 1.0
-    thickness = classes.thickness[None] / cells.thickness[:, None] - 1.0
-    return _tensor_squares(cells, classes) + porosity**2 + thickness**2
+    twice = _cosine_of_twice(
+        cells.axis @ classes.direction.T,
+        np.cross(cells.normal, cells.axis) @ classes.direction.T,
+    )
+    porosity = classes.porosity / cells.porosity[:, None] - 1.0
+    thickness = classes.thickness / cells.thickness[:, None] - 1.0
+    return _tensor_squares(cells, classes.values, twice) + porosity**2 + thickness**2
+
+
+def _own_squares(cells: Permeable, classes: Classes) -> np.ndarray:
+    """Sum of the squared relative errors of each cell in its own class, shape (C,)."""
+    errors = class_errors(cells, classes)
+    return errors.permeability**2 + errors.porosity**2 + errors.thickness**2
 
 
 def _cost(cells: Permeable, classes: Classes) -> float:
-    own = _squares(cells, classes)[np.arange(len(cells.area)), classes.of_cell]
-    return float(np.sum(cells.area * own))
+    return float(np.sum(cells.area * _own_squares(cells, classes)))

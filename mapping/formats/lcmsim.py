@@ -27,7 +27,7 @@ from lcmchain.mapping.formats.report import ExportReport, Saver
 NAME = "lcmsim"
 
 # LCMsim counts parts in eight bits. More classes than these make its table hard to read and lower
-# the error little: twice as many take a third off it.
+# the error little: twice as many take less than a third off it.
 MOST_PARTS = 127
 MOST_CLASSES = 32
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,8 +22,9 @@ from lcmchain.mapping.formats.report import Loss, worst
 from lcmchain.mapping.formats.triangles import Triangles, triangles_of
 from lcmchain.mapping.target import TargetMesh
 
-#: Sets of the target whose names hold one of these words are ports.
-INLET, OUTLET = ("inlet", "inflow", "injection"), ("outlet", "vent")
+#: Sets and parts of the target with such names are ports; a name that fits both is an inlet.
+INLET = re.compile("inlet|inflow|injection")
+OUTLET = re.compile("outlet|(?<![a-z])vents?(?![a-z])")
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ def preform_of(
     area = target.surface.areas
     permeable = Permeable(values, axis, cells.normals, 1.0 - solid_share, thickness, area)
     inlets, outlets = (_ports(target, triangles, words) for words in (INLET, OUTLET))
+    outlets = {name: rows for name, rows in outlets.items() if name not in inlets}
     kinds = int(bool(inlets)) + int(bool(outlets))
     classes = classify(permeable, most_classes - kinds * classes_per_kind_of_port)
     return Preform(
@@ -84,12 +87,13 @@ def preform_of(
 
 
 def _ports(
-    target: TargetMesh, triangles: Triangles, words: tuple[str, ...]
+    target: TargetMesh, triangles: Triangles, words: re.Pattern[str]
 ) -> dict[str, np.ndarray]:
+    """Rows of the triangles of every set and part whose name has one of the words."""
     return {
         name: np.flatnonzero(np.isin(triangles.cell, rows))
         for name, rows in {**target.parts, **target.cell_sets}.items()
-        if len(rows) and any(word in name.lower() for word in words)
+        if len(rows) and words.search(name.lower())
     }
 
 

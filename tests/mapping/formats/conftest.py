@@ -103,3 +103,15 @@ def bowl(part):
 def vectors():
     """Read a vector field of a mapped dataset, shape (C, 3)."""
     return lambda dataset, name: np.stack([dataset[f"{name}_{a}"].values for a in "xyz"], axis=1)
+
+
+@pytest.fixture
+def numbered():
+    """Give the cells of a mapped part other numbers, in the dataset and in the target."""
+
+    def change(part, numbers):
+        dataset = part.dataset.copy(deep=True)
+        dataset["cell_id"] = (dataset["cell_id"].dims, numbers, dataset["cell_id"].attrs)
+        return dataset, replace(part.target, cell_ids=numbers)
+
+    return change

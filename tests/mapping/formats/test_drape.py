@@ -1,7 +1,5 @@
 """A DRAPE table is read by a bulk data reader, and turns a side of the element into the fibre."""
 
-from dataclasses import replace
-
 import bulkdata
 import numpy as np
 import pytest
@@ -113,11 +111,11 @@ def test_unmapped_cells_have_no_row(bowl, tmp_path):
     assert any("2 unmapped cells have no row" in sentence for sentence in report.warnings)
 
 
-def test_numbers_beyond_eight_columns_and_doubled_ones_are_errors(bowl, tmp_path):
+def test_numbers_beyond_eight_columns_and_doubled_ones_are_errors(bowl, numbered, tmp_path):
     for ids, message in (
         (bowl.target.cell_ids + 10**8, "eight columns of bulk data"),
         (np.ones(bowl.target.cell_count, dtype=int), "the same number"),
     ):
         with pytest.raises(InputError, match=message):
-            export(bowl.dataset, replace(bowl.target, cell_ids=ids), "drape", tmp_path / "no.fem")
+            export(*numbered(bowl, ids), "drape", tmp_path / "no.fem")
     assert list(tmp_path.iterdir()) == []

@@ -87,10 +87,20 @@ def test_a_result_of_another_mesh_is_refused(bowl, part, tmp_path, name):
         export(bowl.dataset, fewer, name, tmp_path / "no")
 
 
+def test_a_mesh_of_as_many_cells_with_other_numbers_is_refused(bowl, tmp_path):
+    other = replace(bowl.target, cell_ids=bowl.target.cell_ids[::-1])
+    with pytest.raises(InputError, match="not one on this mesh"):
+        export(bowl.dataset, other, "vmap", tmp_path / "no")
+
+
 @pytest.mark.parametrize("name", FORMATS)
 def test_fields_on_nodes_are_refused(bowl, tmp_path, name):
     on_nodes = xr.Dataset(
-        {"thickness": ("target_node", np.ones(90), {"location": "node", "units": "m"})}
+        {
+            "thickness": ("target_node", np.ones(90), {"location": "node", "units": "m"}),
+            "cell_id": bowl.dataset["cell_id"],
+            "mapping_status": bowl.dataset["mapping_status"],
+        }
     )
     with pytest.raises(InputError, match="map onto cells"):
         export(on_nodes, bowl.target, name, tmp_path / "no")

@@ -256,3 +256,20 @@ def test_without_an_inlet_the_user_is_told(bowl, tmp_path):
     assert entries[10] == ["2", "2", "2", "2"] and entries[12][0] == "2"
     assert len(report.details["classes"]) == 5
     assert any('no set with "inlet"' in sentence for sentence in report.warnings)
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds"),
+    [
+        ("pressureinlet", ["1", "2", "2", "2"]),
+        ("Injection-Gate", ["1", "2", "2", "2"]),
+        ("VENT_2", ["2", "2", "2", "3"]),
+        ("prevention", ["2", "2", "2", "2"]),
+        ("between inlet and outlet", ["1", "2", "2", "2"]),
+    ],
+)
+def test_ports_are_known_by_their_names(bowl, tmp_path, name, kinds):
+    target = replace(bowl.target, cell_sets={name: np.array([4, 5])})
+    dataset = bowl.dataset.drop_vars([v for v in bowl.dataset if v.startswith("cell_set")])
+    export(dataset, target, "rtmsim", tmp_path / "bowl.txt")
+    assert read_input(tmp_path / "bowl.txt")[10] == kinds

@@ -1,7 +1,5 @@
 """A VMAP file is read by pyLife's VMAP reader, and laid out as the files that others write."""
 
-from dataclasses import replace
-
 import h5py
 import meshio
 import numpy as np
@@ -123,6 +121,14 @@ def test_units_stand_in_the_file(written):
         assert state["FIBRE_VOLUME_FRACTION"].attrs["MYUNIT"] == -1
 
 
+def test_fields_without_their_file_have_units_too(bowl, tmp_path):
+    export(bowl.fields, bowl.target, "vmap", tmp_path / "fields.vmap")
+    with h5py.File(tmp_path / "fields.vmap") as file:
+        state = file["VMAP/VARIABLES/STATE-1/1"]
+        assert state["THICKNESS"].attrs["MYUNIT"] == 1
+        assert state["PERMEABILITY_1"].attrs["MYVARIABLEDESCRIPTION"].endswith(b"[m2]")
+
+
 def shape_of(file):
     """Every group and dataset, with the names of its attributes and columns."""
     found = {}
@@ -215,11 +221,10 @@ def test_unmapped_cells_are_in_no_variable(bowl, tmp_path):
     assert any("1 unmapped cell" in sentence for sentence in report.warnings)
 
 
-def test_what_vmap_cannot_number_or_name_is_an_error(bowl, tmp_path):
+def test_what_vmap_cannot_number_or_name_is_an_error(bowl, numbered, tmp_path):
     path = tmp_path / "no.vmap"
-    large = replace(bowl.target, cell_ids=bowl.target.cell_ids + 2**31)
     with pytest.raises(InputError, match="32 bits"):
-        export(bowl.dataset, large, "vmap", path)
+        export(*numbered(bowl, bowl.target.cell_ids + 2**31), "vmap", path)
     without = xr.Dataset({k: v for k, v in bowl.dataset.items() if "fibre_direction_2" not in k})
     with pytest.raises(InputError, match="needs fibre_direction_2"):
         export(without, bowl.target, "vmap", path)
