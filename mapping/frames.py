@@ -21,7 +21,7 @@ from lcmchain.mapping.smooth_surface import SmoothSurface
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mapping.transfer import MappedFields, transfer
+from lcmchain.mapping.transfer import MappedFields, fibre_mass, transfer, with_fibre_mass
 from lcmchain.mapping.weights import MappingWeights
 
 
@@ -72,8 +72,9 @@ def weights_at(
 ) -> MappingWeights:
     """Weights of one frame for another one: the same material above each cell.
 
-    The shares stay; areas of the cells are those of the target that was carried along, or for
-    solids what the sheet's faces above them have become, so that contents are kept in every frame.
+    The shares stay, and so do the places within the faces, which deform with these. Areas of the
+    cells are those of the target that was carried along, or for solids what the sheet's faces above
+    them have become.
 
     before, now : the sheet in the frame of the weights, and in the other one.
     """
@@ -85,7 +86,19 @@ def weights_at(
             return replace(weights, cell_area=area, solid_thickness=volumes / area)
     else:
         area = target.surface.areas
-    return replace(weights, cell_area=area)
+    deform = np.einsum(
+        "fuk,fkv->fuv", _diagonals(now), np.linalg.inv(_diagonals(before))
+    )  # within the face
+    place = np.einsum("kuv,kv->ku", deform[weights.face], weights.place)
+    return replace(weights, cell_area=area, place=place)
+
+
+def _diagonals(surface: Surface) -> np.ndarray:
+    """Two edges of triangles, the diagonals of quadrilaterals, in the faces' frames, (F, 2, 2)."""
+    c, quad = surface.corners, surface.is_quadrilateral[:, None]
+    one = np.where(quad, c[:, 2] - c[:, 0], c[:, 1] - c[:, 0])
+    other = np.where(quad, c[:, 3] - c[:, 1], c[:, 2] - c[:, 0])
+    return np.stack([np.einsum("fui,fi->fu", surface.frames, v) for v in (one, other)], axis=2)
 
 
 @dataclass(frozen=True)
@@ -119,13 +132,18 @@ def mapped_frames(
     if len(times) == 0:
         raise InputError("the forming result has no saved states with times", file=sheet.name)
     places = material_places(sheet.surface, target.points)
+    # plies keep their masses each by itself: their shares of the faces' masses do not change
+    mass = None if sheet.is_stack else fibre_mass(weights, transfer(sheet, target, weights))
     for frame, time in enumerate(times):
         now = replace(read_sheet(dataset, frame=frame), provenance=sheet.provenance)
         there = replace(target, points=positions_of(places, now.surface))
         carried = weights_at(weights, sheet.surface, now.surface, there)
         if sheet.is_stack and len(carried.formed_thickness):
             carried = _thickened(carried, sheet, now)
-        yield MappedFrame(float(time), now, there, carried, transfer(now, there, carried))
+        mapped = transfer(now, there, carried)
+        if mass is not None:
+            mapped = with_fibre_mass(now, carried, mapped, mass)
+        yield MappedFrame(float(time), now, there, carried, mapped)
 
 
 def _thickened(weights: MappingWeights, before: Sheet, now: Sheet) -> MappingWeights:

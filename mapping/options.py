@@ -14,6 +14,7 @@ class MappingOptions:
     ----------
     kind : ``"infiltration"`` (surface cells) or ``"structure"`` (solids, else shells).
     method : ``"overlap"`` or ``"closest"``.
+    order : 1 takes a field as constant within each face of the sheet, 2 as linear.
     maximum_distance : how far [m] from the sheet a cell may lie, by default one edge length of
         the sheet, or the radius of a typical cell where that is larger.
     length_unit : unit of the target's coordinates; what is written is in metres.
@@ -24,8 +25,9 @@ class MappingOptions:
     register : map as if the target lay where a small rigid motion brings it to the sheet; what is
         written keeps the target's own coordinates.
     thickness_limit : largest relative difference of the thickness of a solid from the formed one.
-    allow_ambiguous : write what cells between two equally near walls took, instead of failing.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
+    allow_ambiguous : take the nearer of two layers of the sheet that lie about as near instead of
+        failing.
     allow_incomplete : map the fields of a run that did not come to its end, with a warning,
         instead of refusing them.
     weights_file : ``.npz`` with stored weights: used where it exists, else written.
@@ -34,6 +36,7 @@ class MappingOptions:
 
     kind: str = "structure"
     method: str = "overlap"
+    order: int = 2
     maximum_distance: float | None = None
     length_unit: str = "m"
     frame: int = -1
@@ -41,8 +44,8 @@ class MappingOptions:
     all_frames: bool = False
     register: bool = False
     thickness_limit: float = 0.1
-    allow_ambiguous: bool = False
     allow_unmapped: bool = False
+    allow_ambiguous: bool = False
     allow_incomplete: bool = False
     weights_file: Path | str | None = None
     picture: bool = True

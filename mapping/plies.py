@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from lcmchain.mapping.averages import mean_over_cells
 from lcmchain.mapping.bodies import present
 from lcmchain.mapping.orientation import MappedDirections
 from lcmchain.mapping.sheet import PrincipalPermeability, Sheet
-from lcmchain.mapping.solids.fields import ATTRIBUTES, solid_scalars
+from lcmchain.mapping.solids.fields import ATTRIBUTES
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import MappedFields, transfer
@@ -64,6 +65,7 @@ def weights_of_plies(sheet: Sheet, compute: Callable[[Sheet], MappingWeights]) -
     face = np.concatenate([own[weights.face] for own, weights in zip(faces, each)])
     average = [part[weights.cell] * weights.average for part, weights in zip(share, each)]
     content = [weights.content for weights in each]
+    place = [weights.place for weights in each]
     order = np.lexsort((face, cell))
     face_coverage = np.zeros(sheet.surface.face_count)
     for own, weights in zip(faces, each):
@@ -78,6 +80,7 @@ def weights_of_plies(sheet: Sheet, compute: Callable[[Sheet], MappingWeights]) -
         face=face[order],
         average=np.concatenate(average)[order],
         content=np.concatenate(content)[order],
+        place=np.concatenate(place)[order],
         status=np.where(undecided, Status.AMBIGUOUS, status.min(axis=0)).astype(np.int8),
         coverage=coverage.max(axis=0),
         distance=np.where(np.isfinite(nearest), nearest, np.nan),
@@ -105,7 +108,7 @@ def transfer_plies(sheet: Sheet, target: TargetMesh, weights: MappingWeights) ->
     each = [transfer(ply, target, ply_weights) for ply, ply_weights in zip(plies, own)]
     leading = np.argmax(shares >= shares.max(axis=0) - EVEN, axis=0)
     scalars = _leading([mapped.scalars for mapped in each], leading)
-    scalars |= _totals(sheet, weights, own, each)
+    scalars |= _totals(weights, own, each, shares)
     axes = _leading([mapped.axes for mapped in each], leading)
     directions = _leading_directions([mapped.directions for mapped in each], leading)
     for name, mapped, share in zip(names, each, shares):
@@ -156,6 +159,7 @@ def _weights_of(
         face=local[weights.face[chosen]],
         average=weights.average[chosen] / share[cell],
         content=weights.content[chosen],
+        place=weights.place[chosen],
         status=np.where(held, weights.status, Status.UNMAPPED).astype(np.int8),
         coverage=weights.ply_coverage[number],
         distance=np.where(held, weights.distance, np.nan),
@@ -176,11 +180,14 @@ def _thickness(ply: Sheet, weights: MappingWeights) -> np.ndarray:
     """Mean thickness of a ply over each cell [m], or one where it is not known, shape (C,)."""
     if "thickness" not in ply.scalars:
         return np.ones(weights.cell_count)
-    return weights.average_matrix @ ply.scalars["thickness"]
+    return np.nan_to_num(mean_over_cells(ply.surface, weights, ply.scalars["thickness"]))
 
 
 def _totals(
-    sheet: Sheet, weights: MappingWeights, own: list[MappingWeights], each: list[MappedFields]
+    weights: MappingWeights,
+    own: list[MappingWeights],
+    each: list[MappedFields],
+    shares: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Thickness, areal mass and fibre volume fraction of all plies together, each (C,)."""
     parts = present(weights.ply_coverage)
@@ -198,12 +205,34 @@ def _totals(
         for name in sorted(names - {"fibre_volume_fraction"})
     }
     if len(weights.solid_thickness):
-        known = {name: np.zeros(0) for name in names} | {"thickness": weights.formed_thickness}
-        return solid_scalars(sheet, weights, {name: known[name] for name in names})
+        return totals | _totals_of_solids(weights, own, each, shares, names)
     if {"thickness", "fibre_volume_fraction"} <= names:
         volume = summed(lambda m: m.scalars["thickness"] * m.scalars["fibre_volume_fraction"])
         totals["fibre_volume_fraction"] = volume / totals["thickness"]
     return totals
+
+
+def _totals_of_solids(
+    weights: MappingWeights,
+    own: list[MappingWeights],
+    each: list[MappedFields],
+    shares: np.ndarray,
+    names: set[str],
+) -> dict[str, np.ndarray]:
+    """Totals of solid cells: of masses by the cell's area, of fibre volumes by its volume."""
+    solid = np.where(weights.mapped, weights.solid_thickness, np.nan)
+    found = {"solid_thickness": solid} if "thickness" in names else {}
+    if "thickness" in names:
+        found["thickness"] = np.where(weights.mapped, weights.formed_thickness, np.nan)
+        found["thickness_difference"] = solid / found["thickness"] - 1.0
+    held = np.stack([ply_weights.mapped for ply_weights in own])
+    areas = np.stack([ply_weights.cell_area for ply_weights in own]) / weights.cell_area
+    for name, part in (("areal_fibre_mass", areas), ("fibre_volume_fraction", shares)):
+        if name in names:
+            values = np.stack([mapped.scalars[name] for mapped in each])
+            total = np.where(held, part * values, 0.0).sum(axis=0)
+            found[name] = np.where(weights.mapped, total, np.nan)
+    return found
 
 
 def _leading(each: list[dict[str, np.ndarray]], leading: np.ndarray) -> dict[str, np.ndarray]:

@@ -31,7 +31,7 @@ from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 from lcmchain.results import require_complete
 
 # Options that are given or not, in the order in which the history tells them.
-FLAGS = ("all-frames", "register", "allow-ambiguous", "allow-unmapped", "allow-incomplete")
+FLAGS = ("all-frames", "register", "allow-unmapped", "allow-ambiguous", "allow-incomplete")
 
 
 def map_forming(
@@ -146,6 +146,7 @@ def _command(report: MappingReport, target: TargetMesh, options: MappingOptions)
     words = [
         "lcmchain", "map", Path(report.source).name, target.file.name if target.file else "TARGET",
         "--out", report.files["netcdf"], "--kind", report.kind, "--method", report.method,
+        "--order", str(options.order),
         "--maximum-distance", f"{1e3 * report.maximum_distance:.10g} mm",
         "--length-unit", options.length_unit,
     ]  # fmt: skip
@@ -172,19 +173,35 @@ def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> N
 
 def _weights(sheet: Sheet, target: TargetMesh, options: MappingOptions) -> MappingWeights:
     """Compute the weights, or take the stored ones where they are those that are asked for."""
-    method, maximum_distance = options.method, options.maximum_distance
+    wanted = {"method": options.method, "order": options.order}
+    maximum_distance = options.maximum_distance
     if options.weights_file is None or not Path(options.weights_file).exists():
-        return compute_weights(sheet, target, method=method, maximum_distance=maximum_distance)
+        return compute_weights(sheet, target, **wanted, maximum_distance=maximum_distance)
     weights = MappingWeights.load(options.weights_file)
     weights.check_meshes(sheet, target, file=options.weights_file)
     same_distance = maximum_distance in (None, weights.maximum_distance)
-    if weights.method != method or not same_distance:
+    same = all(getattr(weights, name) == value for name, value in wanted.items())
+    if not same or not same_distance:
         raise InputError(
-            f"the stored weights are {weights.method} weights within "
+            f"the stored weights are {weights.method} weights of order {weights.order} within "
             f"{weights.maximum_distance:g} m; ask for the same or delete the file",
             file=options.weights_file,
         )
     return weights
+
+
+def _refuse_ambiguous(target: TargetMesh, weights: MappingWeights) -> None:
+    ambiguous = np.flatnonzero(weights.status == Status.AMBIGUOUS)
+    if len(ambiguous):
+        raise InputError(
+            f"{len(ambiguous)} of {target.cell_count} cells lie about as near to one layer of the "
+            f"sheet as to another ({first_few(ambiguous)}; the first has its centroid at "
+            f"{_place(target.centroids[ambiguous[0]])} mm): two walls, or folds, that are closer "
+            "to each other than the mesh is to either. Move the mesh onto the mid-surface of the "
+            "sheet (--register shows how far it is off), lower maximum_distance, or allow "
+            "ambiguous cells, which then take the nearer layer",
+            file=target.file,
+        )
 
 
 def _motion(target: TargetMesh, registration: Registration | None) -> Registration:
@@ -225,18 +242,6 @@ def _refuse_unmapped(
     if registration is not None and registration.is_off and registration.helps:
         message = f"{message}. {registration.warnings()[0]}"
     raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
-
-
-def _refuse_ambiguous(target: TargetMesh, weights: MappingWeights) -> None:
-    undecided = np.flatnonzero(weights.status == Status.AMBIGUOUS)
-    if len(undecided):
-        raise InputError(
-            f"{len(undecided)} of {target.cell_count} cells lie between two walls of the sheet "
-            f"that are equally near ({first_few(undecided)}; the first has its centroid at "
-            f"{_place(target.centroids[undecided[0]])} mm). Move the mesh to its own wall, refine "
-            "it there, or allow ambiguous cells",
-            file=target.file,
-        )
 
 
 def _place(point: np.ndarray) -> str:

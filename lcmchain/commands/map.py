@@ -22,6 +22,9 @@ def map_fields(
         str, typer.Option(help="What the mesh is for: infiltration or structure.")
     ] = "structure",
     method: Annotated[str, typer.Option(help="Weights: overlap or closest.")] = "overlap",
+    order: Annotated[
+        int, typer.Option(min=1, max=2, help="Fields within a face: 1 constant, 2 linear.")
+    ] = 2,
     maximum_distance: Annotated[
         str | None,
         typer.Option(metavar="LENGTH", help='Farthest distance to map over, such as "2 mm".'),
@@ -47,11 +50,11 @@ def map_fields(
         float,
         typer.Option(help="Largest relative difference of a solid's thickness from the formed."),
     ] = 0.1,
-    allow_ambiguous: Annotated[
-        bool, typer.Option("--allow-ambiguous", help="Accept cells between two equally near walls.")
-    ] = False,
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
+    ] = False,
+    allow_ambiguous: Annotated[
+        bool, typer.Option("--allow-ambiguous", help="Accept the nearer of two layers.")
     ] = False,
     allow_incomplete: Annotated[
         bool, typer.Option("--allow-incomplete", help="Accept fields of an unfinished run.")
@@ -73,6 +76,7 @@ def map_fields(
         options = MappingOptions(
             kind=kind,
             method=method,
+            order=order,
             maximum_distance=distance,
             length_unit=length_unit,
             frame=frame,
@@ -80,8 +84,8 @@ def map_fields(
             all_frames=all_frames,
             register=register,
             thickness_limit=thickness_limit,
-            allow_ambiguous=allow_ambiguous,
             allow_unmapped=allow_unmapped,
+            allow_ambiguous=allow_ambiguous,
             allow_incomplete=allow_incomplete,
         )
         report = map_file(source, target, out, options)

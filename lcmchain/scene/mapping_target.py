@@ -41,6 +41,9 @@ class MappingTarget(SceneModel):
         default="overlap",
         description="Weights from the overlap of cells and sheet, or of the closest place.",
     )
+    order: Literal[1, 2] = Field(
+        default=2, description="Fields within a face of the sheet: 1 constant, 2 linear."
+    )
     maximum_distance: Annotated[
         PositiveLength | None, AbsentMeans("one edge length of the sheet")
     ] = Field(default=None, description="Farthest distance over which a value is taken.")

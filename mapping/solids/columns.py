@@ -10,10 +10,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lcmchain.mapping.solids.boxes import BoxTree, box_tree
+from lcmchain.mapping.solids.boxes import tree_of
 from lcmchain.mapping.solids.reach import own_reach, upright_reach
 from lcmchain.mapping.solids.tetrahedra import HEXAHEDRON, WEDGE, Solids, solids
 from lcmchain.mapping.surface import COINCIDENCE, Surface
+from lcmchain.mesh.box_tree import BoxTree
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Columns:
     @cached_property
     def tree(self) -> BoxTree:
         """Tree of the boxes around the columns."""
-        return box_tree(self.solids.low, self.solids.high)
+        return tree_of(self.solids.low, self.solids.high)
 
     @cached_property
     def face_normals(self) -> np.ndarray:
@@ -102,8 +103,7 @@ def columns_of(surface: Surface, reach: float, body: np.ndarray | None = None) -
     body : number of the ply of each face, shape (F,): plies share no nodes, and a ply does not
         limit the columns of another one.
     """
-    closed = np.where(surface.faces[:, 3:] < 0, surface.faces[:, 2:3], surface.faces[:, 3:])
-    faces = np.concatenate([surface.faces[:, :3], closed], axis=1)
+    faces = _closed(surface)
     body = np.zeros(len(faces), dtype=np.int64) if body is None else body
     points, faces = _merged(surface, faces, body)
     normals = node_normals(points, faces)
@@ -120,6 +120,17 @@ def columns_of(surface: Surface, reach: float, body: np.ndarray | None = None) -
         )  # fmt: skip
     lengths = upright_reach(points, normals, faces, lengths)
     return Columns(points, normals, faces, surface.is_quadrilateral, -lengths[:, 0], lengths[:, 1])
+
+
+def _closed(surface: Surface) -> np.ndarray:
+    """Faces of four nodes (F, 4), all wound alike; a triangle repeats its last node."""
+    closed = np.where(surface.faces[:, 3:] < 0, surface.faces[:, 2:3], surface.faces[:, 3:])
+    faces = np.concatenate([surface.faces[:, :3], closed], axis=1)
+    turned = surface.winding.side < 0.0
+    quad = surface.is_quadrilateral
+    faces[turned & quad] = faces[turned & quad][:, ::-1]
+    faces[turned & ~quad] = faces[turned & ~quad][:, [1, 0, 2, 2]]
+    return faces
 
 
 def node_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.mapping.averages import contents_of_cells
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.weights import MappingWeights
@@ -27,7 +28,10 @@ ATTRIBUTES: dict[str, dict[str, Any]] = {
 
 
 def solid_scalars(
-    sheet: Sheet, weights: MappingWeights, averages: Mapping[str, np.ndarray]
+    sheet: Sheet,
+    weights: MappingWeights,
+    averages: Mapping[str, np.ndarray],
+    density: float | None,
 ) -> dict[str, np.ndarray]:
     """Fields of solid cells in which the thickness of the solid counts, each of shape (C,).
 
@@ -36,8 +40,11 @@ def solid_scalars(
     sum to the mass of the covered sheet over the volume, or the area, of all cells. A cell that
     reaches beyond the sheet holds less, one that lies beyond it nothing.
 
-    averages : fields of the textile over the cells, of all plies; names that are not among them
-        are not made.
+    Parameters
+    ----------
+    averages : means of the fields over the cells; names that are not among them are not made.
+    density : of the fibres [kg/m3]; where the faces do not agree on one, the fibre volume of each
+        is that of its thickness and fibre volume fraction.
     """
     solid = np.where(weights.mapped, weights.solid_thickness, np.nan)
     found = {}
@@ -50,27 +57,16 @@ def solid_scalars(
         }
     if "areal_fibre_mass" not in averages:
         return found
-    areas = sheet.surface.areas
-    mass = sheet.scalars["areal_fibre_mass"] * areas
-    found["areal_fibre_mass"] = _content(weights, mass) / weights.cell_area
-    if "fibre_volume_fraction" in averages:
-        volume = mass / fibre_density(sheet)
-        found["fibre_volume_fraction"] = _content(weights, volume) / (weights.cell_area * solid)
+    mass = _contents(sheet, weights, sheet.scalars["areal_fibre_mass"])
+    with np.errstate(invalid="ignore", divide="ignore"):  # of a cell without the ply
+        found["areal_fibre_mass"] = mass / weights.cell_area
+        if density is not None:
+            found["fibre_volume_fraction"] = mass / (density * weights.cell_area * solid)
+        elif {"fibre_volume_fraction", "thickness"} <= averages.keys():
+            per_area = sheet.scalars["thickness"] * sheet.scalars["fibre_volume_fraction"]
+            volume = _contents(sheet, weights, per_area)
+            found["fibre_volume_fraction"] = volume / (weights.cell_area * solid)
     return found
-
-
-def fibre_density(sheet: Sheet) -> np.ndarray:
-    """Density of the fibres of each face [kg/m3], shape (F,).
-
-    It is the one that the forming result names, else what areal mass, thickness and fibre volume
-    fraction of the face say.
-    """
-    named = sheet.provenance.get("fibre_density_kg_m3")
-    if named is not None:
-        return np.full(sheet.surface.face_count, float(named))
-    fields = sheet.scalars
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return fields["areal_fibre_mass"] / (fields["thickness"] * fields["fibre_volume_fraction"])
 
 
 def require_thickness(target: TargetMesh, fields: Mapping[str, np.ndarray], limit: float) -> None:
@@ -106,6 +102,6 @@ def require_thickness(target: TargetMesh, fields: Mapping[str, np.ndarray], limi
     )
 
 
-def _content(weights: MappingWeights, of_faces: np.ndarray) -> np.ndarray:
-    """What each cell holds of a content of the faces, shape (C,); nan where it is unmapped."""
-    return np.where(weights.mapped, weights.content_matrix @ of_faces, np.nan)
+def _contents(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> np.ndarray:
+    """What each cell holds of a content per area of the faces, shape (C,); nan where unmapped."""
+    return np.where(weights.mapped, contents_of_cells(sheet.surface, weights, per_area), np.nan)

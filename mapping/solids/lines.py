@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.jit import strict_equation
-from lcmchain.mapping.solids.boxes import box_tree, touching
+from lcmchain.mapping.solids.boxes import touching, tree_of
 
 #: A line that passes an edge within this share of a triangle crosses the triangle.
 AT_EDGE = 1e-9
@@ -45,7 +45,7 @@ def crossings(
     corners = np.ascontiguousarray(corners)
     low, high = corners.min(axis=1), corners.max(axis=1)
     size = (high - low).max(axis=1, keepdims=True)
-    tree = box_tree(low - 2.0 * margin * size, high + 2.0 * margin * size)
+    tree = tree_of(low - 2.0 * margin * size, high + 2.0 * margin * size)
     ends = np.stack([points - reach[:, :1] * directions, points + reach[:, 1:] * directions])
     start, near = touching(tree, ends.min(axis=0), ends.max(axis=0))
     place = _cross(start, near, points, directions, corners, margin)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.jit import strict_equation
-from lcmchain.mapping.solids.boxes import box_tree, touching
+from lcmchain.mapping.solids.boxes import touching, tree_of
 from lcmchain.mesh.closest_point import closest_point_of_triangle
 
 #: Relative change of a ball's radius below which it has come to rest, and steps that it may take.
@@ -36,7 +36,7 @@ def own_reach(
     reach : largest radius [m].
     """
     corners = np.ascontiguousarray(points[triangles])
-    tree = box_tree(corners.min(axis=1), corners.max(axis=1))
+    tree = tree_of(corners.min(axis=1), corners.max(axis=1))
     start, near = touching(tree, points - 2.0 * reach, points + 2.0 * reach)
     return _largest_balls(points, normals, triangles, corners, start, near, reach)
 

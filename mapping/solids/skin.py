@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.jit import strict_equation
-from lcmchain.mapping.solids.boxes import box_tree, touching
+from lcmchain.mapping.solids.boxes import touching, tree_of
 from lcmchain.mapping.solids.clipping import clip_triangle, tetrahedron_planes
 from lcmchain.mapping.solids.columns import Columns
 from lcmchain.mapping.solids.overlap import relative
@@ -111,15 +111,17 @@ def _before_a_cell(four: np.ndarray, triangle: np.ndarray, cells: Solids) -> np.
     length = np.linalg.norm(across, axis=1)
     middle = np.where(triangle[:, None], four[:, :3].mean(axis=1), four.mean(axis=1))
     in_front = middle + IN_FRONT * across / np.sqrt(np.where(length > 0.0, length, 1.0))[:, None]
-    start, near = touching(box_tree(cells.low, cells.high), in_front, in_front)
+    start, near = touching(tree_of(cells.low, cells.high), in_front, in_front)
     return _inside(in_front, start, near, *cells[:3], TABLE)
 
 
-def covered_faces(skin: Skin, columns: Columns) -> CoveredFaces:
+def covered_faces(skin: Skin, columns: Columns, volume: np.ndarray) -> CoveredFaces:
     """Measure which share of each face has target over it along the columns.
 
     A face whose column holds no end of the target is covered as a whole. In the others it is
     the mean of the skins on the upper and the lower side of the target, projected onto the face.
+
+    volume : of the target in each column [m3], shape (F,).
     """
     start, near = touching(columns.tree, skin.corners.min(axis=1), skin.corners.max(axis=1))
     found = np.zeros((len(columns.faces), 5))
@@ -133,7 +135,9 @@ def covered_faces(skin: Skin, columns: Columns) -> CoveredFaces:
     both = np.stack([area[:, side] / columns.areas(height[:, side]) for side in (0, 1)], axis=1)
     # Where two walls touch, the target has no skin between them.
     one_sided = both.min(axis=1) < ONE_SIDED * both.max(axis=1)
-    share = np.minimum(np.where(one_sided, both.max(axis=1), both.mean(axis=1)), 1.0)
+    share = np.where(one_sided, both.max(axis=1), both.mean(axis=1))
+    # A column that ends inside of the target on both sides is filled where it is covered.
+    share = np.minimum(np.where(share > 0.0, share, volume / columns.solids.volumes), 1.0)
     farthest = np.abs(height).max(axis=1)
     cut = found[:, 4] > OUTLINE * areas
     inward = columns.directors - columns.face_normals[:, None]

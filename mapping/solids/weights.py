@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.mapping.pairing import COVERED
 from lcmchain.mapping.search import closest_points
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.solids.columns import Columns, columns_of, merged_places
@@ -15,9 +16,9 @@ from lcmchain.mapping.solids.skin import covered_faces, skin_of
 from lcmchain.mapping.solids.stack import one_ply, stack_of
 from lcmchain.mapping.solids.tetrahedra import Solids, solids_of_cells
 from lcmchain.mapping.solids.walls import own_walls
+from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.weights import (
-    COVERED,
     MappingWeights,
     Status,
     default_maximum_distance,
@@ -25,11 +26,15 @@ from lcmchain.mapping.weights import (
     mesh_key,
 )
 
+#: Solids are looked for this many thicknesses of all plies on either side of the sheet: far enough
+#: to see that a mesh is ten times too thick.
+THICKEST = 5.0
+
 
 class _Parts(NamedTuple):
     """What the columns of the sheet have in common with the target, by cell, then face.
 
-    volume : of each overlap [m3], shape (K,).
+    volume, centroid : of each overlap [m3], shape (K,), and [m], shape (K, 3).
     height : of its centroid over the face [m], shape (K,).
     content : share of the face's content that it holds, shape (K,).
     solid_thickness : of the target, of all plies, in the column of the face [m], shape (K,).
@@ -38,13 +43,14 @@ class _Parts(NamedTuple):
     cell: np.ndarray
     face: np.ndarray
     volume: np.ndarray
+    centroid: np.ndarray
     height: np.ndarray
     content: np.ndarray
     solid_thickness: np.ndarray
 
 
 def compute_solid_weights(
-    sheet: Sheet, target: TargetMesh, *, maximum_distance: float | None = None
+    sheet: Sheet, target: TargetMesh, *, order: int = 2, maximum_distance: float | None = None
 ) -> MappingWeights:
     """Compute the weights that carry face fields of a sheet to the solid cells of a target.
 
@@ -56,8 +62,10 @@ def compute_solid_weights(
 
     Parameters
     ----------
-    maximum_distance : how far [m] from the sheet a cell may lie; by default one edge length of
-        the sheet, the radius of a typical cell, or the thickness of the stack, the largest.
+    order : 1 takes a field as constant within each face, 2 as linear.
+    maximum_distance : how far [m] from the sheet a cell may lie; by default the largest of one
+        edge length of the sheet, the radius of a typical cell, and five times the thickness of
+        all plies.
 
     Raises
     ------
@@ -75,13 +83,14 @@ def compute_solid_weights(
     found = found.only(walls.kept)
     by_ply = _coverage(found, sheet.plies, cells)
     coverage = by_ply.max(axis=0)
+    held = np.bincount(found.face, weights=found.volume, minlength=sheet.surface.face_count)
+    covered = covered_faces(skin, columns, held)
     face_thickness = sheet.scalars.get("thickness", np.ones(sheet.surface.face_count))
     if len(np.unique(sheet.plies)) > 1:
         stack = stack_of(cells, columns, skin, found, sheet.plies, face_thickness)
         found = sliced(cells, columns, found, stack.slices)
     else:
         stack = one_ply(found, face_thickness, target.cell_count)
-    covered = covered_faces(skin, columns)
     parts = _parts(found, columns, covered.share, stack.part)
 
     volume = np.bincount(parts.cell, weights=parts.volume, minlength=target.cell_count)
@@ -92,7 +101,10 @@ def compute_solid_weights(
     face = np.concatenate([parts.face, near_face])
     average = np.concatenate([parts.volume / volume[parts.cell], np.ones(len(near))])
     content = np.concatenate([parts.content, np.zeros(len(near))])
-    order = np.lexsort((face, cell))
+    feet = in_frames(sheet.surface, near_face, closest.foot[closest.face >= 0])
+    places = _places(sheet.surface, columns, parts, covered.share)
+    place = np.concatenate([places, feet])
+    rows = np.lexsort((face, cell))
 
     distance = _distance(parts, target.cell_count)
     distance[near] = closest.distance[closest.face >= 0]
@@ -107,19 +119,21 @@ def compute_solid_weights(
     status[whole] = Status.PROJECTED
     status[whole & (distance <= half)] = Status.INSIDE
     status[walls.undecided] = Status.AMBIGUOUS
-    held = np.bincount(parts.face, minlength=sheet.surface.face_count) > 0
+    taken = np.bincount(parts.face, minlength=sheet.surface.face_count) > 0
     return MappingWeights(
-        cell=cell[order],
-        face=face[order],
-        average=average[order],
-        content=content[order],
+        cell=cell[rows],
+        face=face[rows],
+        average=average[rows],
+        content=content[rows],
+        place=place[rows],
         status=status,
         coverage=coverage,
         distance=distance,
         cell_area=cells.volumes / solid,
-        face_coverage=np.where(held, covered.share, 0.0),
+        face_coverage=np.where(taken, covered.share, 0.0),
         wedge_correction=0.0,
         method="overlap",
+        order=order,
         maximum_distance=float(maximum_distance),
         conservative=True,
         source_key=mesh_key(sheet.surface.points, sheet.surface.faces),
@@ -139,7 +153,7 @@ def default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
     stack = sum(
         np.nanmax(thickness[sheet.plies == ply], initial=0.0) for ply in np.unique(sheet.plies)
     )
-    return max(distance, 1.5 * float(stack))
+    return max(distance, THICKEST * float(stack))
 
 
 def _coverage(found: Overlaps, ply: np.ndarray, cells: Solids) -> np.ndarray:
@@ -170,7 +184,46 @@ def _parts(
     area = columns.areas(mean_height) * np.maximum(covered, np.finfo(float).tiny)
     content = covered[found.face] * found.volume / volume[found.face]
     thickness = (volume / area)[found.face] / part_of_stack
-    return _Parts(found.cell, found.face, found.volume, height, content, thickness)
+    return _Parts(*found, height, content, thickness)
+
+
+def _places(surface: Surface, columns: Columns, parts: _Parts, covered: np.ndarray) -> np.ndarray:
+    """Places of the overlaps on their faces, along the columns, in the faces' frames [m], (K, 2).
+
+    The parts of a wholly covered face together have its centroid.
+    """
+    face = parts.face
+    # The directors of a face's corners as a linear function of the place on it.
+    corners = in_frames(
+        surface, np.arange(len(columns.faces))[:, None], columns.points[columns.faces]
+    )
+    lean = np.einsum("fui,fki->fku", surface.frames, columns.directors)
+    used = np.ones(columns.faces.shape)
+    used[:, 3] = columns.is_quadrilateral
+    basis = np.concatenate([np.ones((*corners.shape[:2], 1)), corners], axis=2) * used[..., None]
+    fit = np.linalg.pinv(basis) @ lean
+    place = in_frames(surface, face, parts.centroid)
+    for _ in range(2):
+        at = np.concatenate([np.ones((len(face), 1)), place], axis=1)
+        slope = np.einsum("km,kmu->ku", at, fit[face])
+        place = in_frames(surface, face, parts.centroid) - parts.height[:, None] * slope
+    return place - _offset(face, place, parts.content, covered)
+
+
+def _offset(
+    face: np.ndarray, place: np.ndarray, content: np.ndarray, covered: np.ndarray
+) -> np.ndarray:
+    """Mean place of the parts of wholly covered faces [m], zero of others, for each part (K, 2)."""
+    count = len(covered)
+    moment = [np.bincount(face, content * place[:, axis], count) for axis in (0, 1)]
+    whole = covered == 1.0
+    return np.where(whole, np.stack(moment), 0.0).T[face]
+
+
+def in_frames(surface: Surface, face: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points [m] (..., 3) in the frames of their faces, from the centroids, shape (..., 2)."""
+    offset = points - surface.centroids[face]
+    return np.einsum("...ui,...i->...u", surface.frames[face], offset)
 
 
 def _mean(values: np.ndarray, parts: _Parts, cell_count: int) -> np.ndarray:

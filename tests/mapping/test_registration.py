@@ -166,8 +166,10 @@ def test_a_tilted_target_is_told_and_mapped_where_it_belongs(pair, write_mesh, t
     found = meshio.read(tmp_path / "w.vtu")
     np.testing.assert_allclose(found.points, away, atol=1e-15)  # its own coordinates
     assert report.status_count["inside"] == len(cells)
+    np.testing.assert_allclose(found.cell_data["thickness"][0], expected["thickness"][0], rtol=2e-4)
+    # What is left of the offset changes the areas of cells against those of the sheet.
     np.testing.assert_allclose(
-        found.cell_data["areal_fibre_mass"][0], expected["areal_fibre_mass"][0], atol=1e-3
+        found.cell_data["areal_fibre_mass"][0], expected["areal_fibre_mass"][0], rtol=4e-3
     )
     forward = Rotation.from_rotvec(turn)
     for name in ("fibre_direction_1", "fibre_direction_2"):

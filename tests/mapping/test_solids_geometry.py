@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-from lcmchain.mapping.solids.boxes import box_tree, touching
+from lcmchain.mapping.solids.boxes import touching, tree_of
 from lcmchain.mapping.solids.clipping import (
     MOST_CORNERS,
     clip_tetrahedron,
@@ -79,7 +79,7 @@ def test_the_tree_finds_every_box_that_touches():
     for count in (1, 3, 500):
         low = generator.uniform(size=(count, 3))
         high = low + generator.uniform(0.0, 0.2, (count, 3)) ** 3  # sizes of all orders
-        start, found = touching(box_tree(low, high), low[:40], high[:40])
+        start, found = touching(tree_of(low, high), low[:40], high[:40])
         for query in range(min(count, 40)):
             every = np.all((low <= high[query]) & (high >= low[query]), axis=1)
             own = found[start[query] : start[query + 1]]

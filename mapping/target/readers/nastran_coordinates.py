@@ -54,7 +54,9 @@ class Systems:
         self._made: dict[int, System] = {}
         self._in_work: list[int] = []
 
-    def place(self, number: int, given: np.ndarray, card: Card, nodes: dict[int, Card]):
+    def place(
+        self, number: int, given: np.ndarray, card: Card, nodes: dict[int, Card]
+    ) -> np.ndarray:
         """Return places (N, 3) in the basic system of coordinates in a system.
 
         Parameters
