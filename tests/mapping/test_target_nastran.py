@@ -198,6 +198,7 @@ def test_decks_written_by_meshio(tmp_path, make, point_format):
     for (_, found), block in zip(target.blocks, mesh.cells, strict=True):
         np.testing.assert_array_equal(found, block.data)
     assert target.cell_ids.tolist() == list(range(1, 29))
+    assert not target.parts  # meshio leaves the property blank
 
 
 # Written by pyNastran 1.4.1 (write_bdf with size=16), blanks at the ends of lines stripped.

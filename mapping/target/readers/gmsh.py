@@ -204,6 +204,8 @@ def _elements_4(numbers: Numbers, read: _Content, binary: bool) -> None:
 def _nodes_2(numbers: Numbers, read: _Content, binary: bool) -> None:
     if not binary:
         table = numbers.take("real", 4 * numbers.one("int")).reshape(-1, 4)
+        if not np.all(np.abs(table[:, 0]) < 2**53):
+            raise numbers.error("numbers a node with something that is no number")
         read.node_ids, read.points = table[:, 0].astype(np.int64), table[:, 1:]
         return
     ids, points = [], []
