@@ -109,7 +109,7 @@ def test_a_solver_that_takes_too_long_is_stopped(solve, tmp_path):
 
 
 def test_results_that_miss_something_are_refused(solve, tmp_path):
-    script = "touch plate_calculix.frd plate_calculix.dat; echo 'Job finished'"
+    script = "echo 9999 > plate_calculix.frd; touch plate_calculix.dat; echo 'Job finished'"
     with pytest.raises(InputError, match="0 static states and 0 modes"):
         solve("quad", HELD + PUSHED, count=2, options=fake(tmp_path / "solver", script))
 
