@@ -73,9 +73,9 @@ def test_displacements_of_steps_and_modes(tmp_path):
     np.testing.assert_array_equal(static.displacement, [[1e-3, -2e-3, 3e-3], [-1, 0, -5e-10]])
 
 
-@pytest.mark.parametrize("kept", [0, 400, 600, 800])
+@pytest.mark.parametrize("kept", [0.0, 0.4, 0.7, 0.97])
 def test_a_result_file_that_was_cut_off_is_told(tmp_path, kept):
-    (tmp_path / "a.frd").write_text(FRD[:kept])
+    (tmp_path / "a.frd").write_text(FRD[: int(kept * len(FRD))])
     with pytest.raises(InputError, match="cut off"):
         read_displacements(tmp_path / "a.frd")
 
