@@ -120,6 +120,20 @@ def test_groups_that_overlap_are_sets_and_no_cell_is_doubled(gmsh, plate, versio
     assert not any("same nodes" in note for note in target.notes)
 
 
+@pytest.mark.parametrize("binary", [0, 1], ids=["text", "binary"])
+def test_coordinates_of_parameters_are_passed_over(gmsh, plate, binary):
+    gmsh.option.setNumber("Mesh.SaveParametric", 1)
+    try:
+        path = plate(4.1, binary)
+    finally:
+        gmsh.option.setNumber("Mesh.SaveParametric", 0)
+    target = read_target(path)
+    cells, points = of_gmsh(gmsh, path)
+    assert cells_by_number(target) == cells
+    for number, place in zip(target.node_ids.tolist(), target.points, strict=True):
+        np.testing.assert_allclose(place, points[number], atol=1e-15)
+
+
 def test_version_4_0_says_what_is_lost_and_what_to_do(plate, tmp_path, make):
     with pytest.raises(InputError, match=r"MSH 4 .*save as version 4.1"):
         read_target(plate(4.0))

@@ -170,14 +170,14 @@ def test_nodes_in_local_coordinate_systems(deck):
         "+            1.0     0.0     0.0\n"
         "CORD2S,7,,0.,0.,0.,0.,0.,1.,\n+,1.,0.,0.\n"
         "CORD1R,8,1,2,3\n"
-        "GRID,1,5,0.,0.,0.\nGRID,2,6,2.,90.,3.\nGRID,3,7,1.,90.,90.\n"
+        "GRID,1,5,0.,0.,0.\nGRID,2,6,2.,90.,3.\nGRID,3,7,2.,60.,30.\n"
         "GRID,4,8,0.,0.,1.\nCTRIA3,1,1,1,2,3\n"
     )
     points = read_target(deck(text)).points
     np.testing.assert_allclose(points[0], [1, 0, 0], atol=1e-12)
     # z' = y, x' = z, y' = x; 90 degrees about z' from x' is y'
     np.testing.assert_allclose(points[1], [1 + 2, 3, 0], atol=1e-12)
-    np.testing.assert_allclose(points[2], [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(points[2], [1.5, 0.75**0.5, 1], atol=1e-12)
     z = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
     np.testing.assert_allclose(points[3], points[0] + z, atol=1e-12)
 
