@@ -80,6 +80,24 @@ def clip_tetrahedron(corners, planes, plane_count, place, next_to, height, moved
 
 
 @strict_equation
+def outside(corners, planes):
+    """Whether a tetrahedron lies wholly beyond one of the first four half spaces."""
+    for p in range(4):
+        highest = -np.inf
+        for v in range(4):
+            height = (
+                planes[p, 0] * corners[v, 0]
+                + planes[p, 1] * corners[v, 1]
+                + planes[p, 2] * corners[v, 2]
+                + planes[p, 3]
+            )
+            highest = max(highest, height)
+        if highest <= 0.0:
+            return True
+    return False
+
+
+@strict_equation
 def _cut(plane, count, place, next_to, height, moved):
     """Cut a convex body by a half space; return the number of its corners."""
     lowest, highest = np.inf, -np.inf

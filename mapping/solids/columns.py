@@ -112,11 +112,9 @@ def columns_of(surface: Surface, reach: float, body: np.ndarray | None = None) -
         own = faces[body == ply]
         used, local = np.unique(own, return_inverse=True)
         local = local.reshape(own.shape)
-        quad = surface.is_quadrilateral[body == ply]
-        triangles = np.concatenate([local[:, :3], local[quad][:, [0, 2, 3]]])
         lengths[used] = own_reach(
             np.ascontiguousarray(points[used]), np.ascontiguousarray(normals[used]),
-            np.ascontiguousarray(triangles), reach,
+            local, reach,
         )  # fmt: skip
     lengths = upright_reach(points, normals, faces, lengths)
     return Columns(points, normals, faces, surface.is_quadrilateral, -lengths[:, 0], lengths[:, 1])

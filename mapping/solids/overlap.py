@@ -13,6 +13,7 @@ from lcmchain.mapping.solids.clipping import (
     MOST_CORNERS,
     clip_tetrahedron,
     det,
+    outside,
     tetrahedron_planes,
 )
 from lcmchain.mapping.solids.columns import Columns
@@ -108,12 +109,14 @@ def _clip(
         moved = np.empty(MOST_CORNERS, np.int64)
         part = np.empty(4)
         sign = np.empty(10)
+        own_planes = np.empty((10, 4, 4))
         for c in range(chunk * CHUNK, min((chunk + 1) * CHUNK, cell_count)):
             for t in range(counts[c]):
                 four = table[shape[c], t]
                 relative(corners[c], four, corners[c, 0], own[t])
                 linear_function(own[t], place_in_thickness[c], four, thickness[t])
                 sign[t] = weight[c] * make_positive(own[t])
+                tetrahedron_planes(own[t, 0], own[t, 1], own[t, 2], own[t, 3], own_planes[t])
             for k in range(start[c], start[c + 1]):
                 f = near[k]
                 for s in range(column_counts[f]):
@@ -123,6 +126,8 @@ def _clip(
                         continue
                     for t in range(counts[c]):
                         if sign[t] == 0.0 or _apart(own[t], other):
+                            continue
+                        if outside(own[t], planes) or outside(other, own_planes[t]):
                             continue
                         plane_count = _slice(thickness[t], lower[k], upper[k], planes)
                         clip_tetrahedron(

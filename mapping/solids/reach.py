@@ -19,7 +19,7 @@ UPRIGHT = 0.9
 def own_reach(
     points: np.ndarray,
     normals: np.ndarray,
-    triangles: np.ndarray,
+    faces: np.ndarray,
     reach: float,
 ) -> np.ndarray:
     """Distance from the sheet to its medial surface along each node's normal [m], shape (N, 2).
@@ -32,17 +32,32 @@ def own_reach(
     Parameters
     ----------
     points, normals : nodes [m] and unit normals, shape (N, 3).
-    triangles : node numbers, shape (T, 3); those around a node do not bound its ball.
+    faces : node numbers, shape (F, 4), a triangle repeats its last node; those around a node do
+        not bound its ball.
     reach : largest radius [m].
     """
-    corners = np.ascontiguousarray(points[triangles])
+    corners, face = _fans(points, faces)
     tree = tree_of(corners.min(axis=1), corners.max(axis=1))
     start, near = touching(tree, points - 2.0 * reach, points + 2.0 * reach)
-    return _largest_balls(points, normals, triangles, corners, start, near, reach)
+    return _largest_balls(points, normals, faces, corners, face, start, near, reach)
+
+
+def _fans(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of triangles around the middle of each face, shape (T, 3, 3), and their faces (T,).
+
+    A triangle stays as it is.
+    """
+    triangle = faces[:, 3] == faces[:, 2]
+    quads, whole = np.flatnonzero(~triangle), np.flatnonzero(triangle)
+    x = points[faces[quads]]
+    middle = x.mean(axis=1)
+    parts = [np.stack([x[:, k], x[:, (k + 1) % 4], middle], axis=1) for k in range(4)]
+    corners = np.concatenate([points[faces[whole, :3]], *parts])
+    return corners, np.concatenate([whole, np.tile(quads, 4)])
 
 
 @strict_equation
-def _largest_balls(points, normals, triangles, corners, start, near, reach):
+def _largest_balls(points, normals, faces, corners, face, start, near, reach):
     radii = np.full((len(points), 2), reach)
     for i in range(len(points)):
         for side in range(2):
@@ -55,7 +70,8 @@ def _largest_balls(points, normals, triangles, corners, start, near, reach):
                 smaller = radius
                 for k in range(start[i], start[i + 1]):
                     t = near[k]
-                    if triangles[t, 0] == i or triangles[t, 1] == i or triangles[t, 2] == i:
+                    around = faces[face[t]]
+                    if i == around[0] or i == around[1] or i == around[2] or i == around[3]:
                         continue
                     qx, qy, qz, _ = closest_point_of_triangle(corners[t], cx, cy, cz)
                     square = (qx - cx) ** 2 + (qy - cy) ** 2 + (qz - cz) ** 2

@@ -112,7 +112,7 @@ def _before_a_cell(four: np.ndarray, triangle: np.ndarray, cells: Solids) -> np.
     middle = np.where(triangle[:, None], four[:, :3].mean(axis=1), four.mean(axis=1))
     in_front = middle + IN_FRONT * across / np.sqrt(np.where(length > 0.0, length, 1.0))[:, None]
     start, near = touching(tree_of(cells.low, cells.high), in_front, in_front)
-    return _inside(in_front, start, near, *cells[:3], TABLE)
+    return _inside(in_front, start, near, *cells[:4], TABLE)
 
 
 def covered_faces(skin: Skin, columns: Columns, volume: np.ndarray) -> CoveredFaces:
@@ -147,19 +147,21 @@ def covered_faces(skin: Skin, columns: Columns, volume: np.ndarray) -> CoveredFa
 
 
 @strict_equation
-def _inside(points, start, near, corners, shape, counts, table):
-    """Whether each point lies in one of the cells near it, shape (P,)."""
+def _inside(points, start, near, corners, shape, counts, weight, table):
+    """Whether each point lies in the cells near it, with both ways to cut them, shape (P,)."""
     inside = np.zeros(len(points), np.bool_)
     planes = np.empty((4, 4))
     four = np.empty((4, 3))
     for p in range(len(points)):
+        held = 0.0
         for k in range(start[p], start[p + 1]):
             c = near[k]
             for t in range(counts[c]):
                 relative(corners[c], table[shape[c], t], points[p], four)
                 if tetrahedron_planes(four[0], four[1], four[2], four[3], planes) != 0.0:
                     lowest = min(min(planes[0, 3], planes[1, 3]), min(planes[2, 3], planes[3, 3]))
-                    inside[p] = inside[p] or lowest > 0.0
+                    held += abs(weight[c]) if lowest > 0.0 else 0.0
+        inside[p] = held > 0.75
     return inside
 
 

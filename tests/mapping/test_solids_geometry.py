@@ -141,9 +141,9 @@ def test_a_sheet_reaches_half_way_to_its_next_wall(make):
     gap = 0.03
     below, above = make.lifted(points), make.lifted(points) + [0.0, 0.0, gap]
     nodes = np.concatenate([below, above])
-    triangles = np.concatenate([make.triangles_of(quads), make.triangles_of(quads) + len(points)])
+    faces = np.concatenate([quads, quads + len(points)])
     normals = np.tile([0.0, 0.0, 1.0], (len(nodes), 1))
-    found = own_reach(nodes, normals, triangles, 0.1)
+    found = own_reach(nodes, normals, faces, 0.1)
     count = len(points)
     np.testing.assert_allclose(found[:count], [[0.1, 0.5 * gap]] * count, rtol=1e-12)
     np.testing.assert_allclose(found[count:], [[0.5 * gap, 0.1]] * count, rtol=1e-12)

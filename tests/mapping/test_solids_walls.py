@@ -101,7 +101,7 @@ def test_a_cell_between_two_walls_is_ambiguous(make, tmp_path, write_mesh):
         assert len(set(wall[weights.face[weights.cell == cell]])) == 1
     mesh = write_mesh(nodes, [("hexahedron", solids)])
     options = {"picture": False, "thickness_limit": 1.0}
-    with pytest.raises(InputError, match=r"8 of 8 cells lie between two walls .* allow ambiguous"):
+    with pytest.raises(InputError, match="8 of 8 cells lie about as near to one layer"):
         map_file(dataset, mesh, tmp_path / "mapped.nc", **options)
     report = map_file(dataset, mesh, tmp_path / "mapped.nc", allow_ambiguous=True, **options)
     assert report.status_count["ambiguous"] == 8

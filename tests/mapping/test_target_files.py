@@ -145,7 +145,7 @@ def test_solids_open_in_other_programs(make, result, tmp_path, kind):
     """Their skin is the mesh that xugrid, VTK and ugrid-checks know; all cells are in a group."""
     ids, cells = brick_deck(make, tmp_path / "solid.inp", kind)
     path = tmp_path / "m.nc"
-    map_file(result, tmp_path / "solid.inp", path, picture=False)
+    map_file(result, tmp_path / "solid.inp", path, thickness_limit=0.3, picture=False)
     with xr.open_dataset(path, group="solid") as solid, xr.open_dataset(path) as root:
         np.testing.assert_array_equal(solid["cell_id"], ids)
         corners = {"SC8R": 8, "C3D20R": 8, "C3D6": 6}[kind]
@@ -187,7 +187,8 @@ def test_solids_open_in_other_programs(make, result, tmp_path, kind):
 
 def test_the_skin_of_mapped_solids_is_no_sheet_to_map_from(make, result, tmp_path):
     brick_deck(make, tmp_path / "solid.inp", "C3D8")
-    map_file(result, tmp_path / "solid.inp", tmp_path / "m.nc", picture=False)
+    options = {"thickness_limit": 0.3, "picture": False}
+    map_file(result, tmp_path / "solid.inp", tmp_path / "m.nc", **options)
     with pytest.raises(InputError, match="fields on a solid mesh"):
         read_sheet(tmp_path / "m.nc")
 
