@@ -41,6 +41,17 @@ def structure(
     frame: Annotated[
         int, typer.Option(metavar="N", help="Saved frame to map, from 0; -1 is the last one.")
     ] = -1,
+    register: Annotated[
+        bool,
+        typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
+    ] = False,
+    thickness_limit: Annotated[
+        float,
+        typer.Option(help="Largest relative difference of a solid's thickness from the formed."),
+    ] = 0.1,
+    allow_ambiguous: Annotated[
+        bool, typer.Option("--allow-ambiguous", help="Accept the nearer of two layers.")
+    ] = False,
     allow_incomplete: Annotated[
         bool, typer.Option("--allow-incomplete", help="Accept fields of an unfinished run.")
     ] = False,
@@ -86,6 +97,9 @@ def structure(
                 maximum_distance=distance,
                 length_unit=length_unit,
                 frame=frame,
+                register=register,
+                thickness_limit=thickness_limit,
+                allow_ambiguous=allow_ambiguous,
                 allow_incomplete=allow_incomplete,
             ),
             options=SolverOptions(run=solve, command=ccx, threads=threads),

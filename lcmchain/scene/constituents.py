@@ -156,4 +156,13 @@ def _filled(values: Any, published: dict[str, dict[str, tuple[Any, Basis]]]) -> 
         close = difflib.get_close_matches(str(preset), published, n=1, cutoff=0.3)
         hint = f'; did you mean "{close[0]}"?' if close else f"; there is {', '.join(published)}"
         raise wrong(f'there is no preset "{preset}"{hint}', field="preset")
-    return {key: value for key, (value, _) in published[preset].items()} | values
+    return published_values(published, preset) | values
+
+
+def published_values(
+    published: dict[str, dict[str, tuple[Any, Basis]]], name: str | None
+) -> dict[str, Any]:
+    """Return the entries of a preset as a scene file gives them, its name among them."""
+    if name is None:
+        return {}
+    return {"preset": name} | {key: value for key, (value, _) in published[name].items()}

@@ -221,18 +221,32 @@ def _used_values(
     defaulted: list[tuple[str, str]] = []
     if isinstance(data.get("element"), str):
         data = data | {"element": {"type": data["element"]}}
-    preset_name = getattr(scene.material, "preset", None)
-    preset = {"material": PRESETS[preset_name]} if preset_name else {}
+    preset = _preset_values(scene)
     for key, raw_path, text in _leaves(scene, (), ()):
         value = _lookup(data, raw_path)
         from_preset = _lookup(preset, raw_path)
         if value is not _ABSENT:
             given.append((key, _value_text(value)))
         elif from_preset is not _ABSENT:
-            defaulted.append((key, f"{_value_text(from_preset)} (preset {preset_name})"))
+            owner = _lookup(preset, (*raw_path[:-1], "preset"))
+            owner = preset["material"]["preset"] if owner is _ABSENT else owner
+            defaulted.append((key, f"{_value_text(from_preset)} (preset {owner})"))
         elif text:
             defaulted.append((key, _resolved_text(scene, key, text)))
     return given, defaulted
+
+
+def _preset_values(scene: Scene) -> dict[str, Any]:
+    """Return what presets give, as tables of a scene file, each with the name of its preset."""
+    values: dict[str, Any] = {}
+    name = getattr(scene.material, "preset", None)
+    if name:
+        values["material"] = {**PRESETS[name], "preset": name}
+    values["mapping"] = [
+        {} if target.structure is None else {"structure": target.structure.preset_values()}
+        for target in scene.mapping
+    ]
+    return values
 
 
 def _leaves(

@@ -29,7 +29,7 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.constituents import Fibre, Resin
+from lcmchain.scene.constituents import FIBRES, RESINS, Fibre, Resin, published_values
 
 #: What a support can hold: displacements, and rotations of the nodes of shells.
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
@@ -184,6 +184,13 @@ class Structure(SceneModel):
         default="1 h",  # type: ignore[assignment]
         description="Time after which the solver is stopped.",
     )
+
+    def preset_values(self) -> dict[str, Any]:
+        """Return the entries of the presets of fibre and resin, with the names of these."""
+        return {
+            "fibre": published_values(FIBRES, self.fibre.preset),
+            "resin": published_values(RESINS, self.resin.preset),
+        }
 
     @field_validator("supports", "loads")
     @classmethod

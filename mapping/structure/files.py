@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain import __version__
+from lcmchain.errors import InputError
 from lcmchain.fields.vtu import write_mesh
 from lcmchain.mapping.structure.mesh import DeckMesh
 from lcmchain.mapping.structure.results import StructuralResults
@@ -20,6 +21,9 @@ from lcmchain.mapping.target import TargetMesh
 #: Components of stresses and strains in the axes of a cell, and of laminates.
 COMPONENTS = ("11", "22", "33", "12", "13", "23")
 _OF_LAMINATE = (("11", 0, 0), ("22", 1, 1), ("12", 0, 1), ("66", 2, 2), ("16", 0, 2), ("26", 1, 2))
+
+#: Nodes closer than this share of the mesh's size are at the same place.
+SAME_PLACE = 1e-6
 _UNITS_OF_LAMINATE = {"A": "N m-1", "B": "N", "D": "N m"}
 
 
@@ -100,10 +104,9 @@ def results_dataset(
 ) -> xr.Dataset:
     """Mapped fields and structural results as one UGRID dataset, on the mesh of the mapped file."""
     dataset = mapped.copy()
-    place = mapped["target"].attrs
     location = "volume" if target.is_solid else "face"
     cells = mapped["thickness"].dims[0]
-    nodes = mapped[str(place["node_coordinates"]).split()[0]].dims[0]
+    nodes = mapped[_coordinates(mapped)[0]].dims[0]
     rows = _node_rows(mapped, target, mesh)
     for name, (values, about) in cell_values(sections, results).items():
         on_mesh = {"mesh": "target", "location": location}
@@ -127,6 +130,30 @@ def results_dataset(
         "source": f"lcmchain {__version__}, structural stage",
     }
     return dataset
+
+
+def require_same_nodes(mapped: xr.Dataset, target: TargetMesh, mesh: DeckMesh, file: str) -> None:
+    """Refuse a mapped file whose nodes lie elsewhere than those of the mesh.
+
+    Raises
+    ------
+    InputError : another mesh, or the same one read in another unit of length.
+    """
+    names = {
+        mapped[name].attrs.get("axis", name[-1].upper()): name for name in _coordinates(mapped)
+    }
+    places = np.stack([mapped[names[axis]].values for axis in "XYZ"], axis=1)
+    rows = _node_rows(mapped, target, mesh)
+    off = np.inf
+    if len(rows) == len(places):
+        off = np.abs(places - mesh.points[rows]).max()
+    if off > SAME_PLACE * mesh.size:
+        told = f"lie up to {1e3 * off:.3g} mm away from" if np.isfinite(off) else "are others than"
+        raise InputError(
+            f"the nodes of the mapped file {told} those of the mesh; give the mesh that the fields "
+            "were mapped onto, and its length unit",
+            file=file,
+        )
 
 
 def write_results_vtu(
@@ -164,8 +191,13 @@ def _node_rows(mapped: xr.Dataset, target: TargetMesh, mesh: DeckMesh) -> np.nda
     if "node_id" in mapped:
         order = np.argsort(mesh.node_ids)
         numbers = mapped["node_id"].values.astype(np.int64)
-        return order[np.searchsorted(mesh.node_ids, numbers, sorter=order)]
+        place = np.searchsorted(mesh.node_ids, numbers, sorter=order)
+        return order[np.minimum(place, len(order) - 1)]  # others are told by their places
     return np.unique(target.corners[target.corners >= 0])
+
+
+def _coordinates(mapped: xr.Dataset) -> list[str]:
+    return str(mapped["target"].attrs["node_coordinates"]).split()
 
 
 def _history(mapped: xr.Dataset) -> str:

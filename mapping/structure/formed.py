@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
+from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.mapping.target import TargetMesh
@@ -52,6 +53,15 @@ class FormedCells:
     leading: FormedPly
     plies: tuple[FormedPly, ...]
     fibre_density: float | None = None
+
+
+def mapped_state(mapped: xr.Dataset) -> xr.Dataset:
+    """Return the saved state that the target belongs to, where a file holds all of them."""
+    if TIME not in mapped.dims:
+        return mapped
+    if "mapping_time_s" not in mapped.attrs:
+        return mapped.isel({TIME: -1})
+    return mapped.sel({TIME: mapped.attrs["mapping_time_s"]}, method="nearest")
 
 
 def formed_cells(mapped: xr.Dataset, target: TargetMesh, file: str) -> FormedCells:

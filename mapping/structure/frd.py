@@ -12,6 +12,9 @@ import numpy as np
 
 from lcmchain.errors import InputError
 
+#: Last line of a whole file.
+END = "9999"
+
 
 @dataclass(frozen=True)
 class NodalResult:
@@ -42,6 +45,8 @@ def read_displacements(path: Path | str) -> list[NodalResult]:
         lines = path.read_text(encoding="latin-1").splitlines()
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+    if not lines or lines[-1].strip() != END:
+        raise InputError("this result of CalculiX has no end; was the run cut off?", file=path)
     results = []
     mode, value = 0, 0.0
     number = 0
@@ -62,7 +67,7 @@ def read_displacements(path: Path | str) -> list[NodalResult]:
                 number = end
     except (ValueError, StopIteration):
         raise InputError(
-            f"line {number} is none of a CalculiX result in ASCII; was the run cut off?", file=path
+            f"the block at line {number} is none of a CalculiX result in ASCII", file=path
         ) from None
     return results
 

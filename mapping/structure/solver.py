@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -113,9 +114,7 @@ def messages(text: str, kind: str) -> list[str]:
     """
     found: Counter[str] = Counter()
     example: dict[str, str] = {}
-    for part in re.findall(rf"\*{kind}((?:.(?!\*(?:ERROR|WARNING|INFO)))*?)(?=\n\s*\n|\n?\s*\*|\Z)",
-                           text, re.S):  # fmt: skip
-        words = " ".join(part.split()).strip(": ")
+    for words in _texts(text, kind):
         key = re.sub(r"[-+\d.]+(?:[eE][-+]?\d+)?", "#", words)
         found[key] += 1
         example.setdefault(key, words)
@@ -125,6 +124,21 @@ def messages(text: str, kind: str) -> list[str]:
     ]
     rest = len(found) - len(told)
     return [*told, f"and {rest} further kinds"] if rest > 0 else told
+
+
+def _texts(text: str, kind: str) -> Iterator[str]:
+    """Yield the messages of a kind as they follow each other, each on one line."""
+    words: list[str] = []
+    for line in [*text.splitlines(), ""]:
+        stripped = line.strip()
+        begins = stripped.startswith(("*ERROR", "*WARNING", "*INFO"))
+        if words and (begins or not stripped):
+            yield " ".join(words)
+            words = []
+        if begins and stripped.startswith(f"*{kind}"):
+            words = stripped.removeprefix(f"*{kind}").strip(": ").split() or ["no reason given"]
+        elif words:
+            words += stripped.split()
 
 
 def _reason(errors: list[str], code: int) -> str:

@@ -18,8 +18,12 @@ from lcmchain.mapping.sheet import file_sha256
 from lcmchain.mapping.solid_file import SKIN, SOLID, file_groups
 from lcmchain.mapping.source_checks import UNREADABLE
 from lcmchain.mapping.structure.deck import UNITS, mesh_lines, section_lines, step_lines
-from lcmchain.mapping.structure.files import results_dataset, write_results_vtu
-from lcmchain.mapping.structure.formed import formed_cells
+from lcmchain.mapping.structure.files import (
+    require_same_nodes,
+    results_dataset,
+    write_results_vtu,
+)
+from lcmchain.mapping.structure.formed import formed_cells, mapped_state
 from lcmchain.mapping.structure.materials import Materials, materials_of
 from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
 from lcmchain.mapping.structure.picture import draw_results
@@ -80,9 +84,11 @@ def analyse(
         target = read_target(target_mesh, kind="structure", length_unit=length_unit)
     source = mapped if isinstance(mapped, xr.Dataset) else read_mapped(mapped)
     file = "dataset" if isinstance(mapped, xr.Dataset) else str(mapped)
+    source = mapped_state(source)
     sections = build_sections(formed_cells(source, target, file), target, structure)
     materials = materials_of(sections, structure.material_tolerance)
     mesh = deck_mesh(target, quadratic=structure.elements == "quadratic")
+    require_same_nodes(source, target, mesh, file)
     out = Path(out_dir) / f"{name}{ENDING}"
     texts = _deck_texts(out.name, mesh, sections, materials, structure)
     program = find_solver(options.command) if options.run else None

@@ -66,7 +66,7 @@ def mapped(points, count, first, second):
         },
     )
     for axis, values in zip("xyz", points.T):
-        data[f"target_node_{axis}"] = ("target_node", values)
+        data[f"target_node_{axis}"] = ("target_node", values, {"axis": axis.upper()})
     data["thickness"] = ("target_volume", np.full(count, 1e-3))
     data["fibre_volume_fraction"] = ("target_volume", np.full(count, V))
     for name, vector in (("1", first), ("2", second)):

@@ -189,6 +189,15 @@ def test_wrong_commands(folder, out, tmp_path, capsys, monkeypatch, arguments, m
     assert message in capsys.readouterr().err
 
 
+def test_what_a_preset_gives_is_told_as_such(folder):
+    source = read_scene(folder / "scene.toml").source
+    told = dict(source.defaulted)
+    assert told["mapping.part.structure.fibre.E2"] == "15 GPa (preset T300)"
+    assert told["mapping.part.structure.resin.nu"] == "0.35 (preset MY750)"
+    assert dict(source.given)["mapping.part.structure.fibre.density"] == "1810 kg/m^3"
+    assert told["material.areal_mass"].endswith("(preset MD600)")
+
+
 def test_presets_are_the_ones_that_may_be_named():
     for model, published in ((Fibre, FIBRES), (Resin, RESINS)):
         for name, values in published.items():

@@ -109,7 +109,7 @@ def test_a_solver_that_takes_too_long_is_stopped(solve, tmp_path):
 
 
 def test_results_that_miss_something_are_refused(solve, tmp_path):
-    script = "touch plate_calculix.frd plate_calculix.dat; echo 'Job finished'"
+    script = "echo 9999 > plate_calculix.frd; touch plate_calculix.dat; echo 'Job finished'"
     with pytest.raises(InputError, match="0 static states and 0 modes"):
         solve("quad", HELD + PUSHED, count=2, options=fake(tmp_path / "solver", script))
 
@@ -215,7 +215,9 @@ def test_numbers_and_sets_of_the_mesh_stand_in_the_deck(kit, write_mesh, tmp_pat
     case += condition("loads", "p", set='"half part"', pressure='"5 Pa"')
     options = SolverOptions(run=False, picture=False)
     with xr.open_dataset(tmp_path / "plate.nc", mask_and_scale=False) as mapped:
-        analyse(mapped.load(), target, structure_from_text(MATERIAL + case), name="p",
+        # Without the numbers of the file, which are not those of this target.
+        own = mapped.load().drop_vars("node_id")
+        analyse(own, target, structure_from_text(MATERIAL + case), name="p",
                 out_dir=tmp_path, options=options)  # fmt: skip
     text = (tmp_path / "p_calculix_mesh.inp").read_text().splitlines()
     element = text.index("*ELEMENT, TYPE=S8R, ELSET=LCM_ELEMENTS") + 1
@@ -278,3 +280,28 @@ def test_plies_of_a_stack_have_their_own_directions(kit, write_mesh, tmp_path):
     stacked = structure_from_text(MATERIAL + 'lay_up = "stacked"')
     with pytest.raises(InputError, match="but the part has 2 plies"):
         analyse(mapped, mesh, stacked, name="q", out_dir=tmp_path)
+
+
+def test_a_mapped_file_in_another_unit_of_length_is_told(kit, write_mesh, tmp_path):
+    points, blocks = kit.plate("quad", count=2)
+    mesh = write_mesh(1e3 * points, blocks, "mesh.vtu")
+    map_file(kit.formed(), mesh, tmp_path / "plate.nc", length_unit="mm", picture=False)
+    case = structure_from_text(MATERIAL)
+    with pytest.raises(InputError, match="nodes of the mapped file lie up to 2e.05 mm away"):
+        analyse(tmp_path / "plate.nc", mesh, case, name="p", out_dir=tmp_path)
+    analyse(tmp_path / "plate.nc", mesh, case, name="p", out_dir=tmp_path, length_unit="mm")
+
+
+def test_of_all_saved_states_the_mapped_one_is_taken(kit, write_mesh, tmp_path):
+    """The first of two states of the sheet has half its fields (see the maker)."""
+    mesh = write_mesh(*kit.plate("quad", count=2), "mesh.vtu")
+    source = kit.formed().assign_coords(time=("time", [0.0, 0.1]))
+    found = {}
+    for all_frames in (False, True):
+        options = {"all_frames": all_frames, "picture": False}
+        map_file(source, mesh, tmp_path / "plate.nc", **options)
+        report = analyse(
+            tmp_path / "plate.nc", mesh, structure_from_text(MATERIAL), name="p", out_dir=tmp_path
+        )
+        found[all_frames] = report.mass, report.fibre_volume_fraction_max
+    assert found[True] == pytest.approx(found[False], rel=1e-9)
