@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from lcmchain.quantities.durations import duration_text, milliseconds_text
-from lcmchain.report.verdicts import percent
+from lcmchain.report.grades import percent
 
 
 class Number(NamedTuple):
