@@ -14,15 +14,14 @@ from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
+from lcmchain.commands.map import map_fields
 from lcmchain.commands.new import new_app
 from lcmchain.commands.options import OutFolder, Overrides, SceneFile, Strict
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.terminal import (
     console,
-    length_of,
     print_error,
     progress_bar,
-    require_choice,
     require_none,
     say,
     show_python_warnings,
@@ -144,62 +143,7 @@ def schema(
         path.write_text(text, encoding="utf-8")
 
 
-@app.command("map")
-def map_fields(
-    source: Annotated[Path, typer.Argument(metavar="SOURCE.nc", help="forming.nc of a run.")],
-    target: Annotated[Path, typer.Argument(metavar="TARGET", help="Any mesh that meshio reads.")],
-    out: Annotated[
-        Path, typer.Option("--out", metavar="F", help="F.nc or F.vtu; the other is written too.")
-    ],
-    kind: Annotated[
-        str, typer.Option(help="What the mesh is for: infiltration or structure.")
-    ] = "structure",
-    method: Annotated[str, typer.Option(help="Weights: overlap or closest.")] = "overlap",
-    maximum_distance: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help='Farthest distance to map over, such as "2 mm".'),
-    ] = None,
-    length_unit: Annotated[str, typer.Option(help="Unit of the target mesh.")] = "m",
-    allow_unmapped: Annotated[
-        bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
-    ] = False,
-    allow_incomplete: Annotated[
-        bool, typer.Option("--allow-incomplete", help="Accept fields of an unfinished run.")
-    ] = False,
-) -> None:
-    """Map the formed blank's fields onto another mesh."""
-    from lcmchain.scene import MappingTarget
-
-    require_choice("--kind", kind, MappingTarget)
-    require_choice("--method", method, MappingTarget)
-    for file, what in ((source, "the forming.nc"), (target, "the mesh")):
-        if file.is_dir():
-            raise InputError(f"is a folder; name {what} in it", file=file)
-        if not file.is_file():
-            raise InputError("there is no such file", file=file)
-    if out.is_dir():
-        raise InputError("is a folder; name a file in it, such as mapped.nc", file=out)
-    distance = (
-        None if maximum_distance is None else length_of("--maximum-distance", maximum_distance)
-    )
-    length_of("--length-unit", f"1 {length_unit}")
-    with output_folder(out.parent, inputs=[source, target]):
-        from lcmchain.mapping import map_file
-
-        report = map_file(
-            source,
-            target,
-            out,
-            kind=kind,
-            method=method,
-            maximum_distance=distance,
-            length_unit=length_unit,
-            allow_unmapped=allow_unmapped,
-            allow_incomplete=allow_incomplete,
-        )
-    say(report.summary())
-    for warning in report.warnings:
-        warn(warning)
+app.command("map")(map_fields)
 
 
 @fmu_app.callback()

@@ -170,20 +170,16 @@ class _Job:
         """
         failures = []
         for target in self.scene.mapping:
-            from lcmchain.mapping import map_forming
+            from lcmchain.mapping import MappingOptions, map_forming
 
             self.tell(self.scene.process.time, f"mapping {target.name}")
             try:
                 report = map_forming(
                     self.folder / "forming.nc",
                     self.scene.source.directory / target.mesh,
+                    MappingOptions(**target.options(), picture=self.scene.output.pictures),
                     name=target.name,
-                    kind=target.kind,
-                    method=target.method,
-                    maximum_distance=target.maximum_distance,
-                    length_unit=target.length_unit,
                     out_dir=self.folder,
-                    picture=self.scene.output.pictures,
                 )
                 self.summary["mapping"][target.name] = report.as_dict()
             except OutputError:

@@ -26,7 +26,11 @@ def input_files(scene: Scene) -> list[Path]:
 
 def expected_files(scene: Scene) -> list[str]:
     """Return the names that a run writes, as far as the scene tells them."""
-    mapped = [f"{target.name}{end}" for target in scene.mapping for end in MAPPED_SUFFIXES]
+    mapped = [
+        f"{target.name}{end}"
+        for target in scene.mapping
+        for end in (*MAPPED_SUFFIXES, *([".pvd"] if target.all_frames else []))
+    ]
     return [*OWN_FILES, *mapped]
 
 

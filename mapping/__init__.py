@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import Sheet, read_sheet
 from lcmchain.mapping.stage import map_file, map_forming
@@ -11,6 +12,7 @@ from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 
 __all__ = [
     "MappedFields",
+    "MappingOptions",
     "MappingReport",
     "MappingWeights",
     "Sheet",

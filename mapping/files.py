@@ -14,8 +14,23 @@ from lcmchain.fields.vtu import write_mesh
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import Sheet, file_sha256
 from lcmchain.mapping.target import TargetMesh
+from lcmchain.mapping.target.variables import (
+    cell_data,
+    cell_variables,
+    node_variables,
+    point_data,
+)
 from lcmchain.mapping.transfer import MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
+
+ALIGNMENT = (
+    "largest eigenvalue of the mean of the tensors a a over the part of the sheet above the cell: "
+    "1 where all directions a are parallel, 1/2 where they are spread evenly in a plane"
+)
+SHEAR_ABOUT_CELL = (
+    "a right angle minus the angle from the axis of fibre 1 to that of fibre 2 about the normal of "
+    "the cell: where it points to the lower side of the sheet, the sign is not that of the sheet"
+)
 
 
 def mapped_dataset(
@@ -30,12 +45,13 @@ def mapped_dataset(
     """Mapped fields as a UGRID dataset in the conventions of the forming result.
 
     Cells of a shell are faces of a two-dimensional mesh, cells of a solid volumes of a
-    three-dimensional one; mid-side nodes of higher-order cells are left out.
+    three-dimensional one; mid-side nodes of higher-order cells and nodes without a cell are left
+    out. Numbers, parts and sets of the target are variables beside the fields.
 
     command : line that maps as this mapping did, for the history of the file.
     """
     mesh = UgridMesh("target", topology_dimension=3 if target.is_solid else 2)
-    used, corners = _compact(target.corners)
+    used, corners = compact(target.corners)
     width = 3 if not target.is_solid and np.all(corners[:, 3] < 0) else corners.shape[1]
     variables: dict[str, Variable] = {}
     if target.is_solid:
@@ -46,8 +62,12 @@ def mapped_dataset(
     variables |= mesh.node_positions(target.points[used])
     if sheet.time is not None:
         variables[TIME] = saved_times(np.asarray(sheet.time))
-    for name, (values, attributes) in _cell_fields(sheet, weights, mapped).items():
+    for name, (values, attributes) in cell_fields(sheet, weights, mapped).items():
         variables[name] = mesh.on_cells(values, attributes)
+    for name, (values, attributes) in cell_variables(target).items():
+        variables[name] = mesh.on_cells(values, attributes)
+    for name, (values, attributes) in node_variables(target).items():
+        variables[name] = mesh.on_nodes(values[used], attributes)
     own = _global_attributes(sheet, target, report, command)
     return mesh.dataset(variables, {**sheet.provenance, **own})
 
@@ -59,27 +79,41 @@ def write_vtu(
     weights: MappingWeights,
     mapped: MappedFields,
 ) -> None:
-    """Write the mapped fields on the target mesh as VTU; directions and axes become vectors."""
+    """Write the mapped fields on the target mesh as VTU; directions and axes become vectors.
+
+    All nodes of the target file are there, mid-side nodes and those without a cell too.
+    """
     data = {
         name: values
-        for name, (values, _) in _cell_fields(sheet, weights, mapped).items()
+        for name, (values, _) in cell_fields(sheet, weights, mapped).items()
         if name[:-2] not in mapped.vectors
     }
-    data |= mapped.vectors
+    data |= mapped.vectors | cell_data(target)
     ends = np.cumsum([len(cells) for _, cells in target.blocks])[:-1]
     mesh = meshio.Mesh(
         target.points,
         [(name, cells) for name, cells in target.blocks],
         cell_data={name: np.split(values, ends) for name, values in data.items()},
+        point_data=point_data(target),
     )
     write_mesh(path, mesh)
 
 
-def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
-    """Every cell variable with its attributes, in the order of the file."""
+def cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
+    """Return values (C,) and attributes of every cell variable, in the order of the file."""
     fields = {}
     for name, values in mapped.scalars.items():
         fields[name] = (values, _attributes(sheet, name))
+    if "shear_angle" in fields and not mapped.about_sheet:
+        fields["shear_angle"][1]["comment"] = SHEAR_ABOUT_CELL
+    for name, found in mapped.directions.items():
+        attributes = {
+            "long_name": f"alignment of {name.replace('_', ' ')}",
+            "units": "1",
+            "comment": ALIGNMENT,
+            "_FillValue": np.nan,
+        }
+        fields[f"{name}_alignment"] = (found.alignment, attributes)
     for stem, vectors in mapped.vectors.items():
         for axis, values in zip("xyz", vectors.T, strict=True):
             name = f"{stem}_{axis}"
@@ -116,11 +150,11 @@ def _attributes(sheet: Sheet, name: str) -> dict:
     return {"long_name": name, "units": "1", **sheet.attributes.get(name, {}), "_FillValue": np.nan}
 
 
-def _compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Used nodes, and the corner table that counts only these."""
-    used, compact = np.unique(corners[corners >= 0], return_inverse=True)
+def compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the used nodes, and the corner table that counts only these."""
+    used, numbers = np.unique(corners[corners >= 0], return_inverse=True)
     renumbered = np.full(corners.shape, -1, dtype=np.int64)
-    renumbered[corners >= 0] = compact.reshape(-1)
+    renumbered[corners >= 0] = numbers.reshape(-1)
     return used, renumbered
 
 

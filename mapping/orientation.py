@@ -6,10 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcmchain.mapping.averages import leading_faces, mean_tensor_over_cells
+from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.weights import MappingWeights
 
 # Pairs of tensor indices that are stored of a symmetric 3x3 tensor.
 _ROWS, _COLUMNS = np.array([0, 1, 2, 1, 0, 0]), np.array([0, 1, 2, 2, 2, 1])
+_MULTIPLICITY = (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)
 
 
 class MappedDirections(NamedTuple):
@@ -21,7 +24,7 @@ class MappedDirections(NamedTuple):
 
 
 def map_directions(
-    weights: MappingWeights, directions: np.ndarray, normals: np.ndarray | None
+    surface: Surface, weights: MappingWeights, directions: np.ndarray, normals: np.ndarray | None
 ) -> MappedDirections:
     """Map fibre directions, shape (F, 3), to the target cells.
 
@@ -37,19 +40,14 @@ def map_directions(
     Source: Advani and Tucker, Journal of Rheology 31 (1987) 751, for the orientation tensor.
     """
     products = directions[:, _ROWS] * directions[:, _COLUMNS]
-    averaged = weights.average_matrix @ products
+    averaged = mean_tensor_over_cells(surface, weights, products, _MULTIPLICITY)
+    averaged[~weights.mapped] = 0.0
     tensors = np.empty((weights.cell_count, 3, 3))
     tensors[:, _ROWS, _COLUMNS] = averaged
     tensors[:, _COLUMNS, _ROWS] = averaged
     values, vectors = np.linalg.eigh(tensors)
     principal = vectors[:, :, 2]
-
-    # Weights are sorted by cell: the last of the ascending ones is the largest of its cell.
-    order = np.lexsort((weights.average, weights.cell))
-    last = np.append(np.diff(weights.cell[order]) > 0, True)[: len(order)]
-    leading = np.zeros(weights.cell_count, dtype=np.int64)
-    leading[weights.cell[order][last]] = weights.face[order][last]
-    against = np.einsum("ci,ci->c", principal, directions[leading]) < 0.0
+    against = np.einsum("ci,ci->c", principal, directions[leading_faces(weights)]) < 0.0
     principal = np.where(against[:, None], -principal, principal)
 
     tilt = np.zeros(weights.cell_count)

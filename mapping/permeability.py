@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from lcmchain.mapping.gradients import limited_gradients, limited_tensor_gradients
 from lcmchain.mapping.orientation import map_directions
 from lcmchain.mapping.sheet import PrincipalPermeability
+from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.weights import MappingWeights
 
 
 def map_permeability(
-    weights: MappingWeights, sheet: PrincipalPermeability, normals: np.ndarray | None
+    surface: Surface,
+    weights: MappingWeights,
+    sheet: PrincipalPermeability,
+    normals: np.ndarray | None,
 ) -> PrincipalPermeability:
     """Map permeabilities to the target cells; the axes in the plane lie in the cell's plane.
 
@@ -25,28 +30,87 @@ def map_permeability(
         axis through the sheet.
     """
     if normals is None:
-        normals = map_directions(weights, sheet.axes[:, 2], None).direction
+        normals = map_directions(surface, weights, sheet.axes[:, 2], None).direction
     first, second = _basis(normals)
     cell, face = weights.cell, weights.face
-    turned = _turned(sheet.axes[face, 0], sheet.axes[face, 2], normals[cell])
-    angle = np.arctan2(_dot(turned, second[cell]), _dot(turned, first[cell]))
+    plane = (first[cell], second[cell], normals[cell])
+    k11, k22, k12 = _seen_in(surface, face, _at_places(surface, weights, sheet), *plane)
+    through = sheet.values[:, 2]
+    k33 = through[face]
+    if weights.order > 1:
+        slope = limited_gradients(surface.gradient_stencil, through)
+        k33 = k33 + _dot(slope[face], weights.place)
 
     def mean(values: np.ndarray) -> np.ndarray:
         summed = np.bincount(cell, weights.average * values, minlength=weights.cell_count)
         return np.where(weights.mapped, summed, np.nan)
 
-    larger, smaller, through = sheet.values[face].T
-    half = 0.5 * (larger - smaller)
-    # The tensor in the plane is its mean value and a vector at twice the angle of the larger axis.
-    cosine, sine = mean(half * np.cos(2.0 * angle)), mean(half * np.sin(2.0 * angle))
-    middle, half_of_cell = mean(0.5 * (larger + smaller)), np.hypot(cosine, sine)
-    values = np.stack([middle + half_of_cell, middle - half_of_cell, mean(through)], axis=1)
-    turn = 0.5 * np.arctan2(sine, cosine)[:, None]
+    k11, k22, k12, k33 = (mean(component) for component in (k11, k22, k12, k33))
+    middle, half = 0.5 * (k11 + k22), np.hypot(0.5 * (k11 - k22), k12)
+    values = np.stack([middle + half, middle - half, k33], axis=1)
+    turn = 0.5 * np.arctan2(k12, 0.5 * (k11 - k22))[:, None]
     axis = np.cos(turn) * first + np.sin(turn) * second
     axes = np.stack([axis, np.cross(normals, axis), normals], axis=1)
     known = np.isfinite(values).all(axis=1)
     return PrincipalPermeability(
         np.where(known[:, None], values, np.nan), np.where(known[:, None, None], axes, np.nan)
+    )
+
+
+def _at_places(
+    surface: Surface, weights: MappingWeights, sheet: PrincipalPermeability
+) -> list[np.ndarray]:
+    """Components uu, vv, uv of every weight (K,), in the frame of its face.
+
+    Of second order they vary linearly within the face; the tensors of its neighbours are turned
+    into its plane for that.
+    """
+    larger, smaller, _ = sheet.values.T
+    u, v = surface.frames.swapaxes(0, 1)
+    along, across = ((_dot(axis, u), _dot(axis, v)) for axis in sheet.axes[:, :2].swapaxes(0, 1))
+    of_faces = [
+        larger * along[a] * along[b] + smaller * across[a] * across[b]
+        for a, b in ((0, 0), (1, 1), (0, 1))
+    ]
+    face = weights.face
+    if weights.order == 1:
+        return [component[face] for component in of_faces]
+    stencil = surface.gradient_stencil
+    owner = np.repeat(np.arange(surface.face_count), np.diff(stencil.start))
+    neighbours = [component[stencil.face] for component in of_faces]
+    plane = (u[owner], v[owner], surface.normals[owner])
+    around = np.stack(_seen_in(surface, stencil.face, neighbours, *plane), axis=1)
+    slopes = limited_tensor_gradients(
+        stencil, np.stack(of_faces, axis=1), around, multiplicity=(1.0, 1.0, 2.0)
+    )
+    return [
+        component[face] + _dot(slopes[face, m], weights.place)
+        for m, component in enumerate(of_faces)
+    ]
+
+
+def _seen_in(
+    surface: Surface,
+    face: np.ndarray,
+    components: list[np.ndarray],
+    first: np.ndarray,
+    second: np.ndarray,
+    normals: np.ndarray,
+) -> tuple[np.ndarray, ...]:
+    """Components 11, 22, 12 (P,) of tensors uu, vv, uv of faces (P,) that are turned into planes.
+
+    first, second, normals : axes of the planes and their normals, shape (P, 3).
+    """
+    u, v = (
+        _turned(axis, surface.normals[face], normals)
+        for axis in surface.frames[face].swapaxes(0, 1)
+    )
+    u1, u2, v1, v2 = _dot(u, first), _dot(u, second), _dot(v, first), _dot(v, second)
+    uu, vv, uv = components
+    return (
+        uu * u1 * u1 + vv * v1 * v1 + 2.0 * uv * u1 * v1,
+        uu * u2 * u2 + vv * v2 * v2 + 2.0 * uv * u2 * v2,
+        uu * u1 * u2 + vv * v1 * v2 + uv * (u1 * v2 + u2 * v1),
     )
 
 

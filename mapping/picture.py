@@ -10,7 +10,7 @@ import numpy as np
 
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, Sheet
-from lcmchain.mapping.target import TargetMesh, base_type, corner_count
+from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
 from lcmchain.report.renderer import (
@@ -26,16 +26,6 @@ from lcmchain.report.renderer import (
 from lcmchain.report.shown import SHOWN, Shown, colour_scale
 from lcmchain.report.style import FAINT, FIBRE_COLOURS, RC, headline, new_figure, save
 from lcmchain.report.view import FROM_ABOVE, View, boundary_edges, hangs_down, oblique
-
-SOLID_FACES: dict[str, list[tuple[int, ...]]] = {
-    "tetra": [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)],
-    "pyramid": [(0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)],
-    "wedge": [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)],
-    "hexahedron": [
-        *[(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4)],
-        *[(1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)],
-    ],
-}
 
 DRAWN = ("thickness", "fibre_volume_fraction")
 SHEAR = Shown("shear", "Shear between the fibres", "°", 1.0, "YlGn", False, 1, lowest=0.0)
@@ -164,21 +154,9 @@ def _skin(target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
     """Corners (F, 4, 3) [m] and cells (F,) of what is seen: cells of a shell, skin of a solid."""
     if not target.is_solid:
         return target.surface.corners, np.arange(target.cell_count)
-    parts, cell_numbers = [], []
-    first = 0
-    for name, cells in target.blocks:
-        nodes = cells[:, : corner_count(name)]
-        for face in SOLID_FACES[base_type(name)]:
-            closed = [*face, face[-1]][:4]
-            parts.append(nodes[:, closed])
-            cell_numbers.append(first + np.arange(len(cells)))
-        first += len(cells)
-    faces, owners = np.concatenate(parts), np.concatenate(cell_numbers)
-    _, number, count = np.unique(
-        np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    outer = count[number.reshape(-1)] == 1
-    return target.points[faces[outer]], owners[outer]
+    faces, owners = target.skin
+    closed = np.where(faces < 0, faces[:, 2:3], faces)
+    return target.points[closed], owners
 
 
 # --- on paper -------------------------------------------------------------------------------------

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.orientation import perpendicular_family_error
+from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import (
@@ -19,6 +21,7 @@ from lcmchain.mapping.transfer import (
     content_of_cells,
     content_of_sheet,
     covered_areas,
+    facing,
 )
 from lcmchain.mapping.weights import MappingWeights, Status
 
@@ -39,7 +42,10 @@ class MappingReport:
 
     ``conservation_error`` is the relative difference between the fibre mass on the covered target
     area and on the covered sheet area. Overlap weights keep it by scaling each face's shares;
-    ``wedge_correction`` is the largest such scaling, so both are stated.
+    ``wedge_correction`` is the largest such scaling, so both are stated. ``registration`` says how
+    the target lies to the sheet (:class:`lcmchain.mapping.registration.Registration`), and
+    ``registered`` whether its motion was applied before the mapping. ``opposite_normals`` is the
+    number of cells whose normals point to the lower side of the sheet, None for solids.
     """
 
     name: str
@@ -63,6 +69,9 @@ class MappingReport:
     fields: list[str]
     ignored_cells: dict[str, int]
     ignored_fields: list[str]
+    opposite_normals: int | None = None
+    registration: dict[str, Any] | None = None
+    registered: bool = False
     warnings: list[str] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
 
@@ -76,14 +85,25 @@ class MappingReport:
             temporary.write_text(json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
 
     def summary(self) -> str:
-        """One sentence for the terminal."""
+        """What was mapped and how well the two lie together, for the terminal."""
         counts = ", ".join(f"{n} {name}" for name, n in self.status_count.items() if n)
         return (
             f"{self.name}: {self.cell_count} cells ({counts}); "
             f"{100 * self.target_coverage:.1f} % of the target area and "
             f"{100 * self.source_coverage:.1f} % of the sheet covered; "
-            f"farthest {1e3 * self.worst_distance:.2f} mm off the sheet"
+            f"farthest {1e3 * self.worst_distance:.2f} mm off the sheet{self._place()}"
         )
+
+    def _place(self) -> str:
+        """How the target lies to the sheet, and the motion that was applied to it."""
+        if self.registration is None:
+            return ""
+        found = Registration(**self.registration)
+        text = f"; {found.distance_in_words()}"
+        if self.registered:
+            after = f"{1e3 * found.root_mean_square_after:.3f} mm"
+            text += f"; mapped as if {found.motion_in_words()}, which leaves {after}"
+        return text
 
 
 def mapping_report(
@@ -94,6 +114,8 @@ def mapping_report(
     *,
     name: str,
     kind: str,
+    registration: Registration | None = None,
+    registered: bool = False,
 ) -> MappingReport:
     """Gather the numbers of a mapping and the warnings that follow from them."""
     status_count = {s.name.lower(): int(np.sum(weights.status == s)) for s in Status}
@@ -103,6 +125,7 @@ def mapping_report(
     masses = _fibre_mass(sheet, weights, mapped)
     error_cell, error = _second_family_error(mapped)
     sheet_area = sheet.surface.areas
+    opposite = _opposite_normals(sheet, target, weights)
     return MappingReport(
         name=name,
         kind=kind,
@@ -125,7 +148,14 @@ def mapping_report(
         fields=[*mapped.scalars, *mapped.vectors],
         ignored_cells=dict(target.ignored),
         ignored_fields=list(sheet.unused),
-        warnings=_warnings(weights, target, sheet, mapped, kind, error, error_cell),
+        opposite_normals=opposite,
+        registration=None if registration is None else registration.as_dict(),
+        registered=registered,
+        warnings=[
+            *([] if registration is None or registered else registration.warnings()),
+            *_normal_warnings(opposite, weights),
+            *_warnings(weights, target, sheet, mapped, kind, error, error_cell),
+        ],
     )
 
 
@@ -150,6 +180,24 @@ def _second_family_error(mapped: MappedFields) -> tuple[int | None, float | None
         return None, None
     worst = int(np.nanargmax(error))
     return worst, float(error[worst])
+
+
+def _opposite_normals(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> int | None:
+    if target.is_solid:
+        return None
+    shown = facing(sheet, weights, target.surface.normals)[weights.mapped]
+    return int(np.sum(shown < 0.0))
+
+
+def _normal_warnings(opposite: int | None, weights: MappingWeights) -> list[str]:
+    mapped = int(weights.mapped.sum())
+    if not opposite or opposite == mapped:
+        return []
+    return [
+        f"the normals of {opposite} cells point to the lower side of the sheet and those of "
+        f"{mapped - opposite} to the upper one: shear_angle, which is counted about them, changes "
+        "its sign between; make the normals of the target consistent"
+    ]
 
 
 def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[str]:
@@ -201,6 +249,7 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     if target.ignored:
         cells = ", ".join(f"{count} {name}" for name, count in target.ignored.items())
         found.append(f"cells of the target file left aside: {cells}")
+    found += target.notes
     if sheet.unused:
         found.append(f"fields left aside, no scalars or with holes: {', '.join(sheet.unused)}")
     return found

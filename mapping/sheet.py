@@ -116,6 +116,45 @@ def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> S
     return replace(sheet, provenance={**sheet.provenance, **origin})
 
 
+def saved_times_of(source: Path | str | xr.Dataset) -> np.ndarray:
+    """Return the times [s] of the saved states of a forming result, shape (S,); empty without any.
+
+    Raises
+    ------
+    InputError : the file cannot be read.
+    """
+    if isinstance(source, xr.Dataset):
+        dimension, clock = _states_of(source)
+        known = dimension in source.dims and clock in source.variables
+        return np.array(source[clock].values, dtype=float) if known else np.zeros(0)
+    try:
+        with xr.open_dataset(source, engine="netcdf4", mask_and_scale=False) as dataset:
+            return saved_times_of(dataset)
+    except UNREADABLE as error:
+        reason = shortened(str(error), 300)
+        raise InputError(f"this is not a netCDF forming result ({reason})", file=source) from None
+
+
+def frame_at(source: Path | str | xr.Dataset, time: float) -> int:
+    """Return the saved frame nearest to a time [s].
+
+    Raises
+    ------
+    InputError : the time is outside those of the saved states, or there are none.
+    """
+    times = saved_times_of(source)
+    file = "dataset" if isinstance(source, xr.Dataset) else source
+    if len(times) == 0:
+        raise InputError("the forming result has no saved states with times", file=file)
+    if not times.min() <= time <= times.max():
+        raise InputError(
+            f"there is no saved state at {1e3 * time:.4g} ms; they go from "
+            f"{1e3 * times.min():.4g} to {1e3 * times.max():.4g} ms",
+            file=file,
+        )
+    return int(np.argmin(np.abs(times - time)))
+
+
 def file_sha256(path: Path | str) -> str:
     """Return the SHA-256 of a file's contents."""
     with open(path, "rb") as file:

@@ -45,6 +45,11 @@ def mesh_of(dataset: xr.Dataset, name: str) -> tuple[Mapping[str, Any], xr.DataA
         raise InputError(
             f"a forming result has one two-dimensional mesh, this has {len(found)}", file=name
         )
+    if "skin_of" in found[0]:
+        raise InputError(
+            "this holds fields on a solid mesh, which is no formed sheet; map from forming.nc",
+            file=name,
+        )
     key = str(found[0].get("face_node_connectivity"))
     if key not in dataset.variables:
         raise InputError(f'the mesh has no faces: there is no variable "{key}"', file=name)
@@ -117,7 +122,7 @@ def require_sound_fields(
             value = values[outside[0]]
             raise InputError(f"{key} of face {outside[0]} is {value:g}, which is none", file=name)
     for family in ("fibre_direction_1", "fibre_direction_2"):
-        alone = [key for key in scalars if key.rpartition("_")[0] == family]
+        alone = [key for key in scalars if key in {f"{family}_{axis}" for axis in "xyz"}]
         if alone:
             raise InputError(f"{family} has only the components {', '.join(alone)}", file=name)
         length = np.linalg.norm(directions.get(family, np.zeros((0, 3))), axis=1)

@@ -2,84 +2,62 @@
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import ROOT, write_netcdf
+from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.frame_files import write_frames
+from lcmchain.mapping.frames import mapped_frames
+from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.picture import draw_mapping
+from lcmchain.mapping.registration import Registration, registered, registration_of
 from lcmchain.mapping.report import MappingReport, mapping_report
-from lcmchain.mapping.sheet import Sheet, read_sheet
+from lcmchain.mapping.sheet import Sheet, frame_at, read_sheet
+from lcmchain.mapping.solid_file import file_groups
 from lcmchain.mapping.target import TargetMesh, read_target
-from lcmchain.mapping.transfer import transfer
-from lcmchain.mapping.weights import MappingWeights, compute_weights
+from lcmchain.mapping.target.length_unit import length_unit_hint
+from lcmchain.mapping.transfer import transfer, turned
+from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 from lcmchain.results import require_complete
 
-# Ratios of usual units of length; sizes of mesh and sheet that differ by about as much make the
-# unit doubtful, and so does anything beyond a hundred.
-UNIT_FACTORS = tuple(factor**sign for factor in (10.0, 25.4, 100.0) for sign in (1, -1))
-SAME_SIZE = 0.3  # largest logarithm of the ratio of a part to its sheet, or the reverse
+# Options that are given or not, in the order in which the history tells them.
+FLAGS = ("all-frames", "register", "allow-unmapped", "allow-ambiguous", "allow-incomplete")
 
 
 def map_forming(
     source: Path | str | xr.Dataset,
     target_mesh: Path | str,
+    options: MappingOptions | None = None,
     *,
     name: str,
-    kind: str,
     out_dir: Path | str,
-    method: str = "overlap",
-    maximum_distance: float | None = None,
-    length_unit: str = "m",
-    frame: int = -1,
-    allow_unmapped: bool = False,
-    allow_incomplete: bool = False,
-    weights_file: Path | str | None = None,
-    picture: bool = True,
+    **changes: Any,
 ) -> MappingReport:
     """Map a forming result onto a mesh; write ``NAME.nc``, ``.vtu``, ``.png`` and ``.json``.
 
     Arguments as in :func:`map_file`; ``name`` names the target and its files in ``out_dir``.
     """
-    return map_file(
-        source,
-        target_mesh,
-        Path(out_dir) / f"{name}.nc",
-        name=name,
-        kind=kind,
-        method=method,
-        maximum_distance=maximum_distance,
-        length_unit=length_unit,
-        frame=frame,
-        allow_unmapped=allow_unmapped,
-        allow_incomplete=allow_incomplete,
-        weights_file=weights_file,
-        picture=picture,
-    )
+    out = Path(out_dir) / f"{name}.nc"
+    return map_file(source, target_mesh, out, options, name=name, **changes)
 
 
 def map_file(
     source: Path | str | xr.Dataset,
     target_mesh: Path | str,
     out: Path | str,
+    options: MappingOptions | None = None,
     *,
     name: str | None = None,
-    kind: str = "structure",
-    method: str = "overlap",
-    maximum_distance: float | None = None,
-    length_unit: str = "m",
-    frame: int = -1,
-    allow_unmapped: bool = False,
-    allow_incomplete: bool = False,
-    weights_file: Path | str | None = None,
-    picture: bool = True,
+    **changes: Any,
 ) -> MappingReport:
     """Map a forming result onto a mesh and write the fields, a picture and a report.
 
@@ -88,75 +66,94 @@ def map_file(
     source : ``forming.nc``, or its root group as a dataset.
     target_mesh : any mesh file that meshio reads.
     out : ``.nc`` or ``.vtu``; the other of the two, ``.png`` and ``.json`` are written beside it.
+    options : how to map, :class:`lcmchain.mapping.MappingOptions`.
     name : name of the target in the report, by default the stem of ``out``.
-    kind : ``"infiltration"`` (surface cells) or ``"structure"`` (solids, else shells).
-    method : ``"overlap"`` or ``"closest"``.
-    maximum_distance : how far [m] from the sheet a cell may lie, by default one edge length of
-        the sheet, or the radius of a typical cell where that is larger.
-    length_unit : unit of the target's coordinates; what is written is in metres.
-    frame : saved frame to map, the last one by default.
-    allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
-    allow_incomplete : map the fields of a run that did not come to its end, with a warning,
-        instead of refusing them.
-    weights_file : ``.npz`` with stored weights: used where it exists, else written.
-    picture : draw source and target side by side.
+    changes : entries of the options by keyword, such as ``kind="infiltration"``.
 
     Raises
     ------
     InputError : unreadable input, unwritable output, unmapped cells that are not allowed, or no
         cell with a sheet nearby. Nothing is written then.
     """
-    out = Path(out)
-    if out.is_dir():
-        raise InputError("this is a folder; name the mapped file, such as mapped.nc", file=out)
-    if out.suffix not in (".nc", ".vtu"):
-        raise InputError("the mapped file has to end in .nc or .vtu", file=out)
-    name = name if name is not None else out.stem
-    # Names only in the report: it stays right when the folder moves.
-    endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
-    if picture:
-        endings["picture"] = ".png"
-    files = {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
+    options = replace(options or MappingOptions(), **changes)
+    files = _output_files(Path(out), options)
     _require_apart(files.values(), source, target_mesh)
+    frame = options.frame if options.time is None else frame_at(source, options.time)
     sheet = read_sheet(source, frame=frame)
     unfinished = require_complete(
-        sheet.provenance.get("state"), file=sheet.name, allowed=allow_incomplete
+        sheet.provenance.get("state"), file=sheet.name, allowed=options.allow_incomplete
     )
-    target = read_target(target_mesh, kind=kind, length_unit=length_unit)
-    weights = _weights(sheet, target, method, maximum_distance, weights_file)
-    hint = length_unit_hint(sheet, target, length_unit)
-    if not (allow_unmapped and weights.mapped.any()):
-        _refuse_unmapped(target, weights, hint, allow_unmapped)
-    mapped = transfer(sheet, target, weights)
-    report = mapping_report(sheet, target, weights, mapped, name=name, kind=kind)
+    target = read_target(target_mesh, kind=options.kind, length_unit=options.length_unit)
+    registration = registration_of(sheet, target)
+    motion = _motion(target, registration) if options.register else None
+    placed = registered(target, motion) if motion is not None else target
+    weights = _weights(sheet, placed, options)
+    hint = length_unit_hint(target.size, sheet.surface.size, options.length_unit)
+    if not (options.allow_unmapped and weights.mapped.any()):
+        near = None if options.register else registration
+        _refuse_unmapped(target, weights, hint, near, options.allow_unmapped)
+    if not options.allow_ambiguous:
+        _refuse_ambiguous(target, weights)
+    mapped = transfer(sheet, placed, weights)
+    if motion is not None:
+        mapped = turned(mapped, motion.matrix.T)
+    report = mapping_report(
+        sheet, target, weights, mapped, name=name if name is not None else Path(out).stem,
+        kind=options.kind, registration=registration, registered=options.register,
+    )  # fmt: skip
     report.warnings = [*unfinished, *([hint] if hint else []), *report.warnings]
 
+    # Names only in the report: it stays right when the folder moves.
     report.files = {what: path.name for what, path in files.items()}
-    if weights_file is not None and not Path(weights_file).exists():
-        weights.save(weights_file)
-    allowed = {"unmapped": allow_unmapped, "incomplete": allow_incomplete}
-    command = _command(report, target, length_unit, **allowed)
+    if options.weights_file is not None and not Path(options.weights_file).exists():
+        weights.save(options.weights_file)
+    command = _command(report, target, options)
     dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
-    write_netcdf(files["netcdf"], {ROOT: dataset})
+    if options.all_frames:
+        frames = mapped_frames(source, sheet, placed, weights)
+        dataset = write_frames(files["frames"], dataset, frames, target, motion)
+    write_netcdf(files["netcdf"], file_groups(dataset, target))
     write_vtu(files["vtu"], sheet, target, weights, mapped)
-    if picture:
+    if options.picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
     report.save(files["report"])
     return report
 
 
-def _command(report: MappingReport, target: TargetMesh, length_unit: str, **allowed: bool) -> str:
-    """Return the command line that maps as this mapping did, with the names of files alone.
+def _output_files(out: Path, options: MappingOptions) -> dict[str, Path]:
+    """Return the files that a mapping writes, by what they hold.
 
-    allowed : which of the options ``--allow-...`` it has.
+    Raises
+    ------
+    InputError : ``out`` is a folder, or does not end in .nc or .vtu.
     """
+    if out.is_dir():
+        raise InputError("this is a folder; name the mapped file, such as mapped.nc", file=out)
+    if out.suffix not in (".nc", ".vtu"):
+        raise InputError("the mapped file has to end in .nc or .vtu", file=out)
+    endings = {"netcdf": ".nc", "vtu": ".vtu", "report": ".json"}
+    if options.all_frames:
+        endings["frames"] = ".pvd"
+    if options.picture:
+        endings["picture"] = ".png"
+    return {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
+
+
+def _command(report: MappingReport, target: TargetMesh, options: MappingOptions) -> str:
+    """Return the command line that maps as this mapping did, with the names of files alone."""
     words = [
         "lcmchain", "map", Path(report.source).name, target.file.name if target.file else "TARGET",
         "--out", report.files["netcdf"], "--kind", report.kind, "--method", report.method,
+        "--order", str(options.order),
         "--maximum-distance", f"{1e3 * report.maximum_distance:.10g} mm",
-        "--length-unit", length_unit,
+        "--length-unit", options.length_unit,
     ]  # fmt: skip
-    return shlex.join(words + [f"--allow-{what}" for what, given in allowed.items() if given])
+    if options.time is not None:
+        words += ["--time", f"{options.time:.10g} s"]
+    elif options.frame != -1:
+        words += ["--frame", str(options.frame)]
+    words += [f"--{flag}" for flag in FLAGS if getattr(options, flag.replace("-", "_"))]
+    return shlex.join(words)
 
 
 def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> None:
@@ -170,29 +167,61 @@ def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> N
             )
 
 
-def _weights(
-    sheet: Sheet,
-    target: TargetMesh,
-    method: str,
-    maximum_distance: float | None,
-    weights_file: Path | str | None,
-) -> MappingWeights:
-    if weights_file is None or not Path(weights_file).exists():
-        return compute_weights(sheet, target, method=method, maximum_distance=maximum_distance)
-    weights = MappingWeights.load(weights_file)
-    weights.check_meshes(sheet, target, file=weights_file)
+def _weights(sheet: Sheet, target: TargetMesh, options: MappingOptions) -> MappingWeights:
+    """Compute the weights, or take the stored ones where they are those that are asked for."""
+    wanted = {"method": options.method, "order": options.order}
+    maximum_distance = options.maximum_distance
+    if options.weights_file is None or not Path(options.weights_file).exists():
+        return compute_weights(sheet, target, **wanted, maximum_distance=maximum_distance)
+    weights = MappingWeights.load(options.weights_file)
+    weights.check_meshes(sheet, target, file=options.weights_file)
     same_distance = maximum_distance in (None, weights.maximum_distance)
-    if weights.method != method or not same_distance:
+    same = all(getattr(weights, name) == value for name, value in wanted.items())
+    if not same or not same_distance:
         raise InputError(
-            f"the stored weights are {weights.method} weights within "
+            f"the stored weights are {weights.method} weights of order {weights.order} within "
             f"{weights.maximum_distance:g} m; ask for the same or delete the file",
-            file=weights_file,
+            file=options.weights_file,
         )
     return weights
 
 
+def _refuse_ambiguous(target: TargetMesh, weights: MappingWeights) -> None:
+    ambiguous = np.flatnonzero(weights.status == Status.AMBIGUOUS)
+    if len(ambiguous):
+        raise InputError(
+            f"{len(ambiguous)} of {target.cell_count} cells lie about as near to one layer of the "
+            f"sheet as to another ({first_few(ambiguous)}; the first has its centroid at "
+            f"{_place(target.centroids[ambiguous[0]])} mm): two walls, or folds, that are closer "
+            "to each other than the mesh is to either. Move the mesh onto the mid-surface of the "
+            "sheet (--register shows how far it is off), lower maximum_distance, or allow "
+            "ambiguous cells, which then take the nearer layer",
+            file=target.file,
+        )
+
+
+def _motion(target: TargetMesh, registration: Registration | None) -> Registration:
+    """Return the motion that brings the target to the sheet.
+
+    Raises
+    ------
+    InputError : no small motion does.
+    """
+    if registration is None:
+        reason = "it does not lie over the sheet: move it there, or check length_unit"
+    elif registration.is_off and not registration.helps:
+        reason = "; ".join(registration.warnings())
+    else:
+        return registration
+    raise InputError(f"the mesh cannot be registered: {reason}", file=target.file)
+
+
 def _refuse_unmapped(
-    target: TargetMesh, weights: MappingWeights, hint: str | None, allow_unmapped: bool
+    target: TargetMesh,
+    weights: MappingWeights,
+    hint: str | None,
+    registration: Registration | None,
+    allow_unmapped: bool,
 ) -> None:
     unmapped = np.flatnonzero(~weights.mapped)
     if len(unmapped) == 0:
@@ -206,20 +235,9 @@ def _refuse_unmapped(
         message += "Move the mesh to the sheet, or raise maximum_distance"
     else:
         message += "Trim the mesh to the sheet, raise maximum_distance, or allow unmapped cells"
+    if registration is not None and registration.is_off and registration.helps:
+        message = f"{message}. {registration.warnings()[0]}"
     raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
-
-
-def length_unit_hint(sheet: Sheet, target: TargetMesh, length_unit: str) -> str | None:
-    """Say that the mesh is as much larger or smaller than the sheet as with a wrong unit, if so."""
-    used = target.points[np.unique(target.corners[target.corners >= 0])]
-    ratio = float(np.linalg.norm(used.max(axis=0) - used.min(axis=0))) / sheet.surface.size
-    near = any(abs(math.log(ratio / factor)) < SAME_SIZE for factor in UNIT_FACTORS)
-    if not near and 0.01 <= ratio <= 100.0:
-        return None
-    return (
-        f"the mesh is {ratio:.3g} times as large as the sheet: check length_unit "
-        f'(now "{length_unit}")'
-    )
 
 
 def _place(point: np.ndarray) -> str:

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
+
+from lcmchain.mapping.gradients import GradientStencil, gradient_stencil
+from lcmchain.mapping.winding import Winding, winding
+from lcmchain.mesh.box_tree import BoxTree, box_tree
 
 # Nodes closer than this fraction of the mesh's size are the same place: files written face by
 # face (STL) repeat their nodes, and every edge would look like an edge of the sheet.
@@ -64,10 +67,24 @@ class Surface:
 
     @cached_property
     def centroids(self) -> np.ndarray:
-        """Means of the corners [m], shape (F, 3)."""
-        four = self.corners.mean(axis=1)
-        three = self.corners[:, :3].mean(axis=1)
-        return np.where(self.is_quadrilateral[:, None], four, three)
+        """Centroids of the areas of the faces [m], shape (F, 3)."""
+        c = self.corners
+        halves = np.stack([c[:, :3].mean(axis=1), c[:, [0, 2, 3]].mean(axis=1)], axis=1)
+        areas = np.linalg.norm(
+            np.cross(c[:, [1, 2]] - c[:, :1], c[:, [2, 3]] - c[:, :1]), axis=2, keepdims=True
+        )
+        whole = areas.sum(axis=1)
+        middle = (areas * halves).sum(axis=1) / np.where(whole > 0.0, whole, 1.0)
+        return np.where(whole > 0.0, middle, halves[:, 0])
+
+    @cached_property
+    def frames(self) -> np.ndarray:
+        """Two unit tangents of each face, which its normal completes, shape (F, 2, 3)."""
+        away = np.eye(3)[np.argmin(np.abs(self.normals), axis=1)]
+        first = np.cross(self.normals, away)
+        length = np.linalg.norm(first, axis=1, keepdims=True)
+        first /= np.where(length > 0.0, length, 1.0)
+        return np.stack([first, np.cross(self.normals, first)], axis=1)
 
     @cached_property
     def triangles(self) -> np.ndarray:
@@ -96,10 +113,10 @@ class Surface:
         return np.ascontiguousarray(self.points[self.triangles])
 
     @cached_property
-    def triangle_radius(self) -> float:
-        """Largest distance from a triangle's centroid to its corners [m]."""
-        corners = self.triangle_corners
-        return float(np.linalg.norm(corners - corners.mean(axis=1)[:, None], axis=2).max())
+    def triangle_area_vectors(self) -> np.ndarray:
+        """Area times unit normal of the triangles [m2], shape (T, 3)."""
+        c = self.triangle_corners
+        return 0.5 * np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
 
     @cached_property
     def face_radii(self) -> np.ndarray:
@@ -123,36 +140,50 @@ class Surface:
     def _places(self) -> np.ndarray:
         """Number of the place where each node sits; repeated nodes share one."""
         spacing = max(COINCIDENCE * self.size, np.finfo(float).tiny)
-        _, place = np.unique(np.round(self.points / spacing), axis=0, return_inverse=True)
-        return place.reshape(-1)
-
-    @cached_property
-    def _edge_of_sheet(self) -> tuple[np.ndarray, np.ndarray]:
-        """For each triangle: which of its edges, and which of its corners, bound the sheet."""
-        place = self._places[self.triangles]
-        edges = np.stack([place, np.roll(place, -1, axis=1)], axis=2)  # edge k: corner k to k + 1
-        _, edge, count = np.unique(
-            np.sort(edges, axis=2).reshape(-1, 2), axis=0, return_inverse=True, return_counts=True
-        )
-        on_edge = (count[edge.reshape(-1)] == 1).reshape(-1, 3)
-        bounding = np.zeros(self._places.max() + 1, dtype=bool)
-        bounding[edges[on_edge]] = True
-        return on_edge, bounding[place]
+        steps = np.round(self.points / spacing)
+        order = np.lexsort(steps.T)
+        new = np.any(np.diff(steps[order], axis=0, prepend=np.nan), axis=1)
+        place = np.empty(len(steps), dtype=np.int64)
+        place[order] = np.cumsum(new) - 1
+        return place
 
     @cached_property
     def edge_bounds_sheet(self) -> np.ndarray:
         """Whether edge k (corner k to k + 1) of a triangle bounds the sheet, shape (T, 3)."""
-        return self._edge_of_sheet[0]
+        quad, bounds = self.is_quadrilateral, self.winding.bounds
+        edges = np.zeros((len(self.triangles), 3), dtype=bool)
+        first = self.first_triangle[:-1]
+        edges[first, :2] = bounds[:, :2]  # the third is the diagonal of a quadrilateral
+        edges[first[~quad], 2] = bounds[~quad, 2]
+        edges[first[quad] + 1, 1:] = bounds[quad, 2:]
+        return edges
 
     @cached_property
     def corner_bounds_sheet(self) -> np.ndarray:
         """Whether corner k of a triangle lies on the edge of the sheet, shape (T, 3)."""
-        return self._edge_of_sheet[1]
+        place, edges = self._places[self.triangles], self.edge_bounds_sheet
+        bounding = np.zeros(self._places.max() + 1, dtype=bool)
+        bounding[place[edges]] = True
+        bounding[np.roll(place, -1, axis=1)[edges]] = True
+        return bounding[place]
 
     @cached_property
-    def triangle_tree(self) -> cKDTree:
-        return cKDTree(self.triangle_corners.mean(axis=1))
+    def winding(self) -> Winding:
+        """Neighbours across edges, pieces and sides of the faces."""
+        places = self._places[self.faces]
+        places[~self.is_quadrilateral, 3] = -1
+        return winding(places)
 
     @cached_property
-    def face_tree(self) -> cKDTree:
-        return cKDTree(self.centroids)
+    def gradient_stencil(self) -> GradientStencil:
+        """Faces around each face, and what they add to the gradient of a field on it."""
+        corner = np.where(self.faces < 0, self.faces[:, 2:3], self.faces)
+        normals = self.normals * self.winding.side[:, None]
+        return gradient_stencil(
+            self._places[corner], self.corners, self.centroids, self.frames, normals
+        )
+
+    @cached_property
+    def face_tree(self) -> BoxTree:
+        """Tree of the boxes around the faces."""
+        return box_tree(self.corners)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lcmchain.mapping.averages import contents_of_cells, mean_over_cells
 from lcmchain.mapping.orientation import MappedDirections, map_directions
 from lcmchain.mapping.permeability import map_permeability
 from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, Sheet
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.weights import MappingWeights
 
+# Faces agree on the density of the fibres when they differ by no more than storing them does.
+ONE_DENSITY = 1e-4
+
 # Fields that count something per area; its total over the covered area is kept.
 CONTENTS = ("areal_fibre_mass",)
+
+# Angles between axes, counted about the normal: seen from the other side they change their sign.
+ABOUT_NORMAL = frozenset({"shear_angle"})
 
 
 @dataclass(frozen=True)
@@ -21,11 +28,14 @@ class MappedFields:
     """Fields on the target: scalars (C,), directions (C, 3); not a number where unmapped.
 
     axes : principal axes (C, 3), which are unit vectors without a sense.
+    about_sheet : whether signed angles are about the normal of the sheet, as in solid cells, rather
+        than about that of the cell.
     """
 
     scalars: dict[str, np.ndarray]
     directions: dict[str, MappedDirections]
     axes: dict[str, np.ndarray] = field(default_factory=dict)
+    about_sheet: bool = False
 
     @property
     def vectors(self) -> dict[str, np.ndarray]:
@@ -34,26 +44,103 @@ class MappedFields:
 
 
 def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> MappedFields:
-    """Carry every field of the sheet to the target."""
+    """Carry every field of the sheet to the target.
+
+    The fibre volume fraction is that of the mapped fibre mass in the mapped thickness.
+    """
     scalars = {
         name: (
             transfer_content(sheet, weights, values)
             if name in CONTENTS and weights.conservative
-            else transfer_average(weights, values)
+            else transfer_average(sheet, weights, values)
         )
         for name, values in sheet.scalars.items()
     }
+    scalars |= _fibre_volume_fraction(sheet, scalars)
     normals = None if target.is_solid else target.surface.normals
+    if normals is not None:
+        for name in ABOUT_NORMAL & scalars.keys():
+            scalars[name] = facing(sheet, weights, normals) * scalars[name]
     directions = {
-        name: map_directions(weights, values, normals if lies_in(sheet, values) else None)
+        name: map_directions(
+            sheet.surface, weights, values, normals if lies_in(sheet, values) else None
+        )
         for name, values in sheet.directions.items()
     }
     axes = {}
     if sheet.permeability is not None:
-        found = map_permeability(weights, sheet.permeability, normals)
+        found = map_permeability(sheet.surface, weights, sheet.permeability, normals)
         scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
         axes = {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
-    return MappedFields(scalars, directions, axes)
+    return MappedFields(scalars, directions, axes, about_sheet=target.is_solid)
+
+
+def facing(sheet: Sheet, weights: MappingWeights, normals: np.ndarray) -> np.ndarray:
+    """Whether cells show the upper side of the sheet (1.0) or the lower one (-1.0), shape (C,).
+
+    normals : unit normals of the cells, shape (C, 3).
+    """
+    of_sheet = weights.average_matrix @ sheet.surface.normals
+    return np.where(np.einsum("ci,ci->c", of_sheet, normals) < 0.0, -1.0, 1.0)
+
+
+def turned(mapped: MappedFields, rotation: np.ndarray) -> MappedFields:
+    """Turn directions and axes by a rotation matrix, shape (3, 3)."""
+    return replace(
+        mapped,
+        directions={
+            name: found._replace(direction=found.direction @ rotation.T)
+            for name, found in mapped.directions.items()
+        },
+        axes={name: vectors @ rotation.T for name, vectors in mapped.axes.items()},
+    )
+
+
+def fibre_mass(weights: MappingWeights, mapped: MappedFields) -> np.ndarray | None:
+    """Fibre mass of each cell [kg], shape (C,); None where the mapping does not keep it."""
+    if "areal_fibre_mass" not in mapped.scalars or not weights.conservative:
+        return None
+    return mapped.scalars["areal_fibre_mass"] * covered_areas(weights)
+
+
+def with_fibre_mass(
+    sheet: Sheet, weights: MappingWeights, mapped: MappedFields, mass: np.ndarray
+) -> MappedFields:
+    """Give cells a fibre mass [kg], shape (C,), and the volume fraction that follows from it."""
+    areas = covered_areas(weights)
+    there = areas > 0.0
+    areal = mapped.scalars["areal_fibre_mass"].copy()
+    areal[there] = mass[there] / areas[there]
+    scalars = {**mapped.scalars, "areal_fibre_mass": areal}
+    return replace(mapped, scalars=scalars | _fibre_volume_fraction(sheet, scalars))
+
+
+def _fibre_volume_fraction(sheet: Sheet, scalars: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Volume fraction of the mapped fibre mass in the mapped thickness, if the density is known."""
+    density = fibre_density(sheet)
+    if density is None:
+        return {}
+    fraction = scalars["areal_fibre_mass"] / (density * scalars["thickness"])
+    return {"fibre_volume_fraction": fraction}
+
+
+def fibre_density(sheet: Sheet) -> float | None:
+    """Density of the fibres [kg/m3], as mass, thickness and fibre volume fraction of faces tell it.
+
+    None where one of these fields is absent, or the faces do not agree, as for several textiles.
+    """
+    if not {"areal_fibre_mass", "thickness", "fibre_volume_fraction"} <= sheet.scalars.keys():
+        return None
+    mass, thickness, fraction = (
+        sheet.scalars[name] for name in ("areal_fibre_mass", "thickness", "fibre_volume_fraction")
+    )
+    volume = thickness * fraction
+    told = np.flatnonzero((volume > 0.0) & (mass > 0.0))
+    if len(told) == 0 or np.any((volume > 0.0) != (mass > 0.0)):
+        return None
+    densities = mass[told] / volume[told]
+    density = float(np.median(densities))
+    return density if np.all(np.abs(densities / density - 1.0) < ONE_DENSITY) else None
 
 
 def lies_in(sheet: Sheet, directions: np.ndarray) -> bool:
@@ -62,10 +149,9 @@ def lies_in(sheet: Sheet, directions: np.ndarray) -> bool:
     return bool(np.median(np.abs(out_of_plane)) < np.sqrt(0.5))
 
 
-def transfer_average(weights: MappingWeights, values: np.ndarray) -> np.ndarray:
+def transfer_average(sheet: Sheet, weights: MappingWeights, values: np.ndarray) -> np.ndarray:
     """Mean of a face field, shape (F,), over the part of the sheet over each cell, shape (C,)."""
-    averaged = weights.average_matrix @ values
-    return np.where(weights.mapped, averaged, np.nan)
+    return mean_over_cells(sheet.surface, weights, values)
 
 
 def transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> np.ndarray:
@@ -74,15 +160,15 @@ def transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray
     The sum over cells of value times covered area equals the content of the covered part of the
     sheet. Cells beyond its edge take the value of the closest face and add nothing.
     """
-    content = weights.content_matrix @ (per_area * sheet.surface.areas)
+    content = contents_of_cells(sheet.surface, weights, per_area)
     covered_area = covered_areas(weights)
-    nearest = transfer_average(weights, per_area)
+    nearest = transfer_average(sheet, weights, per_area)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(covered_area > 0.0, content / covered_area, nearest)
 
 
 def covered_areas(weights: MappingWeights) -> np.ndarray:
-    """Area of each cell that the sheet covers [m2], shape (C,); folds do not count twice."""
+    """Area of each cell that the sheet covers [m2], shape (C,)."""
     return np.minimum(weights.coverage, 1.0) * weights.cell_area
 
 
@@ -93,5 +179,7 @@ def content_of_cells(weights: MappingWeights, per_area: np.ndarray) -> float:
 
 
 def content_of_sheet(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> float:
-    """Content of the covered part of the sheet."""
-    return float(np.sum(per_area * sheet.surface.areas * weights.face_coverage))
+    """Content that the covered parts of the faces hand to the cells."""
+    if not weights.conservative:
+        return float(np.sum(per_area * sheet.surface.areas * weights.face_coverage))
+    return float(contents_of_cells(sheet.surface, weights, per_area).sum())

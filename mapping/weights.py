@@ -15,23 +15,16 @@ from scipy.sparse import csr_array
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.mapping.intersection import intersect
-from lcmchain.mapping.search import closest_points
+from lcmchain.mapping.pairing import COVERED, Pairing, by_closest, by_overlap
 from lcmchain.mapping.sheet import Sheet
-from lcmchain.mapping.surface import Surface
-from lcmchain.mapping.target import CellPolygons, TargetMesh
+from lcmchain.mapping.target import TargetMesh
 
 METHODS = ("overlap", "closest")
 
-# A cell counts as covered from this share on: tangent planes and facets of two meshes of the same
-# curved surface disagree by about (cell size / radius of curvature)^2.
-COVERED = 0.99
+# Highest order of the fields within a face: 1 takes them as constant, 2 as linear.
+ORDERS = (1, 2)
 
-# A face whose nodes all lie over the target is taken as wholly covered when the intersections
-# found at least this share of it; the rest fell into the wedges between neighbouring cells.
-WEDGE = 0.5
-
-FORMAT = 1
+FORMAT = 2
 
 
 class Status(IntEnum):
@@ -41,6 +34,7 @@ class Status(IntEnum):
     PROJECTED = 1  # covered, but off the sheet: values come along the normal
     EXTRAPOLATED = 2  # beyond the edge of the sheet, in part or whole: values of the nearest part
     UNMAPPED = 3  # no sheet within the maximum distance: not a number
+    AMBIGUOUS = 4  # two layers of the sheet are about as near: values of the nearer one
 
 
 @dataclass(frozen=True)
@@ -52,20 +46,24 @@ class MappingWeights:
     cell, face : target cell and sheet face of each weight, shape (K,), by cell, then face.
     average : share of the face in the cell's average, shape (K,); sums to 1 for a mapped cell.
     content : share of the face's content (its fibre mass) that goes to the cell, shape (K,).
+    place : centroid of what the cell takes of the face [m], in the face's frame and from its
+        centroid, shape (K, 2).
     status : :class:`Status` of each cell, shape (C,).
-    coverage : covered share of each cell's area, shape (C,); above 1 where the sheet is folded.
+    coverage : covered share of each cell's area, shape (C,).
     distance : distance [m] of each cell's centroid from the sheet, shape (C,); not a number
         where the cell is unmapped.
     cell_area : area [m2] of each cell (of a solid: of its section along the sheet), shape (C,).
     face_coverage : covered share of each face, shape (F,).
     wedge_correction : largest relative change of ``content`` that made it sum to the covered
-        share of a face.
+        share of a face; rounding, unless the target bends more sharply than the sheet.
+    order : 1 carries means of faces, 2 what varies linearly within them.
     """
 
     cell: np.ndarray
     face: np.ndarray
     average: np.ndarray
     content: np.ndarray
+    place: np.ndarray
     status: np.ndarray
     coverage: np.ndarray
     distance: np.ndarray
@@ -73,6 +71,7 @@ class MappingWeights:
     face_coverage: np.ndarray
     wedge_correction: float
     method: str
+    order: int
     maximum_distance: float
     conservative: bool
     source_key: str
@@ -92,19 +91,15 @@ class MappingWeights:
         return self.status != Status.UNMAPPED
 
     @cached_property
-    def average_matrix(self) -> csr_array:
-        """Averages over the cell, shape (C, F)."""
-        return self._matrix(self.average)
+    def start(self) -> np.ndarray:
+        """First weight of each cell, shape (C + 1,)."""
+        return np.searchsorted(self.cell, np.arange(self.cell_count + 1))
 
     @cached_property
-    def content_matrix(self) -> csr_array:
-        """Contents of faces handed to cells, shape (C, F)."""
-        return self._matrix(self.content)
-
-    def _matrix(self, values: np.ndarray) -> csr_array:
-        start = np.concatenate([[0], np.cumsum(np.bincount(self.cell, minlength=self.cell_count))])
+    def average_matrix(self) -> csr_array:
+        """Averages over the cell of what is constant within each face, shape (C, F)."""
         shape = (self.cell_count, self.face_count)
-        return csr_array((values, self.face, start), shape=shape)
+        return csr_array((self.average, self.face, self.start), shape=shape)
 
     def save(self, path: Path | str) -> None:
         """Store as a compressed NumPy archive (``.npz``), complete or not at all."""
@@ -173,6 +168,7 @@ def compute_weights(
     target: TargetMesh,
     *,
     method: str = "overlap",
+    order: int = 2,
     maximum_distance: float | None = None,
 ) -> MappingWeights:
     """Compute the weights that carry face fields of a sheet to the cells of a target.
@@ -180,81 +176,57 @@ def compute_weights(
     Parameters
     ----------
     method : ``"overlap"`` averages over the part of the sheet that lies over the cell, measured
-        on the cell's tangent plane; ``"closest"`` takes the face closest to the cell's centroid.
+        on the cell's tangent plane; ``"closest"`` takes the place closest to the cell's centroid.
+    order : 1 takes a field as constant within each face, 2 as linear.
     maximum_distance : how far [m] from the sheet a cell may lie; by default one edge length of
         the sheet, or the radius of a typical cell where that is larger.
 
     Raises
     ------
-    InputError : unknown method or a distance that is not positive.
+    InputError : unknown method or order, or a distance that is not positive.
     """
     if method not in METHODS:
         raise InputError(f'"{method}" is no mapping method; write one of {", ".join(METHODS)}')
+    if order not in ORDERS:
+        raise InputError(f"the order of a mapping is 1 or 2, not {order}")
     if maximum_distance is None:
         maximum_distance = default_maximum_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
         raise InputError(f"maximum_distance has to be positive, not {maximum_distance} m")
-    surface = sheet.surface
-    closest = closest_points(surface, target.centroids, maximum_distance)
-    cells = target.polygons(surface.normals[np.maximum(closest.face, 0)])
-    conservative = method == "overlap" and not target.is_solid
-    if method == "overlap":
-        found = intersect(surface, cells, maximum_distance)
-        cell, face, part = found.cell, found.face, found.face_part
-        covered = np.bincount(cell, weights=found.area, minlength=target.cell_count)
-        coverage = covered / np.where(cells.areas > 0.0, cells.areas, 1.0)
-        average = found.area / covered[cell]
-        over = coverage > 0.0
-    else:
-        coverage = np.where(closest.beside, 0.0, 1.0)
-        over = np.zeros(target.cell_count, dtype=bool)
-        cell, face = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-        average, part = np.empty(0), np.empty(0)
-
-    face_coverage, content, correction = _face_coverage(
-        surface, target, cells, face, part, maximum_distance, conservative
-    )
-
-    # Cells without an overlap take the closest face, if one is near.
-    alone = np.flatnonzero(~over & (closest.face >= 0))
-    cell = np.concatenate([cell, alone])
-    face = np.concatenate([face, closest.face[alone]])
-    average = np.concatenate([average, np.ones(len(alone))])
-    content = np.concatenate([content, np.zeros(len(alone))])
-    order = np.lexsort((face, cell))
-
-    status = np.full(target.cell_count, Status.UNMAPPED, dtype=np.int8)
-    status[over | (closest.face >= 0)] = Status.EXTRAPOLATED
-    if method == "overlap":
-        whole = coverage >= COVERED
-    else:
-        whole = ~closest.beside
-    status[whole] = Status.PROJECTED
-    status[whole & (closest.distance <= _half_thickness(sheet)[closest.face])] = Status.INSIDE
-    # A cell that is covered although its centroid found no face lies where the overlap found it.
-    distance = closest.distance.copy()
-    if method == "overlap":
-        height = np.bincount(found.cell, weights=found.area * found.height, minlength=len(distance))
-        by_overlap = over & (closest.face < 0)
-        distance[by_overlap] = (height / np.where(covered > 0.0, covered, 1.0))[by_overlap]
-    distance[status == Status.UNMAPPED] = np.nan
+    pair = by_overlap if method == "overlap" else by_closest
+    found = pair(sheet.surface, target, float(maximum_distance))
     return MappingWeights(
-        cell=cell[order],
-        face=face[order],
-        average=average[order],
-        content=content[order],
-        status=status,
-        coverage=coverage,
-        distance=distance,
-        cell_area=cells.areas,
-        face_coverage=face_coverage,
-        wedge_correction=correction,
+        cell=found.cell,
+        face=found.face,
+        average=found.average,
+        content=found.content,
+        place=found.place,
+        status=_status(sheet, found),
+        coverage=found.coverage,
+        distance=found.distance,
+        cell_area=found.cell_area,
+        face_coverage=found.face_coverage,
+        wedge_correction=found.wedge_correction,
         method=method,
+        order=order,
         maximum_distance=float(maximum_distance),
-        conservative=conservative,
-        source_key=mesh_key(surface.points, surface.faces),
+        conservative=method == "overlap" and not target.is_solid,
+        source_key=mesh_key(sheet.surface.points, sheet.surface.faces),
         target_key=mesh_key(target.points, target.corners),
     )
+
+
+def _status(sheet: Sheet, found: Pairing) -> np.ndarray:
+    """Status of each cell, shape (C,)."""
+    mapped = np.zeros(len(found.coverage), dtype=bool)
+    mapped[found.cell] = True
+    status = np.where(mapped, Status.EXTRAPOLATED, Status.UNMAPPED).astype(np.int8)
+    covered = mapped & (found.coverage >= COVERED)
+    status[covered] = Status.PROJECTED
+    within = found.distance <= _half_thickness(sheet)[found.nearest_face]
+    status[covered & within] = Status.INSIDE
+    status[mapped & found.ambiguous] = Status.AMBIGUOUS
+    return status
 
 
 def _half_thickness(sheet: Sheet) -> np.ndarray:
@@ -262,54 +234,3 @@ def _half_thickness(sheet: Sheet) -> np.ndarray:
     if "thickness" in sheet.scalars:
         return 0.5 * sheet.scalars["thickness"]
     return np.full(sheet.surface.face_count, 0.1 * sheet.surface.edge_length)
-
-
-def _face_coverage(
-    surface: Surface,
-    target: TargetMesh,
-    cells: CellPolygons,
-    face: np.ndarray,
-    part: np.ndarray,
-    maximum_distance: float,
-    conservative: bool,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Covered share of each face; shares of its content by cell; largest correction of these.
-
-    Where the target bends, the prisms over neighbouring cells leave or share a thin wedge, so
-    the shares of a wholly covered face do not sum to one. They are scaled until they do: no
-    fibre is lost or made.
-    """
-    found = np.bincount(face, weights=part, minlength=surface.face_count)
-    nodes_over = _nodes_over_target(surface, target, cells, maximum_distance)
-    corner = np.where(surface.faces < 0, surface.faces[:, 2:3], surface.faces)
-    over = nodes_over[corner].mean(axis=1)
-    if len(face) == 0:  # closest-cell weights have no areas: count the corners over the target
-        return over, np.zeros(0), 0.0
-    whole = (over == 1.0) & (found >= WEDGE)
-    face_coverage = np.where(whole, 1.0, np.minimum(found, 1.0))
-    scale = face_coverage / np.where(found > 0.0, found, 1.0)
-    correction = float(np.abs(scale[found > 0.0] - 1.0).max()) if conservative else 0.0
-    return face_coverage, part * scale[face], correction
-
-
-def _nodes_over_target(
-    surface: Surface, target: TargetMesh, cells: CellPolygons, maximum_distance: float
-) -> np.ndarray:
-    """Whether each node of the sheet projects onto the target, shape (N,)."""
-    skin = target.surface if not target.is_solid else _surface_of_sections(cells)
-    if skin.face_count == 0:
-        return np.zeros(len(surface.points), dtype=bool)
-    closest = closest_points(skin, surface.points, maximum_distance)
-    if target.is_solid:
-        # Sections of neighbouring solids share no nodes: every edge would count as the part's.
-        return closest.face >= 0
-    return (closest.face >= 0) & ~closest.beside
-
-
-def _surface_of_sections(cells: CellPolygons) -> Surface:
-    triangles = [
-        (first, first + k, first + k + 1, -1)
-        for first, end in zip(cells.start[:-1], cells.start[1:], strict=True)
-        for k in range(1, end - first - 1)
-    ]
-    return Surface(cells.corners, np.array(triangles, dtype=np.int64).reshape(-1, 4))

@@ -57,6 +57,19 @@ def length_of(option: str, text: str) -> float:
     return quantity(option, text, LENGTH)
 
 
+def time_of(option: str, text: str) -> float:
+    """Return a time [s], zero or later."""
+    from lcmchain.quantities.units import TIME, QuantityError, parse_quantity
+
+    try:
+        value = parse_quantity(text, TIME)
+    except QuantityError as error:
+        raise InputError(str(error), key=option) from None
+    if value < 0.0:
+        raise InputError(f"must not be negative, is {text}", key=option)
+    return value
+
+
 def quantity(option: str, text: str, dimension: Dimension | None = None) -> float:
     """Return a positive quantity in SI; by default a length, pressure or angle as the option."""
     from lcmchain.quantities.units import ANGLE, LENGTH, PRESSURE, QuantityError, parse_quantity

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -51,13 +51,30 @@ def write_pvd(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:
 
     The PVD file comes last and names the frames by relative paths: the two can be moved together.
     """
+    times = datasets[HISTORY]["time"].values
+    for frame in range(len(times)):
+        write_vtu(frame_file(path, frame), datasets, frame)
+    write_frame_list(path, times)
+
+
+def frame_file(path: Path | str, frame: int) -> Path:
+    """Return the VTU file of one frame of the series that a PVD file lists."""
     path = Path(path)
-    folder = path.with_name(f"{path.stem}_frames")
+    return path.with_name(f"{path.stem}_frames") / f"{path.stem}_{frame:04d}.vtu"
+
+
+def write_frame_list(path: Path | str, times: Iterable[float]) -> None:
+    """Write the PVD file that lists the VTU files of frames at their times [s].
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    path = Path(path)
     entries = []
-    for frame, time in enumerate(datasets[HISTORY]["time"].values):
-        name = f"{path.stem}_{frame:04d}.vtu"
-        write_vtu(folder / name, datasets, frame)
-        file = quoteattr(f"{folder.name}/{name}")
+    for frame, time in enumerate(times):
+        place = frame_file(path, frame)
+        file = quoteattr(f"{place.parent.name}/{place.name}")
         entries.append(f'    <DataSet timestep="{float(time)!r}" group="" part="0" file={file}/>')
     with replacing(path) as temporary:
         temporary.write_text(

@@ -143,6 +143,7 @@ def _mapping_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
             f"{1e3 * report['worst_distance']:.3f} mm off the sheet (cell "
             f"{report['worst_distance_cell']}); {1e3 * report['maximum_distance']:.3g} mm allowed",
         ),
+        *_registration_rows(report),
         ("largest change of a share to keep the fibre mass", f"{report['wedge_correction']:.1%}"),
     ]
     if report["conservation_error"] is not None:
@@ -158,6 +159,25 @@ def _mapping_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows.append(("fields", ", ".join(report["fields"])))
     rows.append(("files", ", ".join(report["files"].values())))
     return rows
+
+
+def _registration_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield how the target lies to the sheet, and whether it was moved."""
+    found = report.get("registration")
+    if found is None:
+        return
+    yield (
+        "distance from the sheet, mean and root mean square",
+        f"{1e3 * found['signed_mean']:.3f} mm (above the sheet positive) and "
+        f"{1e3 * found['root_mean_square']:.3f} mm",
+    )
+    shift = ", ".join(f"{1e3 * value:.3f}" for value in found["shift"])
+    turn = ", ".join(f"{math.degrees(value):.3f}" for value in found["rotation"])
+    yield (
+        "motion that brings it to the sheet" + (", applied" if report["registered"] else ""),
+        f"turned by ({turn})° and shifted by ({shift}) mm, which leaves "
+        f"{1e3 * found['root_mean_square_after']:.3f} mm root mean square",
+    )
 
 
 def _provenance_rows(origin: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -6,11 +6,18 @@ scene and never imports what is built on it.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from lcmchain.quantities.entry_types import AbsentMeans, LengthUnit, Name, PositiveLength, Text
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    LengthUnit,
+    Name,
+    PositiveLength,
+    Switch,
+    Text,
+)
 from lcmchain.quantities.scene_model import SceneModel
 
 
@@ -30,9 +37,25 @@ class MappingTarget(SceneModel):
         default="overlap",
         description="Weights from the overlap of cells and sheet, or of the closest place.",
     )
+    order: Literal[1, 2] = Field(
+        default=2, description="Fields within a face of the sheet: 1 constant, 2 linear."
+    )
     maximum_distance: Annotated[
         PositiveLength | None, AbsentMeans("one edge length of the sheet")
     ] = Field(default=None, description="Farthest distance over which a value is taken.")
     length_unit: Annotated[str, LengthUnit()] = Field(
         default="m", description="Unit of the coordinates in the file."
     )
+    all_frames: Switch = Field(
+        default=False,
+        description="Carry the mesh along with the material and map every saved state.",
+    )
+    # Not "register", which every class of pydantic has as a method.
+    registration: Switch = Field(
+        default=False, description="Bring the mesh to the sheet by a small rigid motion."
+    )
+
+    def options(self) -> dict[str, Any]:
+        """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
+        same = self.model_dump(exclude={"name", "mesh", "registration"})
+        return {**same, "register": self.registration}

@@ -77,10 +77,13 @@ def test_every_face_field_arrives_with_its_meaning(formed, mapped):
         assert {"bending_pressure", "permeability_direction_3_z", "fibre_strain_2"} <= set(fields)
         for name in fields:
             about = dataset[name].attrs
-            for key in ("units", "long_name", "comment"):
+            # the sign of the shear angle is that of the cell, not of the sheet, and says so
+            kept = ("units", "long_name") + (() if name == "shear_angle" else ("comment",))
+            for key in kept:
                 assert about[key] == sheet[name].attrs[key], (name, key)
             assert (about["mesh"], about["location"]) == ("target", "face")
             assert np.isfinite(dataset[name]).all(), name
+    assert "normal of the cell" in dataset["shear_angle"].attrs["comment"]
 
 
 def test_the_pressure_of_tools_is_mapped_from_the_nodes_to_cells(formed, mapped):

@@ -3,6 +3,7 @@
 import meshio
 import numpy as np
 import pytest
+import xarray as xr
 
 from lcmchain.coupling.permeability import PermeabilityLaw, principal_permeabilities
 from lcmchain.mapping import map_file, read_sheet
@@ -110,6 +111,16 @@ def test_bends_of_the_target_change_no_value(make, write_mesh, cylinder, tmp_pat
     np.testing.assert_allclose(values, np.tile(given[:, None], 20), rtol=1e-11)
     expected = tensors(*families_on(points, quads, 0.4, np.radians(30.0)))
     np.testing.assert_allclose(tensors_of(values, axes), expected, atol=1e-11 * given[0])
+
+
+def test_the_axes_leave_in_the_netcdf_file(make, write_mesh, cylinder, tmp_path):
+    points, quads = make.grid(5, 4, (-0.07, -0.04), (0.07, 0.04))
+    mapped_onto(cylinder, write_mesh(rolled(points, 0.1), [("quad", quads)]), tmp_path)
+    with xr.open_dataset(tmp_path / "mapped.nc") as dataset:
+        axes = np.array([[dataset[f"{name}_{a}"].values for a in "xyz"] for name in AXES])
+        assert all(dataset[f"{name}_x"].attrs["units"] == "1" for name in AXES)
+    identity = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, 20))
+    np.testing.assert_allclose(np.einsum("kic,lic->klc", axes, axes), identity, atol=1e-12)
 
 
 def test_signs_of_the_axes_mean_nothing(make, write_mesh, cylinder, tmp_path):

@@ -179,17 +179,20 @@ def test_map_passes_si_values(monkeypatch, tmp_path, capsys):
     source.touch(), target.touch()
     calls = []
 
-    def map_file(source, target, out, **options):
-        calls.append((out.name, options))
+    def map_file(source, target, out, options):
+        calls.append((out.name, vars(options)))
         return types.SimpleNamespace(summary=lambda: "part: 12 cells", warnings=["[a] warning"])
 
-    stand_in(monkeypatch, "lcmchain.mapping", map_file=map_file)
+    names = {"map_file": map_file, "MappingOptions": types.SimpleNamespace}
+    stand_in(monkeypatch, "lcmchain.mapping", **names)
     out = tmp_path / "mapped.nc"
     options = ["--kind", "infiltration", "--maximum-distance", "2 mm", "--length-unit", "mm"]
+    options += ["--frame", "3"]
     assert exit_code("map", source, target, "--out", out, *options) == 0
     assert calls[0][0] == "mapped.nc"
     assert calls[0][1]["maximum_distance"] == 0.002
     assert calls[0][1]["kind"] == "infiltration" and calls[0][1]["method"] == "overlap"
+    assert calls[0][1]["frame"] == 3
     printed = capsys.readouterr().out
     assert "part: 12 cells" in printed and "[a] warning" in printed
 

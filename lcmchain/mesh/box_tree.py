@@ -1,0 +1,153 @@
+"""Tree of boxes around the faces of a mesh: what lies in a box or near a point.
+
+A complete binary tree over the faces in the order of a space-filling curve (Morton). It is
+filled and asked in compiled code and needs memory in proportion to the faces.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.jit import equation, routine
+
+# Items of a leaf: fewer make the tree deeper than their tests are worth.
+LEAF = 4
+
+# Deepest tree that the stack of a search can hold.
+STACK = 128
+
+
+class BoxTree(NamedTuple):
+    """Boxes of a tree; node k has the children 2k and 2k + 1, the leaves are the last half.
+
+    order : item numbers in the order of the leaves, shape (N,).
+    first : first place in ``order`` of each leaf, shape (leaf_count + 1,).
+    boxes : lower and upper corner [m] of each node, shape (2 leaf_count, 6).
+    item_boxes : of the items in the order of the leaves, shape (N, 6).
+    """
+
+    order: np.ndarray
+    first: np.ndarray
+    boxes: np.ndarray
+    item_boxes: np.ndarray
+
+
+def box_tree(corners: np.ndarray) -> BoxTree:
+    """Build the tree of items with the corners [m] (N, K, 3)."""
+    count = len(corners)
+    leaf_count = 1
+    while leaf_count * LEAF < count:
+        leaf_count *= 2
+    item_boxes = np.empty((count, 6))
+    _bound(corners, item_boxes)
+    order = order_along_curve(0.5 * (item_boxes[:, :3] + item_boxes[:, 3:]))
+    item_boxes = item_boxes[order]
+    first = (np.arange(leaf_count + 1) * count) // leaf_count
+    boxes = np.empty((2 * leaf_count, 6))
+    _fill(first, item_boxes, boxes)
+    return BoxTree(order, first, boxes, item_boxes)
+
+
+def order_along_curve(places: np.ndarray) -> np.ndarray:
+    """Return the order of places [m] (N, 3) along Morton's space-filling curve.
+
+    Neighbours in this order are close to each other in space.
+    """
+    low = places.min(axis=0, initial=np.inf)
+    extent = float((places.max(axis=0, initial=-np.inf) - low).max(initial=0.0)) or 1.0
+    codes = np.empty(len(places), dtype=np.uint64)
+    _curve(places, low, 2.0**20 / extent, codes)
+    return np.argsort(codes, kind="stable")
+
+
+@routine
+def _curve(places, low, scale, codes):
+    for p in range(len(places)):
+        code = np.uint64(0)
+        for axis in range(3):
+            step = np.uint64(min((places[p, axis] - low[axis]) * scale, 1048575.0))
+            # Each bit of a coordinate moves to every third bit of the code.
+            step = (step | (step << np.uint64(32))) & np.uint64(0x001F00000000FFFF)
+            step = (step | (step << np.uint64(16))) & np.uint64(0x001F0000FF0000FF)
+            step = (step | (step << np.uint64(8))) & np.uint64(0x100F00F00F00F00F)
+            step = (step | (step << np.uint64(4))) & np.uint64(0x10C30C30C30C30C3)
+            step = (step | (step << np.uint64(2))) & np.uint64(0x1249249249249249)
+            code |= step << np.uint64(axis)
+        codes[p] = code
+
+
+@routine
+def _bound(corners, boxes):
+    for item in range(len(corners)):
+        for axis in range(3):
+            low, high = corners[item, 0, axis], corners[item, 0, axis]
+            for k in range(1, corners.shape[1]):
+                low, high = min(low, corners[item, k, axis]), max(high, corners[item, k, axis])
+            boxes[item, axis], boxes[item, 3 + axis] = low, high
+
+
+@routine
+def _fill(first, item_boxes, boxes):
+    leaf_count = len(first) - 1
+    for node in range(2 * leaf_count - 1, -1, -1):
+        boxes[node, :3], boxes[node, 3:] = np.inf, -np.inf
+        if node >= leaf_count:
+            for k in range(first[node - leaf_count], first[node - leaf_count + 1]):
+                enclose(boxes[node], item_boxes[k])
+        elif node > 0:
+            enclose(boxes[node], boxes[2 * node])
+            enclose(boxes[node], boxes[2 * node + 1])
+
+
+@equation
+def enclose(box, other):
+    for axis in range(3):
+        box[axis] = min(box[axis], other[axis])
+        box[3 + axis] = max(box[3 + axis], other[3 + axis])
+
+
+@routine
+def items_in_box(tree, box, stack, found):
+    """Write the items whose boxes a box (6,) touches to ``found``; return their number.
+
+    Where ``found`` is too small, the number is returned with a minus sign.
+    """
+    leaf_count = len(tree.first) - 1
+    stack[0] = 1
+    height, count = 1, 0
+    while height > 0:
+        height -= 1
+        node = stack[height]
+        if not boxes_touch(tree.boxes[node], box):
+            continue
+        if node < leaf_count:
+            stack[height], stack[height + 1] = 2 * node + 1, 2 * node
+            height += 2
+            continue
+        for k in range(tree.first[node - leaf_count], tree.first[node - leaf_count + 1]):
+            if not boxes_touch(tree.item_boxes[k], box):
+                continue
+            if count < len(found):
+                found[count] = tree.order[k]
+            count += 1
+    return count if count <= len(found) else -count
+
+
+@equation
+def boxes_touch(a, b):
+    return (
+        a[0] <= b[3] and b[0] <= a[3]
+        and a[1] <= b[4] and b[1] <= a[4]
+        and a[2] <= b[5] and b[2] <= a[5]
+    )  # fmt: skip
+
+
+@equation
+def distance2_to_box(box, x, y, z):
+    """Square of the distance of a point from a box, 0 inside."""
+    dx = max(box[0] - x, 0.0, x - box[3])
+    dy = max(box[1] - y, 0.0, y - box[4])
+    dz = max(box[2] - z, 0.0, z - box[5])
+    return dx * dx + dy * dy + dz * dz

@@ -1,0 +1,233 @@
+"""Which faces a target cell takes from, in what shares: by overlap or by the closest place."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.mapping.intersection import Overlaps, coverage_of_planes, overlaps
+from lcmchain.mapping.layers import choose_layers
+from lcmchain.mapping.search import closest_points
+from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.target import CellPolygons, TargetMesh
+
+# A cell counts as covered from this share on: tangent planes and facets of two meshes of the same
+# curved surface disagree by about (cell size / radius of curvature)^2.
+COVERED = 0.99
+
+# A face whose nodes all lie over the target is taken as wholly covered when the overlaps found at
+# least this share of it; the rest fell into the wedges between neighbouring cells at a sharp bend.
+WEDGE = 0.5
+
+# Cells without an edge of the sheet over them are covered if the area seen from the faces differs
+# by no more than this: facets of 5 mm on a radius of 10 mm make a few per cent.
+CURVED = 0.1
+
+# A face is tiled by the cells over it if their shares leave no more than rounding.
+TILED = 1e-9
+
+
+class Pairing(NamedTuple):
+    """Faces and shares of all cells, by cell, then face; see ``MappingWeights`` for the entries.
+
+    nearest_face : a face close to the cell's centroid, shape (C,); 0 where there is none.
+    ambiguous : whether a second layer of the sheet could as well be the cell's, shape (C,).
+    """
+
+    cell: np.ndarray
+    face: np.ndarray
+    average: np.ndarray
+    place: np.ndarray
+    content: np.ndarray
+    coverage: np.ndarray
+    distance: np.ndarray
+    cell_area: np.ndarray
+    nearest_face: np.ndarray
+    ambiguous: np.ndarray
+    face_coverage: np.ndarray
+    wedge_correction: float
+
+
+def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) -> Pairing:
+    """Pair cells with what lies over them of the layer that they belong to.
+
+    Cells without an overlap take the closest place of the right side, if one is near.
+    """
+    count = target.cell_count
+    if target.is_solid:
+        sections_along = closest_points(surface, target.centroids, maximum_distance).face
+        cells = target.polygons(surface.normals[np.maximum(sections_along, 0)])
+    else:
+        cells = target.polygons(np.empty((0, 3)))
+    found = overlaps(surface, cells, maximum_distance)
+    winding = None if target.is_solid else target.surface.winding
+    choice = choose_layers(found, winding, cells.areas)
+    found = Overlaps(*(values[choice.taken] for values in found))
+    covered = np.bincount(found.cell, found.area, minlength=count)
+    nearest, distance = _over_centroid(found, count)
+    unsure = np.flatnonzero(~np.isfinite(distance) | (covered == 0.0))
+    if len(unsure):
+        sides = cells.normals[unsure] * choice.side[unsure, None]
+        closest = closest_points(surface, cells.centroids[unsure], maximum_distance, sides)
+        distance[unsure], nearest[unsure] = closest.distance, closest.face
+        _distance_of_overlaps(found, covered, distance, nearest)
+    alone = np.flatnonzero((covered == 0.0) & (nearest >= 0))
+    distance[(covered == 0.0) & (nearest < 0)] = np.nan
+
+    face_coverage, content, correction = _face_coverage(
+        surface, target, cells, found, maximum_distance
+    )
+    extra = np.isin(unsure, alone) if len(unsure) else np.zeros(0, dtype=bool)
+    place = _in_frames(surface, nearest[alone], closest.foot[extra]) if len(alone) else 0.0
+    cell = np.concatenate([found.cell, alone])
+    face = np.concatenate([found.face, nearest[alone]])
+    average = found.area / np.where(covered > 0.0, covered, 1.0)[found.cell]
+    order = np.lexsort((face, cell)) if len(alone) else slice(None)
+    nothing = np.zeros((len(alone), 2))
+    return Pairing(
+        cell=cell[order],
+        face=face[order],
+        average=np.concatenate([average, np.ones(len(alone))])[order],
+        place=np.concatenate([found.place, nothing + place])[order],
+        content=np.concatenate([content, nothing[:, 0]])[order],
+        coverage=_coverage(surface, cells, found, covered),
+        distance=distance,
+        cell_area=cells.areas,
+        nearest_face=np.maximum(nearest, 0),
+        ambiguous=choice.ambiguous,
+        face_coverage=face_coverage,
+        wedge_correction=0.0 if target.is_solid else correction,
+    )
+
+
+def by_closest(surface: Surface, target: TargetMesh, maximum_distance: float) -> Pairing:
+    """Pair cells with the place of the sheet that is closest to their centroid.
+
+    Such weights have no areas: a face is covered by the share of its corners over the target.
+    """
+    places = target.centroids if target.is_solid else target.surface.centroids
+    closest = closest_points(surface, places, maximum_distance)
+    cells = target.polygons(surface.normals[np.maximum(closest.face, 0)])
+    cell = np.flatnonzero(closest.face >= 0)
+    face = closest.face[cell]
+    corner = np.where(surface.faces < 0, surface.faces[:, 2:3], surface.faces)
+    nodes = np.arange(len(surface.points))
+    over = _nodes_over_target(surface, nodes, target, cells, maximum_distance)
+    return Pairing(
+        cell=cell,
+        face=face,
+        average=np.ones(len(cell)),
+        place=_in_frames(surface, face, closest.foot[cell]),
+        content=np.zeros(len(cell)),
+        coverage=np.where(closest.beside, 0.0, 1.0),
+        distance=np.where(closest.face >= 0, closest.distance, np.nan),
+        cell_area=cells.areas,
+        nearest_face=np.maximum(closest.face, 0),
+        ambiguous=np.zeros(target.cell_count, dtype=bool),
+        face_coverage=over[corner].mean(axis=1),
+        wedge_correction=0.0,
+    )
+
+
+def _over_centroid(found: Overlaps, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Face over the centroid of each cell, and its distance [m]; -1 and infinite without one."""
+    face, distance = np.full(count, -1, dtype=np.int64), np.full(count, np.inf)
+    there = np.flatnonzero(np.isfinite(found.centre))
+    order = there[np.argsort(-found.centre[there], kind="stable")]  # the least one is kept
+    face[found.cell[order]] = found.face[order]
+    distance[found.cell[order]] = found.centre[order]
+    return face, distance
+
+
+def _distance_of_overlaps(
+    found: Overlaps, covered: np.ndarray, distance: np.ndarray, nearest: np.ndarray
+) -> None:
+    """Give covered cells whose centroid is near no face the distance of what lies over them."""
+    lost = (covered > 0.0) & (nearest < 0)
+    if not lost.any():
+        return
+    moment = np.bincount(found.cell, found.area * np.abs(found.height), minlength=len(covered))
+    distance[lost] = moment[lost] / covered[lost]
+    nearest[found.cell[lost[found.cell]]] = found.face[lost[found.cell]]
+
+
+def _coverage(
+    surface: Surface, cells: CellPolygons, found: Overlaps, covered: np.ndarray
+) -> np.ndarray:
+    """Covered share of each cell, from the covered areas [m2] (C,).
+
+    Areas seen from curved faces do not quite add up to that of a cell which they cover. Cells away
+    from the edge of the sheet are covered wholly if little is missing; of all others the faces are
+    laid onto the tangent plane, which they tile.
+    """
+    coverage = covered / np.where(cells.areas > 0.0, cells.areas, 1.0)
+    at_edge = np.zeros(len(coverage), dtype=bool)
+    at_edge[found.cell[surface.winding.bounds.any(axis=1)[found.face]]] = True
+    doubtful = (coverage > 0.0) & (at_edge | (np.abs(coverage - 1.0) > CURVED))
+    tiled = coverage_of_planes(surface, cells, found, np.flatnonzero(doubtful))
+    whole = (coverage > 0.0) & ~doubtful
+    whole[doubtful] = tiled >= COVERED
+    return np.where(whole, 1.0, np.minimum(coverage, 1.0))
+
+
+def _in_frames(surface: Surface, face: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points [m] (P, 3) in the frames of their faces, from the centroids, shape (P, 2)."""
+    return np.einsum("pui,pi->pu", surface.frames[face], points - surface.centroids[face])
+
+
+def _face_coverage(
+    surface: Surface,
+    target: TargetMesh,
+    cells: CellPolygons,
+    found: Overlaps,
+    maximum_distance: float,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Covered share of each face; shares of its content by cell; largest correction of these.
+
+    The cells over a face tile it. Only where the target bends more sharply than the sheet, cells on
+    either side of the bend leave or share a wedge of it; the shares are then scaled until they sum
+    to one: no fibre is lost or made.
+    """
+    part = found.part
+    tiled = np.bincount(found.face, part, minlength=surface.face_count)
+    open_faces = np.flatnonzero(np.abs(tiled - 1.0) > TILED)
+    whole = np.zeros(surface.face_count, dtype=bool)
+    if len(open_faces):
+        nodes = np.unique(surface.faces[open_faces])
+        nodes = nodes[nodes >= 0]
+        over = _nodes_over_target(surface, nodes, target, cells, maximum_distance)
+        corner = np.where(surface.faces < 0, surface.faces[:, 2:3], surface.faces)[open_faces]
+        whole[open_faces] = over[corner].all(axis=1) & (tiled[open_faces] >= WEDGE)
+    tiles = np.abs(tiled - 1.0) <= TILED
+    face_coverage = np.where(whole, 1.0, np.where(tiles, tiled, np.minimum(tiled, 1.0)))
+    scale = face_coverage / np.where(tiled > 0.0, tiled, 1.0)
+    correction = float(np.abs(scale[tiled > 0.0] - 1.0).max(initial=0.0))
+    return face_coverage, part * scale[found.face], correction
+
+
+def _nodes_over_target(
+    surface: Surface,
+    nodes: np.ndarray,
+    target: TargetMesh,
+    cells: CellPolygons,
+    maximum_distance: float,
+) -> np.ndarray:
+    """Whether some nodes of the sheet project onto the target, shape (N,); False of the others."""
+    over = np.zeros(len(surface.points), dtype=bool)
+    skin = target.surface if not target.is_solid else _surface_of_sections(cells)
+    if skin.face_count == 0:
+        return over
+    closest = closest_points(skin, surface.points[nodes], maximum_distance)
+    # Sections of neighbouring solids share no nodes: every edge would count as the part's.
+    over[nodes] = (closest.face >= 0) & (target.is_solid | ~closest.beside)
+    return over
+
+
+def _surface_of_sections(cells: CellPolygons) -> Surface:
+    triangles = [
+        (first, first + k, first + k + 1, -1)
+        for first, end in zip(cells.start[:-1], cells.start[1:], strict=True)
+        for k in range(1, end - first - 1)
+    ]
+    return Surface(cells.corners, np.array(triangles, dtype=np.int64).reshape(-1, 4))

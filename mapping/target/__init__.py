@@ -1,0 +1,16 @@
+"""Target meshes: read from a file, with their numbers, sets and parts, as cells in space."""
+
+from __future__ import annotations
+
+from lcmchain.mapping.target.mesh import CellPolygons, TargetMesh, section
+from lcmchain.mapping.target.read import read_target
+from lcmchain.mapping.target.shapes import base_type, corner_count
+
+__all__ = [
+    "CellPolygons",
+    "TargetMesh",
+    "base_type",
+    "corner_count",
+    "read_target",
+    "section",
+]

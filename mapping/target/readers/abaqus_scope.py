@@ -1,0 +1,175 @@
+"""Nodes, elements and sets of one part, instance or whole Abaqus deck, as they are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.mapping.target.file_mesh import NO_IDS, Cells, Place
+from lcmchain.mapping.target.readers.abaqus_blocks import Block, words
+from lcmchain.mapping.target.readers.abaqus_elements import cell_type, second_choice
+from lcmchain.mapping.target.readers.abaqus_numbers import (
+    element_count,
+    element_table,
+    node_table,
+    number_range,
+    whole,
+)
+from lcmchain.mapping.target.shapes import base_type, corner_count
+
+
+class Entry(NamedTuple):
+    """What a line of a set lists: numbers or the name of another set, maybe of an instance."""
+
+    numbers: np.ndarray | None
+    name: str
+    instance: str
+    place: Place
+
+
+class Side(NamedTuple):
+    """Face of an element or of those of a set, as a surface lists it."""
+
+    element: str
+    face: str
+    place: Place
+
+
+@dataclass
+class NamedEntries:
+    """Sets by their name in upper case; each keeps its name as first spelt."""
+
+    spelt: dict[str, str] = field(default_factory=dict)
+    entries: dict[str, list] = field(default_factory=dict)
+
+    def add(self, name: str, entries: list) -> None:
+        """Add entries to a set, which may exist."""
+        key = name.upper()
+        self.spelt.setdefault(key, name)
+        self.entries.setdefault(key, []).extend(entries)
+
+
+@dataclass
+class Scope:
+    """What stands between *PART and *END PART, in an instance, or outside of both.
+
+    Parameters
+    ----------
+    ids, points, node_places : of the nodes, block by block. cells : of the elements.
+    second : elements that are cells only in a deck without shells, by their type.
+    sections : element sets that a section is assigned to, in their order.
+    aside : number of elements of types that are no shells or solids.
+    """
+
+    name: str = ""
+    ids: list[np.ndarray] = field(default_factory=list)
+    points: list[np.ndarray] = field(default_factory=list)
+    node_blocks: list[Block] = field(default_factory=list)
+    cells: list[Cells] = field(default_factory=list)
+    second: list[tuple[str, Cells]] = field(default_factory=list)
+    node_sets: NamedEntries = field(default_factory=NamedEntries)
+    element_sets: NamedEntries = field(default_factory=NamedEntries)
+    surfaces: NamedEntries = field(default_factory=NamedEntries)
+    sections: list[str] = field(default_factory=list)
+    aside: dict[str, int] = field(default_factory=dict)
+
+    def node_place(self, row: int) -> Place:
+        """Return the place of a node, counted over all blocks."""
+        for block in self.node_blocks:
+            if row < len(block.data):
+                return block.place_of(row)
+            row -= len(block.data)
+        raise IndexError(row)
+
+    def all_ids(self) -> np.ndarray:
+        return np.concatenate(self.ids) if self.ids else NO_IDS
+
+    def all_points(self) -> np.ndarray:
+        return np.concatenate(self.points) if self.points else np.empty((0, 3))
+
+    def read_nodes(self, block: Block) -> None:
+        """Take a *NODE block."""
+        if block.parameters.get("SYSTEM", "R").upper() not in ("R", ""):
+            raise block.error("has cylindrical or spherical coordinates; write them as x, y, z")
+        if "INPUT" in block.parameters:
+            raise block.error("reads its nodes from another file; put them into the deck")
+        ids, points = node_table(block)
+        self.ids.append(ids)
+        self.points.append(points)
+        self.node_blocks.append(block)
+        if block.parameters.get("NSET"):
+            self.node_sets.add(block.parameters["NSET"], [Entry(ids, "", "", block.place)])
+
+    def read_elements(self, block: Block) -> None:
+        """Take an *ELEMENT block; elements that are no shells or solids are counted."""
+        if "INPUT" in block.parameters:
+            raise block.error("reads its elements from another file; put them into the deck")
+        element = block.name("TYPE").upper()
+        first_choice = cell_type(element)
+        shape = first_choice or second_choice(element)
+        if shape is None:
+            self.aside[element] = self.aside.get(element, 0) + element_count(block)
+            return
+        node_count = int(shape[len(base_type(shape)) :] or corner_count(shape))
+        table, begins = element_table(block, node_count)
+        cells = Cells(shape, table[:, 0], table[:, 1:], lambda row: block.place_of(begins[row]))
+        if first_choice:
+            self.cells.append(cells)
+        else:
+            self.second.append((element, cells))
+        if block.parameters.get("ELSET"):
+            entry = Entry(table[:, 0], "", "", block.place)
+            self.element_sets.add(block.parameters["ELSET"], [entry])
+
+    def read_set(self, block: Block) -> None:
+        """Take an *NSET or *ELSET block."""
+        sets = self.node_sets if block.keyword == "NSET" else self.element_sets
+        name = block.name(block.keyword)
+        instance = block.parameters.get("INSTANCE", "")
+        entries = [
+            entry
+            for row, text in enumerate(block.data)
+            for entry in _entries(words(text), "GENERATE" in block.parameters, instance,
+                                  block.place_of(row))
+        ]  # fmt: skip
+        if block.keyword == "NSET" and block.parameters.get("ELSET"):
+            raise block.error("takes the nodes of an element set; list the nodes")
+        sets.add(name, entries)
+
+    def read_surface(self, block: Block) -> None:
+        """Take a *SURFACE block made of element faces or nodes."""
+        kind = block.parameters.get("TYPE", "ELEMENT").upper()
+        sides = []
+        for row, text in enumerate(block.data):
+            entries = [*words(text), ""]
+            sides.append(Side(entries[0], entries[1].upper(), block.place_of(row)))
+        if kind == "NODE":
+            sides = [Side(side.element, "NODE", side.place) for side in sides]
+        elif kind != "ELEMENT":
+            return
+        self.surfaces.add(block.name("NAME"), sides)
+
+
+def _entries(listed: list[str], generate: bool, instance: str, place: Place) -> list[Entry]:
+    """Entries of one line of a set."""
+    if generate:
+        return [Entry(number_range(listed, place), "", instance, place)]
+    numbers: dict[str, list[int]] = {}
+    entries = []
+    for word in listed:
+        try:
+            numbers.setdefault(instance, []).append(whole(word))
+            continue
+        except ValueError:
+            pass
+        owner, dot, local = word.rpartition(".")
+        try:
+            numbers.setdefault(owner if dot else instance, []).append(whole(local))
+        except ValueError:
+            if not word:
+                raise place.error("an entry of the set is empty") from None
+            entries.append(Entry(None, word, instance, place))
+    entries += [Entry(np.array(ids), "", owner, place) for owner, ids in numbers.items()]
+    return entries

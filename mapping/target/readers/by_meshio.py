@@ -1,0 +1,164 @@
+"""Mesh files that meshio reads, with numbers and regions where their data have them."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Mapping
+from pathlib import Path
+
+import meshio
+import numpy as np
+
+from lcmchain.errors import InputError, shortened
+from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh
+
+#: Names under which files keep the numbers of cells and nodes, in lower case: this program's,
+#: ParaView's and VTK's, Ensight's.
+CELL_NUMBERS = ("cell_id", "cell_ids", "element_id", "elementid", "element_ids", "globalelementid",
+                "globalelementids", "globalcellids", "elem_id", "eid")  # fmt: skip
+NODE_NUMBERS = ("node_id", "node_ids", "nodeid", "globalnodeid", "globalnodeids", "globalpointids",
+                "point_id", "nid")  # fmt: skip
+
+#: Names of arrays that divide the cells into parts, the most telling first.
+PARTS = ("part", "part_id", "partid", "pid", "property_id", "propertyid", "objectid", "blockid",
+         "materialids", "material_id", "material", "cellentityids", "region", "regionid",
+         "gmsh:physical", "cell_tags", "medit:ref", "su2:tag", "gmsh:geometrical",
+         "nastran:ref")  # fmt: skip
+
+#: Beginnings of the names of arrays of 0 and 1 that mark the members of a set.
+CELL_SET, NODE_SET, PART = "cell_set:", "node_set:", "part:"
+
+# An array with more values than this counts something, it does not divide the mesh.
+MOST_REGIONS = 1000
+
+
+def read_by_meshio(path: Path) -> FileMesh:
+    """Read any file that meshio reads.
+
+    Numbers are those of arrays that are known by their names; integer arrays of cells divide them
+    into regions: the most telling one gives the parts, the others sets.
+
+    Raises
+    ------
+    InputError : meshio does not read the file.
+    """
+    read = _read(path)
+    blocks = [(block.type, _table(block.data, path)) for block in read.cells]
+    kept = [index for index, (_, nodes) in enumerate(blocks) if len(nodes)]
+    blocks = [blocks[index] for index in kept]
+    mesh = FileMesh(np.asarray(read.points), blocks)
+    on_cells = {
+        name: np.concatenate([np.asarray(data[index]) for index in kept])
+        for name, data in read.cell_data.items()
+        if kept and len(data) == len(read.cells)
+    }
+    mesh.cell_ids = _numbers(on_cells, CELL_NUMBERS, mesh.cell_count, mesh.notes, "cells")
+    mesh.node_ids = _numbers(read.point_data, NODE_NUMBERS, len(mesh.points), mesh.notes, "nodes")
+    _take_marked_sets(mesh, on_cells, read.point_data)
+    _take_regions(mesh, on_cells)
+    _take_named_sets(mesh, read, kept)
+    return mesh
+
+
+def _table(nodes, path: Path) -> np.ndarray:
+    """Nodes of the cells of a block as a table of whole numbers."""
+    table = np.asarray(nodes)
+    if table.dtype.kind not in "iu" and table.size:
+        raise InputError("cells have nodes that are no numbers; the mesh is broken", file=path)
+    return table.astype(np.int64)
+
+
+def _numbers(
+    arrays: Mapping[str, np.ndarray], names: tuple[str, ...], count: int, notes: list[str], of: str
+) -> np.ndarray:
+    """Numbers of cells or nodes under one of the known names; none where they repeat."""
+    by_name = {name.lower(): np.asarray(values) for name, values in arrays.items()}
+    for name in names:
+        if name not in by_name:
+            continue
+        given = by_name[name]
+        if given.shape != (count,) or given.dtype.kind not in "iuf":
+            continue
+        numbers = given.astype(np.int64)
+        if (numbers != given).any() or (numbers < 0).any():
+            continue
+        if len(np.unique(numbers)) < count:
+            notes.append(f'"{name}" repeats numbers: the {of} are counted from 1 instead')
+            continue
+        return numbers
+    return NO_IDS
+
+
+def _take_marked_sets(
+    mesh: FileMesh, on_cells: dict[str, np.ndarray], on_nodes: Mapping[str, np.ndarray]
+) -> None:
+    """Take the sets and parts that files of this program mark by 0 and 1."""
+    for arrays, prefix, sets in (
+        (on_cells, CELL_SET, mesh.cell_sets),
+        (on_cells, PART, mesh.parts),
+        (on_nodes, NODE_SET, mesh.node_sets),
+    ):
+        for name, values in arrays.items():
+            if name.startswith(prefix) and np.ndim(values) == 1:
+                sets[name[len(prefix) :]] = np.flatnonzero(np.asarray(values) == 1)
+
+
+def _take_regions(mesh: FileMesh, on_cells: dict[str, np.ndarray]) -> None:
+    """Divide the cells by integer arrays."""
+    known = {name: place for place, name in enumerate(PARTS)}
+    arrays = [
+        name
+        for name, values in on_cells.items()
+        if values.ndim == 1
+        and values.dtype.kind in "iu"
+        and not name.startswith((CELL_SET, PART))
+        and name.lower() not in CELL_NUMBERS
+        and name != "mapping_status"
+        and not (name == "part" and mesh.parts)
+    ]
+    for name in sorted(arrays, key=lambda name: known.get(name.lower(), len(known))):
+        values = np.unique(on_cells[name])
+        if len(values) > MOST_REGIONS:
+            mesh.notes.append(
+                f'"{name}" has {len(values)} different values and divides nothing: left out'
+            )
+            continue
+        divided = {f"{name} {value}": np.flatnonzero(on_cells[name] == value) for value in values}
+        if not mesh.parts:
+            mesh.parts = divided
+        else:
+            mesh.cell_sets |= divided
+
+
+def _take_named_sets(mesh: FileMesh, read: meshio.Mesh, kept: list[int]) -> None:
+    """Take the sets that meshio itself knows."""
+    first = np.cumsum([0, *[len(nodes) for _, nodes in mesh.blocks]])
+    for name, of_blocks in (read.cell_sets or {}).items():
+        pieces = [
+            np.asarray(of_blocks[index], dtype=np.int64) + first[place]
+            for place, index in enumerate(kept)
+            if index < len(of_blocks) and of_blocks[index] is not None
+        ]
+        if not name.startswith("gmsh:"):  # entities that bound an entity, no set of cells
+            rows = np.unique(np.concatenate([NO_IDS, *pieces]))
+            mesh.cell_sets[name] = rows[(rows >= 0) & (rows < mesh.cell_count)]
+    for name, nodes in (read.point_sets or {}).items():
+        rows = np.unique(np.asarray(nodes, dtype=np.int64))
+        mesh.node_sets[name] = rows[(rows >= 0) & (rows < len(mesh.points))]
+
+
+def _read(path: Path) -> meshio.Mesh:
+    said = io.StringIO()
+    try:
+        # meshio prints its reasons and ends the process; here they become one error.
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:
+        reason = said.getvalue().strip() or str(error) or type(error).__name__
+        reason = shortened(" ".join(reason.replace("Error: ", "").split()), 300)
+        known = ", ".join(sorted(meshio.extension_to_filetypes))
+        raise InputError(
+            f"meshio cannot read the target mesh ({reason}); it knows files ending in {known}",
+            file=path,
+        ) from None

@@ -1,0 +1,176 @@
+"""Meshes of Nastran and OptiStruct bulk data (.bdf, .nas, .fem), with numbers, properties and sets.
+
+Source: MSC/NX Nastran Quick Reference Guide, entries of the elements.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.errors import InputError
+from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.target.file_mesh import (
+    Cells,
+    FileMesh,
+    Numbering,
+    merged_blocks,
+    parts_of_numbers,
+    unique_nodes,
+)
+from lcmchain.mapping.target.readers.nastran_cards import Card, NastranDeck, read_deck
+from lcmchain.mapping.target.readers.nastran_coordinates import KINDS as SYSTEMS
+from lcmchain.mapping.target.readers.nastran_coordinates import Systems
+from lcmchain.mapping.target.readers.nastran_sets import fill_sets, property_names
+from lcmchain.mapping.target.shapes import SOLID_EDGES, reordered
+
+
+class Element(NamedTuple):
+    """Shape with corners only, and with all mid-side nodes; edges in Nastran's order of these."""
+
+    corners: int
+    shape: str
+    full: int = 0
+    edges: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def order(self) -> np.ndarray:
+        """Places of VTK's nodes among Nastran's, with all mid-side nodes."""
+        name = f"{self.shape}{self.full}"
+        if self.edges:
+            return reordered(name, list(range(self.corners)), list(self.edges))
+        return np.arange(self.full)
+
+
+_HEXAHEDRON = SOLID_EDGES["hexahedron"]
+_WEDGE = SOLID_EDGES["wedge"]
+# The edges across lie between those of the lower and of the upper face.
+_ELEMENTS = {
+    "CTRIA3": Element(3, "triangle"),
+    "CTRIAR": Element(3, "triangle"),
+    "CTRIA6": Element(3, "triangle", 6),
+    "CQUAD4": Element(4, "quad"),
+    "CQUADR": Element(4, "quad"),
+    "CQUAD8": Element(4, "quad", 8),
+    "CTETRA": Element(4, "tetra", 10, tuple(SOLID_EDGES["tetra"])),
+    "CPYRAM": Element(5, "pyramid", 13, tuple(SOLID_EDGES["pyramid"])),
+    "CPYRA": Element(5, "pyramid", 13, tuple(SOLID_EDGES["pyramid"])),
+    "CPENTA": Element(6, "wedge", 15, (*_WEDGE[:3], *_WEDGE[6:], *_WEDGE[3:6])),
+    "CHEXA": Element(8, "hexahedron", 20, (*_HEXAHEDRON[:4], *_HEXAHEDRON[8:], *_HEXAHEDRON[4:8])),
+}
+# Counted, so that the report says that they are no cells of the mapping.
+_OTHERS = (
+    "CBAR", "CBEAM", "CBEND", "CROD", "CONROD", "CTUBE", "CBUSH", "CBUSH1D", "CELAS1", "CELAS2",
+    "CELAS3", "CELAS4", "CDAMP1", "CDAMP2", "CGAP", "CONM1", "CONM2", "CSHEAR", "CVISC", "CFAST",
+    "CWELD", "PLOTEL", "RBAR", "RBE1", "RBE2", "RBE3", "RROD", "CQUAD", "CTRIAX", "CTRIAX6",
+    "CQUADX", "CTRIAX3", "CQUADX4", "CHEXCZ", "CPENTCZ", "CIFHEX", "CIFPENT", "CIFQUAD", "SPOINT",
+)  # fmt: skip
+
+
+def read_nastran(path: Path) -> FileMesh:
+    """Read the mesh of a deck.
+
+    Raises
+    ------
+    InputError : wrong or incomplete entries, or no mesh at all; names file and line.
+    """
+    deck = read_deck(path)
+    by_name: dict[str, list[Card]] = {}
+    for card in deck.cards:
+        by_name.setdefault(card.name, []).append(card)
+    grids = by_name.get("GRID", [])
+    if not grids:
+        raise InputError("the deck has no GRID, so no mesh; is it bulk data?", file=path)
+    ids, points = _nodes(grids, by_name)
+    numbering = Numbering(ids)
+    groups = [
+        group
+        for name, element in _ELEMENTS.items()
+        for group in _groups(by_name.get(name, []), element)
+    ]
+    blocks, cell_ids = merged_blocks([group.cells for group in groups], numbering)
+    mesh = FileMesh(points, blocks, cell_ids, ids)
+    mesh.left_aside = {name: len(by_name[name]) for name in _OTHERS if name in by_name}
+    properties = {
+        int(cell): int(number)
+        for group in groups
+        for cell, number in zip(group.cells.ids, group.properties, strict=True)
+    }
+    numbers = np.array([properties[cell] for cell in cell_ids.tolist()], dtype=np.int64)
+    names = property_names(deck)
+    mesh.parts = parts_of_numbers(
+        numbers, {number: names.get(number, f"property {number}") for number in numbers.tolist()}
+    )
+    fill_sets(mesh, deck, numbering)
+    _note(mesh, deck, groups)
+    return mesh
+
+
+def _nodes(grids: list[Card], by_name: dict[str, list[Card]]) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers and places of the nodes in the basic coordinate system."""
+    ids = np.array([card.whole(0) for card in grids], dtype=np.int64)
+    given = np.array([[card.real(2), card.real(3), card.real(4)] for card in grids])
+    default = by_name.get("GRDSET", [])
+    usual = default[0].whole(1, 0) if default else 0
+    system = np.array([card.whole(1, usual) for card in grids])
+    if system.any():
+        systems = Systems([card for name in SYSTEMS for card in by_name.get(name, [])])
+        nodes = {int(number): card for number, card in zip(ids, grids, strict=True)}
+        for number in np.unique(system[system > 0]):
+            own = system == number
+            first = grids[int(np.argmax(own))]
+            given[own] = systems.place(int(number), given[own], first, nodes)
+    return unique_nodes(ids, given, lambda row: grids[row].place)
+
+
+class _Group(NamedTuple):
+    """Cells of one type, the numbers of their properties, and how many lost mid-side nodes."""
+
+    cells: Cells
+    properties: np.ndarray
+    partly: np.ndarray
+
+
+def _groups(cards: list[Card], element: Element) -> list[_Group]:
+    """Cells with all mid-side nodes, and those without: their corners only."""
+    with_all: list[tuple[Card, list[int]]] = []
+    corners: list[tuple[Card, list[int]]] = []
+    partly = []
+    for card in cards:
+        nodes = [card.whole(2 + k) for k in range(element.corners)]
+        middle = [card.whole(2 + k, 0) for k in range(element.corners, element.full)]
+        if middle and all(middle):
+            with_all.append((card, nodes + middle))
+            continue
+        corners.append((card, nodes))
+        if any(middle):
+            partly.append(card.whole(0))
+    found = []
+    for name, rows, order in (
+        (element.shape, corners, np.arange(element.corners)),
+        (f"{element.shape}{element.full}", with_all, element.order),
+    ):
+        if rows:
+            listed = [card for card, _ in rows]
+            ids = np.array([card.whole(0) for card in listed], dtype=np.int64)
+            table = np.array([nodes for _, nodes in rows], dtype=np.int64)[:, order]
+            # without a property it has that of its own number
+            numbers = np.array([card.whole(1, card.whole(0)) for card in listed])
+            place = [card.place for card in listed]
+            cells = Cells(name, ids, table, place.__getitem__)
+            found.append(_Group(cells, numbers, np.array(partly if name == element.shape else [])))
+    return found
+
+
+def _note(mesh: FileMesh, deck: NastranDeck, groups: list[_Group]) -> None:
+    """Say what is lost, and that the deck has no end."""
+    partly = [int(number) for group in groups for number in group.partly]
+    if partly:
+        mesh.notes.append(
+            f"{len(partly)} elements have some of their mid-side nodes only and are taken without "
+            f"({first_few(np.array(partly))})"
+        )
+    if deck.has_control and not deck.ended:
+        mesh.notes.append("the deck does not end with ENDDATA: it may be cut off")

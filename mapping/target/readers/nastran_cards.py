@@ -1,0 +1,172 @@
+"""Cards of Nastran bulk data: small, large and free fields, continuations, includes, comments.
+
+Source: MSC/NX Nastran Quick Reference Guide, "Format of bulk data entries".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lcmchain.mapping.target.file_mesh import Place
+from lcmchain.mapping.target.readers.deck_text import deck_lines
+
+DEEPEST_INCLUDE = 10
+
+_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]?\d+))?")
+
+
+@dataclass
+class Card:
+    """A bulk data entry: name in upper case without ``*``, and its data fields as text.
+
+    Fields are counted from 0 behind the name; the eight of each line follow each other.
+    """
+
+    name: str
+    fields: list[str]
+    place: Place
+
+    def text(self, field: int) -> str:
+        return self.fields[field] if field < len(self.fields) else ""
+
+    def whole(self, field: int, default: int | None = None) -> int:
+        """Return a field as a number.
+
+        Raises
+        ------
+        InputError : it is none, or blank and there is no default.
+        """
+        text = self.text(field)
+        if not text and default is not None:
+            return default
+        try:
+            number = int(text)
+        except ValueError:
+            number = -1
+        if not 0 <= number < 10**17:
+            raise self.place.error(f'field {field + 2} of {self.name} is "{text}", not a number')
+        return number
+
+    def real(self, field: int) -> float:
+        """Return a field as a real number; ``1.5-3`` is 1.5e-3, a blank one 0.
+
+        Raises
+        ------
+        InputError : it is none.
+        """
+        text = self.text(field)
+        if not text:
+            return 0.0
+        found = _REAL.fullmatch(text)
+        if found is None:
+            raise self.place.error(f'field {field + 2} of {self.name} is "{text}", not a number')
+        return float(found[1] + ("e" + found[2] if found[2] else ""))
+
+
+@dataclass
+class NastranDeck:
+    """A deck in its parts.
+
+    Parameters
+    ----------
+    case_control : lines before the bulk data, with their places. comments : texts after ``$``.
+    ended : whether the bulk data end with ENDDATA.
+    """
+
+    case_control: list[tuple[Place, str]] = field(default_factory=list)
+    comments: list[str] = field(default_factory=list)
+    cards: list[Card] = field(default_factory=list)
+    ended: bool = False
+    has_control: bool = False
+
+
+def read_deck(path: Path) -> NastranDeck:
+    """Read a deck and what it includes.
+
+    Raises
+    ------
+    InputError : a file cannot be read, or a continuation continues nothing.
+    """
+    lines = list(_lines(path, path.parent, ()))
+    deck = NastranDeck()
+    begin = _begin_of_bulk(lines)
+    deck.has_control = begin > 0
+    for place, text in lines[:begin]:
+        stated, _, comment = text.partition("$")
+        if comment:
+            deck.comments.append(comment.strip())
+        if stated.strip():
+            deck.case_control.append((place, stated.strip()))
+    for place, text in lines[begin:]:
+        stated, dollar, comment = text.partition("$")
+        if dollar and comment.strip():
+            deck.comments.append(comment.strip())
+        if not stated.strip():
+            continue
+        if stated.strip().upper() == "ENDDATA":
+            deck.ended = True
+            break
+        _add(deck.cards, stated.rstrip(), place)
+    return deck
+
+
+def _begin_of_bulk(lines: list[tuple[Place, str]]) -> int:
+    """First line of the bulk data; 0 in a file that holds nothing else."""
+    for number, (_, text) in enumerate(lines):
+        if re.match(r"\s*BEGIN\s*(BULK|SUPER|=|$)", text, re.IGNORECASE):
+            return number + 1
+    return 0
+
+
+def _lines(path: Path, folder: Path, within: tuple[Path, ...]) -> Iterator[tuple[Place, str]]:
+    lines = iter(enumerate(deck_lines(path), start=1))
+    for number, text in lines:
+        if text[:7].upper() != "INCLUDE":
+            yield Place(path, number), text
+            continue
+        place = Place(path, number)
+        name = text[7:].strip()
+        while name[:1] in "'\"" and name.count(name[:1]) < 2:
+            more = next(lines, None)
+            if more is None or not name:
+                raise place.error("INCLUDE has no end of its file name")
+            name += more[1].strip()
+        name = name.strip("'\" ").replace("\\", "/")
+        file = next((f for f in (folder / name, path.parent / name) if f.is_file()), None)
+        if file is None:
+            raise place.error(f"INCLUDE names {name}, which does not exist beside the deck")
+        if file in (*within, path) or len(within) >= DEEPEST_INCLUDE:
+            raise place.error(f"INCLUDE leads back to {name}, or too deep")
+        yield from _lines(file, folder, (*within, path))
+
+
+def _add(cards: list[Card], text: str, place: Place) -> None:
+    """Add a line to the cards: a new one, or the continuation of the last."""
+    first, fields = _fields(text)
+    if first[:1] not in ("", "+", "*"):
+        name = first.rstrip("*").upper()
+        cards.append(Card(name, fields, place))
+        return
+    if not cards:
+        raise place.error("continues an entry, but there is none before")
+    last = cards[-1].fields
+    # a line in large fields holds four of the eight
+    half = 4 if first.startswith("*") else 8
+    last += [""] * (-len(last) % half)
+    last += fields
+
+
+def _fields(text: str) -> tuple[str, list[str]]:
+    """First field of a line, and its four or eight data fields."""
+    if "," in text[:10] or ("," in text and "\t" not in text and not text[:1].isspace()):
+        entries = [entry.strip() for entry in text.split(",")]
+        count = 4 if entries[0].endswith("*") or entries[0].startswith("*") else 8
+        return entries[0], (entries[1 : 1 + count] + [""] * count)[:count]
+    line = text.expandtabs(8)
+    first = line[:8].strip()
+    if first.startswith("*") or first.endswith("*"):
+        return first, [line[at : at + 16].strip() for at in range(8, 72, 16)]
+    return first, [line[at : at + 8].strip() for at in range(8, 72, 8)]

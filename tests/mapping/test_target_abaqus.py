@@ -1,0 +1,317 @@
+"""Decks of Abaqus and CalculiX as targets: numbers, sets, sections, parts and instances."""
+
+import meshio
+import numpy as np
+import pytest
+
+from lcmchain.errors import InputError
+from lcmchain.mapping import read_target
+
+# As the manuals write it: numbers neither sorted nor contiguous, a node without a cell, comments,
+# a keyword and an element that go on in the next line, mixed case, quoted names.
+FLAT = """\
+** a comment
+*HEADING
+ panel, with a comma
+*Node, NSET=All nodes
+  40, 0.0, 0.0, 0.
+   3, 1.0, 0.0
+  25, 1.0, 1.0, 0.0
+   7, 0.0, 1.0, 1e-3
+** between
+ 900, 5., 5., 5.
+ 101, 2.0, 0.0, 0.
+ 100, 2.0, 1.0, 0.
+*ELEMENT, TYPE=S4R,
+ ELSET=Eleft
+ 50, 40, 3,
+     25, 7
+*element, type=S3, elset=Eright
+  8, 3, 101, 100
+  6, 3, 100, 25
+*ELEMENT, TYPE=B31, ELSET=Estiffener
+ 70, 40, 3
+*NSET, NSET="Clamped edge"
+ 40, 7
+*NSET, NSET=Generated, GENERATE
+ 3, 7, 2
+ 100, 101
+*ELSET, ELSET=Both
+ Eleft, Eright
+*ELSET, ELSET=ERIGHT
+ 50
+*SURFACE, NAME=Top
+ Eleft, SPOS
+*SURFACE, NAME=Rim
+ 50, E1
+*SHELL SECTION, ELSET=Eleft, MATERIAL=CFRP
+ 1.0
+*SHELL SECTION, ELSET=EYright, MATERIAL=CFRP
+ 1.0
+*STEP
+*STATIC
+*END STEP
+"""
+
+
+@pytest.fixture
+def deck(tmp_path):
+    """Write a deck and return its path."""
+
+    def write(text, name="deck.inp"):
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+
+    return write
+
+
+def numbers(target, name, nodes=False):
+    """Numbers of the file of the members of a set."""
+    if nodes:
+        return target.node_ids[target.node_sets[name]].tolist()
+    return target.cell_ids[target.cell_sets[name]].tolist()
+
+
+def test_numbers_sets_and_sections_of_a_flat_deck(deck):
+    target = read_target(deck(FLAT), length_unit="mm")
+    assert target.node_ids.tolist() == [40, 3, 25, 7, 900, 101, 100]
+    assert target.cell_ids.tolist() == [50, 8, 6]
+    assert [name for name, _ in target.blocks] == ["quad", "triangle"]
+    quad, triangles = (target.node_ids[nodes].tolist() for _, nodes in target.blocks)
+    assert quad == [[40, 3, 25, 7]]
+    assert triangles == [[3, 101, 100], [3, 100, 25]]
+    np.testing.assert_allclose(target.points[3], [0.0, 1e-3, 1e-6])
+    assert numbers(target, "Eleft") == [50]
+    assert numbers(target, "Eright") == [50, 8, 6]  # the second *ELSET adds to it
+    assert numbers(target, "Both") == [50, 8, 6]
+    assert numbers(target, "All nodes", nodes=True) == target.node_ids.tolist()
+    assert numbers(target, "Clamped edge", nodes=True) == [40, 7]
+    assert numbers(target, "Generated", nodes=True) == [3, 7, 101, 100]
+    assert numbers(target, "Top", nodes=True) == [40, 3, 25, 7]
+    assert numbers(target, "Rim", nodes=True) == [40, 3]
+    assert {name: rows.tolist() for name, rows in target.parts.items()} == {"Eleft": [0]}
+    assert target.ignored == {"B31": 1}
+    assert any("Top, Rim" in note for note in target.notes)
+
+
+def test_windows_line_ends_and_other_encodings_read_the_same(tmp_path):
+    plain, other = tmp_path / "plain.inp", tmp_path / "other.inp"
+    plain.write_text(FLAT)
+    other.write_bytes(FLAT.replace("a comment", "über").replace("\n", "\r\n").encode("latin-1"))
+    a, b = read_target(plain), read_target(other)
+    np.testing.assert_array_equal(a.points, b.points)
+    assert a.cell_ids.tolist() == b.cell_ids.tolist()
+    assert a.cell_sets.keys() == b.cell_sets.keys()
+
+
+#: Nodes of one cell of each shape.
+CUBE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+WEDGE = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)]
+TETRA = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+
+
+def middles(corners, edges):
+    """Corners, and the middles of edges."""
+    at = np.array(corners, dtype=float)
+    return [*at, *[(at[a] + at[b]) / 2 for a, b in edges]]
+
+
+HEXAHEDRON_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5),
+                    (2, 6), (3, 7)]  # fmt: skip
+WEDGE_EDGES = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
+TETRA_EDGES = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+QUAD_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0)]
+TRIANGLE_EDGES = [(0, 1), (1, 2), (2, 0)]
+
+#: Nodes of an element as the Abaqus Elements Guide numbers them, and what VTK calls the cell.
+ELEMENTS = {
+    "S3": (WEDGE[:3], "triangle"), "S3R": (WEDGE[:3], "triangle"),
+    "STRI65": (middles(WEDGE[:3], TRIANGLE_EDGES), "triangle6"),
+    "S6": (middles(WEDGE[:3], TRIANGLE_EDGES), "triangle6"),
+    "S4": (CUBE[:4], "quad"), "S4R": (CUBE[:4], "quad"), "S4RSW": (CUBE[:4], "quad"),
+    "M3D4R": (CUBE[:4], "quad"), "M3D3": (WEDGE[:3], "triangle"),
+    "S8": (middles(CUBE[:4], QUAD_EDGES), "quad8"),
+    "S8R": (middles(CUBE[:4], QUAD_EDGES), "quad8"),
+    "S8R5": (middles(CUBE[:4], QUAD_EDGES), "quad8"),
+    "SC6R": (WEDGE, "wedge"), "SC8R": (CUBE, "hexahedron"), "CSS8": (CUBE, "hexahedron"),
+    "SC8RT": (CUBE, "hexahedron"),
+    "C3D4": (TETRA, "tetra"), "C3D6": (WEDGE, "wedge"), "C3D8": (CUBE, "hexahedron"),
+    "C3D8I": (CUBE, "hexahedron"), "C3D8R": (CUBE, "hexahedron"), "C3D8RH": (CUBE, "hexahedron"),
+    "C3D10": (middles(TETRA, TETRA_EDGES), "tetra10"),
+    "C3D10MH": (middles(TETRA, TETRA_EDGES), "tetra10"),
+    "C3D15": (middles(WEDGE, WEDGE_EDGES), "wedge15"),
+    "C3D20": (middles(CUBE, HEXAHEDRON_EDGES), "hexahedron20"),
+    "C3D20R": (middles(CUBE, HEXAHEDRON_EDGES), "hexahedron20"),
+}  # fmt: skip
+#: VTK's edges of each shape: its mid-side nodes lie on them in this order.
+VTK_EDGES = {"hexahedron": HEXAHEDRON_EDGES, "wedge": WEDGE_EDGES, "tetra": TETRA_EDGES,
+             "quad": QUAD_EDGES, "triangle": TRIANGLE_EDGES}  # fmt: skip
+
+
+def element_deck(element, nodes, first=11):
+    lines = ["*NODE"]
+    lines += [f"{first + 2 * k}, {x}, {y}, {z}" for k, (x, y, z) in enumerate(nodes)]
+    listed = [str(first + 2 * k) for k in range(len(nodes))]
+    rows = [", ".join(listed[at : at + 10]) for at in range(0, len(listed), 10)]
+    return "\n".join([*lines, f"*ELEMENT, TYPE={element}", "99, " + ",\n".join(rows), ""])
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_every_element_type_keeps_all_nodes_in_vtk_order(deck, element):
+    nodes, name = ELEMENTS[element]
+    target = read_target(deck(element_deck(element, nodes)))
+    assert not target.notes
+    ((found, cells),) = target.blocks
+    assert found == name and target.cell_ids.tolist() == [99]
+    placed = target.points[cells[0]]
+    np.testing.assert_allclose(placed, nodes)
+    shape = name.rstrip("0123456789")
+    if len(nodes) > len(set(sum(VTK_EDGES[shape], ()))):
+        ends = placed[np.array(VTK_EDGES[shape])]
+        np.testing.assert_allclose(placed[-len(ends) :], ends.mean(axis=1))
+
+
+@pytest.mark.parametrize("element", ["R3D4", "SFM3D4", "CONN3D2", "COH3D8", "T3D2", "CAX4", "U1"])
+def test_elements_that_carry_no_textile_are_counted(deck, element):
+    extra = f"*ELEMENT, TYPE={element}, ELSET=OTHER\n 900, 40, 3, 25, 7\n"
+    target = read_target(deck(FLAT.replace("*ELEMENT, TYPE=B31", extra + "*ELEMENT, TYPE=B31", 1)))
+    assert target.ignored == {element: 1, "B31": 1}
+
+
+ASSEMBLY = """\
+*Heading
+** Job name: panel Model name: Model-1
+*Part, name=Skin
+*Node
+      1,   0., 0., 0.
+      2,   1., 0., 0.
+      3,   1., 1., 0.
+      4,   0., 1., 0.
+*Element, type=S4R
+1, 1, 2, 3, 4
+*Nset, nset=_PickedSet2, internal, generate
+ 1,  4,  1
+*Elset, elset=Set-1
+ 1,
+*Shell Section, elset=Set-1, material=CFRP
+1., 5
+*End Part
+*Part, name=Unused
+*End Part
+*Assembly, name=Assembly
+*Instance, name=Skin-1, part=Skin
+*End Instance
+*Instance, name=Skin-2, part=Skin
+ 10., 0., 0.
+ 10., 0., 0., 10., 0., 1., 90.
+*End Instance
+*Node
+      1,  50., 0., 0.
+*Nset, nset=Edge, instance=Skin-2
+ 1, 4
+*Nset, nset=Edge, instance=Skin-1
+ 2
+*Elset, elset=Everything
+ Skin-1.Set-1, Skin-2.1
+*Nset, nset=RP
+ 1
+*End Assembly
+"""
+
+
+def test_parts_and_instances(deck):
+    """Instances are placed as Abaqus does: translation, then rotation about the axis."""
+    target = read_target(deck(ASSEMBLY))
+    assert target.cell_ids.tolist() == [1, 1]
+    assert {name: rows.tolist() for name, rows in target.parts.items()} == {
+        "Skin-1": [0], "Skin-2": [1],
+    }  # fmt: skip
+    second = target.points[target.blocks[0][1][1]]
+    np.testing.assert_allclose(second, [(10, 0, 0), (10, 1, 0), (9, 1, 0), (9, 0, 0)], atol=1e-12)
+    assert target.cell_sets["Everything"].tolist() == [0, 1]
+    assert target.cell_sets["Skin-2.Set-1"].tolist() == [1]
+    np.testing.assert_allclose(
+        target.points[target.node_sets["Edge"]], [(1, 0, 0), (10, 0, 0), (9, 0, 0)], atol=1e-12
+    )
+    np.testing.assert_allclose(target.points[target.node_sets["RP"]], [(50, 0, 0)])
+    assert len(target.node_sets["Skin-1._PickedSet2"]) == 4
+    assert any("Unused" in note for note in target.notes)
+    assert any("numbers repeat in the instances" in note for note in target.notes)
+
+
+def test_included_files_stand_where_they_are_named(tmp_path, deck):
+    (tmp_path / "mesh").mkdir()
+    (tmp_path / "mesh" / "nodes.txt").write_text("1, 0, 0, 0\n2, 1, 0, 0\n")
+    (tmp_path / "mesh" / "cells.inc").write_text("*ELEMENT, TYPE=S3\n5, 1, 2, 3\n")
+    path = deck(
+        "*NODE, NSET=N\n*INCLUDE, INPUT=mesh/nodes.txt\n3, 0, 1, 0\n"
+        '*include, input="mesh/cells.inc"\n*ELSET, ELSET=E\n5\n'
+    )
+    target = read_target(path)
+    assert numbers(target, "N", nodes=True) == [1, 2, 3]
+    assert numbers(target, "E") == [5]
+    (tmp_path / "mesh" / "cells.inc").write_text("*ELEMENT, TYPE=S3\n\n5, 1, 2, x\n")
+    with pytest.raises(InputError, match=r"cells.inc: line 3: .*no element"):
+        read_target(path)
+    (tmp_path / "mesh" / "cells.inc").write_text("*INCLUDE, INPUT=deck.inp\n")
+    with pytest.raises(InputError, match="leads back"):
+        read_target(path)
+
+
+def test_a_deck_written_by_meshio_is_read_as_meshio_wrote_it(tmp_path, make):
+    points, quads = make.grid(4, 3)
+    triangles = make.triangles_of(quads[:6])
+    mesh = meshio.Mesh(
+        make.lifted(points), [("triangle", triangles), ("quad", quads[6:])],
+        point_sets={"left": np.array([0, 5, 2])},
+        cell_sets={"half": [np.arange(3), np.array([1])]},
+    )  # fmt: skip
+    mesh.write(tmp_path / "meshio.inp")
+    target = read_target(tmp_path / "meshio.inp")
+    np.testing.assert_array_equal(target.points, mesh.points)
+    for (_, found), block in zip(target.blocks, mesh.cells, strict=True):
+        np.testing.assert_array_equal(found, block.data)
+    assert target.node_sets["left"].tolist() == [0, 2, 5]
+    assert target.cell_sets["half"].tolist() == [0, 1, 2, 13]
+
+
+NODES = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 1, 1, 0\n4, 0, 1, 0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "the file is empty"),
+        ("\n \n", "the file is empty"),
+        ("a text\n", "line 1: this is no keyword"),
+        ("*NODE\n1, 0, 0, 0\0\n", "line 2: holds a zero byte"),
+        ("*NODE\n1, 0, zero, 0\n", r'line 2: "1, 0, zero, 0" is no node'),
+        (NODES, r"has no \*ELEMENT"),
+        (NODES + "*ELEMENT\n1, 1, 2, 3\n", r"line 6: \*ELEMENT has no TYPE="),
+        (NODES + "*ELEMENT, TYPE=S4\n7, 1, 2, 3\n", "line 7: .* has 3 of 4 nodes; .* cut off"),
+        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3, 4\n", "line 7: element 7 has more than 3 nodes"),
+        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 9\n", "line 7: element 7 has node 9, which the file"),
+        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n7, 1, 2, 4\n", "line 8: element 7 had other nod"),
+        (NODES + "1, 5, 0, 0\n*ELEMENT, TYPE=S3\n7, 1, 2, 3\n", "line 6: node 1 was at another"),
+        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*NGEN\n1, 2\n", r"line 8: \*NGEN is not followed"),
+        (NODES + "*ELEMENT, TYPE=B31\n7, 1, 2\n", "no shells or solids .*found: B31"),
+        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*ELSET, ELSET=A\nB\n", "line 9: .* no set B"),
+        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*ELSET, ELSET=A\nA\n", "A lists itself"),
+        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*ELSET, ELSET=A, GENERATE\n7, 1\n", "no range"),
+        (NODES + "*INCLUDE, INPUT=absent.inc\n", "line 6: .*absent.inc, which does not exist"),
+        ("*PART, NAME=A\n" + NODES, r"line 1: \*PART has no \*END PART; the file is cut off"),
+        ("*INSTANCE, NAME=A, PART=B\n*END INSTANCE\n", "the part B, which the deck does not"),
+        ("*NODE, SYSTEM=C\n1, 0, 0, 0\n", "cylindrical or spherical"),
+        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 2\n", r"no area \(element 7\)"),
+    ],
+)  # fmt: skip
+def test_wrong_decks_name_the_line_and_the_remedy(deck, text, words):
+    with pytest.raises(InputError, match=words):
+        read_target(deck(text))
+
+
+def test_definitions_that_repeat_themselves_count_once(deck):
+    text = NODES + "1, 0, 0, 0\n*ELEMENT, TYPE=S3\n7, 1, 2, 3\n7, 1, 2, 3\n8, 1, 3, 4\n"
+    target = read_target(deck(text))
+    assert target.cell_ids.tolist() == [7, 8]
+    assert target.node_ids.tolist() == [1, 2, 3, 4]

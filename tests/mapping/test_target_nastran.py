@@ -1,0 +1,288 @@
+"""Nastran bulk data as targets: numbers, properties, sets, coordinate systems and all formats."""
+
+import meshio
+import numpy as np
+import pytest
+
+from lcmchain.errors import InputError
+from lcmchain.mapping import read_target
+
+# Small, large and free fields, numbers that are not sorted, reals without E, a continuation
+# without a mark, comments of preprocessors, and case control sets with THRU and EXCEPT.
+DECK = """\
+SOL 101
+CEND
+$ a comment
+SET 1 = 10,20 THRU 40,
+ EXCEPT 30, 90
+SET 2 = 7 THRU 9
+SET 3 = 7
+SET 4 = ALL
+$HMSET        2        2 "wing root"
+$HMSET        3        1 "not a node"
+DISPLACEMENT(PLOT) = 1
+STRESS = 2
+SUBCASE 1
+  LOAD = 5
+BEGIN BULK
+$HMNAME PROP                   3"Skin"  3
+PSHELL         3       1     1.0       1
+PSHELL,4,1,1.5
+GRID          10             0.0     0.0      0.
+GRID          20              1.      0.      0.
+GRID*                 30                            1.+0             1.0
+*                    0.0
+GRID,40,,0.0,1.0,5.-4
+GRID          90              2.     0.0     0.0 $ at the tip
+GRID          80             2.0      1.     0.0
+GRID         999              9.      9.      9.
+CQUAD4         7       3      10      20      30      40     0.0
+CTRIA3,9,4,20,90,80
+CTRIA3*                8               4              20              80
+*                     30
+CBAR          60       5      10      20      0.      0.      1.
+CONM2,61,10,,1.0
+RBE2          62      10  123456      20
+SET1          11      10    THRU      40
+SET3          12    ELEM       7       9
+ENDDATA
+"""
+
+
+@pytest.fixture
+def deck(tmp_path):
+    """Write a deck and return its path."""
+
+    def write(text, name="deck.bdf"):
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+
+    return write
+
+
+def test_numbers_properties_and_sets(deck):
+    target = read_target(deck(DECK), length_unit="mm")
+    assert target.node_ids.tolist() == [10, 20, 30, 40, 90, 80, 999]
+    assert sorted(target.cell_ids.tolist()) == [7, 8, 9]
+    nodes = {}
+    first = 0
+    for _, cells in target.blocks:
+        for row, cell in enumerate(cells):
+            nodes[int(target.cell_ids[first + row])] = target.node_ids[cell].tolist()
+        first += len(cells)
+    assert nodes == {7: [10, 20, 30, 40], 9: [20, 90, 80], 8: [20, 80, 30]}
+    np.testing.assert_allclose(target.points[2:4], [[1e-3, 1e-3, 0], [0, 1e-3, 5e-7]])
+    parts = {name: set(target.cell_ids[rows].tolist()) for name, rows in target.parts.items()}
+    assert parts == {"Skin": {7}, "property 4": {8, 9}}
+    cells = {name: set(target.cell_ids[rows].tolist()) for name, rows in target.cell_sets.items()}
+    assert cells == {"wing root": {7, 8, 9}, "SET 4": {7, 8, 9}, "SET 12": {7, 9}}
+    of_nodes = {n: set(target.node_ids[rows].tolist()) for n, rows in target.node_sets.items()}
+    assert of_nodes == {
+        "SET 1": {10, 20, 40, 90}, "not a node": set(), "SET 4": set(target.node_ids.tolist()),
+        "SET 11": {10, 20, 30, 40},
+    }  # fmt: skip
+    assert target.ignored == {"CBAR": 1, "CONM2": 1, "RBE2": 1}
+    (doubtful,) = [note for note in target.notes if "nodes or elements" in note]
+    assert "SET 4, SET 11" in doubtful
+    # gaps in a range are none of the set's faults
+    assert any(note.endswith("not defined: not a node (1)") for note in target.notes)
+
+
+def test_bulk_data_alone_are_a_deck_too(deck):
+    bulk = DECK.partition("BEGIN BULK\n")[2].replace("ENDDATA\n", "")
+    target = read_target(deck(bulk, "bulk.nas"))
+    assert sorted(target.cell_ids.tolist()) == [7, 8, 9]
+    assert not any("ENDDATA" in note for note in target.notes)
+    cut_off = read_target(deck(DECK.replace("ENDDATA\n", "")))
+    assert any("does not end with ENDDATA" in note for note in cut_off.notes)
+
+
+CUBE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+WEDGE = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)]
+PYRAMID = [*CUBE[:4], (0.5, 0.5, 1)]
+TETRA = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+#: Edges in the order in which the Quick Reference Guide draws the mid-side nodes, and VTK's.
+QUADRATIC = {
+    "CHEXA": (
+        CUBE, "hexahedron20",
+        [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 5), (2, 6), (3, 7), (4, 5), (5, 6), (6, 7),
+         (7, 4)],
+        [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6),
+         (3, 7)],
+    ),
+    "CPENTA": (
+        WEDGE, "wedge15",
+        [(0, 1), (1, 2), (2, 0), (0, 3), (1, 4), (2, 5), (3, 4), (4, 5), (5, 3)],
+        [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
+    ),
+    "CTETRA": (
+        TETRA, "tetra10", [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
+        [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
+    ),
+    "CPYRAM": (
+        PYRAMID, "pyramid13",
+        [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)],
+        [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)],
+    ),
+    "CQUAD8": (CUBE[:4], "quad8", [(0, 1), (1, 2), (2, 3), (3, 0)],
+               [(0, 1), (1, 2), (2, 3), (3, 0)]),
+    "CTRIA6": (WEDGE[:3], "triangle6", [(0, 1), (1, 2), (2, 0)], [(0, 1), (1, 2), (2, 0)]),
+}  # fmt: skip
+
+
+def element_deck(name, nodes, listed=None):
+    lines = [f"GRID,{5 + 3 * k},,{x},{y},{z}" for k, (x, y, z) in enumerate(nodes)]
+    fields = ["77", "2", *(listed or [str(5 + 3 * k) for k in range(len(nodes))])]
+    rows = [fields[at : at + 8] for at in range(0, len(fields), 8)]
+    cards = [name.ljust(8) + "".join(field.rjust(8) for field in rows[0])]
+    cards += ["+       " + "".join(field.rjust(8) for field in row) for row in rows[1:]]
+    return "\n".join([*lines, *cards, ""])
+
+
+@pytest.mark.parametrize("name", QUADRATIC)
+def test_mid_side_nodes_come_in_vtk_order(deck, name):
+    corners, kind, edges, vtk_edges = QUADRATIC[name]
+    at = np.array(corners, dtype=float)
+    nodes = [*corners, *[tuple((at[a] + at[b]) / 2) for a, b in edges]]
+    target = read_target(deck(element_deck(name, nodes)))
+    ((found, cells),) = target.blocks
+    assert found == kind and target.cell_ids.tolist() == [77]
+    placed = target.points[cells[0]]
+    np.testing.assert_allclose(placed[: len(corners)], corners)
+    np.testing.assert_allclose(placed[len(corners) :], [(at[a] + at[b]) / 2 for a, b in vtk_edges])
+    assert target.parts["property 2"].tolist() == [0]
+
+    linear = read_target(deck(element_deck(name, corners)))
+    assert linear.blocks[0][0] == kind.rstrip("0123456789")
+    assert not linear.notes
+    some = [str(5 + 3 * k) for k in range(len(nodes))]
+    some[-1] = ""
+    partly = read_target(deck(element_deck(name, nodes, some)))
+    assert partly.blocks[0][0] == kind.rstrip("0123456789")
+    assert any("1 elements have some of their mid-side nodes" in note for note in partly.notes)
+
+
+def test_nodes_in_local_coordinate_systems(deck):
+    """A cylinder whose axis is the global y, in a system that is itself turned."""
+    text = (
+        "CORD2R,5,,1.,0.,0.,1.,1.,0.,\n+,1.,0.,1.\n"
+        "CORD2C         6       5     0.0     0.0     0.0     0.0     0.0     1.0+\n"
+        "+            1.0     0.0     0.0\n"
+        "CORD2S,7,,0.,0.,0.,0.,0.,1.,\n+,1.,0.,0.\n"
+        "CORD1R,8,1,2,3\n"
+        "GRID,1,5,0.,0.,0.\nGRID,2,6,2.,90.,3.\nGRID,3,7,1.,90.,90.\n"
+        "GRID,4,8,0.,0.,1.\nCTRIA3,1,1,1,2,3\n"
+    )
+    points = read_target(deck(text)).points
+    np.testing.assert_allclose(points[0], [1, 0, 0], atol=1e-12)
+    # z' = y, x' = z, y' = x; 90 degrees about z' from x' is y'
+    np.testing.assert_allclose(points[1], [1 + 2, 3, 0], atol=1e-12)
+    np.testing.assert_allclose(points[2], [0, 1, 0], atol=1e-12)
+    z = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
+    np.testing.assert_allclose(points[3], points[0] + z, atol=1e-12)
+
+
+@pytest.mark.parametrize("point_format", ["fixed-small", "fixed-large", "free"])
+def test_decks_written_by_meshio(tmp_path, make, point_format):
+    points, quads = make.grid(5, 4)
+    lifted = make.bowl(points, 0.4)
+    mesh = meshio.Mesh(
+        lifted, [("triangle", make.triangles_of(quads[:8])), ("quad", quads[8:])]
+    )  # fmt: skip
+    file = tmp_path / "meshio.bdf"
+    meshio.nastran.write(file, mesh, point_format=point_format, cell_format="fixed-small")
+    target = read_target(file)
+    np.testing.assert_allclose(
+        target.points, lifted, atol=1e-4 if "small" in point_format else 1e-11
+    )
+    for (_, found), block in zip(target.blocks, mesh.cells, strict=True):
+        np.testing.assert_array_equal(found, block.data)
+    assert target.cell_ids.tolist() == list(range(1, 29))
+
+
+# Written by pyNastran 1.4.1 (write_bdf with size=16), blanks at the ends of lines stripped.
+PYNASTRAN = """\
+$pyNastran: version=msc
+$pyNastran: punch=True
+$pyNastran: encoding=utf-8
+$pyNastran: nnodes=5
+$pyNastran: nelements=2
+$NODES
+GRID*                  4                              1.              0.
+*                     0.
+GRID*                  6                              0.              1.
+*                     0.
+GRID*                 12                              0.              0.
+*                     0.
+GRID*                 31                              1.              1.
+*                .000001
+GRID*                 77                             2.5             -.5
+*                     0.
+$ELEMENTS
+CTRIA3       100       4       4      77      31
+CQUAD4*              200               3              12               4
+*                     31               6
+$PROPERTIES
+PSHELL*                3               1              1.               1
+*
+PSHELL*                4               1              2.               1
+*
+$MATERIALS
+MAT1*                  1          70000.                             .33
+*
+$SETS
+SET1*                  8             100
+*
+SET3           9    GRID       6      12
+"""
+
+
+def test_a_deck_written_by_pynastran(deck):
+    target = read_target(deck(PYNASTRAN))
+    assert [(name, len(cells)) for name, cells in target.blocks] == [("triangle", 1), ("quad", 1)]
+    assert target.cell_ids.tolist() == [100, 200]
+    assert target.node_ids[target.blocks[1][1]].tolist() == [[12, 4, 31, 6]]
+    assert target.points[target.node_ids.tolist().index(31)].tolist() == [1.0, 1.0, 1e-6]
+    assert {name: rows.tolist() for name, rows in target.parts.items()} == {
+        "property 3": [1], "property 4": [0],
+    }  # fmt: skip
+    assert target.cell_sets["SET 8"].tolist() == [0]
+    assert target.node_ids[target.node_sets["SET 9"]].tolist() == [6, 12]
+
+
+GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "the file is empty"),
+        ("CTRIA3,1,1,1,2,3\n", "has no GRID"),
+        (GRIDS, "no shells or solids to map onto .cell types found: none"),
+        (GRIDS + "CTRIA3,1,1,1,2,9\n", "line 4: element 1 has node 9, which the file"),
+        (GRIDS + "CTRIA3,1,1,1,2,x\n", 'line 4: field 6 of CTRIA3 is "x", not a number'),
+        (GRIDS + "CTRIA3,1,1,1,2\n", "line 4: field 6 of CTRIA3"),
+        (GRIDS + "GRID,4,,one,0.,0.\n", 'line 4: field 4 of GRID is "one"'),
+        (GRIDS + "GRID,1,,5.,0.,0.\nCTRIA3,1,1,1,2,3\n", "line 4: node 1 was at another place"),
+        (GRIDS + "CTRIA3,1,1,1,2,3\nCTRIA3,1,1,1,3,2\n", "element 1 had other nodes"),
+        (GRIDS + "GRID,4,8,0.,0.,0.\nCTRIA3,1,1,1,2,3\n", "line 4: .* coordinate system 8, which"),
+        (GRIDS + "CORD2R,8,8,0.,0.,0.,0.,0.,1.\n+,1.,0.,0.\nGRID,4,8,0.,0.,0.\n", "by itself"),
+        (GRIDS + "CORD2R,8,,0.,0.,0.,0.,0.,1.\n+,0.,0.,2.\nGRID,4,8,0.,0.,0.\n", "different axes"),
+        ("+       1\n" + GRIDS, "line 1: continues an entry, but there is none"),
+        ("INCLUDE 'absent.bdf'\n" + GRIDS, "line 1: INCLUDE names absent.bdf, which does not"),
+        ("CEND\nSET 1 = 5 THRU x\nSTRESS=1\nBEGIN BULK\n" + GRIDS, "no shells|is no number"),
+        (GRIDS + "CTRIA3,1,1,1,2,2\n", r"no area \(element 1\)"),
+    ],
+)
+def test_wrong_decks_name_the_line_and_the_remedy(deck, text, words):
+    with pytest.raises(InputError, match=words):
+        read_target(deck(text))
+
+
+def test_included_files_are_read(tmp_path, deck):
+    (tmp_path / "grids.bdf").write_text(GRIDS)
+    path = deck("BEGIN BULK\nINCLUDE 'gri\nds.bdf'\nCTRIA3,1,1,1,2,3\nENDDATA\n")
+    assert read_target(path).cell_ids.tolist() == [1]
+    (tmp_path / "grids.bdf").write_text(GRIDS + "GRID,4,,x,,\n")
+    with pytest.raises(InputError, match=r"grids.bdf: line 4: field 4 of GRID"):
+        read_target(path)
