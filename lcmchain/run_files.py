@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from lcmchain.check.report import START_PICTURE
 from lcmchain.errors import InputError
 from lcmchain.results.log import LOG_FILE
 from lcmchain.results.state import SUMMARY_FILE
@@ -57,7 +58,7 @@ def require_free_names(scene: Scene) -> None:
     """
     from lcmchain.report.captions import CAPTIONS
 
-    taken = {Path(name).stem for name in (*OWN_FILES, *CAPTIONS)}
+    taken = {Path(name).stem for name in (*OWN_FILES, *CAPTIONS, START_PICTURE)}
     for index, target in enumerate(scene.mapping):
         if target.name in taken:
             raise InputError(

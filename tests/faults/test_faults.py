@@ -403,9 +403,13 @@ def test_one_folder_takes_one_run_at_a_time(scenes, complete, folder):
 
 
 def test_files_of_the_user_stay(scenes, complete, folder):
+    """They are no part of the report either, such as the picture of a check that was refused."""
     (folder / "notes.txt").write_text("mine", encoding="utf-8")
+    shutil.copy(folder / "tools.png", folder / "initial.png")
     run(read_scene(scenes[1]), folder)
     assert (folder / "notes.txt").read_text(encoding="utf-8") == "mine"
+    report = (folder / "report.html").read_text(encoding="utf-8")
+    assert "(initial.png)" not in report and "(tools.png)" in report
 
 
 def test_results_are_not_written_over_inputs(scenes, tmp_path):

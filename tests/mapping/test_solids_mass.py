@@ -317,8 +317,9 @@ def test_a_wrinkled_solid_is_covered_to_its_outline(make):
 
     def wrinkled(p, z):
         x, y = p.T
-        normal = np.stack([-0.4 * np.cos(8.0 * x) * np.cos(7.0 * y),
-                           0.35 * np.sin(8.0 * x) * np.sin(7.0 * y), np.ones(len(p))], axis=1)  # fmt: skip
+        along_x = -0.4 * np.cos(8.0 * x) * np.cos(7.0 * y)
+        along_y = 0.35 * np.sin(8.0 * x) * np.sin(7.0 * y)
+        normal = np.stack([along_x, along_y, np.ones(len(p))], axis=1)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         height = 0.05 * np.sin(8.0 * x) * np.cos(7.0 * y)
         return np.stack([x, y, height], axis=1) + z * normal

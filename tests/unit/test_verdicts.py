@@ -12,7 +12,8 @@ from lcmchain.fields.waves import elements_per_wave, wave_warnings
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.triangulation import triangulate
 from lcmchain.model import build_model
-from lcmchain.report.verdicts import Verdict, percent, verdicts, worst_grade
+from lcmchain.report.grades import Verdict, percent, worst_grade
+from lcmchain.report.verdicts import verdicts
 from lcmchain.scene import scene_from_text
 from lcmchain.summary import run_warnings
 
