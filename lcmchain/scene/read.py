@@ -242,10 +242,11 @@ def _preset_values(scene: Scene) -> dict[str, Any]:
     name = getattr(scene.material, "preset", None)
     if name:
         values["material"] = {**PRESETS[name], "preset": name}
-    values["mapping"] = [
-        {} if target.structure is None else {"structure": target.structure.preset_values()}
-        for target in scene.mapping
-    ]
+    if any(target.structure is not None for target in scene.mapping):
+        values["mapping"] = [
+            {} if target.structure is None else {"structure": target.structure.preset_values()}
+            for target in scene.mapping
+        ]
     return values
 
 
