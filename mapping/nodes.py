@@ -56,7 +56,8 @@ def node_weights(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> M
         distance=distance,
         cell_area=np.zeros(len(target.points)),
         conservative=False,
-        **({"solid_thickness": np.zeros(0)} if hasattr(weights, "solid_thickness") else {}),
+        solid_thickness=np.zeros(0),
+        formed_thickness=np.zeros(0),
     )
 
 

@@ -168,9 +168,10 @@ def _coverage(
     coverage = covered / np.where(cells.areas > 0.0, cells.areas, 1.0)
     at_edge = np.zeros(len(coverage), dtype=bool)
     at_edge[found.cell[surface.winding.bounds.any(axis=1)[found.face]]] = True
-    doubtful = (coverage > 0.0) & (at_edge | (np.abs(coverage - 1.0) > CURVED))
+    curved = np.abs(coverage - 1.0) > CURVED
+    doubtful: np.ndarray = (coverage > 0.0) & (at_edge | curved)
     tiled = coverage_of_planes(surface, cells, found, np.flatnonzero(doubtful))
-    whole = (coverage > 0.0) & ~doubtful
+    whole: np.ndarray = (coverage > 0.0) & ~doubtful
     whole[doubtful] = tiled >= COVERED
     return np.where(whole, 1.0, np.minimum(coverage, 1.0))
 

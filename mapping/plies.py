@@ -201,7 +201,7 @@ def _totals(
     common = set.intersection(*(set(mapped.scalars) for mapped in each))
     names = {"thickness", "areal_fibre_mass", "fibre_volume_fraction"} & common
     totals = {
-        name: summed(lambda mapped, name=name: mapped.scalars[name])
+        name: summed(lambda mapped: mapped.scalars[name])  # noqa: B023 (called at once)
         for name in sorted(names - {"fibre_volume_fraction"})
     }
     if len(weights.solid_thickness):

@@ -152,6 +152,30 @@ def test_no_fibre_is_lost_between_the_cells_of_a_bent_target(make, offset):
     assert content_of_cells(weights, mapped) == pytest.approx(whole, rel=1e-12)
 
 
+def test_no_fibre_is_lost_at_a_sharp_bend(make):
+    """A target inside of a corner leaves a strip of the sheet along it, which is handed on."""
+
+    def corner(points, inside):
+        along, width = points.T
+        flat = np.minimum(along, 1.0 - inside)
+        return np.stack([flat, width, inside + np.maximum(along - (1.0 - inside), 0.0)], axis=1)
+
+    points, quads = make.grid(20, 4, (0.0, 0.0), (2.0, 1.0))
+    other, cells = make.grid(26, 5, (0.0, 0.0), (1.94, 1.0))
+    other[:, 0] = np.interp(other[:, 0], [0.0, 0.97, 1.94], [0.0, 0.97, 2.0 - 0.06])
+    sheet = read_sheet(make.forming_result(corner(points, 0.0), quads, areal_fibre_mass=0.6))
+    target = shell(corner(other, 0.03), cells)
+    weights = compute_weights(sheet, target, maximum_distance=0.2)
+    assert 0.1 < weights.wedge_correction < 0.6
+    mapped = transfer(sheet, target, weights).scalars["areal_fibre_mass"]
+    covered = content_of_sheet(sheet, weights, sheet.scalars["areal_fibre_mass"])
+    assert content_of_cells(weights, mapped) == pytest.approx(covered, rel=1e-12)
+    beside_corner = np.abs(sheet.surface.centroids[:, [0, 2]] - [1.0, 0.0]).max(axis=1) < 0.1
+    inner = beside_corner & (np.abs(sheet.surface.centroids[:, 1] - 0.5) < 0.25)
+    assert inner.sum() == 4
+    np.testing.assert_allclose(weights.face_coverage[inner], 1.0, rtol=1e-12)
+
+
 @settings(max_examples=15)
 @given(st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3), st.sampled_from(METHODS))
 def test_a_rotated_pair_of_meshes_maps_the_same(make, bowls, turn, method):
@@ -535,3 +559,4 @@ def test_an_inclined_face_gives_the_share_that_lies_over_the_cell(make, degrees)
     np.testing.assert_allclose(weights.content, share, rtol=1e-12)
     content = content_of_sheet(sheet, weights, sheet.scalars["areal_fibre_mass"])
     assert content == pytest.approx(share * 0.6 / cosine, rel=1e-12)
+    np.testing.assert_allclose(weights.coverage, 0.4 / 0.6, rtol=1e-12)
