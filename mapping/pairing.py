@@ -167,7 +167,8 @@ def _coverage(
     """
     coverage = covered / np.where(cells.areas > 0.0, cells.areas, 1.0)
     at_edge = np.zeros(len(coverage), dtype=bool)
-    at_edge[found.cell[surface.winding.bounds.any(axis=1)[found.face]]] = True
+    bounding = np.asarray(surface.winding.bounds.any(axis=1))
+    at_edge[found.cell[bounding[found.face]]] = True
     curved = np.abs(coverage - 1.0) > CURVED
     doubtful: np.ndarray = (coverage > 0.0) & (at_edge | curved)
     tiled = coverage_of_planes(surface, cells, found, np.flatnonzero(doubtful))
