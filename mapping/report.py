@@ -260,7 +260,7 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
 
 def _solid_warnings(weights: MappingWeights, mapped: MappedFields) -> list[str]:
     """Cells of a solid that hold less textile than they have room for, and their thickness."""
-    found = []
+    found: list[str] = []
     if not len(weights.solid_thickness):
         return found
     difference = np.abs(mapped.scalars.get("thickness_difference", np.zeros(0)))

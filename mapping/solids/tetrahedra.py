@@ -34,7 +34,7 @@ _DECOMPOSITIONS: tuple[tuple[list[list[int]], list[list[int]]], ...] = (
 )
 
 #: Quadrilateral sides of each shape.
-QUADS = (
+QUADS: tuple[list[list[int]], ...] = (
     [],
     [[0, 1, 2, 3]],
     [[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]],
