@@ -192,22 +192,22 @@ def _totals(
     """Thickness, areal mass and fibre volume fraction of all plies together, each (C,)."""
     parts = present(weights.ply_coverage)
 
-    def summed(values: Callable[[MappedFields], np.ndarray]) -> np.ndarray:
+    def summed(values: list[np.ndarray]) -> np.ndarray:
         total = np.zeros(weights.cell_count)
-        for part, ply_weights, mapped in zip(parts, own, each):
-            total += np.where(ply_weights.mapped, part * values(mapped), 0.0)
+        for part, ply_weights, found in zip(parts, own, values):
+            total += np.where(ply_weights.mapped, part * found, 0.0)
         return np.where(weights.mapped, total, np.nan)
 
     common = set.intersection(*(set(mapped.scalars) for mapped in each))
     names = {"thickness", "areal_fibre_mass", "fibre_volume_fraction"} & common
     totals = {
-        name: summed(lambda mapped: mapped.scalars[name])  # noqa: B023 (called at once)
+        name: summed([mapped.scalars[name] for mapped in each])
         for name in sorted(names - {"fibre_volume_fraction"})
     }
     if len(weights.solid_thickness):
         return totals | _totals_of_solids(weights, own, each, shares, names)
     if {"thickness", "fibre_volume_fraction"} <= names:
-        volume = summed(lambda m: m.scalars["thickness"] * m.scalars["fibre_volume_fraction"])
+        volume = summed([m.scalars["thickness"] * m.scalars["fibre_volume_fraction"] for m in each])
         totals["fibre_volume_fraction"] = volume / totals["thickness"]
     return totals
 

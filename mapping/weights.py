@@ -217,12 +217,12 @@ def compute_weights(
     if sheet.is_stack:
         from lcmchain.mapping.plies import weights_of_plies
 
-        def alone(ply: Sheet) -> MappingWeights:
+        def compute(ply: Sheet) -> MappingWeights:
             return compute_weights(
                 ply, target, method=method, order=order, maximum_distance=maximum_distance
             )
 
-        return weights_of_plies(sheet, alone)
+        return weights_of_plies(sheet, compute)
     if maximum_distance is None:
         maximum_distance = default_maximum_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):

@@ -79,6 +79,16 @@ class Columns:
         m = self.normals[self.faces]
         return m / np.einsum("fki,fi->fk", m, across)[:, :, None]
 
+    @cached_property
+    def at_outline(self) -> np.ndarray:
+        """Whether a face has a node on the outline of the sheet, shape (F,)."""
+        edges = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+        edges = np.sort(edges[edges[:, 0] != edges[:, 1]], axis=1)
+        unique, count = np.unique(edges, axis=0, return_counts=True)
+        outline = np.zeros(len(self.points), dtype=bool)
+        outline[unique[count == 1]] = True
+        return outline[self.faces].any(axis=1)
+
     def area_vectors(self, height: np.ndarray) -> np.ndarray:
         """Half the cross product of the diagonals of each column at a height [m2], shape (F, 3).
 

@@ -33,9 +33,11 @@ ONE_SIDED = 0.5
 #: Ends of the target below this share of a face's area are rounding at a common outline.
 OUTLINE = 1e-6
 
-#: A face is wholly covered if this share is, on a plane; where the sheet bends, the columns at its
-#: outline lean, and so much less is enough.
+#: A face is wholly covered if this share is. Where the sheet bends, the columns at its outline know
+#: its normal from one side only and lean against it, by as much as the others lean against their
+#: faces, or a few times of that where the curvature changes; there so much less is enough.
 WHOLE = 1.0 - 1e-9
+LEAN = 4.0
 
 
 class Skin(NamedTuple):
@@ -142,7 +144,7 @@ def covered_faces(skin: Skin, columns: Columns, volume: np.ndarray) -> CoveredFa
     cut = found[:, 4] > OUTLINE * areas
     inward = columns.directors - columns.face_normals[:, None]
     lean = np.linalg.norm(inward, axis=2).max(axis=1) * farthest / np.sqrt(areas)
-    whole = ~cut | (share >= WHOLE - 2.0 * lean)
+    whole = ~cut | (share >= WHOLE - np.where(columns.at_outline, LEAN * lean, 0.0))
     return CoveredFaces(np.where(whole, 1.0, share), cut & ~whole)
 
 

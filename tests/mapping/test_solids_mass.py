@@ -137,6 +137,21 @@ def test_a_curved_solid_has_the_fields_of_the_sheet(make, uneven_bowl):
         np.testing.assert_allclose(layer, found[: len(layer)], rtol=4e-3)
 
 
+@pytest.mark.parametrize("side", [-0.5, 0.5])
+def test_the_thickness_beside_a_curved_sheet_is_measured_along_the_normal(make, side):
+    """A solid on one face of the tool: there its area is off by 8 %."""
+    points, quads = make.grid(20, 20, (-0.3, -0.3), (0.3, 0.3), jitter=0.1)
+    depth, half = 1.0, 0.5 * THICKNESS
+    sheet = read_sheet(make.forming_result(make.bowl(points, depth), quads, thickness=THICKNESS))
+    other, cells = make.grid(17, 17, (-0.2, -0.2), (0.2, 0.2), jitter=0.1, seed=1)
+    heights = 2.0 * side * half + np.array([-half, half])
+    nodes, corners = make.bricks(other, cells, heights, make.shell_of_bowl(depth))
+    _, fields = mapped_onto(sheet, solid(nodes, corners))
+    inside = np.abs(nodes[corners].mean(axis=1)[:, :2]).max(axis=1) < 0.15
+    found = fields["solid_thickness"][inside]
+    assert np.abs(found / THICKNESS - 1.0).max() < 0.015
+
+
 @pytest.mark.parametrize(("factor", "shift"), [(8.0, 0.0), (0.5, 0.0), (1.0, 0.9), (1.3, -0.4)])
 def test_thicker_thinner_and_shifted_solids_hold_the_same_mass(make, plate, factor, shift):
     """A solid of eight times the thickness has an eighth of the fibre volume fraction."""
@@ -273,6 +288,19 @@ def test_the_upper_side_of_the_sheet_means_nothing(make, uneven_bowl):
     )  # fmt: skip
 
 
+def test_faces_that_are_wound_the_other_way_are_the_same(make, uneven_bowl):
+    target = bowl_target(make, "wedge", THREE_LAYERS, half=0.4)
+    faces = uneven_bowl.surface.faces.copy()
+    faces[3::5] = faces[3::5, ::-1]
+    points = uneven_bowl.surface.points
+    mixed = read_sheet(make.forming_result(points, faces, **uneven_bowl.scalars))
+    np.testing.assert_allclose(
+        everything(mixed, target, order=1),
+        everything(uneven_bowl, target, order=1),
+        rtol=1e-12, atol=1e-12,
+    )  # fmt: skip
+
+
 def test_cells_that_are_numbered_inside_out_are_the_same(make, uneven_bowl):
     target = bowl_target(make, "hexahedron", THREE_LAYERS, half=0.37)
     turned = target.blocks[0][1][:, [4, 5, 6, 7, 0, 1, 2, 3]]
@@ -317,9 +345,9 @@ def test_a_wrinkled_solid_is_covered_to_its_outline(make):
 
     def wrinkled(p, z):
         x, y = p.T
-        along_x = -0.4 * np.cos(8.0 * x) * np.cos(7.0 * y)
-        along_y = 0.35 * np.sin(8.0 * x) * np.sin(7.0 * y)
-        normal = np.stack([along_x, along_y, np.ones(len(p))], axis=1)
+        slope_x = 0.4 * np.cos(8.0 * x) * np.cos(7.0 * y)
+        slope_y = -0.35 * np.sin(8.0 * x) * np.sin(7.0 * y)
+        normal = np.stack([-slope_x, -slope_y, np.ones(len(p))], axis=1)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         height = 0.05 * np.sin(8.0 * x) * np.cos(7.0 * y)
         return np.stack([x, y, height], axis=1) + z * normal
@@ -331,4 +359,4 @@ def test_a_wrinkled_solid_is_covered_to_its_outline(make):
     np.testing.assert_array_equal(weights.face_coverage, 1.0)
     mass = np.sum(fields["fibre_volume_fraction"] * 0.6 / 0.0045 * volumes_of(target))
     assert mass == pytest.approx(np.sum(0.6 * sheet.surface.areas), rel=1e-12)
-    np.testing.assert_allclose(fields["solid_thickness"], 0.009, rtol=0.02)
+    np.testing.assert_allclose(fields["solid_thickness"], 0.009, rtol=0.03)
