@@ -11,6 +11,7 @@ import xarray as xr
 
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, Variable, saved_times
 from lcmchain.fields.vtu import write_mesh
+from lcmchain.mapping.plies import described
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import Sheet, file_sha256
 from lcmchain.mapping.target import TargetMesh
@@ -166,7 +167,7 @@ def _error_attributes(sheet: Sheet, mapped: MappedFields, name: str) -> dict:
 
 def _attributes(sheet: Sheet, name: str) -> dict:
     """Attributes of a field, and the value of cells without a sheet."""
-    return {"long_name": name, "units": "1", **sheet.attributes.get(name, {}), "_FillValue": np.nan}
+    return {"long_name": name, "units": "1", **described(sheet, name), "_FillValue": np.nan}
 
 
 def compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

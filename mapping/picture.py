@@ -113,7 +113,8 @@ def _drawn_sheet(sheet: Sheet) -> _Drawn:
 
 def drawn_target(target: TargetMesh, weights: MappingWeights | None = None) -> _Drawn:
     """Return what is seen of a target, with the status of its cells where weights are given."""
-    corners, cell = _skin(target)
+    nodes, cell = skin(target)
+    corners = target.points[nodes]
     rim = None if target.is_solid else 1e3 * target.points[_rim(target.surface)]
     status = None if weights is None else weights.status
     return _Drawn(1e3 * corners, cell, 1e3 * target.centroids, rim, status)
@@ -153,13 +154,16 @@ def _shear(families: list[np.ndarray]) -> np.ndarray:
     return np.degrees(np.arcsin(np.clip(cosine, 0.0, 1.0)))
 
 
-def _skin(target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (F, 4, 3) [m] and cells (F,) of what is seen: cells of a shell, skin of a solid."""
+def skin(target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Corner nodes (F, 4) and cells (F,) of what is seen: cells of a shell, skin of a solid.
+
+    Triangles repeat their last corner.
+    """
     if not target.is_solid:
-        return target.surface.corners, np.arange(target.cell_count)
+        corners = np.where(target.corners < 0, target.corners[:, 2:3], target.corners)
+        return corners, np.arange(target.cell_count)
     faces, owners = target.skin
-    closed = np.where(faces < 0, faces[:, 2:3], faces)
-    return target.points[closed], owners
+    return np.where(faces < 0, faces[:, 2:3], faces), owners
 
 
 # --- on paper -------------------------------------------------------------------------------------

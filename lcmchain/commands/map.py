@@ -14,7 +14,9 @@ from lcmchain.errors import InputError
 
 def map_fields(
     source: Annotated[Path, typer.Argument(metavar="SOURCE.nc", help="forming.nc of a run.")],
-    target: Annotated[Path, typer.Argument(metavar="TARGET", help="Any mesh that meshio reads.")],
+    target: Annotated[
+        Path, typer.Argument(metavar="TARGET", help="Solver deck, or any mesh that meshio reads.")
+    ],
     out: Annotated[
         Path, typer.Option("--out", metavar="F", help="F.nc or F.vtu; the other is written too.")
     ],
@@ -50,6 +52,18 @@ def map_fields(
         bool,
         typer.Option("--verify", help="Estimate the error that the mapping adds to every field."),
     ] = False,
+    thickness_limit: Annotated[
+        float,
+        typer.Option(help="Largest relative difference of a solid's thickness from the formed."),
+    ] = 0.1,
+    exports: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--export",
+            metavar="FORMAT",
+            help="Write for another program too: vmap, drape, rtmsim or lcmsim; repeatable.",
+        ),
+    ] = None,
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
@@ -84,9 +98,11 @@ def map_fields(
             all_frames=all_frames,
             register=register,
             verify=verify,
+            thickness_limit=thickness_limit,
             allow_unmapped=allow_unmapped,
             allow_ambiguous=allow_ambiguous,
             allow_incomplete=allow_incomplete,
+            exports=tuple(dict.fromkeys(exports or ())),
         )
         report = map_file(source, target, out, options)
     say(report.summary())

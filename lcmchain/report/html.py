@@ -17,11 +17,12 @@ from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.report.captions import CAPTIONS, caption_of
 from lcmchain.report.curves import curve_data
 from lcmchain.report.field_view import view_data
+from lcmchain.report.grades import GRADES, worst_grade
 from lcmchain.report.mapping_errors import in_words
 from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table
 from lcmchain.report.style import SERIES
 from lcmchain.report.tool_view import tool_data
-from lcmchain.report.verdicts import GRADES, verdicts, worst_grade
+from lcmchain.report.verdicts import verdicts
 from lcmchain.results import COMPLETE
 
 if TYPE_CHECKING:

@@ -335,7 +335,7 @@ def test_errors_leave_as_fields_numbers_and_picture(make, write_mesh, tmp_path, 
         nodes = np.concatenate([nodes * 0.996, nodes * 1.004])
         table = np.hstack([table, table + len(mesh.points)])
     target = write_mesh(nodes, [(cells, table)])
-    report = map_file(result, target, tmp_path / "m.nc", verify=True)
+    report = map_file(result, target, tmp_path / "m.nc", verify=True, thickness_limit=1.0)
     assert report.files["errors"] == "m_errors.png" and (tmp_path / "m_errors.png").is_file()
     found = report.verification["thickness"]
     assert json.loads((tmp_path / "m.json").read_text())["verification"]["thickness"] == found
@@ -349,7 +349,7 @@ def test_errors_leave_as_fields_numbers_and_picture(make, write_mesh, tmp_path, 
         assert "--verify" in dataset.attrs["history"]
     data = meshio.read(tmp_path / "m.vtu").cell_data
     assert data["areal_fibre_mass_mapping_error"][0].shape == (mesh.cell_count,)
-    again = map_file(result, target, tmp_path / "m.nc", picture=False)
+    again = map_file(result, target, tmp_path / "m.nc", picture=False, thickness_limit=1.0)
     assert again.verification is None
     with xr.open_dataset(tmp_path / "m.nc") as dataset:
         assert not any("mapping_error" in str(name) for name in dataset)
