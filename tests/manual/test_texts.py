@@ -172,5 +172,10 @@ def test_the_tutorial_works_and_its_figures_are_true(tmp_path):
     assert f"{1e3 * summary['thickness_max_m']:.3f} mm" in text
     assert f"with {summary['punch_force_max_N']:.1f} N" in text
     assert summary["warnings"] == []
-    assert "528 inside, 48 projected" in printed
-    assert "528 have their centre within" in text and "48 are projected" in text
+    mapped = json.loads((tmp_path / "my_part" / "results" / "dome.json").read_text())
+    inside, projected = (mapped["status_count"][name] for name in ("inside", "projected"))
+    assert inside + projected == 576
+    assert f"{inside} inside, {projected} projected" in printed
+    assert f"{inside} have their centre within" in text and f"{projected} are projected" in text
+    assert f"the farthest over {1e3 * mapped['worst_distance']:.2f} mm" in text
+    assert f"{mapped['second_family_error_max'] * 57.29578:.1f}°" in text
