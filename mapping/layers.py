@@ -50,13 +50,13 @@ class Choice(NamedTuple):
 
 
 def choose_layers(
-    found: Overlaps, winding: Winding | None, areas: np.ndarray, maximum_distance: float
+    found: Overlaps, winding: Winding, areas: np.ndarray, maximum_distance: float
 ) -> Choice:
     """Choose the layer of each cell.
 
     Parameters
     ----------
-    winding : of the target; None where the sides of its cells mean nothing, as sections of solids.
+    winding : of the target.
     areas : of the cells [m2], shape (C,).
     maximum_distance : up to which layers were looked for [m].
     """
@@ -68,9 +68,7 @@ def choose_layers(
     cell, side = np.zeros(layer_count, dtype=np.int64), np.zeros(layer_count, dtype=np.int64)
     cell[found.layer], side[found.layer] = found.cell, found.side
     first = np.searchsorted(cell, np.arange(count + 1))
-    wanted = np.zeros(count, dtype=np.int64)
-    if winding is not None:
-        wanted = _side_of_cells(first, side, distance, areas, winding, maximum_distance)
+    wanted = _side_of_cells(first, side, distance, areas, winding, maximum_distance)
     chosen, ambiguous = _choose(first, side, area, distance, wanted, areas)
     taken = chosen[found.layer]
     return Choice(taken, ambiguous, wanted)

@@ -52,19 +52,14 @@ class Pairing(NamedTuple):
 
 
 def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) -> Pairing:
-    """Pair cells with what lies over them of the layer that they belong to.
+    """Pair cells of a surface with what lies over them of the layer that they belong to.
 
     Cells without an overlap take the closest place of the right side, if one is near.
     """
     count = target.cell_count
-    if target.is_solid:
-        sections_along = closest_points(surface, target.centroids, maximum_distance).face
-        cells = target.polygons(surface.normals[np.maximum(sections_along, 0)])
-    else:
-        cells = target.polygons(np.empty((0, 3)))
+    cells = target.polygons(np.empty((0, 3)))
     found = overlaps(surface, cells, maximum_distance)
-    winding = None if target.is_solid else target.surface.winding
-    choice = choose_layers(found, winding, cells.areas, maximum_distance)
+    choice = choose_layers(found, target.surface.winding, cells.areas, maximum_distance)
     found = Overlaps(*(values[choice.taken] for values in found))
     covered = np.bincount(found.cell, found.area, minlength=count)
     nearest, distance = _over_centroid(found, count)
@@ -100,7 +95,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         ambiguous=choice.ambiguous,
         face_coverage=face_coverage,
         missed=missed,
-        wedge_correction=0.0 if target.is_solid else correction,
+        wedge_correction=correction,
     )
 
 
