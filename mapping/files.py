@@ -32,6 +32,8 @@ ERROR_MEANING = (
     "size of the difference to a mapping between twice finer meshes, with a quadratic between the "
     "faces of the sheet; of directions the angle, of the permeability the largest in any direction"
 )
+AT_NODES = "_at_nodes"
+OF_NODES = "of the sheet at the place closest to the node; contents are not kept there"
 SHEAR_ABOUT_CELL = (
     "a right angle minus the angle from the axis of fibre 1 to that of fibre 2 about the normal of "
     "the cell: where it points to the lower side of the sheet, the sign is not that of the sheet"
@@ -71,7 +73,10 @@ def mapped_dataset(
         variables[name] = mesh.on_cells(values, attributes)
     for name, (values, attributes) in cell_variables(target).items():
         variables[name] = mesh.on_cells(values, attributes)
-    for name, (values, attributes) in node_variables(target).items():
+    for name, (values, attributes) in {
+        **node_variables(target),
+        **_at_nodes(sheet, mapped),
+    }.items():
         variables[name] = mesh.on_nodes(values[used], attributes)
     own = _global_attributes(sheet, target, report, command)
     return mesh.dataset(variables, {**sheet.provenance, **own})
@@ -99,9 +104,31 @@ def write_vtu(
         target.points,
         [(name, cells) for name, cells in target.blocks],
         cell_data={name: np.split(values, ends) for name, values in data.items()},
-        point_data=point_data(target),
+        point_data=point_data(target) | _point_fields(mapped),
     )
     write_mesh(path, mesh)
+
+
+def _at_nodes(sheet: Sheet, mapped: MappedFields) -> dict:
+    """Return values (N,) and attributes of every field at the nodes; none where not asked for."""
+    if mapped.at_nodes is None:
+        return {}
+    fields = dict(mapped.at_nodes.scalars)
+    for stem, vectors in mapped.at_nodes.vectors.items():
+        for axis, values in zip("xyz", vectors.T, strict=True):
+            fields[f"{stem}_{axis}"] = np.ascontiguousarray(values)
+    return {
+        f"{name}{AT_NODES}": (values, {**_attributes(sheet, name), "comment": OF_NODES})
+        for name, values in fields.items()
+    }
+
+
+def _point_fields(mapped: MappedFields) -> dict[str, np.ndarray]:
+    """Return the fields at the nodes for a VTU file, directions and axes as vectors."""
+    if mapped.at_nodes is None:
+        return {}
+    found = mapped.at_nodes.scalars | mapped.at_nodes.vectors
+    return {f"{name}{AT_NODES}": values for name, values in found.items()}
 
 
 def cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lcmchain.errors import InputError
 from lcmchain.mapping.search import closest_points
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.target import TargetMesh
@@ -21,7 +22,13 @@ def transfer_to_nodes(sheet: Sheet, target: TargetMesh, weights: MappingWeights)
     area. Not a number where no cell around a node is mapped.
 
     weights : of the cells of the target.
+
+    Raises
+    ------
+    InputError : the sheet is a stack, whose plies lie at other places than its fields.
     """
+    if sheet.is_stack:
+        raise InputError("values at nodes are not written for a stack of plies", file=sheet.name)
     normals = None if target.is_solid else _around_nodes(target, target.surface.normals)
     return carried(sheet, node_weights(sheet, target, weights), normals)
 

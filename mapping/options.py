@@ -24,6 +24,7 @@ class MappingOptions:
         weights of the one that is mapped.
     register : map as if the target lay where a small rigid motion brings it to the sheet; what is
         written keeps the target's own coordinates.
+    nodes : write values at the nodes of the target too.
     verify : estimate the error that the mapping adds to every field; takes some ten times as long.
     thickness_limit : largest relative difference of the thickness of a solid from the formed one.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
@@ -46,6 +47,7 @@ class MappingOptions:
     time: float | None = None
     all_frames: bool = False
     register: bool = False
+    nodes: bool = False
     verify: bool = False
     thickness_limit: float = 0.1
     allow_unmapped: bool = False

@@ -20,6 +20,7 @@ from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.formats import export_files, export_path, prepare_export
 from lcmchain.mapping.frame_files import write_frames
 from lcmchain.mapping.frames import mapped_frames
+from lcmchain.mapping.nodes import transfer_to_nodes
 from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.picture import draw_mapping
 from lcmchain.mapping.registration import Registration, registered, registration_of
@@ -29,14 +30,15 @@ from lcmchain.mapping.solid_file import file_groups
 from lcmchain.mapping.solids.fields import require_thickness
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.target.length_unit import length_unit_hint
-from lcmchain.mapping.transfer import transfer, turned
-from lcmchain.mapping.verify import verify
+from lcmchain.mapping.transfer import MappedFields, transfer, turned
+from lcmchain.mapping.verify import Verification, verify
 from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 from lcmchain.results import require_complete
 
 # Options that are given or not, in the order in which the history tells them.
 FLAGS = (
-    "all-frames", "register", "verify", "allow-unmapped", "allow-ambiguous", "allow-incomplete",
+    "all-frames", "register", "nodes", "verify",
+    "allow-unmapped", "allow-ambiguous", "allow-incomplete",
 )  # fmt: skip
 
 
@@ -83,6 +85,8 @@ def map_file(
         with a sheet nearby, or an export that cannot take the result. Nothing is written then.
     """
     options = replace(options or MappingOptions(), **changes)
+    if options.nodes and options.all_frames:
+        raise InputError("values at nodes are of one saved state: leave out nodes or all_frames")
     out = Path(out)
     files = _output_files(out, options)
     exported = [file for format in options.exports for file in export_files(out, format)]
@@ -96,20 +100,9 @@ def map_file(
     registration = registration_of(sheet, target)
     motion = _motion(target, registration) if options.register else None
     placed = registered(target, motion) if motion is not None else target
-    weights = _weights(sheet, placed, options)
     hint = length_unit_hint(target.size, sheet.surface.size, options.length_unit)
-    if not (options.allow_unmapped and weights.mapped.any()):
-        near = None if options.register else registration
-        _refuse_unmapped(target, weights, hint, near, options.allow_unmapped)
-    if not options.allow_ambiguous:
-        _refuse_ambiguous(target, weights)
-    mapped = transfer(sheet, placed, weights)
-    require_thickness(target, mapped.scalars, options.thickness_limit)
-    verification = None
-    if options.verify:
-        within = replace(options, maximum_distance=weights.maximum_distance)
-        verification = verify(sheet, placed, weights, mapped, partial(_computed, within))
-        mapped = replace(mapped, errors=verification.cells)
+    near = None if options.register else registration
+    weights, mapped, verification = _map(sheet, placed, options, hint, near)
     if motion is not None:
         mapped = turned(mapped, motion.matrix.T)
     report = mapping_report(
@@ -141,6 +134,38 @@ def map_file(
     report.add_exports([write() for write in exports])
     report.save(files["report"])
     return report
+
+
+def _map(
+    sheet: Sheet,
+    target: TargetMesh,
+    options: MappingOptions,
+    hint: str | None,
+    near: Registration | None,
+) -> tuple[MappingWeights, MappedFields, Verification | None]:
+    """Map, and estimate the errors where that is asked for.
+
+    hint : that the unit of length may be wrong, if it may.
+    near : how the target lies to the sheet, unless it was moved there.
+
+    Raises
+    ------
+    InputError : cells that must not be left without values or undecided, or are too thick.
+    """
+    weights = _weights(sheet, target, options)
+    if not (options.allow_unmapped and weights.mapped.any()):
+        _refuse_unmapped(target, weights, hint, near, options.allow_unmapped)
+    if not options.allow_ambiguous:
+        _refuse_ambiguous(target, weights)
+    mapped = transfer(sheet, target, weights)
+    require_thickness(target, mapped.scalars, options.thickness_limit)
+    if options.nodes:
+        mapped = replace(mapped, at_nodes=transfer_to_nodes(sheet, target, weights))
+    if not options.verify:
+        return weights, mapped, None
+    within = replace(options, maximum_distance=weights.maximum_distance)
+    found = verify(sheet, target, weights, mapped, partial(_computed, within))
+    return weights, replace(mapped, errors=found.cells), found
 
 
 def _output_files(out: Path, options: MappingOptions) -> dict[str, Path]:

@@ -38,6 +38,7 @@ class MappedFields:
     about_sheet : whether signed angles are about the normal of the sheet, as in solid cells, rather
         than about that of the cell.
     errors : that the mapping adds to fields, by their names, shape (C,); where it was verified.
+    at_nodes : the same fields at the nodes (N,) of the target, where that was asked for.
     """
 
     scalars: dict[str, np.ndarray]
@@ -45,6 +46,7 @@ class MappedFields:
     axes: dict[str, np.ndarray] = field(default_factory=dict)
     about_sheet: bool = False
     errors: dict[str, np.ndarray] = field(default_factory=dict)
+    at_nodes: MappedFields | None = None
 
     @property
     def vectors(self) -> dict[str, np.ndarray]:
@@ -116,6 +118,7 @@ def turned(mapped: MappedFields, rotation: np.ndarray) -> MappedFields:
             for name, found in mapped.directions.items()
         },
         axes={name: vectors @ rotation.T for name, vectors in mapped.axes.items()},
+        at_nodes=None if mapped.at_nodes is None else turned(mapped.at_nodes, rotation),
     )
 
 

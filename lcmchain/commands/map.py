@@ -48,6 +48,9 @@ def map_fields(
         bool,
         typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
     ] = False,
+    nodes: Annotated[
+        bool, typer.Option("--nodes", help="Write values at the nodes of the mesh too.")
+    ] = False,
     verify: Annotated[
         bool,
         typer.Option("--verify", help="Estimate the error that the mapping adds to every field."),
@@ -97,6 +100,7 @@ def map_fields(
             time=None if time is None else time_of("--time", time),
             all_frames=all_frames,
             register=register,
+            nodes=nodes,
             verify=verify,
             thickness_limit=thickness_limit,
             allow_unmapped=allow_unmapped,

@@ -62,6 +62,7 @@ class MappingTarget(SceneModel):
     registration: Switch = Field(
         default=False, description="Bring the mesh to the sheet by a small rigid motion."
     )
+    nodes: Switch = Field(default=False, description="Write values at the nodes of the mesh too.")
     verify: Switch = Field(
         default=False, description="Estimate the error that the mapping adds to every field."
     )

@@ -1,9 +1,12 @@
 """Fields at the nodes of targets."""
 
+import meshio
 import numpy as np
 import pytest
+import xarray as xr
 
-from lcmchain.mapping import TargetMesh, compute_weights, read_sheet
+from lcmchain.errors import InputError
+from lcmchain.mapping import TargetMesh, compute_weights, map_file, read_sheet
 from lcmchain.mapping.nodes import transfer_to_nodes
 
 
@@ -60,3 +63,25 @@ def test_directions_at_nodes_are_unit_vectors_along_the_fibres(make):
     np.testing.assert_allclose(np.linalg.norm(one, axis=1), 1.0, rtol=1e-12)
     angle = np.arccos(np.abs(np.einsum("ni,ni->n", one, two)))
     assert angle == pytest.approx(np.pi / 2 - 0.4, abs=2e-3)
+
+
+def test_values_at_nodes_leave_with_the_files(make, write_mesh, tmp_path):
+    points, quads = make.grid(9, 9)
+    first, _ = make.families(make.lifted(points), quads)
+    result = make.forming_result(
+        make.lifted(points), quads, thickness=lambda c: 1.0 + c[:, 0], fibre_direction_1=first
+    )
+    other, cells = make.grid(5, 6, (0.1, 0.1), (0.9, 0.9))
+    mesh = write_mesh(make.lifted(other), [("quad", cells)])
+    map_file(result, mesh, tmp_path / "m.nc", nodes=True, picture=False)
+    with xr.open_dataset(tmp_path / "m.nc") as dataset:
+        found = dataset["thickness_at_nodes"]
+        assert found.attrs["location"] == "node" and found.attrs["units"] == "m"
+        assert "contents are not kept" in found.attrs["comment"]
+        np.testing.assert_allclose(found.values, 1.0 + other[:, 0], rtol=1e-12)
+        assert "--nodes" in dataset.attrs["history"]
+    data = meshio.read(tmp_path / "m.vtu").point_data
+    np.testing.assert_allclose(data["thickness_at_nodes"], 1.0 + other[:, 0], rtol=1e-12)
+    assert data["fibre_direction_1_at_nodes"].shape == (len(other), 3)
+    with pytest.raises(InputError, match="of one saved state"):
+        map_file(result, mesh, tmp_path / "m.nc", nodes=True, all_frames=True, picture=False)
