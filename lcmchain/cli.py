@@ -172,8 +172,17 @@ def fmu_build(
 
 
 @app.command()
-def bench() -> None:
-    """Measure the speed of the solver on this machine."""
+def bench(
+    mapping: Annotated[
+        bool, typer.Option("--mapping", help="Of the mapping, beside medcoupling if it is there.")
+    ] = False,
+) -> None:
+    """Measure the speed of the solver, or of the mapping, on this machine."""
+    if mapping:
+        from lcmchain.mapping.benchmark import run_mapping_bench
+
+        console().print(run_mapping_bench())
+        return
     from lcmchain.bench import run_bench
 
     table = run_bench()
