@@ -79,12 +79,15 @@ def verify(
     fine_weights = weigh(fine_sheet, fine_target)
     fine = transfer(fine_sheet, fine_target, fine_weights)
     share = _shares(fine_weights, parent, target.cell_count)
-    cells = _differences(mapped, _means(fine, parent, share, target.cell_count))
+    found = _differences(mapped, _means(fine, parent, share, target.cell_count))
+    # What a solid has of its own, such as its thickness, does not come from the sheet.
+    of_sheet = {*sheet.scalars, *sheet.directions, PERMEABILITY}
+    cells = {name: errors for name, errors in found.items() if name in of_sheet}
     area = np.where(weights.mapped, covered_areas(weights), 0.0)
     area = area if area.sum() > 0.0 else weights.mapped.astype(float)
     back = _there_and_back(sheet, target, weights, mapped, weigh)
     return Verification(
-        cells, {name: _judged(name, sheet, found, area, back) for name, found in cells.items()}
+        cells, {name: _judged(name, sheet, errors, area, back) for name, errors in cells.items()}
     )
 
 

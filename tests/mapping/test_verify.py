@@ -337,6 +337,10 @@ def test_errors_leave_as_fields_numbers_and_picture(make, write_mesh, tmp_path, 
     target = write_mesh(nodes, [(cells, table)])
     report = map_file(result, target, tmp_path / "m.nc", verify=True, thickness_limit=1.0)
     assert report.files["errors"] == "m_errors.png" and (tmp_path / "m_errors.png").is_file()
+    assert set(report.verification) == {
+        "thickness", "fibre_volume_fraction", "areal_fibre_mass", "fibre_direction_1",
+        "fibre_direction_2",
+    }  # fmt: skip
     found = report.verification["thickness"]
     assert json.loads((tmp_path / "m.json").read_text())["verification"]["thickness"] == found
     assert (found["there_and_back"] is None) == (cells == "hexahedron")
