@@ -6,6 +6,8 @@ The triangle has its first corner at the origin, the second at (length, 0) and t
 
 from __future__ import annotations
 
+import numpy as np
+
 from lcmchain.jit import equation
 
 # Corners that a clipped cell can have: its own four and one per edge of the triangle, doubled
@@ -18,20 +20,39 @@ def clip(polygon, count, length, tip_x, tip_y, work_1, work_2):
     """Clip a polygon (count, 2), counter-clockwise, by the triangle (Sutherland and Hodgman 1974).
 
     Returns the area of what remains and its centroid. A reflex corner of the polygon leaves edges
-    that run to and fro and enclose nothing.
+    that run to and fro and enclose nothing. Sides of the triangle that have the whole polygon on
+    their inside are passed over, and one that has it on its outside ends the matter.
 
     work_1, work_2 : scratch of shape :data:`WORK`.
     """
-    count = cut(polygon, count, 0.0, 0.0, 1.0, work_1)
-    count = cut(work_1, count, length, -tip_y, tip_x - length, work_2)
-    count = cut(work_2, count, 0.0, tip_y, -tip_x, work_1)
+    low_1, low_2, low_3 = polygon[0, 1], np.inf, np.inf
+    high_1, high_2, high_3 = polygon[0, 1], -np.inf, -np.inf
+    for k in range(count):
+        x, y = polygon[k, 0], polygon[k, 1]
+        right = (tip_x - length) * y - tip_y * (x - length)
+        left = tip_y * x - tip_x * y
+        low_1, high_1 = min(low_1, y), max(high_1, y)
+        low_2, high_2 = min(low_2, right), max(high_2, right)
+        low_3, high_3 = min(low_3, left), max(high_3, left)
+    if high_1 <= 0.0 or high_2 <= 0.0 or high_3 <= 0.0:
+        return 0.0, 0.0, 0.0
+    now, other = polygon, work_1
+    if low_1 < 0.0:
+        count = cut(now, count, 0.0, 0.0, 1.0, other)
+        now, other = other, work_2
+    if low_2 < 0.0:
+        count = cut(now, count, length, -tip_y, tip_x - length, other)
+        now, other = other, work_2 if low_1 >= 0.0 else work_1
+    if low_3 < 0.0:
+        count = cut(now, count, 0.0, tip_y, -tip_x, other)
+        now = other
     if count < 3:
         return 0.0, 0.0, 0.0
     area, mx, my = 0.0, 0.0, 0.0
-    ax, ay = work_1[0, 0], work_1[0, 1]
-    bx, by = work_1[1, 0] - ax, work_1[1, 1] - ay
+    ax, ay = now[0, 0], now[0, 1]
+    bx, by = now[1, 0] - ax, now[1, 1] - ay
     for k in range(2, count):
-        cx, cy = work_1[k, 0] - ax, work_1[k, 1] - ay
+        cx, cy = now[k, 0] - ax, now[k, 1] - ay
         part = bx * cy - by * cx
         area += part
         mx += part * (bx + cx)
@@ -63,13 +84,3 @@ def cut(polygon, count, from_x, a, b, kept):
         px, py, before = x, y, here
     return left
 
-
-@equation
-def boxes_apart(polygon, count, length, tip_x, tip_y):
-    """Whether the boxes around a polygon and the triangle do not touch."""
-    low_x, high_x = polygon[0, 0], polygon[0, 0]
-    low_y, high_y = polygon[0, 1], polygon[0, 1]
-    for k in range(1, count):
-        low_x, high_x = min(low_x, polygon[k, 0]), max(high_x, polygon[k, 0])
-        low_y, high_y = min(low_y, polygon[k, 1]), max(high_y, polygon[k, 1])
-    return high_x < min(0.0, tip_x) or low_x > max(length, tip_x) or high_y < 0.0 or low_y > tip_y

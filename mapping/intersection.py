@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.jit import equation, routine
-from lcmchain.mapping.clipping import WORK, boxes_apart, clip
+from lcmchain.mapping.clipping import WORK, clip
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import CellPolygons
 from lcmchain.mesh.box_tree import STACK, BoxTree, enclose, items_in_box, order_along_curve
@@ -230,8 +230,6 @@ def _pair(
         if size == 0.0 or abs(cosine) < MINIMUM_COSINE:
             continue
         look_along_normal(cell, plane, cosine < 0.0, seen)
-        if boxes_apart(seen, len(cell), plane[12], plane[13], plane[14]):
-            continue
         share, x, y = clip(seen, len(cell), plane[12], plane[13], plane[14], work_1, work_2)
         if share <= SLIVER * size:
             continue
