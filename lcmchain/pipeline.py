@@ -22,7 +22,7 @@ from lcmchain.provenance import provenance
 from lcmchain.results import COMPLETE, RUNNING, ResultsFolder
 from lcmchain.run_account import RunAccount, state_after
 from lcmchain.run_files import expected_files, input_files, require_free_names
-from lcmchain.scene import Scene
+from lcmchain.scene import MappingTarget, Scene
 from lcmchain.scene.output import NO_FILM
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
@@ -182,11 +182,12 @@ class _Job:
                     out_dir=self.folder,
                 )
                 self.summary["mapping"][target.name] = report.as_dict()
+                self._analyse(target)
             except OutputError:
                 raise  # a full disk is no fault of the mesh
             except LcmchainError as error:
                 failures.append(f'mapping "{target.name}" failed: {error}')
-                self.summary["mapping"][target.name] = {"error": str(error)}
+                self.summary["mapping"].setdefault(target.name, {"error": str(error)})
             self.account.set_state(RUNNING)
         if failures:
             raise MappingError(
@@ -195,6 +196,24 @@ class _Job:
                 "without forming again",
                 self.result,
             )
+
+    def _analyse(self, target: MappingTarget) -> None:
+        """Analyse the structure of a mapped part where the scene asks for it."""
+        if target.structure is None:
+            return
+        from lcmchain.mapping.structure import SolverOptions, analyse
+
+        self.tell(self.scene.process.time, f"structural analysis of {target.name}")
+        report = analyse(
+            self.folder / f"{target.name}.nc",
+            self.scene.source.directory / target.mesh,
+            target.structure,
+            name=target.name,
+            out_dir=self.folder,
+            length_unit=target.length_unit,
+            options=SolverOptions(threads=self.threads, picture=self.scene.output.pictures),
+        )
+        self.summary.setdefault("structure", {})[target.name] = report.as_dict()
 
     def complete(self) -> None:
         """Write the report, and say that everything is there."""
@@ -270,7 +289,11 @@ def _require_readable_targets(scene: Scene) -> None:
 
     for target in scene.mapping:
         path = scene.source.directory / target.mesh
-        read_target(path, kind=target.kind, length_unit=target.length_unit)
+        mesh = read_target(path, kind=target.kind, length_unit=target.length_unit)
+        if target.structure is not None:
+            from lcmchain.mapping.structure import require_places
+
+            require_places(mesh, target.structure)
 
 
 def _build_simulation(scene: Scene) -> tuple[Simulation, list[str]]:

@@ -13,6 +13,11 @@ from lcmchain.scene import Scene
 #: Files that a run writes under names of its own; each mapping adds files of its name.
 OWN_FILES = ("forming.nc", "forming.vtu", "forming.pvd", "report.html", SUMMARY_FILE, LOG_FILE)
 MAPPED_SUFFIXES = (".nc", ".vtu", ".png", ".json")
+STRUCTURAL_ENDINGS = tuple(
+    f"_calculix{ending}"
+    for ending in (".inp", "_mesh.inp", "_sections.inp", ".nc", ".vtu", ".png", ".json", ".frd",
+                   ".dat", ".log")
+)  # fmt: skip
 
 
 def input_files(scene: Scene) -> list[Path]:
@@ -29,9 +34,19 @@ def expected_files(scene: Scene) -> list[str]:
     mapped = [
         f"{target.name}{end}"
         for target in scene.mapping
-        for end in (*MAPPED_SUFFIXES, *([".pvd"] if target.all_frames else []))
+        for end in (
+            *MAPPED_SUFFIXES,
+            *([".pvd"] if target.all_frames else []),
+            *(["_errors.png"] if target.verify else []),
+        )
     ]
-    return [*OWN_FILES, *mapped]
+    analysed = [
+        f"{target.name}{end}"
+        for target in scene.mapping
+        if target.structure is not None
+        for end in STRUCTURAL_ENDINGS
+    ]
+    return [*OWN_FILES, *mapped, *analysed]
 
 
 def require_free_names(scene: Scene) -> None:

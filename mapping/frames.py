@@ -18,6 +18,7 @@ from lcmchain.errors import InputError
 from lcmchain.mapping.search import closest_points
 from lcmchain.mapping.sheet import Sheet, read_sheet, saved_times_of
 from lcmchain.mapping.smooth_surface import SmoothSurface
+from lcmchain.mapping.solids.tetrahedra import solids_of_cells
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import MappedFields, fibre_mass, transfer, with_fibre_mass
@@ -80,6 +81,9 @@ def weights_at(
     if target.is_solid:
         stretch = weights.average_matrix @ (now.areas / before.areas)
         area = weights.cell_area * np.where(weights.mapped, stretch, 1.0)
+        if len(weights.solid_thickness):
+            volumes = solids_of_cells(target.points, target.corners).volumes
+            return replace(weights, cell_area=area, solid_thickness=volumes / area)
     else:
         area = target.surface.areas
     deform = np.einsum(
@@ -128,15 +132,30 @@ def mapped_frames(
     if len(times) == 0:
         raise InputError("the forming result has no saved states with times", file=sheet.name)
     places = material_places(sheet.surface, target.points)
-    mass = fibre_mass(weights, transfer(sheet, target, weights))
+    # plies keep their masses each by itself: their shares of the faces' masses do not change
+    mass = None if sheet.is_stack else fibre_mass(weights, transfer(sheet, target, weights))
     for frame, time in enumerate(times):
         now = replace(read_sheet(dataset, frame=frame), provenance=sheet.provenance)
         there = replace(target, points=positions_of(places, now.surface))
         carried = weights_at(weights, sheet.surface, now.surface, there)
+        if sheet.is_stack and len(carried.formed_thickness):
+            carried = _thickened(carried, sheet, now)
         mapped = transfer(now, there, carried)
         if mass is not None:
             mapped = with_fibre_mass(now, carried, mapped, mass)
         yield MappedFrame(float(time), now, there, carried, mapped)
+
+
+def _thickened(weights: MappingWeights, before: Sheet, now: Sheet) -> MappingWeights:
+    """Weights of a stack on solids with the thickness of all plies in another frame.
+
+    It changes in each cell as that of the plies which the cell holds does.
+    """
+    if "thickness" not in before.scalars:
+        return weights
+    mean, after = (weights.average_matrix @ s.scalars["thickness"] for s in (before, now))
+    ratio = after / np.where(weights.mapped, mean, 1.0)
+    return replace(weights, formed_thickness=weights.formed_thickness * ratio)
 
 
 def _loaded(source: Path | str | xr.Dataset) -> xr.Dataset:

@@ -11,6 +11,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.formats.report import ExportReport
 from lcmchain.mapping.orientation import perpendicular_family_error
 from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
@@ -23,7 +24,7 @@ from lcmchain.mapping.transfer import (
     covered_areas,
     facing,
 )
-from lcmchain.mapping.weights import MappingWeights, Status
+from lcmchain.mapping.weights import COVERED, MappingWeights, Status
 
 # Below this the families or layers in a cell disagree so much that one direction misleads:
 # 0.75 is the mean of two axes 60 degrees apart.
@@ -32,6 +33,8 @@ LOW_ALIGNMENT = 0.75
 LARGE_TILT = np.radians(30.0)
 # Changes of content beyond this come from a target that covers the sheet more than once.
 LARGE_CORRECTION = 0.25
+# Below this the thickness of a solid mesh is the formed one for all that a report can say.
+NOTABLE_DIFFERENCE = 0.01
 # Below this a shear angle is within what a perpendicular second family misrepresents harmlessly.
 NOTABLE_ANGLE = np.radians(1.0)
 
@@ -46,6 +49,9 @@ class MappingReport:
     the target lies to the sheet (:class:`lcmchain.mapping.registration.Registration`), and
     ``registered`` whether its motion was applied before the mapping. ``opposite_normals`` is the
     number of cells whose normals point to the lower side of the sheet, None for solids.
+    ``verification`` holds the error that the mapping adds to each field
+    (:class:`lcmchain.mapping.verify.FieldError`), where that was asked for.
+    ``exports`` holds an :class:`lcmchain.mapping.formats.ExportReport` of each further format.
     """
 
     name: str
@@ -72,8 +78,15 @@ class MappingReport:
     opposite_normals: int | None = None
     registration: dict[str, Any] | None = None
     registered: bool = False
+    verification: dict[str, dict[str, Any]] | None = None
     warnings: list[str] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
+    exports: list[dict[str, Any]] = field(default_factory=list)
+
+    def add_exports(self, exports: list[ExportReport]) -> None:
+        """Take up what was written for other programs, and what their formats cannot hold."""
+        self.exports += [export.as_dict() for export in exports]
+        self.warnings += [warning for export in exports for warning in export.warnings]
 
     def as_dict(self) -> dict:
         """Plain values, ready for JSON."""
@@ -217,7 +230,16 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     if len(unmapped):
         found.append(f"{len(unmapped)} cells are unmapped and hold no values (NaN) "
                      f"({first_few(unmapped)})")  # fmt: skip
+    if weights.missed.any():
+        faces = np.flatnonzero(weights.missed)
+        share = sheet.surface.areas[faces].sum() / sheet.surface.areas.sum()
+        found.append(
+            f"{len(faces)} faces of the sheet lie over the target and no cell takes from them "
+            f"({100 * share:.2g} % of its area; {first_few(faces, what='face')}): the sheet lies "
+            "in folds or walls there that the target lacks, and their fibres are missing"
+        )
     found += _permeability_warnings(weights, mapped)
+    found += _solid_warnings(weights, mapped)
     if weights.wedge_correction > LARGE_CORRECTION:
         found.append(
             "the target bends sharply or covers parts of the sheet more than once: contents were "
@@ -252,6 +274,29 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     found += target.notes
     if sheet.unused:
         found.append(f"fields left aside, no scalars or with holes: {', '.join(sheet.unused)}")
+    return found
+
+
+def _solid_warnings(weights: MappingWeights, mapped: MappedFields) -> list[str]:
+    """Cells of a solid that hold less textile than they have room for, and their thickness."""
+    found = []
+    if not len(weights.solid_thickness):
+        return found
+    difference = np.abs(mapped.scalars.get("thickness_difference", np.zeros(0)))
+    if len(difference) and np.nanmax(difference) > NOTABLE_DIFFERENCE:
+        worst = int(np.nanargmax(difference))
+        signed = mapped.scalars["thickness_difference"][worst]
+        found.append(
+            f"the solid mesh is up to {100.0 * abs(signed):.2g} % "
+            f"{'thicker' if signed > 0.0 else 'thinner'} than the formed textile (cell {worst}); "
+            "its fibre volume fraction is that of the formed fibre mass in its own thickness"
+        )
+    partly = np.flatnonzero(weights.mapped & (weights.coverage < COVERED))
+    if len(partly):
+        found.append(
+            f"{len(partly)} cells lie beyond the sheet in part or whole and hold fibre only where "
+            f"it is ({first_few(partly)})"
+        )
     return found
 
 

@@ -14,6 +14,7 @@ import xarray as xr
 
 from lcmchain.errors import InputError, shortened
 from lcmchain.fields.ugrid import TIME
+from lcmchain.mapping.bodies import holes_of, plies_of
 from lcmchain.mapping.source_checks import (
     UNREADABLE,
     mesh_of,
@@ -69,6 +70,8 @@ class Sheet:
     provenance : what the source file says about where it comes from, its name and its hash.
     permeability : principal values and axes, if the result has them all.
     time : of the saved state [s], if it is known.
+    ply : number of the ply of each face, shape (F,), where there are several.
+    ply_names : names of the plies.
     """
 
     surface: Surface
@@ -80,6 +83,20 @@ class Sheet:
     name: str = "forming result"
     permeability: PrincipalPermeability | None = None
     time: float | None = None
+    ply: np.ndarray | None = None
+    ply_names: tuple[str, ...] = ()
+
+    @property
+    def is_stack(self) -> bool:
+        """Whether there are several plies."""
+        return len(self.ply_names) > 1
+
+    @property
+    def plies(self) -> np.ndarray:
+        """Number of the ply of each face, shape (F,); zero where there is only one."""
+        if self.ply is None:
+            return np.zeros(self.surface.face_count, dtype=np.int64)
+        return self.ply
 
 
 def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> Sheet:
@@ -191,7 +208,9 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     fields, attributes = _face_fields(dataset, connectivity.dims[0], node_dimension, faces)
     permeability = _take_permeability(fields, name)
 
-    holes = {key: np.flatnonzero(~np.isfinite(values)) for key, values in fields.items()}
+    ply, ply_names = plies_of(dataset, connectivity.dims[0], name)
+
+    holes = {key: holes_of(values, ply) for key, values in fields.items()}
     for key, bad in holes.items():
         if len(bad) and _stem(key) in NEEDED:
             raise InputError(f"{key} of face {bad[0]} is not finite", file=name)
@@ -223,7 +242,7 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     }
     return Sheet(
         Surface(points, faces), scalars, directions, attributes, unused, provenance, name,
-        permeability, _time_of(dataset),
+        permeability, _time_of(dataset), ply, ply_names,
     )  # fmt: skip
 
 

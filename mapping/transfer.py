@@ -6,10 +6,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lcmchain.mapping.averages import contents_of_cells, mean_over_cells
+from lcmchain.mapping.averages import contents_of_cells, contents_of_faces, mean_over_cells
 from lcmchain.mapping.orientation import MappedDirections, map_directions
 from lcmchain.mapping.permeability import map_permeability
 from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, Sheet
+from lcmchain.mapping.solids.fields import solid_scalars
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.weights import MappingWeights
 
@@ -18,6 +19,12 @@ ONE_DENSITY = 1e-4
 
 # Fields that count something per area; its total over the covered area is kept.
 CONTENTS = ("areal_fibre_mass",)
+
+# What the error that the mapping adds to a field is called, after the name of the field.
+ERROR = "_mapping_error"
+
+# The permeability has one error, that of its tensor.
+PERMEABILITY = "permeability"
 
 # Angles between axes, counted about the normal: seen from the other side they change their sign.
 ABOUT_NORMAL = frozenset({"shear_angle"})
@@ -30,12 +37,14 @@ class MappedFields:
     axes : principal axes (C, 3), which are unit vectors without a sense.
     about_sheet : whether signed angles are about the normal of the sheet, as in solid cells, rather
         than about that of the cell.
+    errors : that the mapping adds to fields, by their names, shape (C,); where it was verified.
     """
 
     scalars: dict[str, np.ndarray]
     directions: dict[str, MappedDirections]
     axes: dict[str, np.ndarray] = field(default_factory=dict)
     about_sheet: bool = False
+    errors: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def vectors(self) -> dict[str, np.ndarray]:
@@ -48,6 +57,18 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
 
     The fibre volume fraction is that of the mapped fibre mass in the mapped thickness.
     """
+    if sheet.is_stack:
+        from lcmchain.mapping.plies import transfer_plies
+
+        return transfer_plies(sheet, target, weights)
+    return carried(sheet, weights, None if target.is_solid else target.surface.normals)
+
+
+def carried(sheet: Sheet, weights: MappingWeights, normals: np.ndarray | None) -> MappedFields:
+    """Carry every field of one ply to the cells, or to the nodes, that weights are for.
+
+    normals : unit normals of the cells (C, 3); None for solids, which have none.
+    """
     scalars = {
         name: (
             transfer_content(sheet, weights, values)
@@ -56,8 +77,10 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         )
         for name, values in sheet.scalars.items()
     }
-    scalars |= _fibre_volume_fraction(sheet, scalars)
-    normals = None if target.is_solid else target.surface.normals
+    if len(weights.solid_thickness):
+        scalars |= solid_scalars(sheet, weights, scalars, fibre_density(sheet))
+    else:
+        scalars |= _fibre_volume_fraction(sheet, scalars, weights.solid_thickness)
     if normals is not None:
         for name in ABOUT_NORMAL & scalars.keys():
             scalars[name] = facing(sheet, weights, normals) * scalars[name]
@@ -72,7 +95,7 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         found = map_permeability(sheet.surface, weights, sheet.permeability, normals)
         scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
         axes = {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
-    return MappedFields(scalars, directions, axes, about_sheet=target.is_solid)
+    return MappedFields(scalars, directions, axes, about_sheet=normals is None)
 
 
 def facing(sheet: Sheet, weights: MappingWeights, normals: np.ndarray) -> np.ndarray:
@@ -100,27 +123,35 @@ def fibre_mass(weights: MappingWeights, mapped: MappedFields) -> np.ndarray | No
     """Fibre mass of each cell [kg], shape (C,); None where the mapping does not keep it."""
     if "areal_fibre_mass" not in mapped.scalars or not weights.conservative:
         return None
-    return mapped.scalars["areal_fibre_mass"] * covered_areas(weights)
+    return mapped.scalars["areal_fibre_mass"] * content_areas(weights)
 
 
 def with_fibre_mass(
     sheet: Sheet, weights: MappingWeights, mapped: MappedFields, mass: np.ndarray
 ) -> MappedFields:
     """Give cells a fibre mass [kg], shape (C,), and the volume fraction that follows from it."""
-    areas = covered_areas(weights)
+    areas = content_areas(weights)
     there = areas > 0.0
     areal = mapped.scalars["areal_fibre_mass"].copy()
     areal[there] = mass[there] / areas[there]
     scalars = {**mapped.scalars, "areal_fibre_mass": areal}
-    return replace(mapped, scalars=scalars | _fibre_volume_fraction(sheet, scalars))
+    fraction = _fibre_volume_fraction(sheet, scalars, weights.solid_thickness)
+    return replace(mapped, scalars=scalars | fraction)
 
 
-def _fibre_volume_fraction(sheet: Sheet, scalars: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Volume fraction of the mapped fibre mass in the mapped thickness, if the density is known."""
+def _fibre_volume_fraction(
+    sheet: Sheet, scalars: dict[str, np.ndarray], solid_thickness: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Volume fraction of the mapped fibre mass in the thickness, if the density is known.
+
+    solid_thickness : of solid cells themselves [m], shape (C,); empty for surfaces, which have the
+        mapped one.
+    """
     density = fibre_density(sheet)
     if density is None:
         return {}
-    fraction = scalars["areal_fibre_mass"] / (density * scalars["thickness"])
+    thickness = solid_thickness if len(solid_thickness) else scalars["thickness"]
+    fraction = scalars["areal_fibre_mass"] / (density * thickness)
     return {"fibre_volume_fraction": fraction}
 
 
@@ -167,19 +198,28 @@ def transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray
         return np.where(covered_area > 0.0, content / covered_area, nearest)
 
 
+def content_areas(weights: MappingWeights) -> np.ndarray:
+    """Area of each cell that its areal mass belongs to [m2], shape (C,).
+
+    Of a surface it is what the sheet covers; a solid that the sheet covers in part has its mass
+    spread over all of its volume.
+    """
+    return weights.cell_area if len(weights.solid_thickness) else covered_areas(weights)
+
+
 def covered_areas(weights: MappingWeights) -> np.ndarray:
     """Area of each cell that the sheet covers [m2], shape (C,)."""
     return np.minimum(weights.coverage, 1.0) * weights.cell_area
 
 
 def content_of_cells(weights: MappingWeights, per_area: np.ndarray) -> float:
-    """Content of all cells over their covered areas."""
-    covered = covered_areas(weights)
-    return float(np.sum(np.where(covered > 0.0, per_area * covered, 0.0)))
+    """Content of all cells."""
+    covered = content_areas(weights)
+    return float(np.nansum(np.where(covered > 0.0, per_area * covered, 0.0)))
 
 
 def content_of_sheet(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> float:
-    """Content that the covered parts of the faces hand to the cells."""
+    """Content of the covered part of the sheet."""
     if not weights.conservative:
         return float(np.sum(per_area * sheet.surface.areas * weights.face_coverage))
-    return float(contents_of_cells(sheet.surface, weights, per_area).sum())
+    return float(contents_of_faces(sheet.surface, weights, per_area).sum())

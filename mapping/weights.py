@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.mapping.pairing import COVERED, Pairing, by_closest, by_overlap
+from lcmchain.mapping.pairing import COVERED, TILED, Pairing, by_closest, by_overlap
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.target import TargetMesh
 
@@ -54,9 +54,13 @@ class MappingWeights:
         where the cell is unmapped.
     cell_area : area [m2] of each cell (of a solid: of its section along the sheet), shape (C,).
     face_coverage : covered share of each face, shape (F,).
+    missed : faces over the target from which no cell takes, as of folds that it lacks, shape (F,).
     wedge_correction : largest relative change of ``content`` that made it sum to the covered
         share of a face; rounding, unless the target bends more sharply than the sheet.
     order : 1 carries means of faces, 2 what varies linearly within them.
+    solid_thickness, formed_thickness : of the target itself and of the textile, all plies, at each
+        solid cell [m], shape (C,); empty for surfaces.
+    ply_coverage : coverage of each cell by every ply, shape (P, C); empty for a single ply.
     """
 
     cell: np.ndarray
@@ -69,6 +73,7 @@ class MappingWeights:
     distance: np.ndarray
     cell_area: np.ndarray
     face_coverage: np.ndarray
+    missed: np.ndarray
     wedge_correction: float
     method: str
     order: int
@@ -76,6 +81,9 @@ class MappingWeights:
     conservative: bool
     source_key: str
     target_key: str
+    solid_thickness: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    formed_thickness: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    ply_coverage: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def cell_count(self) -> int:
@@ -94,6 +102,19 @@ class MappingWeights:
     def start(self) -> np.ndarray:
         """First weight of each cell, shape (C + 1,)."""
         return np.searchsorted(self.cell, np.arange(self.cell_count + 1))
+
+    @cached_property
+    def content_centroid(self) -> np.ndarray:
+        """Centroid of all parts of a wholly covered face [m], in its frame, shape (F, 2).
+
+        It is that of the face, but where the shares had to be scaled. Zero for the others.
+        """
+        moments = [
+            np.bincount(self.face, self.content * place, minlength=self.face_count)
+            for place in self.place.T
+        ]
+        whole = self.face_coverage >= 1.0 - TILED
+        return np.where(whole[:, None], np.stack(moments, axis=1), 0.0)
 
     @cached_property
     def average_matrix(self) -> csr_array:
@@ -189,6 +210,15 @@ def compute_weights(
         raise InputError(f'"{method}" is no mapping method; write one of {", ".join(METHODS)}')
     if order not in ORDERS:
         raise InputError(f"the order of a mapping is 1 or 2, not {order}")
+    if target.is_solid and method == "overlap":
+        from lcmchain.mapping.solids.weights import compute_solid_weights
+
+        return compute_solid_weights(sheet, target, order=order, maximum_distance=maximum_distance)
+    if sheet.is_stack:
+        from lcmchain.mapping.plies import weights_of_plies
+
+        alone = {"method": method, "order": order, "maximum_distance": maximum_distance}
+        return weights_of_plies(sheet, lambda ply: compute_weights(ply, target, **alone))
     if maximum_distance is None:
         maximum_distance = default_maximum_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
@@ -206,6 +236,7 @@ def compute_weights(
         distance=found.distance,
         cell_area=found.cell_area,
         face_coverage=found.face_coverage,
+        missed=found.missed,
         wedge_correction=found.wedge_correction,
         method=method,
         order=order,
@@ -223,13 +254,13 @@ def _status(sheet: Sheet, found: Pairing) -> np.ndarray:
     status = np.where(mapped, Status.EXTRAPOLATED, Status.UNMAPPED).astype(np.int8)
     covered = mapped & (found.coverage >= COVERED)
     status[covered] = Status.PROJECTED
-    within = found.distance <= _half_thickness(sheet)[found.nearest_face]
+    within = found.distance <= half_thickness(sheet)[found.nearest_face]
     status[covered & within] = Status.INSIDE
     status[mapped & found.ambiguous] = Status.AMBIGUOUS
     return status
 
 
-def _half_thickness(sheet: Sheet) -> np.ndarray:
+def half_thickness(sheet: Sheet) -> np.ndarray:
     """Distance from the mid-surface within which a point lies in the sheet [m], shape (F,)."""
     if "thickness" in sheet.scalars:
         return 0.5 * sheet.scalars["thickness"]

@@ -51,6 +51,19 @@ def summary_rows(summary: Mapping) -> Iterator[Number]:
     yield from key_numbers(summary)
     for name, report in summary["mapping"].items():
         yield Number(f"Mapping {name}", *_mapping_text(report))
+    for name, report in summary.get("structure", {}).items():
+        cells = f"{report['cell_count']:,} {'/'.join(report['elements'])} elements"
+        yield Number(f"Structure {name}", cells, ", ".join(_structure_text(report)))
+
+
+def _structure_text(report: Mapping) -> Iterator[str]:
+    if not report["solved"]:
+        yield "not solved"
+    if report["displacement_max"] is not None:
+        yield f"displaced by up to {1e3 * report['displacement_max']:.4g} mm"
+    if report["eigenfrequencies"]:
+        found = [f"{value:.4g}" for value in report["eigenfrequencies"][:3] if value is not None]
+        yield f"eigenfrequencies {', '.join(found)} Hz"
 
 
 def _mapping_text(report: Mapping) -> tuple[str, str]:

@@ -27,6 +27,7 @@ from lcmchain.thresholds import (
     LARGEST_KINETIC_PART,
     LARGEST_KINETIC_PART_AT_END,
     LARGEST_PENETRATION,
+    LARGEST_TARGET_DISTANCE,
     LONGEST_DYNAMIC_PART,
 )
 
@@ -245,8 +246,22 @@ def _mapping(check: str, key: str, report: Mapping[str, Any]) -> Verdict:
         f"{report['cell_count']:,} cells {extrapolated:,} reach beyond the edge of the sheet and "
         f"{unmapped:,} hold no values; farthest {1e3 * report['worst_distance']:.2f} mm off"
     )
+    off, where = _distance_of_target(report)
+    text += where
     if unmapped:
         return Verdict(check, BAD_GRADE, text, f"{key}.mesh, {key}.maximum_distance")
     if extrapolated:
         return Verdict(check, DOUBTFUL, text, f"{key}.mesh")
+    if off:
+        return Verdict(check, DOUBTFUL, text, f"{key}.mesh, {key}.registration")
     return Verdict(check, GOOD, text)
+
+
+def _distance_of_target(report: Mapping[str, Any]) -> tuple[bool, str]:
+    """Whether the target lay too far off the sheet when it was mapped, and how far."""
+    place = report.get("registration")
+    if place is None:
+        return False, ""
+    distance = place["root_mean_square_after" if report["registered"] else "root_mean_square"]
+    too_far = distance > LARGEST_TARGET_DISTANCE * place["thickness"]
+    return too_far, f", {1e3 * distance:.3f} mm as root mean square"

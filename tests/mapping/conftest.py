@@ -99,10 +99,80 @@ def families(points, faces, shear=0.0):
     return first, np.sin(shear) * first + np.cos(shear) * across
 
 
+def bricks(points, quads, heights, shape=None, kind="hexahedron"):
+    """Solid cells over a plate: nodes (N, 3), cells (C, ...), one layer between two heights.
+
+    shape : function of plate points and height that gives nodes; flat by default. Tetrahedra are
+    five to a brick, mirrored from brick to brick so that they fit; pyramids six, to its middle.
+    """
+    shape = shape or (lambda p, z: lifted(p) + [0.0, 0.0, z])
+    nodes = np.concatenate([shape(points, z) for z in heights])
+    count, layers = len(points), len(heights) - 1
+    cells = np.concatenate(
+        [np.hstack([quads + k * count, quads + (k + 1) * count]) for k in range(layers)]
+    )
+    if kind == "hexahedron":
+        return nodes, cells
+    if kind == "wedge":
+        return nodes, cells[:, [[0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]]].reshape(-1, 6)
+    if kind == "pyramid":
+        middle = len(nodes) + np.arange(len(cells))
+        sides = [[0, 1, 2, 3], [7, 6, 5, 4], [0, 4, 5, 1], [1, 5, 6, 2], [2, 6, 7, 3], [3, 7, 4, 0]]
+        tips = np.repeat(middle, 6)[:, None]
+        pyramids = np.hstack([cells[:, sides].reshape(-1, 4), tips])
+        return np.concatenate([nodes, nodes[cells].mean(axis=1)]), pyramids
+    row = points[quads[:, 3], 0] > points[np.roll(quads[:, 3], 1), 0] + 1e-9
+    columns = np.cumsum(row)
+    along = np.arange(len(quads)) - np.searchsorted(columns, columns)
+    odd = np.concatenate([(columns + along + k) % 2 for k in range(layers)]) == 1
+    halves = (
+        [[0, 1, 3, 4], [1, 2, 3, 6], [1, 3, 4, 6], [1, 4, 5, 6], [3, 4, 6, 7]],
+        [[0, 1, 2, 5], [0, 2, 3, 7], [0, 2, 7, 5], [0, 5, 7, 4], [2, 5, 6, 7]],
+    )
+    split = np.where(odd[:, None, None], cells[:, halves[0]], cells[:, halves[1]])
+    return nodes, split.reshape(-1, 4)
+
+
+def shell_of_bowl(depth):
+    """Shape of solids around the bowl: a plate at a height along the normals of the paraboloid."""
+
+    def shape(points, height):
+        normal = np.concatenate([-2.0 * depth * points, np.ones((len(points), 1))], axis=1)
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        return bowl(points, depth) + height * normal
+
+    return shape
+
+
+def two_plies(first, second, **fields):
+    """Forming result of two plies, ``under`` and ``over``: points and faces of each.
+
+    Fields are pairs of what :func:`forming_result` takes, one for each ply.
+    """
+    each = [
+        forming_result(*mesh, **{name: pair[k] for name, pair in fields.items()})
+        for k, mesh in enumerate((first, second))
+    ]
+    points = np.concatenate([first[0], second[0]])
+    faces = np.concatenate([first[1], second[1] + len(first[0])])
+    joined = forming_result(points, faces)
+    for name, variable in each[0].data_vars.items():
+        if variable.dims == ("time", "sheet_face"):
+            values = np.concatenate([one[name].values for one in each], axis=1)
+            joined[name] = (variable.dims, values, variable.attrs)
+    ply = np.repeat(np.arange(2, dtype=np.int32), [len(first[1]), len(second[1])])
+    flags = {"flag_values": np.arange(2, dtype=np.int32), "flag_meanings": "under over"}
+    joined["body"] = (("sheet_face",), ply, flags)
+    return joined
+
+
 @pytest.fixture(scope="session")
 def make():
     """The makers above; test files of the suite cannot import each other."""
-    makers = (grid, lifted, bowl, triangles_of, area_vectors, forming_result, families)
+    makers = (
+        grid, lifted, bowl, triangles_of, area_vectors, forming_result, families,
+        bricks, shell_of_bowl, two_plies,
+    )  # fmt: skip
     return SimpleNamespace(**{maker.__name__: maker for maker in makers})
 
 

@@ -33,6 +33,12 @@ MAPPING = {
     "target_coverage": 1.0,
     "worst_distance": 1e-4,
 }
+PLACE = {
+    "registration": {
+        "root_mean_square": 6e-4, "root_mean_square_after": 2e-5, "thickness": 1e-3
+    },
+    "registered": False,
+}  # fmt: skip
 SOUND = {
     "state": "complete",
     "balance_error_max": 0.0,
@@ -227,6 +233,7 @@ def test_packing_beyond_what_fibres_can_be_packed_to(scene, datasets, count, gra
     [
         ({"status_count": {"extrapolated": 3}}, "doubtful", "3 reach beyond the edge"),
         ({"status_count": {"extrapolated": 3, "unmapped": 1}}, "bad", "1 hold no values"),
+        (PLACE, "doubtful", "0.600 mm as root mean square"),
         ({"error": "no sheet within 3 mm"}, "bad", "failed: no sheet within 3 mm"),
     ],
 )
@@ -234,6 +241,12 @@ def test_grades_of_mappings(scene, datasets, changes, grade, words):
     verdict = judged(scene, datasets, mapping={"part": MAPPING | changes})["Mapping to part"]
     assert verdict.grade == grade
     assert words in verdict.text and 'mapping "part"' in verdict.remedy_key
+
+
+def test_a_registered_target_is_judged_where_it_was_mapped(scene, datasets):
+    changes = PLACE | {"registered": True}
+    verdict = judged(scene, datasets, mapping={"part": MAPPING | changes})["Mapping to part"]
+    assert verdict.grade == "good" and "0.020 mm as root mean square" in verdict.text
 
 
 def wave(datasets, elements, slope=0.5):

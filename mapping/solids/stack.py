@@ -1,0 +1,217 @@
+"""Plies that lie over each other: which part of the target's thickness each of them takes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.mapping.bodies import present
+from lcmchain.mapping.solids.columns import Columns
+from lcmchain.mapping.solids.lines import AT_EDGE, crossings
+from lcmchain.mapping.solids.overlap import Overlaps, Slices
+from lcmchain.mapping.solids.skin import STEEP, Skin
+from lcmchain.mapping.solids.tetrahedra import Solids
+
+#: A line that leaves a side of the target by this part of a triangle still finds it: at the outline
+#: of a curved target the line through a lower corner can miss the upper side.
+BESIDE = 0.2
+
+#: Corners closer to the skin than this part of the stack's thickness lie on it.
+ON_SKIN = 1e-9
+
+
+class Stack(NamedTuple):
+    """The plies in each cell.
+
+    thickness : formed thickness of all plies [m], not a number without a ply, shape (C,).
+    part : of this thickness that the ply of each overlap has, shape (K,).
+    slices : what of the target's thickness the ply of each overlap takes.
+    """
+
+    thickness: np.ndarray
+    part: np.ndarray
+    slices: Slices
+
+
+class _Plies(NamedTuple):
+    """Plies of each cell: P = number of plies.
+
+    normal : of the stack, shape (C, 3).
+    height : of each ply's mid-surface over the cell's first corner along it [m], shape (C, P).
+    thickness : of each ply, zero where the cell has nothing of it [m], shape (C, P).
+    end : lowest and highest place that is nearer to this wall than to another one, shape (C, 2).
+    """
+
+    normal: np.ndarray
+    height: np.ndarray
+    thickness: np.ndarray
+    end: np.ndarray
+
+
+def stack_of(
+    cells: Solids,
+    columns: Columns,
+    skin: Skin,
+    found: Overlaps,
+    ply: np.ndarray,
+    face_thickness: np.ndarray,
+) -> Stack:
+    """Sort the plies of every cell along the normal and share the target's thickness out.
+
+    Each ply takes the part of the local thickness of the target, from its lower to its upper
+    side, that its formed thickness has in the stack.
+
+    Parameters
+    ----------
+    found : overlaps of the cells with the whole columns of their own walls.
+    ply : number of the ply of each face, shape (F,).
+    face_thickness : formed thickness [m], shape (F,).
+    """
+    plies = _plies(cells, columns, found, ply, face_thickness)
+    whole = plies.thickness.sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        part = plies.thickness / whole[:, None]
+    # plies at one place lie over each other in the order of their numbers
+    order = np.argsort(np.where(part > 0.0, plies.height, np.inf), axis=1, kind="stable")
+    rank = np.argsort(order, axis=1, kind="stable")
+    upper = np.take_along_axis(np.cumsum(np.take_along_axis(part, order, axis=1), axis=1), rank, 1)
+    lower = upper - part
+    own = ply[found.face]
+    count = (part > 0.0).sum(axis=1)
+    first = rank[found.cell, own] == 0
+    last = rank[found.cell, own] == count[found.cell] - 1
+    slices = Slices(
+        _places_in_thickness(cells, skin, plies, whole),
+        np.where(first, -np.inf, lower[found.cell, own]),
+        np.where(last, np.inf, upper[found.cell, own]),
+    )
+    return Stack(np.where(count > 0, whole, np.nan), part[found.cell, own], slices)
+
+
+def one_ply(found: Overlaps, face_thickness: np.ndarray, cell_count: int) -> Stack:
+    """Return the stack of a single ply, which takes all of the target."""
+    volume = np.bincount(found.cell, weights=found.volume, minlength=cell_count)
+    summed = np.bincount(
+        found.cell, weights=found.volume * face_thickness[found.face], minlength=cell_count
+    )
+    thickness = np.where(volume > 0.0, summed / np.where(volume > 0.0, volume, 1.0), np.nan)
+    return Stack(thickness, np.ones(len(found.cell)), Slices.nothing(found, cell_count))
+
+
+def _plies(
+    cells: Solids,
+    columns: Columns,
+    found: Overlaps,
+    ply: np.ndarray,
+    face_thickness: np.ndarray,
+) -> _Plies:
+    cell_count, ply_count = len(cells.volumes), int(ply.max()) + 1
+    cell, face, volume = found.cell, found.face, found.volume
+    # normals of plies that look to the other side are turned to that of the cell's first overlap
+    leading = np.zeros(cell_count, dtype=np.int64)
+    leading[cell[::-1]] = face[::-1]
+    normals = columns.face_normals
+    sign = np.sign(np.einsum("ki,ki->k", normals[face], normals[leading[cell]]))
+    normal = np.zeros((cell_count, 3))
+    np.add.at(normal, cell, (volume * sign)[:, None] * normals[face])
+    length = np.linalg.norm(normal, axis=1)
+    normal /= np.where(length > 0.0, length, 1.0)[:, None]
+
+    origin = cells.corners[:, 0]
+    height = np.einsum("ki,ki->k", columns.centroids[face] - origin[cell], normal[cell])
+    reach = np.stack([columns.below, columns.above], axis=1)[columns.faces].mean(axis=1)[face]
+    reach = np.where(sign[:, None] < 0.0, -reach[:, ::-1], reach)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        key = cell * ply_count + ply[face]
+        size = cell_count * ply_count
+        held = np.bincount(key, weights=volume, minlength=size)
+        summed = np.bincount(key, weights=volume * values, minlength=size)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return (summed / held).reshape(cell_count, ply_count)
+
+    middle = mean(height)
+    ends = (middle + mean(reach[:, 0]), middle + mean(reach[:, 1]))
+    low, high = (np.where(np.isnan(v), w, v) for v, w in zip(ends, (np.inf, -np.inf), strict=True))
+    end = np.stack([low.min(axis=1), high.max(axis=1)], axis=1)
+    # a ply that ends inside the cell counts with the part that is there
+    held = np.bincount(cell * ply_count + ply[face], weights=volume, minlength=middle.size)
+    held = held.reshape(middle.shape) / cells.volumes[:, None]
+    thickness = np.nan_to_num(mean(face_thickness[face])) * present(held.T).T
+    return _Plies(normal, middle, thickness, end)
+
+
+def _places_in_thickness(cells: Solids, skin: Skin, plies: _Plies, whole: np.ndarray) -> np.ndarray:
+    """Place of each corner in the target's thickness, 0 below and 1 above, shape (C, 8)."""
+    offset = cells.corners - cells.corners[:, :1]
+    corner = np.einsum("cki,ci->ck", offset, plies.normal)
+    size = np.ptp(corner, axis=1)
+    reach = np.stack([corner.max(axis=1) - plies.end[:, 0], plies.end[:, 1] - corner.min(axis=1)])
+    reach = np.where(np.isfinite(reach), np.maximum(reach, 0.0), 0.0).T + size[:, None]
+    low, high = _extent(cells, skin, plies.normal, corner, reach, whole, AT_EDGE)
+    missing = ~(np.isfinite(low) & np.isfinite(high)) & (whole > 0.0)[:, None]
+    if missing.any():
+        wide = _extent(cells, skin, plies.normal, corner, reach, whole, BESIDE, missing)
+        low = np.where(np.isfinite(low), low, wide[0])
+        high = np.where(np.isfinite(high), high, wide[1])
+    low = np.maximum(low, plies.end[:, :1])
+    high = np.minimum(high, plies.end[:, 1:])
+    low, high = _filled(low), _filled(high)
+    # without any side of the target in reach: the plies as they were formed
+    half = 0.5 * whole[:, None]
+    held = plies.thickness > 0.0
+    centre = (
+        np.sum(np.where(held, plies.height * plies.thickness, 0.0), axis=1)[:, None]
+        / (np.where(whole > 0.0, whole, 1.0)[:, None])
+    )
+    low, high = (np.where(np.isfinite(v), v, centre + s * half) for v, s in ((low, -1), (high, 1)))
+    depth = high - low
+    return (corner - low) / np.where(depth > 0.0, depth, np.inf)
+
+
+def _filled(values: np.ndarray) -> np.ndarray:
+    """Values of corners, those that are not known as the mean of the cell's others, (C, 8)."""
+    known = np.isfinite(values)
+    count = known.sum(axis=1)
+    mean = np.where(known, values, 0.0).sum(axis=1) / np.where(count > 0, count, 1)
+    return np.where(known, values, np.where(count > 0, mean, np.nan)[:, None])
+
+
+def _extent(
+    cells: Solids,
+    skin: Skin,
+    normal: np.ndarray,
+    corner: np.ndarray,
+    reach: np.ndarray,
+    whole: np.ndarray,
+    margin: float,
+    chosen: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Heights of the target's lower and upper side on lines through the corners [m], (C, 8).
+
+    Of several walls on a line the one that lies between the corner and the middle of the cell.
+    """
+    count = len(corner)
+    used = np.broadcast_to((whole > 0.0)[:, None], corner.shape) if chosen is None else chosen
+    cell, k = np.nonzero(used)
+    found = crossings(cells.corners[cell, k], normal[cell], reach[cell], skin.fans, margin)
+    across = np.cross(skin.fans[:, 1] - skin.fans[:, 0], skin.fans[:, 2] - skin.fans[:, 0])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    own = cell[found.line]
+    along = np.einsum("ki,ki->k", across[found.triangle], normal[own])
+    place = corner[own, k[found.line]] + found.place
+    middle = corner.mean(axis=1)[own]
+    here = corner[own, k[found.line]]
+    near = ON_SKIN * whole[own]
+    low, high = np.full(corner.size, -np.inf), np.full(corner.size, np.inf)
+    key = own * corner.shape[1] + k[found.line]
+    below = (along < -STEEP) & (place <= np.maximum(here, middle) + near)
+    above = (along > STEEP) & (place >= np.minimum(here, middle) - near)
+    np.maximum.at(low, key[below], place[below])
+    np.minimum.at(high, key[above], place[above])
+    shape = (count, corner.shape[1])
+    return (
+        np.where(np.isfinite(low), low, np.nan).reshape(shape),
+        np.where(np.isfinite(high), high, np.nan).reshape(shape),
+    )
