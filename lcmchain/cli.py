@@ -18,6 +18,7 @@ from lcmchain.commands.map import map_fields
 from lcmchain.commands.new import new_app
 from lcmchain.commands.options import OutFolder, Overrides, SceneFile, Strict
 from lcmchain.commands.run_report import print_result
+from lcmchain.commands.structure import structure
 from lcmchain.commands.terminal import (
     console,
     print_error,
@@ -144,6 +145,7 @@ def schema(
 
 
 app.command("map")(map_fields)
+app.command()(structure)
 
 
 @fmu_app.callback()

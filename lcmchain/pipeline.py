@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,43 +13,22 @@ import xarray as xr
 from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
 from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.errors import (
-    InputError,
-    LcmchainError,
-    MappingError,
-    OutputError,
-    SimulationInterrupted,
-    UnfinishedRun,
-)
+from lcmchain.errors import LcmchainError, MappingError, OutputError, UnfinishedRun
 from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
-from lcmchain.forming_run import FormingRun, Progress, ignore
+from lcmchain.forming_run import FormingRun, Progress
 from lcmchain.mesh.blank import build_blank
 from lcmchain.provenance import provenance
-from lcmchain.results import (
-    COMPLETE,
-    INTERRUPTED,
-    RUNNING,
-    ProgressLines,
-    ResultsFolder,
-    RunLog,
-    all_warnings,
-    stopped,
-    write_summary,
-)
-from lcmchain.results.log import LOG_FILE
-from lcmchain.results.state import SUMMARY_FILE
-from lcmchain.scene import Scene
+from lcmchain.results import COMPLETE, RUNNING, ResultsFolder
+from lcmchain.run_account import RunAccount, state_after
+from lcmchain.run_files import expected_files, input_files, require_free_names
+from lcmchain.scene import MappingTarget, Scene
 from lcmchain.scene.output import NO_FILM
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_head, run_summary
 from lcmchain.threads import use_threads
 from lcmchain.tools import ToolWarning
-
-#: Files that a run writes under names of its own; each mapping adds files of its name.
-OWN_FILES = ("forming.nc", "forming.vtu", "forming.pvd", "report.html", SUMMARY_FILE, LOG_FILE)
-MAPPED_SUFFIXES = (".nc", ".vtu", ".png", ".json")
 
 
 @dataclass(frozen=True)
@@ -96,33 +74,35 @@ def run(
     folder = Path(out)
     thread_count = use_threads(threads)
     _require_readable_targets(scene)
-    _require_free_names(scene)
-    with ResultsFolder.locked(folder, _input_files(scene)) as results:
-        results.require_apart(_expected_files(scene))
-        job = _Job(scene, results, thread_count, progress)
+    require_free_names(scene)
+    with ResultsFolder.locked(folder, input_files(scene)) as results:
+        results.require_apart(expected_files(scene))
+        account = RunAccount(folder, scene.process.time, progress)
+        job = _Job(scene, results, thread_count, account)
         checkpoint = read_checkpoint(folder, job.fingerprint) if resume else None
         job.build()
         results.begin(resume=resume)
-        with job.accounted():
+        with account.kept(on_failure=job.write_report):
             job.form(checkpoint)
             job.draw()
             job.map_fields()
             job.complete()
+        remove_checkpoint(folder)
+        results.remove_previous()
     return job.result
 
 
 class _Job:
-    """The stages of one run, and the account that ``summary.json`` and the log give of them."""
+    """The stages of one run."""
 
     def __init__(
-        self, scene: Scene, results: ResultsFolder, threads: int, progress: Progress | None
+        self, scene: Scene, results: ResultsFolder, threads: int, account: RunAccount
     ) -> None:
         self.scene, self.folder, self.results = scene, results.path, results
         self.threads = threads
+        self.account, self.tell, self.summary = account, account.tell, account.summary
         self.fingerprint = run_fingerprint(scene)
         self.result: Result
-        self._log: Callable[[str], None] = ignore
-        self._listeners: list[Progress] = [progress or ignore]
 
     def build(self) -> None:
         """Build the model: what is wrong with the input is found here."""
@@ -139,28 +119,10 @@ class _Job:
             from lcmchain.report.run_pictures import require_film
 
             require_film(self.scene.output, model.blank, model.material)
-        self.summary = run_head(self.scene, self.simulation, self.fingerprint.sha256)
+        self.summary |= run_head(self.scene, self.simulation, self.fingerprint.sha256)
         self.summary["provenance"] = provenance(
             self.scene, run_fingerprint=self.fingerprint.sha256, threads=self.threads
         )
-
-    def tell(self, time: float, text: str) -> None:
-        """Report a stage, and the process time [s] that it has come to."""
-        for listener in self._listeners:
-            listener(time, self.scene.process.time, text)
-
-    @contextlib.contextmanager
-    def accounted(self) -> Iterator[None]:
-        """Keep the log and the state of the results, however the stages end."""
-        self._log = RunLog(self.folder)
-        self._listeners.append(ProgressLines(self._log))
-        self._log(self._opening())
-        self._set_state(RUNNING)
-        try:
-            yield
-        except BaseException as error:
-            self._end(_state_after(error), error)
-            raise
 
     def form(self, checkpoint: Checkpoint | None) -> None:
         """Form the blank and write its fields, also the frames of a run that ends before time."""
@@ -174,7 +136,7 @@ class _Job:
         try:
             forming.complete(checkpoint)
         except UnfinishedRun as error:
-            self._write_fields(forming, compile_s, _state_after(error))
+            self._write_fields(forming, compile_s, state_after(error))
             error.result = self.result
             last = 1e3 * forming.snapshots[-1].time
             error.where = f"The frames up to {last:.4g} ms are in {self.folder / 'forming.nc'}"
@@ -183,7 +145,8 @@ class _Job:
         self._write_fields(forming, compile_s, COMPLETE)
         step_count = self.simulation.state.step_count
         record_speed(self.simulation.model, self.threads, step_count, forming.wall_s)
-        self._set_state(RUNNING)  # forming is complete: nothing that fails from here may lose it
+        # forming is complete: nothing that fails from here may lose it
+        self.account.set_state(RUNNING)
 
     def draw(self) -> None:
         """Draw what the scene asks for."""
@@ -219,12 +182,13 @@ class _Job:
                     out_dir=self.folder,
                 )
                 self.summary["mapping"][target.name] = report.as_dict()
+                self._analyse(target)
             except OutputError:
                 raise  # a full disk is no fault of the mesh
             except LcmchainError as error:
                 failures.append(f'mapping "{target.name}" failed: {error}')
-                self.summary["mapping"][target.name] = {"error": str(error)}
-            self._set_state(RUNNING)
+                self.summary["mapping"].setdefault(target.name, {"error": str(error)})
+            self.account.set_state(RUNNING)
         if failures:
             raise MappingError(
                 f"{'. '.join(failures)}. The forming results in {self.folder} are complete; mend "
@@ -233,22 +197,35 @@ class _Job:
                 self.result,
             )
 
+    def _analyse(self, target: MappingTarget) -> None:
+        """Analyse the structure of a mapped part where the scene asks for it."""
+        if target.structure is None:
+            return
+        from lcmchain.mapping.structure import SolverOptions, analyse
+
+        self.tell(self.scene.process.time, f"structural analysis of {target.name}")
+        report = analyse(
+            self.folder / f"{target.name}.nc",
+            self.scene.source.directory / target.mesh,
+            target.structure,
+            name=target.name,
+            out_dir=self.folder,
+            length_unit=target.length_unit,
+            options=SolverOptions(threads=self.threads, picture=self.scene.output.pictures),
+        )
+        self.summary.setdefault("structure", {})[target.name] = report.as_dict()
+
     def complete(self) -> None:
-        """Say that everything is there, and remove what only an unfinished run needs."""
+        """Write the report, and say that everything is there."""
         self.tell(self.scene.process.time, "writing the report")
-        self._write_report(COMPLETE)
-        self._set_state(COMPLETE)
-        for warning in all_warnings(self.summary):
-            self._log(f"warning: {warning}")
-        self._log(COMPLETE)
-        remove_checkpoint(self.folder)
-        self.results.remove_previous()
+        self.write_report(COMPLETE)
+        self.account.complete()
 
     def save(self) -> None:
         """Note in the summary how far the run has come; called after every checkpoint."""
         state = self.simulation.state
         self.summary |= {"time_reached_s": state.time, "step_count": state.step_count}
-        self._set_state(RUNNING)
+        self.account.set_state(RUNNING)
 
     def tell_forming(self, completed: float, total: float, text: str) -> None:
         """Report how far the forming stage has come."""
@@ -270,7 +247,7 @@ class _Job:
         self.summary["time_reached_s"] = self.simulation.time
         self.result = Result(datasets, self.summary, self.folder)
 
-    def _write_report(self, state: str) -> None:
+    def write_report(self, state: str) -> None:
         """Write ``report.html`` of what there is; a run that failed early has nothing to report."""
         result = getattr(self, "result", None)
         if not self.scene.output.report or result is None:
@@ -285,68 +262,6 @@ class _Job:
             self.summary | {"state": state},
             pictures=[name for name in self.results.files if name.endswith(".png")],
         )
-
-    def _set_state(self, state: str) -> None:
-        self.summary["state"] = state
-        write_summary(self.folder, self.summary)
-
-    def _end(self, state: str, error: BaseException) -> None:
-        """Give the account of a run that has failed, as far as that can still be written."""
-        self._log(f"{state.partition(':')[0]}: {error or type(error).__name__}")
-        # On a full disk the summary goes on saying "running", which readers take for interrupted;
-        # the error that ended the run is what the user must see.
-        with contextlib.suppress(OSError, LcmchainError):
-            self._set_state(state)
-        if isinstance(error, LcmchainError):
-            with contextlib.suppress(OSError, LcmchainError):
-                self._write_report(state)
-
-    def _opening(self) -> str:
-        summary = self.summary
-        place = summary["run"]
-        return (
-            f"lcmchain {summary['lcmchain_version']}, {summary['title']}: "
-            f"{summary['element_count']:,} elements, {self.threads} threads, process "
-            f"{place['process']} on {place['host']}"
-        )
-
-
-def _state_after(error: BaseException) -> str:
-    """Return the state of results whose run ended with this error."""
-    asked_for = isinstance(error, KeyboardInterrupt | SimulationInterrupted)
-    return INTERRUPTED if asked_for else stopped(str(error) or type(error).__name__)
-
-
-def _input_files(scene: Scene) -> list[Path]:
-    """Return the files that a run reads."""
-    directory = Path(scene.source.directory)
-    tools = [getattr(tool.shape, "file", None) for tool in scene.tools]
-    names = [*(name for name in tools if name), *(target.mesh for target in scene.mapping)]
-    scene_file = [scene.source.path] if scene.source.path is not None else []
-    return [*scene_file, *(directory / name for name in names)]
-
-
-def _require_free_names(scene: Scene) -> None:
-    """Refuse a mapping whose files would take the names of the run's own."""
-    from lcmchain.report.captions import CAPTIONS
-
-    taken = {Path(name).stem for name in (*OWN_FILES, *CAPTIONS)}
-    for index, target in enumerate(scene.mapping):
-        if target.name in taken:
-            raise InputError(
-                f'files of the run itself are named "{target.name}"; choose another name',
-                key=f"mapping[{index}].name",
-            )
-
-
-def _expected_files(scene: Scene) -> list[str]:
-    """Return the names that a run writes, as far as the scene tells them."""
-    mapped = [
-        f"{target.name}{end}"
-        for target in scene.mapping
-        for end in (*MAPPED_SUFFIXES, *([".pvd"] if target.all_frames else []))
-    ]
-    return [*OWN_FILES, *mapped]
 
 
 def _write_fields(
@@ -374,7 +289,11 @@ def _require_readable_targets(scene: Scene) -> None:
 
     for target in scene.mapping:
         path = scene.source.directory / target.mesh
-        read_target(path, kind=target.kind, length_unit=target.length_unit)
+        mesh = read_target(path, kind=target.kind, length_unit=target.length_unit)
+        if target.structure is not None:
+            from lcmchain.mapping.structure import require_places
+
+            require_places(mesh, target.structure)
 
 
 def _build_simulation(scene: Scene) -> tuple[Simulation, list[str]]:

@@ -18,6 +18,9 @@ LARGEST_HOURGLASS_PART = 0.05
 LARGEST_PENETRATION = 0.1
 #: Strain of fibres; carbon fibres break at three times as much (1.5 %, data sheet of T300).
 LARGEST_FIBRE_STRAIN = 0.005
+#: Root-mean-square distance of a mapping's target from the sheet, in parts of the thickness: half a
+#: thickness off lies the face of the sheet, and a target may be meshed on it.
+LARGEST_TARGET_DISTANCE = 0.55
 
 #: Elements per wavelength below which a wave of the sheet is not resolved; half as many form none.
 LEAST_ELEMENTS_PER_WAVE = 8

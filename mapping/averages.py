@@ -6,6 +6,7 @@ import numpy as np
 
 from lcmchain.jit import routine
 from lcmchain.mapping.gradients import limited_gradients, limited_tensor_gradients
+from lcmchain.mapping.pairing import TILED
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.weights import MappingWeights
 
@@ -63,12 +64,34 @@ def contents_of_cells(
     gradients = _gradients(surface, weights, per_area)
     areas = surface.areas
     if len(gradients):
+        per_area = per_area - np.einsum("fd,fd->f", gradients, weights.content_centroid)
         gradients = gradients * areas[:, None]
     _sum(
         weights.start, weights.face, weights.content, weights.place, per_area * areas, gradients,
         contents,
     )  # fmt: skip
     return contents
+
+
+def contents_of_faces(
+    surface: Surface, weights: MappingWeights, per_area: np.ndarray
+) -> np.ndarray:
+    """Content that lies over the target of each face, shape (F,), of a content per area (F,).
+
+    Of a face that the cells tile it is the content of the face itself, not the sum of what the
+    cells got: comparing both checks the weights.
+    """
+    contents = per_area * surface.areas
+    partly = weights.face_coverage[weights.face] < 1.0 - TILED
+    face = weights.face[partly]
+    gradients = _gradients(surface, weights, per_area)
+    there = per_area[face]
+    if len(gradients):
+        there = there + np.einsum("kd,kd->k", gradients[face], weights.place[partly])
+    handed = weights.content[partly] * there * surface.areas[face]
+    over_edge = weights.face_coverage < 1.0 - TILED
+    summed = np.bincount(face, handed, minlength=surface.face_count)
+    return np.where(over_edge, summed, contents)
 
 
 def leading_faces(weights: MappingWeights) -> np.ndarray:

@@ -21,12 +21,16 @@ from lcmchain.mapping.target.variables import (
     node_variables,
     point_data,
 )
-from lcmchain.mapping.transfer import MappedFields
+from lcmchain.mapping.transfer import ERROR, PERMEABILITY, MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
 
 ALIGNMENT = (
     "largest eigenvalue of the mean of the tensors a a over the part of the sheet above the cell: "
     "1 where all directions a are parallel, 1/2 where they are spread evenly in a plane"
+)
+ERROR_MEANING = (
+    "size of the difference to a mapping between twice finer meshes, with a quadratic between the "
+    "faces of the sheet; of directions the angle, of the permeability the largest in any direction"
 )
 SHEAR_ABOUT_CELL = (
     "a right angle minus the angle from the axis of fibre 1 to that of fibre 2 about the normal of "
@@ -119,6 +123,8 @@ def cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> 
         for axis, values in zip("xyz", vectors.T, strict=True):
             name = f"{stem}_{axis}"
             fields[name] = (np.ascontiguousarray(values), _attributes(sheet, name))
+    for name, errors in mapped.errors.items():
+        fields[f"{name}{ERROR}"] = (errors, _error_attributes(sheet, mapped, name))
     fields["mapping_status"] = (
         weights.status,
         {
@@ -144,6 +150,19 @@ def cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> 
         },
     )
     return fields
+
+
+def _error_attributes(sheet: Sheet, mapped: MappedFields, name: str) -> dict:
+    if name in mapped.directions:
+        units = "rad"
+    else:
+        units = "m2" if name == PERMEABILITY else sheet.attributes.get(name, {}).get("units", "1")
+    return {
+        "long_name": f"error that the mapping adds to {name.replace('_', ' ')}",
+        "units": units,
+        "comment": ERROR_MEANING,
+        "_FillValue": np.nan,
+    }
 
 
 def _attributes(sheet: Sheet, name: str) -> dict:

@@ -16,7 +16,7 @@ from lcmchain.mapping.files import cell_fields, compact, write_vtu
 from lcmchain.mapping.frames import MappedFrame
 from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mapping.transfer import turned
+from lcmchain.mapping.transfer import ERROR, turned
 
 
 def write_frames(
@@ -54,7 +54,8 @@ def write_frames(
         positions.append(frame.target.points[used])
         fields = cell_fields(frame.sheet, frame.weights, frame.mapped)
         for name in map(str, on_cells):
-            if not name.startswith("mapping_") and dataset[name].dtype.kind == "f":
+            of_mapping = name.startswith("mapping_") or name.endswith(ERROR)
+            if not of_mapping and dataset[name].dtype.kind == "f":
                 found = fields[name][0] if name in fields else np.full(target.cell_count, np.nan)
                 values.setdefault(name, []).append(found)
     write_frame_list(path, times)

@@ -2,7 +2,9 @@
 
 Two walls, two folds or two plies may be closer to each other than an edge of a mesh. A cell takes
 from one layer only: of those that show it the right side, the nearest. Which side is right is a
-matter of a whole connected piece of the target: the cells over which a single layer lies tell it.
+matter of a whole connected piece of the target: the one by which its cells lie nearer to the sheet,
+in the mean of the squares. A U that was moved across its gap by any amount still knows its walls:
+the other sides would bring one wall as much nearer as the other one farther, and the squares grow.
 """
 
 from __future__ import annotations
@@ -15,17 +17,19 @@ from lcmchain.jit import routine
 from lcmchain.mapping.intersection import Overlaps
 from lcmchain.mapping.winding import Winding
 
-# A piece of the target knows its side when so much of the area that can tell agrees.
-AGREEMENT = 0.9
+# A piece of the target knows its side when the mean square distance to what shows it the other side
+# is this many times larger.
+CLEARLY_FARTHER = 1.25
 
-# Only cells with one layer over them tell the side where they are at least this share of a piece.
-# Else those with another layer this many times farther away than the nearest tell it too.
-SINGLE_SHARE = 0.01
-FARTHER = 4.0
+# Where no layer shows a side, the next one may be anywhere beyond the distance that was searched.
+BEYOND = 2.0
 
 # A layer is taken only if the next one is this many times farther away: in between, facets that
 # cut the corners of a curved part may decide.
 DECISIVE = 1.5
+
+# The same where the side is not known, and the other layer shows another side than the nearest.
+DECISIVE_OF_SIDES = 3.0
 
 # Layers that tile a cell between them lie beside each other, not over each other; a step of the
 # sheet has steep faces between its halves, which belong to no layer.
@@ -45,13 +49,16 @@ class Choice(NamedTuple):
     side: np.ndarray
 
 
-def choose_layers(found: Overlaps, winding: Winding | None, areas: np.ndarray) -> Choice:
+def choose_layers(
+    found: Overlaps, winding: Winding | None, areas: np.ndarray, maximum_distance: float
+) -> Choice:
     """Choose the layer of each cell.
 
     Parameters
     ----------
     winding : of the target; None where the sides of its cells mean nothing, as sections of solids.
     areas : of the cells [m2], shape (C,).
+    maximum_distance : up to which layers were looked for [m].
     """
     count = len(areas)
     layer_count = int(found.layer.max(initial=-1)) + 1
@@ -63,57 +70,51 @@ def choose_layers(found: Overlaps, winding: Winding | None, areas: np.ndarray) -
     first = np.searchsorted(cell, np.arange(count + 1))
     wanted = np.zeros(count, dtype=np.int64)
     if winding is not None:
-        wanted = _side_of_cells(first, side, distance, areas, winding)
+        wanted = _side_of_cells(first, side, distance, areas, winding, maximum_distance)
     chosen, ambiguous = _choose(first, side, area, distance, wanted, areas)
     taken = chosen[found.layer]
     return Choice(taken, ambiguous, wanted)
 
 
 def _side_of_cells(
-    first: np.ndarray, side: np.ndarray, distance: np.ndarray, areas: np.ndarray, winding: Winding
+    first: np.ndarray,
+    side: np.ndarray,
+    distance: np.ndarray,
+    areas: np.ndarray,
+    winding: Winding,
+    maximum_distance: float,
 ) -> np.ndarray:
     """Side that each cell has to see, as its connected piece of the target tells it."""
-    single, clear = _votes(first, side, distance)
-    turned = winding.side.astype(np.int64)
-    pieces = len(winding.two_sided)
-    size = np.bincount(winding.piece, areas, minlength=pieces)
-
-    def count(votes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        weight = areas * turned * votes
-        total = np.bincount(winding.piece, np.abs(weight), minlength=pieces)
-        return np.bincount(winding.piece, weight, minlength=pieces), total
-
-    tally, total = count(single)
-    few = total < SINGLE_SHARE * size
-    for_few, total_few = count(clear)
-    tally, total = np.where(few, for_few, tally), np.where(few, total_few, total)
-    known = (total > 0.0) & (np.abs(tally) >= AGREEMENT * total) & winding.two_sided
-    of_piece = np.where(known, np.sign(tally), 0.0).astype(np.int64)
-    return of_piece[winding.piece] * turned
+    squares = np.zeros((len(areas), 2))
+    _squares_of_distances(first, side, distance, maximum_distance, squares)
+    turned = winding.side < 0
+    squares[turned] = squares[turned, ::-1]
+    upper, lower = (
+        np.bincount(winding.piece, areas * of_side, minlength=len(winding.two_sided))
+        for of_side in squares.T
+    )
+    known = winding.two_sided & (
+        np.maximum(upper, lower) > CLEARLY_FARTHER * np.minimum(upper, lower)
+    )
+    of_piece = np.where(known, np.where(upper < lower, 1, -1), 0)
+    return of_piece[winding.piece] * winding.side
 
 
 @routine
-def _votes(first, side, distance):
-    """Sides that cells with a single layer see, and with one far nearer than the others."""
-    count = len(first) - 1
-    single, clear = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-    for c in range(count):
-        near, other, votes = np.inf, np.inf, 0
-        agree = True
+def _squares_of_distances(first, side, distance, farthest, squares):
+    """Write the squares of the distances to the nearest layers of side 1 and -1, shape (C, 2).
+
+    Cells without any layer count for neither side.
+    """
+    for c in range(len(first) - 1):
+        upper, lower = BEYOND * farthest, BEYOND * farthest
         for layer in range(first[c], first[c + 1]):
-            if side[layer] != side[first[c]]:
-                agree = False
-            if distance[layer] < near:
-                near, other, votes = distance[layer], near, side[layer]
+            if side[layer] > 0:
+                upper = min(upper, distance[layer])
             else:
-                other = min(other, distance[layer])
-        if near == np.inf:
-            continue
-        if agree:
-            single[c] = votes
-        if agree or other > FARTHER * near:
-            clear[c] = votes
-    return single, clear
+                lower = min(lower, distance[layer])
+        if first[c + 1] > first[c]:
+            squares[c, 0], squares[c, 1] = upper * upper, lower * lower
 
 
 @routine
@@ -140,6 +141,8 @@ def _choose(first, side, area, distance, wanted, areas):
             if side[layer] == side[nearest] and covered + area[layer] <= TILING * areas[c]:
                 chosen[layer] = True
                 covered += area[layer]
-            elif distance[layer] < DECISIVE * distance[nearest]:
+                continue
+            decisive = DECISIVE if side[layer] == side[nearest] else DECISIVE_OF_SIDES
+            if distance[layer] < decisive * distance[nearest]:
                 ambiguous[c] = True
     return chosen, ambiguous

@@ -24,6 +24,7 @@ class MappingOptions:
         weights of the one that is mapped.
     register : map as if the target lay where a small rigid motion brings it to the sheet; what is
         written keeps the target's own coordinates.
+    verify : estimate the error that the mapping adds to every field; takes some ten times as long.
     thickness_limit : largest relative difference of the thickness of a solid from the formed one.
     allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
     allow_ambiguous : take the nearer of two layers of the sheet that lie about as near instead of
@@ -32,6 +33,8 @@ class MappingOptions:
         instead of refusing them.
     weights_file : ``.npz`` with stored weights: used where it exists, else written.
     picture : draw source and target side by side.
+    exports : formats of other programs to write beside the mapped file, by their names in
+        :data:`lcmchain.mapping.formats.FORMATS`.
     """
 
     kind: str = "structure"
@@ -43,9 +46,11 @@ class MappingOptions:
     time: float | None = None
     all_frames: bool = False
     register: bool = False
+    verify: bool = False
     thickness_limit: float = 0.1
     allow_unmapped: bool = False
     allow_ambiguous: bool = False
     allow_incomplete: bool = False
     weights_file: Path | str | None = None
     picture: bool = True
+    exports: tuple[str, ...] = ()

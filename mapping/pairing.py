@@ -33,6 +33,7 @@ class Pairing(NamedTuple):
 
     nearest_face : a face close to the cell's centroid, shape (C,); 0 where there is none.
     ambiguous : whether a second layer of the sheet could as well be the cell's, shape (C,).
+    missed : whether a face lies over the target and no cell takes from it, shape (F,).
     """
 
     cell: np.ndarray
@@ -46,6 +47,7 @@ class Pairing(NamedTuple):
     nearest_face: np.ndarray
     ambiguous: np.ndarray
     face_coverage: np.ndarray
+    missed: np.ndarray
     wedge_correction: float
 
 
@@ -62,7 +64,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         cells = target.polygons(np.empty((0, 3)))
     found = overlaps(surface, cells, maximum_distance)
     winding = None if target.is_solid else target.surface.winding
-    choice = choose_layers(found, winding, cells.areas)
+    choice = choose_layers(found, winding, cells.areas, maximum_distance)
     found = Overlaps(*(values[choice.taken] for values in found))
     covered = np.bincount(found.cell, found.area, minlength=count)
     nearest, distance = _over_centroid(found, count)
@@ -75,7 +77,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
     alone = np.flatnonzero((covered == 0.0) & (nearest >= 0))
     distance[(covered == 0.0) & (nearest < 0)] = np.nan
 
-    face_coverage, content, correction = _face_coverage(
+    face_coverage, missed, content, correction = _face_coverage(
         surface, target, cells, found, maximum_distance
     )
     extra = np.isin(unsure, alone) if len(unsure) else np.zeros(0, dtype=bool)
@@ -97,6 +99,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         nearest_face=np.maximum(nearest, 0),
         ambiguous=choice.ambiguous,
         face_coverage=face_coverage,
+        missed=missed,
         wedge_correction=0.0 if target.is_solid else correction,
     )
 
@@ -126,6 +129,7 @@ def by_closest(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         nearest_face=np.maximum(closest.face, 0),
         ambiguous=np.zeros(target.cell_count, dtype=bool),
         face_coverage=over[corner].mean(axis=1),
+        missed=np.zeros(surface.face_count, dtype=bool),
         wedge_correction=0.0,
     )
 
@@ -182,8 +186,8 @@ def _face_coverage(
     cells: CellPolygons,
     found: Overlaps,
     maximum_distance: float,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Covered share of each face; shares of its content by cell; largest correction of these.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Covered share of each face; faces missed; shares of contents; largest correction of these.
 
     The cells over a face tile it. Only where the target bends more sharply than the sheet, cells on
     either side of the bend leave or share a wedge of it; the shares are then scaled until they sum
@@ -192,18 +196,20 @@ def _face_coverage(
     part = found.part
     tiled = np.bincount(found.face, part, minlength=surface.face_count)
     open_faces = np.flatnonzero(np.abs(tiled - 1.0) > TILED)
-    whole = np.zeros(surface.face_count, dtype=bool)
+    over_target = np.zeros(surface.face_count, dtype=bool)
     if len(open_faces):
         nodes = np.unique(surface.faces[open_faces])
         nodes = nodes[nodes >= 0]
         over = _nodes_over_target(surface, nodes, target, cells, maximum_distance)
         corner = np.where(surface.faces < 0, surface.faces[:, 2:3], surface.faces)[open_faces]
-        whole[open_faces] = over[corner].all(axis=1) & (tiled[open_faces] >= WEDGE)
+        over_target[open_faces] = over[corner].all(axis=1)
+    whole = over_target & (tiled >= WEDGE)
     tiles = np.abs(tiled - 1.0) <= TILED
     face_coverage = np.where(whole, 1.0, np.where(tiles, tiled, np.minimum(tiled, 1.0)))
     scale = face_coverage / np.where(tiled > 0.0, tiled, 1.0)
     correction = float(np.abs(scale[tiled > 0.0] - 1.0).max(initial=0.0))
-    return face_coverage, part * scale[found.face], correction
+    missed = over_target & ~whole
+    return face_coverage, missed, part * scale[found.face], correction
 
 
 def _nodes_over_target(

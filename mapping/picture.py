@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -65,9 +66,9 @@ def draw_mapping(
     report: MappingReport,
 ) -> None:
     """Draw thickness, fibre volume fraction and both fibre families on sheet and target (PNG)."""
-    meshes = _drawn_sheet(sheet), _drawn_target(target, weights)
+    meshes = _drawn_sheet(sheet), drawn_target(target, weights)
     rows = _rows(sheet, mapped, weights)
-    heights = [_height(row.view, meshes) for row in rows]
+    heights = [height_of(row.view, meshes) for row in rows]
     with matplotlib.rc_context(RC):
         size = LEFT + 2 * PANEL + GAP + 1.35, TOP + sum(heights) + GAP * len(rows) + BOTTOM
         figure = new_figure(*size)
@@ -110,10 +111,13 @@ def _drawn_sheet(sheet: Sheet) -> _Drawn:
     )
 
 
-def _drawn_target(target: TargetMesh, weights: MappingWeights) -> _Drawn:
-    corners, cell = _skin(target)
+def drawn_target(target: TargetMesh, weights: MappingWeights | None = None) -> _Drawn:
+    """Return what is seen of a target, with the status of its cells where weights are given."""
+    nodes, cell = skin(target)
+    corners = target.points[nodes]
     rim = None if target.is_solid else 1e3 * target.points[_rim(target.surface)]
-    return _Drawn(1e3 * corners, cell, 1e3 * target.centroids, rim, weights.status)
+    status = None if weights is None else weights.status
+    return _Drawn(1e3 * corners, cell, 1e3 * target.centroids, rim, status)
 
 
 def _rim(surface) -> np.ndarray:
@@ -150,13 +154,16 @@ def _shear(families: list[np.ndarray]) -> np.ndarray:
     return np.degrees(np.arcsin(np.clip(cosine, 0.0, 1.0)))
 
 
-def _skin(target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (F, 4, 3) [m] and cells (F,) of what is seen: cells of a shell, skin of a solid."""
+def skin(target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Corner nodes (F, 4) and cells (F,) of what is seen: cells of a shell, skin of a solid.
+
+    Triangles repeat their last corner.
+    """
     if not target.is_solid:
-        return target.surface.corners, np.arange(target.cell_count)
+        corners = np.where(target.corners < 0, target.corners[:, 2:3], target.corners)
+        return corners, np.arange(target.cell_count)
     faces, owners = target.skin
-    closed = np.where(faces < 0, faces[:, 2:3], faces)
-    return target.points[closed], owners
+    return np.where(faces < 0, faces[:, 2:3], faces), owners
 
 
 # --- on paper -------------------------------------------------------------------------------------
@@ -212,10 +219,11 @@ def _explain_status(figure, weights: MappingWeights) -> None:
         figure.legend(handles=marks, loc="upper right", ncols=len(marks), borderaxespad=1.0)
 
 
-def _on_screen(view: View, meshes: tuple[_Drawn, _Drawn]) -> np.ndarray:
+def _on_screen(view: View, meshes: Sequence[_Drawn]) -> np.ndarray:
     return np.concatenate([view.on_screen(mesh.corners).reshape(-1, 2) for mesh in meshes])
 
 
-def _height(view: View, meshes: tuple[_Drawn, _Drawn]) -> float:
+def height_of(view: View, meshes: Sequence[_Drawn]) -> float:
+    """Return the height [in] of a panel that shows the meshes over its width."""
     width, height = np.ptp(_on_screen(view, meshes), axis=0)
     return PANEL * float(np.clip(height / max(width, 1e-12), 0.25, 1.4))

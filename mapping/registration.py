@@ -12,6 +12,7 @@ from lcmchain.mapping.search import closest_points
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.smooth_surface import SmoothSurface
 from lcmchain.mapping.target import TargetMesh
+from lcmchain.thresholds import LARGEST_TARGET_DISTANCE
 
 # Places of the target that are compared; of more, so many are drawn at random (the same ones each
 # time). The motion has six components, found from the first of them.
@@ -39,9 +40,6 @@ MOST_STEPS = 60
 
 # Share of the compared places that a motion has to keep over the sheet.
 KEPT = 0.9
-
-# A face of the sheet lies half a thickness off its middle, and a target may be meshed on it.
-LARGE_DISTANCE = 0.55
 
 # A motion helps where it leaves less than this part of the distance, and less than a thickness.
 HELPS = 0.5
@@ -94,7 +92,7 @@ class Registration:
     @property
     def is_off(self) -> bool:
         """Whether the target lies more than half a thickness off the sheet."""
-        return self.root_mean_square > LARGE_DISTANCE * self.thickness
+        return self.root_mean_square > LARGEST_TARGET_DISTANCE * self.thickness
 
     @property
     def helps(self) -> bool:

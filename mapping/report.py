@@ -11,6 +11,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.formats.report import ExportReport
 from lcmchain.mapping.orientation import perpendicular_family_error
 from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
@@ -48,6 +49,9 @@ class MappingReport:
     the target lies to the sheet (:class:`lcmchain.mapping.registration.Registration`), and
     ``registered`` whether its motion was applied before the mapping. ``opposite_normals`` is the
     number of cells whose normals point to the lower side of the sheet, None for solids.
+    ``verification`` holds the error that the mapping adds to each field
+    (:class:`lcmchain.mapping.verify.FieldError`), where that was asked for.
+    ``exports`` holds an :class:`lcmchain.mapping.formats.ExportReport` of each further format.
     """
 
     name: str
@@ -74,8 +78,15 @@ class MappingReport:
     opposite_normals: int | None = None
     registration: dict[str, Any] | None = None
     registered: bool = False
+    verification: dict[str, dict[str, Any]] | None = None
     warnings: list[str] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
+    exports: list[dict[str, Any]] = field(default_factory=list)
+
+    def add_exports(self, exports: list[ExportReport]) -> None:
+        """Take up what was written for other programs, and what their formats cannot hold."""
+        self.exports += [export.as_dict() for export in exports]
+        self.warnings += [warning for export in exports for warning in export.warnings]
 
     def as_dict(self) -> dict:
         """Plain values, ready for JSON."""
@@ -219,6 +230,14 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
     if len(unmapped):
         found.append(f"{len(unmapped)} cells are unmapped and hold no values (NaN) "
                      f"({first_few(unmapped)})")  # fmt: skip
+    if weights.missed.any():
+        faces = np.flatnonzero(weights.missed)
+        share = sheet.surface.areas[faces].sum() / sheet.surface.areas.sum()
+        found.append(
+            f"{len(faces)} faces of the sheet lie over the target and no cell takes from them "
+            f"({100 * share:.2g} % of its area; {first_few(faces, what='face')}): the sheet lies "
+            "in folds or walls there that the target lacks, and their fibres are missing"
+        )
     found += _permeability_warnings(weights, mapped)
     found += _solid_warnings(weights, mapped)
     if weights.wedge_correction > LARGE_CORRECTION:

@@ -25,13 +25,12 @@ class SmoothSurface:
         """Mean normals of the faces around each node, by their areas, shape (N, 3)."""
         surface = self.surface
         there = surface.faces >= 0
+        place = surface.places[surface.faces[there]]  # nodes may be repeated face by face
         summed = np.zeros((len(surface.points), 3))
         for axis in range(3):
             values = np.broadcast_to(surface.area_vectors[:, axis, None], there.shape)[there]
-            summed[:, axis] = np.bincount(
-                surface.faces[there], weights=values, minlength=len(summed)
-            )
-        return _unit(summed)
+            summed[:, axis] = np.bincount(place, weights=values, minlength=len(summed))
+        return _unit(summed)[surface.places]
 
     @cached_property
     def blur(self) -> float:

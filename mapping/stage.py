@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,10 @@ import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.mapping.error_picture import draw_errors
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.formats import export_files, export_path, prepare_export
 from lcmchain.mapping.frame_files import write_frames
 from lcmchain.mapping.frames import mapped_frames
 from lcmchain.mapping.options import MappingOptions
@@ -27,11 +30,14 @@ from lcmchain.mapping.solids.fields import require_thickness
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mapping.target.length_unit import length_unit_hint
 from lcmchain.mapping.transfer import transfer, turned
+from lcmchain.mapping.verify import verify
 from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 from lcmchain.results import require_complete
 
 # Options that are given or not, in the order in which the history tells them.
-FLAGS = ("all-frames", "register", "allow-unmapped", "allow-ambiguous", "allow-incomplete")
+FLAGS = (
+    "all-frames", "register", "verify", "allow-unmapped", "allow-ambiguous", "allow-incomplete",
+)  # fmt: skip
 
 
 def map_forming(
@@ -73,12 +79,14 @@ def map_file(
 
     Raises
     ------
-    InputError : unreadable input, unwritable output, unmapped cells that are not allowed, or no
-        cell with a sheet nearby. Nothing is written then.
+    InputError : unreadable input, unwritable output, unmapped cells that are not allowed, no cell
+        with a sheet nearby, or an export that cannot take the result. Nothing is written then.
     """
     options = replace(options or MappingOptions(), **changes)
-    files = _output_files(Path(out), options)
-    _require_apart(files.values(), source, target_mesh)
+    out = Path(out)
+    files = _output_files(out, options)
+    exported = [file for format in options.exports for file in export_files(out, format)]
+    _require_apart([*files.values(), *exported], source, target_mesh)
     frame = options.frame if options.time is None else frame_at(source, options.time)
     sheet = read_sheet(source, frame=frame)
     unfinished = require_complete(
@@ -97,20 +105,30 @@ def map_file(
         _refuse_ambiguous(target, weights)
     mapped = transfer(sheet, placed, weights)
     require_thickness(target, mapped.scalars, options.thickness_limit)
+    verification = None
+    if options.verify:
+        within = replace(options, maximum_distance=weights.maximum_distance)
+        verification = verify(sheet, placed, weights, mapped, partial(_computed, within))
+        mapped = replace(mapped, errors=verification.cells)
     if motion is not None:
         mapped = turned(mapped, motion.matrix.T)
     report = mapping_report(
         sheet, target, weights, mapped, name=name if name is not None else Path(out).stem,
         kind=options.kind, registration=registration, registered=options.register,
     )  # fmt: skip
+    report.verification = verification.as_dict() if verification else None
     report.warnings = [*unfinished, *([hint] if hint else []), *report.warnings]
 
     # Names only in the report: it stays right when the folder moves.
     report.files = {what: path.name for what, path in files.items()}
-    if options.weights_file is not None and not Path(options.weights_file).exists():
-        weights.save(options.weights_file)
     command = _command(report, target, options)
     dataset = mapped_dataset(sheet, target, weights, mapped, report, command=command)
+    exports = [
+        prepare_export(dataset, target, format, export_path(out, format))
+        for format in options.exports
+    ]
+    if options.weights_file is not None and not Path(options.weights_file).exists():
+        weights.save(options.weights_file)
     if options.all_frames:
         frames = mapped_frames(source, sheet, placed, weights)
         dataset = write_frames(files["frames"], dataset, frames, target, motion)
@@ -118,6 +136,9 @@ def map_file(
     write_vtu(files["vtu"], sheet, target, weights, mapped)
     if options.picture:
         draw_mapping(files["picture"], sheet, target, weights, mapped, report)
+        if options.verify:
+            draw_errors(files["errors"], target, mapped, report)
+    report.add_exports([write() for write in exports])
     report.save(files["report"])
     return report
 
@@ -138,6 +159,8 @@ def _output_files(out: Path, options: MappingOptions) -> dict[str, Path]:
         endings["frames"] = ".pvd"
     if options.picture:
         endings["picture"] = ".png"
+        if options.verify:
+            endings["errors"] = "_errors.png"
     return {what: out.with_name(out.stem + ending) for what, ending in endings.items()}
 
 
@@ -156,6 +179,8 @@ def _command(report: MappingReport, target: TargetMesh, options: MappingOptions)
         words += ["--frame", str(options.frame)]
     if options.thickness_limit != MappingOptions.thickness_limit:
         words += ["--thickness-limit", f"{options.thickness_limit:.10g}"]
+    for format in options.exports:
+        words += ["--export", format]
     words += [f"--{flag}" for flag in FLAGS if getattr(options, flag.replace("-", "_"))]
     return shlex.join(words)
 
@@ -171,16 +196,24 @@ def _require_apart(files: Iterable[Path], *inputs: Path | str | xr.Dataset) -> N
             )
 
 
+def _computed(options: MappingOptions, sheet: Sheet, target: TargetMesh) -> MappingWeights:
+    return compute_weights(
+        sheet,
+        target,
+        method=options.method,
+        order=options.order,
+        maximum_distance=options.maximum_distance,
+    )
+
+
 def _weights(sheet: Sheet, target: TargetMesh, options: MappingOptions) -> MappingWeights:
     """Compute the weights, or take the stored ones where they are those that are asked for."""
-    wanted = {"method": options.method, "order": options.order}
-    maximum_distance = options.maximum_distance
     if options.weights_file is None or not Path(options.weights_file).exists():
-        return compute_weights(sheet, target, **wanted, maximum_distance=maximum_distance)
+        return _computed(options, sheet, target)
     weights = MappingWeights.load(options.weights_file)
     weights.check_meshes(sheet, target, file=options.weights_file)
-    same_distance = maximum_distance in (None, weights.maximum_distance)
-    same = all(getattr(weights, name) == value for name, value in wanted.items())
+    same_distance = options.maximum_distance in (None, weights.maximum_distance)
+    same = (weights.method, weights.order) == (options.method, options.order)
     if not same or not same_distance:
         raise InputError(
             f"the stored weights are {weights.method} weights of order {weights.order} within "

@@ -137,7 +137,7 @@ class Surface:
         return float(np.linalg.norm(used.max(axis=0) - used.min(axis=0)))
 
     @cached_property
-    def _places(self) -> np.ndarray:
+    def places(self) -> np.ndarray:
         """Number of the place where each node sits; repeated nodes share one."""
         spacing = max(COINCIDENCE * self.size, np.finfo(float).tiny)
         steps = np.round(self.points / spacing)
@@ -161,8 +161,8 @@ class Surface:
     @cached_property
     def corner_bounds_sheet(self) -> np.ndarray:
         """Whether corner k of a triangle lies on the edge of the sheet, shape (T, 3)."""
-        place, edges = self._places[self.triangles], self.edge_bounds_sheet
-        bounding = np.zeros(self._places.max() + 1, dtype=bool)
+        place, edges = self.places[self.triangles], self.edge_bounds_sheet
+        bounding = np.zeros(self.places.max() + 1, dtype=bool)
         bounding[place[edges]] = True
         bounding[np.roll(place, -1, axis=1)[edges]] = True
         return bounding[place]
@@ -170,7 +170,7 @@ class Surface:
     @cached_property
     def winding(self) -> Winding:
         """Neighbours across edges, pieces and sides of the faces."""
-        places = self._places[self.faces]
+        places = self.places[self.faces]
         places[~self.is_quadrilateral, 3] = -1
         return winding(places)
 
@@ -180,7 +180,7 @@ class Surface:
         corner = np.where(self.faces < 0, self.faces[:, 2:3], self.faces)
         normals = self.normals * self.winding.side[:, None]
         return gradient_stencil(
-            self._places[corner], self.corners, self.centroids, self.frames, normals
+            self.places[corner], self.corners, self.centroids, self.frames, normals
         )
 
     @cached_property

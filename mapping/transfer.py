@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lcmchain.mapping.averages import contents_of_cells, mean_over_cells
+from lcmchain.mapping.averages import contents_of_cells, contents_of_faces, mean_over_cells
 from lcmchain.mapping.orientation import MappedDirections, map_directions
 from lcmchain.mapping.permeability import map_permeability
 from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, Sheet
@@ -20,6 +20,12 @@ ONE_DENSITY = 1e-4
 # Fields that count something per area; its total over the covered area is kept.
 CONTENTS = ("areal_fibre_mass",)
 
+# What the error that the mapping adds to a field is called, after the name of the field.
+ERROR = "_mapping_error"
+
+# The permeability has one error, that of its tensor.
+PERMEABILITY = "permeability"
+
 # Angles between axes, counted about the normal: seen from the other side they change their sign.
 ABOUT_NORMAL = frozenset({"shear_angle"})
 
@@ -31,12 +37,14 @@ class MappedFields:
     axes : principal axes (C, 3), which are unit vectors without a sense.
     about_sheet : whether signed angles are about the normal of the sheet, as in solid cells, rather
         than about that of the cell.
+    errors : that the mapping adds to fields, by their names, shape (C,); where it was verified.
     """
 
     scalars: dict[str, np.ndarray]
     directions: dict[str, MappedDirections]
     axes: dict[str, np.ndarray] = field(default_factory=dict)
     about_sheet: bool = False
+    errors: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def vectors(self) -> dict[str, np.ndarray]:
@@ -53,6 +61,14 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         from lcmchain.mapping.plies import transfer_plies
 
         return transfer_plies(sheet, target, weights)
+    return carried(sheet, weights, None if target.is_solid else target.surface.normals)
+
+
+def carried(sheet: Sheet, weights: MappingWeights, normals: np.ndarray | None) -> MappedFields:
+    """Carry every field of one ply to the cells, or to the nodes, that weights are for.
+
+    normals : unit normals of the cells (C, 3); None for solids, which have none.
+    """
     scalars = {
         name: (
             transfer_content(sheet, weights, values)
@@ -65,7 +81,6 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         scalars |= solid_scalars(sheet, weights, scalars, fibre_density(sheet))
     else:
         scalars |= _fibre_volume_fraction(sheet, scalars, weights.solid_thickness)
-    normals = None if target.is_solid else target.surface.normals
     if normals is not None:
         for name in ABOUT_NORMAL & scalars.keys():
             scalars[name] = facing(sheet, weights, normals) * scalars[name]
@@ -80,7 +95,7 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
         found = map_permeability(sheet.surface, weights, sheet.permeability, normals)
         scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
         axes = {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
-    return MappedFields(scalars, directions, axes, about_sheet=target.is_solid)
+    return MappedFields(scalars, directions, axes, about_sheet=normals is None)
 
 
 def facing(sheet: Sheet, weights: MappingWeights, normals: np.ndarray) -> np.ndarray:
@@ -204,7 +219,7 @@ def content_of_cells(weights: MappingWeights, per_area: np.ndarray) -> float:
 
 
 def content_of_sheet(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> float:
-    """Content that the covered parts of the faces hand to the cells."""
+    """Content of the covered part of the sheet."""
     if not weights.conservative:
         return float(np.sum(per_area * sheet.surface.areas * weights.face_coverage))
-    return float(contents_of_cells(sheet.surface, weights, per_area).sum())
+    return float(contents_of_faces(sheet.surface, weights, per_area).sum())

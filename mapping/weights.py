@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.mapping.pairing import COVERED, Pairing, by_closest, by_overlap
+from lcmchain.mapping.pairing import COVERED, TILED, Pairing, by_closest, by_overlap
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.target import TargetMesh
 
@@ -54,6 +54,7 @@ class MappingWeights:
         where the cell is unmapped.
     cell_area : area [m2] of each cell (of a solid: of its section along the sheet), shape (C,).
     face_coverage : covered share of each face, shape (F,).
+    missed : faces over the target from which no cell takes, as of folds that it lacks, shape (F,).
     wedge_correction : largest relative change of ``content`` that made it sum to the covered
         share of a face; rounding, unless the target bends more sharply than the sheet.
     order : 1 carries means of faces, 2 what varies linearly within them.
@@ -72,6 +73,7 @@ class MappingWeights:
     distance: np.ndarray
     cell_area: np.ndarray
     face_coverage: np.ndarray
+    missed: np.ndarray
     wedge_correction: float
     method: str
     order: int
@@ -100,6 +102,19 @@ class MappingWeights:
     def start(self) -> np.ndarray:
         """First weight of each cell, shape (C + 1,)."""
         return np.searchsorted(self.cell, np.arange(self.cell_count + 1))
+
+    @cached_property
+    def content_centroid(self) -> np.ndarray:
+        """Centroid of all parts of a wholly covered face [m], in its frame, shape (F, 2).
+
+        It is that of the face, but where the shares had to be scaled. Zero for the others.
+        """
+        moments = [
+            np.bincount(self.face, self.content * place, minlength=self.face_count)
+            for place in self.place.T
+        ]
+        whole = self.face_coverage >= 1.0 - TILED
+        return np.where(whole[:, None], np.stack(moments, axis=1), 0.0)
 
     @cached_property
     def average_matrix(self) -> csr_array:
@@ -236,6 +251,7 @@ def compute_weights(
         distance=found.distance,
         cell_area=found.cell_area,
         face_coverage=found.face_coverage,
+        missed=found.missed,
         wedge_correction=found.wedge_correction,
         method=method,
         order=order,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lcmchain.effects.audit import effects_of
 from lcmchain.effects.effect import Effect
 from lcmchain.model import Model
-from lcmchain.scene import Scene
+from lcmchain.scene import Scene, Structure
 
 
 def run_effects(scene: Scene, model: Model) -> list[Effect]:
@@ -22,5 +22,18 @@ def _stages(scene: Scene) -> list[Effect]:
     ]
     if not found:
         found.append(Effect("mapping", False, "no [[mapping]] entry"))
+    found += [
+        Effect(f"structural analysis of {target.name}", True, _structure_text(target.structure))
+        for target in scene.mapping
+        if target.structure is not None
+    ]
     law = scene.permeability.law if scene.permeability else "no [permeability] entry"
     return [*found, Effect("permeability", scene.permeability is not None, law)]
+
+
+def _structure_text(structure: Structure) -> str:
+    """Say what is analysed."""
+    asked = [*(["static loads"] if structure.loads else [])]
+    if structure.frequencies:
+        asked.append(f"{structure.frequencies} eigenfrequencies")
+    return " and ".join(asked) or "the deck alone"

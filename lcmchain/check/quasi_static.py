@@ -24,6 +24,7 @@ from lcmchain.materials.law import Material
 from lcmchain.model import Model
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.scene import Scene
+from lcmchain.scene.pace import entries_that_slow, is_driven, is_led
 from lcmchain.thresholds import (
     LARGEST_DAMPING_PART,
     LARGEST_HOURGLASS_PART,
@@ -162,12 +163,13 @@ def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -
     ratio = measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0)
     if ratio <= LARGEST_KINETIC_PART:
         return []
-    if not _is_led(scene):
+    if not is_led(scene):
         return [
             f"the kinetic energy exceeds {ratio:.0%} of the internal energy over a tenth of the "
             f"stroke (quasi-static: below {LARGEST_KINETIC_PART:.0%}), so that inertia is part of "
             "the way to the shape; weight and forces set the pace here, whatever process.time is: "
-            "judge the shape at rest by kinetic_to_internal_end"
+            "judge the shape at rest by kinetic_to_internal_end, or slow the way with "
+            f"{' or '.join(entries_that_slow(scene))}"
         ]
     # at a given shape the kinetic energy falls with the square of the process time; a process that
     # is much too fast has another shape
@@ -179,16 +181,11 @@ def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -
     ]
 
 
-def _is_led(scene: Scene) -> bool:
-    """Whether a stroke or a table drives a tool: else weight and forces set the pace."""
-    return any(tool.motion.moves and tool.motion.kind != GUIDED for tool in scene.tools)
-
-
 def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
     part = measures["damping_to_external"]
     if part <= LARGEST_DAMPING_PART:
         return []
-    if not _is_led(scene):
+    if not is_led(scene):
         return [
             f"damping takes {part:.1%} of the external work (quasi-static: below "
             f"{LARGEST_DAMPING_PART:.0%}): weight and forces work until it has brought sheet and "
@@ -227,8 +224,7 @@ def _hourglass(measures: Mapping[str, float], scene: Scene) -> list[str]:
 
 def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
     """Say where the process is faster than the sheet can follow."""
-    moved = scene.process.gravity or any(tool.motion.moves for tool in scene.tools)
-    if not moved or scene.process.time >= needed.least:
+    if not is_driven(scene) or scene.process.time >= needed.least:
         return []
     return [
         f"process.time = {milliseconds(scene.process.time)} is shorter than {PERIODS[0]} periods "

@@ -42,6 +42,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
+#: Picture of the start, which a check leaves in the folder of the results.
+START_PICTURE = "initial.png"
+
+
 @dataclass(frozen=True)
 class CheckReport:
     """Everything that ``lcmchain check`` shows."""
@@ -93,7 +97,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
     """
     # the tools meet the faces of the sheet, whatever its elements
     blank = build_blank(scene.blank, scene.material.thickness)
-    picture = None if out is None else Path(out) / "initial.png"
+    picture = None if out is None else Path(out) / START_PICTURE
     marks: list[tuple[float, float, float]] = []
     try:
         with warnings.catch_warnings(record=True) as tool_warnings:

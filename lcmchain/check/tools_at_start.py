@@ -127,7 +127,7 @@ def require_gaps(gaps: Sequence[InitialGap], scene: Scene) -> None:
 
 
 def _sentence(gap: InitialGap, scene: Scene) -> str:
-    x, y, z = (1e3 * coordinate for coordinate in gap.position)
+    x, y, z = (round(1e3 * c, 9) + 0.0 for c in gap.position)  # no rounding errors, no minus zero
     if gap.gap >= -OVERLAP_TOLERANCE * scene.material.thickness:
         return (
             f"the distance field of the tool reaches {-1e3 * gap.at_nodes:.3g} mm into the blank, "

@@ -8,13 +8,15 @@ from typing import Annotated
 import typer
 
 from lcmchain.commands.folders import output_folder
-from lcmchain.commands.terminal import length_of, require_choice, say, time_of, warn
+from lcmchain.commands.terminal import console, length_of, require_choice, say, time_of, warn
 from lcmchain.errors import InputError
 
 
 def map_fields(
     source: Annotated[Path, typer.Argument(metavar="SOURCE.nc", help="forming.nc of a run.")],
-    target: Annotated[Path, typer.Argument(metavar="TARGET", help="Any mesh that meshio reads.")],
+    target: Annotated[
+        Path, typer.Argument(metavar="TARGET", help="Solver deck, or any mesh that meshio reads.")
+    ],
     out: Annotated[
         Path, typer.Option("--out", metavar="F", help="F.nc or F.vtu; the other is written too.")
     ],
@@ -46,10 +48,22 @@ def map_fields(
         bool,
         typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
     ] = False,
+    verify: Annotated[
+        bool,
+        typer.Option("--verify", help="Estimate the error that the mapping adds to every field."),
+    ] = False,
     thickness_limit: Annotated[
         float,
         typer.Option(help="Largest relative difference of a solid's thickness from the formed."),
     ] = 0.1,
+    exports: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--export",
+            metavar="FORMAT",
+            help="Write for another program too: vmap, drape, rtmsim or lcmsim; repeatable.",
+        ),
+    ] = None,
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
@@ -83,13 +97,19 @@ def map_fields(
             time=None if time is None else time_of("--time", time),
             all_frames=all_frames,
             register=register,
+            verify=verify,
             thickness_limit=thickness_limit,
             allow_unmapped=allow_unmapped,
             allow_ambiguous=allow_ambiguous,
             allow_incomplete=allow_incomplete,
+            exports=tuple(dict.fromkeys(exports or ())),
         )
         report = map_file(source, target, out, options)
     say(report.summary())
+    if report.verification is not None:
+        from lcmchain.report.mapping_errors import error_table
+
+        console().print(error_table(report.verification))
     for warning in report.warnings:
         warn(warning)
 

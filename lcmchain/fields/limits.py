@@ -7,6 +7,7 @@ import xarray as xr
 
 from lcmchain.fields.sheet import sheet_areas, sheet_faces, sheet_positions
 from lcmchain.materials.law import Material
+from lcmchain.quantities.places import millimetres
 
 #: Fibre volume fraction above which round fibres can hardly be packed (hexagonal: 0.907).
 LARGEST_FIBRE_VOLUME_FRACTION = 0.9
@@ -71,6 +72,6 @@ def _share(sheet: xr.Dataset, over: np.ndarray) -> str:
 
 def _where(sheet: xr.Dataset, frame: int, element: int) -> str:
     corners = np.unique(sheet_faces(sheet)[element])
-    x, y, z = 1e3 * sheet_positions(sheet, frame)[corners].mean(axis=0)
+    place = millimetres(sheet_positions(sheet, frame)[corners].mean(axis=0), 1)
     time = 1e3 * float(sheet["time"].values[frame])
-    return f"in element {element} at ({x:.1f}, {y:.1f}, {z:.1f}) mm at {time:.4g} ms"
+    return f"in element {element} at {place} at {time:.4g} ms"

@@ -12,7 +12,7 @@ from lcmchain.fields.dataset import HISTORY, NO_THICKNESS, SHEET
 from lcmchain.fields.limits import packing_warnings, shear_range_warnings
 from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import sheet_areas, vector
-from lcmchain.fields.wrinkle_waves import wrinkle_warnings
+from lcmchain.fields.waves import wave_warnings
 from lcmchain.materials.law import Material
 
 
@@ -91,7 +91,7 @@ def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
         *found,
         *packing_warnings(sheet, material),
         *shear_range_warnings(sheet, material),
-        *wrinkle_warnings(sheet, material),
+        *wave_warnings(sheet),
     ]
 
 

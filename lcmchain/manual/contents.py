@@ -22,6 +22,8 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "identification",
         "membrane-shell",
         "mapping",
+        "structure",
+        "formats",
         "fmu",
         "verify",
         "bench",

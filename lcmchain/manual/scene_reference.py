@@ -121,7 +121,9 @@ def _value(annotation: Any, field: FieldInfo | None = None) -> str:
         if hasattr(extra, "entries"):  # a row of values
             if models:
                 return "tables"
-            inner = _inner_range(bare)
+            single = [choice for part in get_args(bare) for choice in _choices(part)]
+            each = ", each " + " or ".join(code(f'"{choice}"') for choice in single)
+            inner = each if single else _inner_range(bare)
             return f"{_count(extra)}{_inner_unit(bare)}, as {code(extra.example_text)}{inner}"
     if models:
         return "table" if len(models) == 1 else _forms_text(models, field)

@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from lcmchain.errors import shortened
 from lcmchain.quantities.units import (
+    ACCELERATION,
     ANGLE,
     AREAL_MASS,
     DENSITY,
@@ -20,6 +21,7 @@ from lcmchain.quantities.units import (
     LENGTH,
     MASS,
     PENALTY,
+    PRESSURE,
     QUANTITY_PATTERN,
     RATE,
     STIFFNESS,
@@ -369,6 +371,8 @@ TimeOrZero = Annotated[float, Quantity(TIME, NOT_NEGATIVE)]
 PositiveTime = Annotated[float, Quantity(TIME, POSITIVE)]
 PositiveMass = Annotated[float, Quantity(MASS, POSITIVE)]
 Force = Annotated[float, Quantity(FORCE)]
+Pressure = Annotated[float, Quantity(PRESSURE)]
+Acceleration = Annotated[float, Quantity(ACCELERATION)]
 Angle = Annotated[float, Quantity(ANGLE)]
 AcuteAngle = Annotated[
     float,

@@ -74,6 +74,7 @@ PENALTY = Dimension(
     "contact stiffness per area", "Pa/m", "1 MPa/mm", ("MPa/mm", "Pa/m", "N/mm^3"), 1e-6, 1e21
 )
 RATE = Dimension("rate", "1/s", "50 1/s", ("1/s", "1/ms", "Hz"), 1e-12, 1e15)
+ACCELERATION = Dimension("acceleration", "m/s^2", "9.81 m/s^2", ("m/s^2", "mm/s^2"), 1e-12, 1e12)
 VISCOSITY = Dimension("viscous damping", "N*s/m", "5 N*s/m", ("N*s/m", "kg/s"), 1e-15, 1e15)
 
 

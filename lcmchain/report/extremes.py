@@ -23,6 +23,7 @@ def mark_extremes(axis: Axes, places: np.ndarray, values: np.ndarray, shown: Sho
 
     if not np.isfinite(values).any():
         return
+    axis.apply_aspect()  # else equal scales move marks and labels when all is drawn
     halo = [withStroke(linewidth=2.0, foreground="white")]
     taken: list = []
     for (face, marker, word), corners in zip(

@@ -17,10 +17,12 @@ from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.report.captions import CAPTIONS, caption_of
 from lcmchain.report.curves import curve_data
 from lcmchain.report.field_view import view_data
+from lcmchain.report.grades import GRADES, worst_grade
+from lcmchain.report.mapping_errors import in_words
 from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table
 from lcmchain.report.style import SERIES
 from lcmchain.report.tool_view import tool_data
-from lcmchain.report.verdicts import GRADES, verdicts, worst_grade
+from lcmchain.report.verdicts import verdicts
 from lcmchain.results import COMPLETE
 
 if TYPE_CHECKING:
@@ -153,6 +155,15 @@ def _mapping_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
             (
                 "second fibre family, if taken as perpendicular to the first",
                 f"up to {angle:.1f}° off (cell {report['second_family_error_cell']})",
+            )
+        )
+    for name, error in (report.get("verification") or {}).items():
+        worst, units = in_words(error["worst"], error["units"]), error["units"]
+        rows.append(
+            (
+                f"error added to {name.replace('_', ' ')}",
+                f"up to {worst} (cell {error['worst_cell']}), "
+                f"{in_words(error['root_mean_square'], units)} root mean square",
             )
         )
     rows.append(("fields", ", ".join(report["fields"])))

@@ -1,4 +1,7 @@
-"""The most important numbers of a result, in words, and the loads of its tools as a table."""
+"""The most important numbers of a result, in words, and the loads of its tools as a table.
+
+The terminal and the report say them alike.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from lcmchain.quantities.durations import duration_text
-from lcmchain.report.verdicts import percent
+from lcmchain.quantities.durations import duration_text, milliseconds_text
+from lcmchain.report.grades import percent
 
 
 class Number(NamedTuple):
@@ -17,16 +20,22 @@ class Number(NamedTuple):
     value: str
     meaning: str = ""
 
+    @property
+    def in_words(self) -> str:
+        """Value and meaning in one line."""
+        joint = " " if self.meaning.startswith(("of ", "on ")) else "; "
+        return f"{self.value}{joint}{self.meaning}" if self.meaning else self.value
+
 
 def key_numbers(summary: Mapping[str, Any]) -> list[Number]:
     """Return what matters first in a ``summary.json``; what it does not hold is left out."""
-    return [*_shape(summary), *_energies(summary), *_cost(summary)]
+    return [*_shape(summary), *_time(summary), *_energies(summary), *_cost(summary)]
 
 
 def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
     if "shear_angle_max_rad" in summary:
         angle = math.degrees(summary["shear_angle_max_rad"])
-        yield Number("Shear angle", f"up to {angle:.1f}°", "magnitude, in the last frame")
+        yield Number("Shear angle", f"up to {angle:.1f} deg", "magnitude, in the last frame")
     if "thickness_min_m" in summary:
         low, high = 1e3 * summary["thickness_min_m"], 1e3 * summary["thickness_max_m"]
         yield Number("Thickness", f"{low:.3f} to {high:.3f} mm", "in the last frame")
@@ -37,15 +46,34 @@ def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
         strain = summary["fibre_strain_max"]
         yield Number("Fibre strain", f"up to {percent(strain)}", "magnitude, of both families")
     if "punch_force_max_N" in summary:
+        value = f"{summary['punch_force_max_N']:.4g} N"
+        yield Number("Force of the punch", value, "".join(_punch_force(summary)))
+
+
+def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what the largest force is, the peak, and what inertia and damping take of it."""
+    yield "largest mean over a twentieth of the process"
+    if "punch" in summary:
+        yield f", tool {summary['punch']}"
+    yield ": the figure to quote"
+    if "tool_loads" not in summary:
+        return
+    yield f"; {summary['punch_force_peak_N']:.4g} N in a single step"
+    parts = summary["tool_loads"][summary["punch"]].get("parts_at_maximum")
+    if parts is not None:
+        yield f"; around it damping takes {parts['damping_N'] + 0.0:.3g} N"
+        yield f" and inertia {parts['inertia_N'] + 0.0:.3g} N of {parts['force_N']:.4g} N"
+
+
+def _time(summary: Mapping[str, Any]) -> Iterator[Number]:
+    if "process_time_needed_s" in summary:
+        needed = summary["process_time_needed_s"]
         yield Number(
-            "Force of the punch",
-            f"{summary['punch_force_max_N']:.4g} N",
-            f"largest mean over a twentieth of the process{_tool(summary)}: the figure to quote",
+            "Process time",
+            f"{1e3 * summary['process_time_s']:g} ms",
+            f"the sheet needs at least {milliseconds_text(needed['least_s'])}, and "
+            f"{milliseconds_text(needed['sufficient_s'])} to be safe",
         )
-
-
-def _tool(summary: Mapping[str, Any]) -> str:
-    return f", tool {summary['punch']}" if "punch" in summary else ""
 
 
 def _energies(summary: Mapping[str, Any]) -> Iterator[Number]:
@@ -72,8 +100,8 @@ def _cost(summary: Mapping[str, Any]) -> Iterator[Number]:
         yield Number(
             "Computing time",
             duration_text(summary["wall_s"]),
-            f"on {summary['threads']} threads, {summary['us_per_element_step']:.3g} µs per element "
-            f"and step; {duration_text(summary['compile_s'])} of compiling before",
+            f"on {summary['threads']} threads, {summary['us_per_element_step']:.3g} microseconds "
+            f"per element and step; {duration_text(summary['compile_s'])} of compiling before",
         )
 
 
@@ -101,9 +129,10 @@ def load_table(summary: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
     rows = []
     for name, load in loads.items():
         parts = load.get("parts_over_stroke", {})
-        row = [f"{factor * load[entry]:.4g}" for _, entry, factor in _LOADS]
+        row = [f"{factor * load[entry] + 0.0:.4g}" for _, entry, factor in _LOADS]  # no minus zero
         row += [
-            f"{parts[entry]:.3g}" if parts else "" for entry in ("force_N", *(p for _, p in _PARTS))
+            f"{parts[entry] + 0.0:.3g}" if parts else ""
+            for entry in ("force_N", *(p for _, p in _PARTS))
         ]
         rows.append([name, *row])
     return headings, rows

@@ -47,7 +47,7 @@ def draw_result(
     ----------
     out_dir : folder of the pictures in :data:`lcmchain.report.captions.CAPTIONS`: fields that the
         result has, ``fibre_directions.png``, ``sections.png``, ``energy.png``, and where there are
-        tools ``tools.png``, ``force.png`` and ``force_over_travel.png``.
+        tools ``tools.png``, ``force.png`` and, if one of them moves, ``force_over_travel.png``.
     datasets : groups of the result, from :func:`lcmchain.fields.dataset.build_datasets`.
     frame : saved frame to draw, the last one by default.
     tools : of the run; without them there is no ``tools.png``, and sections show the sheet alone.
@@ -84,8 +84,9 @@ def draw_result(
     if history.sizes["tool"]:
         files.append(out_dir / "force.png")
         draw_force(files[-1], history, title)
-        files.append(out_dir / "force_over_travel.png")
-        draw_force_over_travel(files[-1], history, title)
+        if np.ptp(history["tool_travel"].values, axis=0).any():
+            files.append(out_dir / "force_over_travel.png")
+            draw_force_over_travel(files[-1], history, title)
     return files
 
 

@@ -36,8 +36,9 @@ class Shown:
     def text(self, value: float) -> str:
         """Write a value with its unit."""
         unit = self.unit if self.unit == "°" else f" {self.unit}".rstrip()
+        rounded = round(float(value), self.decimals) + 0.0  # no minus zero
         # typographic minus, as on axes
-        return f"{value:.{self.decimals}f}".replace("-", "\N{MINUS SIGN}") + unit
+        return f"{rounded:.{self.decimals}f}".replace("-", "\N{MINUS SIGN}") + unit
 
 
 SHOWN = (

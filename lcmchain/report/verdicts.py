@@ -8,50 +8,31 @@ or as the check itself says.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from lcmchain.fields.dataset import SHEET
-from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
-from lcmchain.fields.sheet import sheet_areas
 from lcmchain.quantities.durations import milliseconds_text
-from lcmchain.report.waves import elements_per_wave
+from lcmchain.report.field_verdicts import field_verdicts
+from lcmchain.report.grades import BAD_GRADE, DOUBTFUL, GOOD, Verdict, grade_of, percent, share
 from lcmchain.results import COMPLETE
+from lcmchain.scene.pace import entries_that_slow, has_guided_load, is_driven, is_led
 from lcmchain.solver import guards
 from lcmchain.thresholds import (
-    BAD,
     LARGEST_BALANCE_ERROR,
     LARGEST_DAMPING_PART,
-    LARGEST_FIBRE_STRAIN,
     LARGEST_HOURGLASS_PART,
     LARGEST_KINETIC_PART,
     LARGEST_KINETIC_PART_AT_END,
     LARGEST_PENETRATION,
-    LEAST_ELEMENTS_PER_WAVE,
-    LOCAL_AREA,
+    LARGEST_TARGET_DISTANCE,
     LONGEST_DYNAMIC_PART,
 )
 
 if TYPE_CHECKING:
     from lcmchain.scene import Scene
-
-#: The grades, worst last; what nobody can tell is not judged.
-NOT_JUDGED, GOOD, DOUBTFUL, BAD_GRADE = GRADES = ("not judged", "good", "doubtful", "bad")
-
-
-class Verdict(NamedTuple):
-    """What a check found.
-
-    check : its name. grade : one of ``GRADES``. text : number, limit and meaning, in words.
-    remedy_key : scene entries to change, where the grade is not good.
-    """
-
-    check: str
-    grade: str
-    text: str
-    remedy_key: str = ""
 
 
 def verdicts(
@@ -65,28 +46,19 @@ def verdicts(
     scene : of the run.
     datasets : groups of ``forming.nc``.
     """
-    sheet = datasets[SHEET]
     return [
         *_state(summary),
         *_energy_balance(summary),
-        *_inertia(summary),
+        *_inertia(summary, scene),
         *_rest(summary),
-        *_damping(summary),
+        *_damping(summary, scene),
         *_process_time(summary, scene),
         *_hourglass(summary),
-        *_waves(sheet),
         *_halvings(summary),
         *_penetration(summary, scene),
-        *_fibre_strain(sheet, scene),
-        *_shear(sheet, scene),
-        *_fibre_volume(sheet),
+        *field_verdicts(datasets[SHEET], scene),
         *_mappings(summary),
     ]
-
-
-def worst_grade(found: list[Verdict]) -> str:
-    """Return the worst of the grades."""
-    return max((verdict.grade for verdict in found), key=GRADES.index, default=NOT_JUDGED)
 
 
 def _state(summary: Mapping[str, Any]) -> Iterator[Verdict]:
@@ -109,43 +81,12 @@ def _has_ended(summary: Mapping[str, Any]) -> bool:
     return bool(np.isclose(summary.get("time_reached_s", 0.0), end, rtol=1e-9))
 
 
-def _share(
-    check: str,
-    part: float,
-    limit: float,
-    quantity: str,
-    consequence: str,
-    remedy: str,
-    worst: float | None = None,
-) -> Verdict:
-    """Judge a share: doubtful above its limit, bad above ``worst``, by default BAD times it.
-
-    quantity : what the share is, with its place as {}; consequence : of one that is too large.
-    """
-    grade = _grade(part, limit, BAD * limit if worst is None else worst)
-    text = f"{quantity.format(percent(part))} (good up to {percent(limit)})"
-    if grade == GOOD:
-        return Verdict(check, grade, text)
-    return Verdict(check, grade, f"{text}: {consequence}", remedy)
-
-
-def percent(part: float) -> str:
-    """Return a share in percent, with as many digits as say something."""
-    return "less than 0.01 %" if 0.0 <= part < 1e-4 else f"{100.0 * part:.3g} %"
-
-
-def _grade(value: float, limit: float, worst: float) -> str:
-    if not value > limit:
-        return GOOD
-    return DOUBTFUL if value <= worst else BAD_GRADE
-
-
 # --- energies -------------------------------------------------------------------------------------
 
 
 def _energy_balance(summary: Mapping[str, Any]) -> Iterator[Verdict]:
     if "balance_error_max" in summary:
-        yield _share(
+        yield share(
             "Energy balance",
             summary["balance_error_max"],
             LARGEST_BALANCE_ERROR,
@@ -155,23 +96,32 @@ def _energy_balance(summary: Mapping[str, Any]) -> Iterator[Verdict]:
         )
 
 
-def _inertia(summary: Mapping[str, Any]) -> Iterator[Verdict]:
-    if "kinetic_to_internal_over_tenth_of_stroke" in summary:
-        yield _share(
-            "Quasi-static",
-            summary["kinetic_to_internal_over_tenth_of_stroke"],
-            LARGEST_KINETIC_PART,
-            f"over {percent(LONGEST_DYNAMIC_PART)} of the stroke the kinetic energy exceeds "
-            "{} of the internal energy",
-            "inertia is part of forces and shape",
-            "process.time",
+def _inertia(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    if "kinetic_to_internal_over_tenth_of_stroke" not in summary:
+        return
+    consequence, remedy, worst = "inertia is part of forces and shape", "process.time", None
+    if not is_led(scene):
+        consequence = (
+            "inertia is part of the way to the shape, whose pace weight and forces set; the shape "
+            "is judged by whether it is at rest at the end"
         )
+        remedy, worst = ", ".join(entries_that_slow(scene)), np.inf
+    yield share(
+        "Quasi-static",
+        summary["kinetic_to_internal_over_tenth_of_stroke"],
+        LARGEST_KINETIC_PART,
+        f"over {percent(LONGEST_DYNAMIC_PART)} of the stroke the kinetic energy exceeds "
+        "{} of the internal energy",
+        consequence,
+        remedy,
+        worst,
+    )
 
 
 def _rest(summary: Mapping[str, Any]) -> Iterator[Verdict]:
     # a stopped run has not come to its end
     if "kinetic_to_internal_end" in summary and _has_ended(summary):
-        yield _share(
+        yield share(
             "At rest at the end",
             summary["kinetic_to_internal_end"],
             LARGEST_KINETIC_PART_AT_END,
@@ -181,16 +131,27 @@ def _rest(summary: Mapping[str, Any]) -> Iterator[Verdict]:
         )
 
 
-def _damping(summary: Mapping[str, Any]) -> Iterator[Verdict]:
-    if "damping_to_external" in summary:
-        yield _share(
-            "Damping",
-            summary["damping_to_external"],
-            LARGEST_DAMPING_PART,
-            "damping took {} of the external work",
-            "the mean forces over the stroke are too high by it" + _of_punch(summary),
-            "process.mass_damping, process.damping_average, process.time",
+def _damping(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    if "damping_to_external" not in summary:
+        return
+    consequence = "the mean forces over the stroke are too high by it" + _of_punch(summary)
+    remedy, worst = "process.mass_damping, process.damping_average, process.time", None
+    if not is_led(scene):
+        consequence = (
+            "weight and forces work until it has brought sheet and tools to rest; the shape is "
+            "judged by whether it is at rest at the end"
         )
+        # what falls freely gives all that it does not store to the dampers, whatever they are
+        remedy, worst = "tools.motion.ramp" if has_guided_load(scene) else "", np.inf
+    yield share(
+        "Damping",
+        summary["damping_to_external"],
+        LARGEST_DAMPING_PART,
+        "damping took {} of the external work",
+        consequence,
+        remedy,
+        worst,
+    )
 
 
 def _of_punch(summary: Mapping[str, Any]) -> str:
@@ -207,7 +168,7 @@ def _of_punch(summary: Mapping[str, Any]) -> str:
 
 def _hourglass(summary: Mapping[str, Any]) -> Iterator[Verdict]:
     if "hourglass_to_internal" in summary:
-        yield _share(
+        yield share(
             "Resolution by elements",
             summary["hourglass_to_internal"],
             LARGEST_HOURGLASS_PART,
@@ -218,36 +179,15 @@ def _hourglass(summary: Mapping[str, Any]) -> Iterator[Verdict]:
         )
 
 
-def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
-    found = elements_per_wave(sheet)
-    if found is None:
-        return
-    if not np.isfinite(found).any():
-        yield Verdict("Resolution of wrinkles", GOOD, "the sheet has no waves")
-        return
-    few, none = (
-        _area_where(sheet, found < count)
-        for count in (LEAST_ELEMENTS_PER_WAVE, 0.5 * LEAST_ELEMENTS_PER_WAVE)
-    )
-    grade = BAD_GRADE if none > LOCAL_AREA else DOUBTFUL if few else GOOD
-    text = (
-        f"the shortest wave has {found.min():.1f} elements; {_area(few)} lies in waves of fewer "
-        f"than {LEAST_ELEMENTS_PER_WAVE}"
-    )
-    remedy = "blank.edge_length" if grade != GOOD else ""
-    yield Verdict("Resolution of wrinkles", grade, text, remedy)
-
-
 # --- time -----------------------------------------------------------------------------------------
 
 
 def _process_time(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     needed = summary.get("process_time_needed_s")
-    moved = scene.process.gravity or any(tool.motion.moves for tool in scene.tools)
-    if needed is None or not moved:
+    if needed is None or not is_driven(scene):
         return
     time = scene.process.time
-    grade = _grade(-time, -needed["least_s"], -needed["shear_period_s"])
+    grade = grade_of(-time, -needed["least_s"], -needed["shear_period_s"])
     text = (
         f"{1e3 * time:.4g} ms; the sheet, whose slowest shear vibration takes "
         f"{milliseconds_text(needed['shear_period_s'])}, needs at least "
@@ -283,84 +223,9 @@ def _penetration(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     tool, depth = max(depths.items(), key=lambda item: item[1])
     thickness = scene.material.thickness
     limit = LARGEST_PENETRATION * thickness
-    grade = _grade(depth, limit, guards.DEEPEST_PENETRATION * thickness)
+    grade = grade_of(depth, limit, guards.DEEPEST_PENETRATION * thickness)
     text = f"nodes reach up to {1e3 * depth:.3f} mm into {tool} (good up to {1e3 * limit:.2g} mm)"
     yield Verdict("Penetration", grade, text, "contact.penalty" if grade != GOOD else "")
-
-
-# --- fields ---------------------------------------------------------------------------------------
-
-
-def _fibre_strain(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
-    if not scene.material.has_fibres:
-        return
-    strain = np.abs([sheet[f"fibre_strain_{family}"].values[-1] for family in (1, 2)])
-    largest = float(np.nanmax(strain))
-    grade = _grade(largest, LARGEST_FIBRE_STRAIN, BAD * LARGEST_FIBRE_STRAIN)
-    limit, breaking = percent(LARGEST_FIBRE_STRAIN), percent(BAD * LARGEST_FIBRE_STRAIN)
-    text = (
-        f"fibres are strained by up to {percent(largest)} (good up to {limit}; carbon fibres break "
-        f"at {breaking})"
-    )
-    remedy = "blank.edge_length, contact.friction, tools.motion"
-    yield Verdict("Fibre strain", grade, text, remedy if grade != GOOD else "")
-
-
-def _shear(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
-    if not scene.material.has_fibres:
-        return
-    angle = np.abs(sheet["shear_angle"].values)
-    found = f"sheared by up to {np.degrees(np.nanmax(angle)):.1f} deg"
-    membrane = "material.membrane"
-    tested, locking = (
-        getattr(getattr(scene.material, "membrane", None), name, None)
-        for name in ("shear_range", "locking_angle")
-    )
-    if tested is None and locking is None:
-        text = f"{found}; the scene does not say up to which angle the shear law was measured"
-        yield Verdict("Shear angle", NOT_JUDGED, text, f"{membrane}.shear_range")
-        return
-    grade = GOOD
-    for limit, meaning in (
-        (tested, "up to which the shear law was measured"),
-        (locking, "where the fabric locks"),
-    ):
-        if limit is not None:
-            part = _area_over(sheet, angle, limit)
-            grade = max(grade, _grade(part, 0.0, LOCAL_AREA), key=GRADES.index)
-            found += f"; {_area(part)} beyond {np.degrees(limit):.3g} deg, {meaning}"
-    remedy = f"{membrane}.shear_range, {membrane}.locking_angle, tools.motion"
-    yield Verdict("Shear angle", grade, found, remedy if grade != GOOD else "")
-
-
-def _fibre_volume(sheet: xr.Dataset) -> Iterator[Verdict]:
-    if "fibre_volume_fraction" not in sheet:
-        return
-    fraction = sheet["fibre_volume_fraction"].values
-    thickness = 1e3 * sheet["thickness"].values
-    part = _area_over(sheet, fraction, LARGEST_FIBRE_VOLUME_FRACTION)
-    grade = _grade(part, 0.0, LOCAL_AREA)
-    text = (
-        f"thickness {np.nanmin(thickness):.3f} to {np.nanmax(thickness):.3f} mm and fibre volume "
-        f"fraction up to {np.nanmax(fraction):.2f} in all frames; {_area(part)} above "
-        f"{LARGEST_FIBRE_VOLUME_FRACTION:g}, to which round fibres can hardly be packed"
-    )
-    remedy = "tools.position, tools.motion, material.compaction, material.membrane.locking_angle"
-    yield Verdict("Thickness and packing", grade, text, remedy if grade != GOOD else "")
-
-
-def _area(part: float) -> str:
-    return "nothing" if part == 0.0 else f"{percent(part)} of the area"
-
-
-def _area_over(sheet: xr.Dataset, values: np.ndarray, limit: float) -> float:
-    """Return the part of the undeformed area where values (F, face_count) ever exceed a limit."""
-    return _area_where(sheet, np.any(values > limit, axis=0))
-
-
-def _area_where(sheet: xr.Dataset, there: np.ndarray) -> float:
-    areas = sheet_areas(sheet, 0)
-    return float(areas[there].sum() / areas.sum())
 
 
 # --- mapping --------------------------------------------------------------------------------------
@@ -381,8 +246,22 @@ def _mapping(check: str, key: str, report: Mapping[str, Any]) -> Verdict:
         f"{report['cell_count']:,} cells {extrapolated:,} reach beyond the edge of the sheet and "
         f"{unmapped:,} hold no values; farthest {1e3 * report['worst_distance']:.2f} mm off"
     )
+    off, where = _distance_of_target(report)
+    text += where
     if unmapped:
         return Verdict(check, BAD_GRADE, text, f"{key}.mesh, {key}.maximum_distance")
     if extrapolated:
         return Verdict(check, DOUBTFUL, text, f"{key}.mesh")
+    if off:
+        return Verdict(check, DOUBTFUL, text, f"{key}.mesh, {key}.registration")
     return Verdict(check, GOOD, text)
+
+
+def _distance_of_target(report: Mapping[str, Any]) -> tuple[bool, str]:
+    """Whether the target lay too far off the sheet when it was mapped, and how far."""
+    place = report.get("registration")
+    if place is None:
+        return False, ""
+    distance = place["root_mean_square_after" if report["registered"] else "root_mean_square"]
+    too_far = distance > LARGEST_TARGET_DISTANCE * place["thickness"]
+    return too_far, f", {1e3 * distance:.3f} mm as root mean square"

@@ -35,6 +35,8 @@ class ResultsFolder:
         self.path = path
         self._hidden = path / HIDDEN
         self._journal = self._hidden / JOURNAL
+        self._gathered = self._hidden / "previous"
+        self._discarded = self._hidden / "discarded"
         self._noted: set[str] = set()
         self._begun = False
         self._require_no_input: Callable[[Path], None]
@@ -69,7 +71,8 @@ class ResultsFolder:
             with protecting(inputs) as results._require_no_input, announcing(results._note):
                 yield results
         finally:
-            if not results._journal.exists():  # nothing was begun: leave the folder as it was
+            # nothing was begun: leave the folder as it was
+            if not results._journal.exists() and not results._gathered.exists():
                 shutil.rmtree(path if is_new else results._hidden, ignore_errors=True)
             lock.release()
 
@@ -92,6 +95,8 @@ class ResultsFolder:
         """Begin a run: go on with the files that are there, or set them aside."""
         for folder in {(self.path / name).parent for name in (SUMMARY_FILE, *self._announced())}:
             remove_leftovers(folder)
+        if self._discarded.exists():
+            shutil.rmtree(self._discarded)
         if not resume:
             self._set_aside()
         self._journal.touch()
@@ -102,7 +107,12 @@ class ResultsFolder:
         """Remove what earlier runs left: the present one is complete."""
         for folder in self.path.glob(f"{PREVIOUS}*"):
             if (folder / HIDDEN / JOURNAL).exists():
-                shutil.rmtree(folder)
+                self._remove(folder)
+
+    def _remove(self, folder: Path) -> None:
+        """Remove a folder of results at once: a killed run leaves none that has lost a part."""
+        os.replace(folder, self._discarded)
+        shutil.rmtree(self._discarded)
 
     def _announced(self) -> set[str]:
         """Return the names in the journal, also of files that a killed run did not finish."""
@@ -118,8 +128,7 @@ class ResultsFolder:
         They gather in a hidden folder, the summary and the journal last, before that folder gets
         its name: a run that is killed on the way leaves it to the next one to go on.
         """
-        gathered = self._hidden / "previous"
-        names = self.files
+        gathered, names = self._gathered, self.files
         if not names and not gathered.exists():
             return
         state = read_state(self.path if SUMMARY_FILE in names else gathered)
@@ -138,7 +147,7 @@ class ResultsFolder:
         if self._journal.exists():
             os.replace(self._journal, gathered / HIDDEN / JOURNAL)
         if previous.exists():
-            shutil.rmtree(previous)
+            self._remove(previous)
         os.replace(gathered, previous)
 
     def _note(self, file: Path) -> None:

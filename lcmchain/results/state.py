@@ -41,11 +41,11 @@ def read_summary(folder: Path) -> dict:
 
 
 def all_warnings(summary: Mapping) -> list[str]:
-    """Return the warnings of forming and of every mapping."""
-    mappings = summary["mapping"].items()
+    """Return the warnings of forming, of every mapping and of every structural analysis."""
+    later = [*summary["mapping"].items(), *summary.get("structure", {}).items()]
     return [
         *summary["warnings"],
-        *(f"{name}: {text}" for name, report in mappings for text in report.get("warnings", ())),
+        *(f"{name}: {text}" for name, report in later for text in report.get("warnings", ())),
     ]
 
 

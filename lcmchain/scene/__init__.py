@@ -19,6 +19,8 @@ from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.process import Process
 from lcmchain.scene.read import read_scene, scene_from_text
 from lcmchain.scene.scene import Scene, SceneSource
+from lcmchain.scene.structure import Structure
+from lcmchain.scene.structure_file import read_structure, structure_from_text
 from lcmchain.tools.tool import Tool
 
 __all__ = [
@@ -38,8 +40,11 @@ __all__ = [
     "Scene",
     "SceneSource",
     "StiffnessMaterial",
+    "Structure",
     "Tool",
     "read_scene",
+    "read_structure",
     "scene_from_text",
     "scene_json_schema",
+    "structure_from_text",
 ]

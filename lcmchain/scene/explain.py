@@ -42,6 +42,8 @@ _TABLE_EXAMPLES = {
     "membrane": "[material.membrane]",
     "compaction": "[material.compaction]",
     "bending": "[material.bending]",
+    "fibre": 'fibre = { preset = "T300" }',
+    "resin": 'resin = { preset = "MY750" }',
 }
 
 #: Wrong entries that are explained; a file with more of them has one cause.
@@ -59,21 +61,24 @@ class Problem:
         return f"{self.key}: {self.message}" if self.key else self.message
 
 
-def problems_of(error: ValidationError, data: dict[str, Any]) -> list[Problem]:
+def problems_of(
+    error: ValidationError, data: dict[str, Any], at: tuple[str | int, ...] = ()
+) -> list[Problem]:
     """Explain a validation error of a scene, one problem per wrong entry, in file order.
 
     Only the first ``MOST_PROBLEMS`` are explained.
 
     Parameters
     ----------
-    error : raised when `data` was validated as a Scene.
+    error : raised when `data`, or the table in it, was validated.
     data : the parsed TOML document, overrides included.
+    at : where in a scene the table stands that was validated; keys are told from there.
     """
     problems = []
     for details in error.errors(include_url=False)[:MOST_PROBLEMS]:
-        location = _without_tags(details["loc"], data)
+        location = _without_tags((*at, *details["loc"]), data)
         field = details.get("ctx", {}).get("field", "")
-        key = key_text(location, data)
+        key = key_text(location, data).removeprefix(key_text(at, data)).lstrip(".")
         if field:
             separator = "" if not key or field.startswith("[") else "."
             key = f"{key}{separator}{field}"

@@ -6,9 +6,9 @@ scene and never imports what is built on it.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
@@ -19,8 +19,10 @@ from lcmchain.quantities.entry_types import (
     PositiveLength,
     Switch,
     Text,
+    wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.structure import Structure
 
 
 class MappingTarget(SceneModel):
@@ -60,8 +62,22 @@ class MappingTarget(SceneModel):
     registration: Switch = Field(
         default=False, description="Bring the mesh to the sheet by a small rigid motion."
     )
+    verify: Switch = Field(
+        default=False, description="Estimate the error that the mapping adds to every field."
+    )
+    structure: Annotated[Structure | None, AbsentMeans("none")] = Field(
+        default=None,
+        description="Structural analysis on this mesh, from the mapped fields; kind = "
+        '"structure" only.',
+    )
+
+    @model_validator(mode="after")
+    def _check_structure(self) -> Self:
+        if self.structure is not None and self.kind != "structure":
+            raise wrong(f'needs kind = "structure", but kind is "{self.kind}"', field="structure")
+        return self
 
     def options(self) -> dict[str, Any]:
         """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
-        same = self.model_dump(exclude={"name", "mesh", "registration"})
+        same = self.model_dump(exclude={"name", "mesh", "registration", "structure"})
         return {**same, "register": self.registration}

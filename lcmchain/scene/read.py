@@ -44,6 +44,17 @@ def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     path = Path(path)
     if path.is_dir():
         raise InputError("is a folder; name the scene file in it, such as scene.toml", file=path)
+    text = read_text(path)
+    return scene_from_text(text, path, overrides)
+
+
+def read_text(path: Path) -> str:
+    """Read a scene file, or a file of the same form.
+
+    Raises
+    ------
+    InputError : it is absent or unreadable, or far too large.
+    """
     try:
         with open(path, "rb") as opened:
             content = opened.read(MOST_BYTES + 1)
@@ -55,8 +66,7 @@ def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         raise InputError(
             f"holds more than {MOST_BYTES // 1_000_000} MB, which no scene file does", file=path
         )
-    text = decode_text(content, path)
-    return scene_from_text(text, path, overrides)
+    return decode_text(content, path)
 
 
 def scene_from_text(
@@ -77,11 +87,11 @@ def scene_from_text(
     """
     path = None if path is None else Path(path)
     directory = Path.cwd() if path is None else path.resolve().parent
-    data = _parse_toml(text, path)
-    _require_within_limits(data, path)
+    data = parse_toml(text, path)
+    require_within_limits(data, path)
     if overrides:
         apply_overrides(data, overrides)
-        _require_within_limits(data, path)
+        require_within_limits(data, path)
     try:
         scene = Scene.model_validate(copy.deepcopy(data), context=FROM_FILE)
     except ValidationError as error:
@@ -89,10 +99,10 @@ def scene_from_text(
         missing = _missing_files(data, directory)
         problems = problems_of(error, data) + missing
         unexplained = max(error.error_count() - MOST_PROBLEMS, 0)
-        raise _input_error(problems, path, unexplained=unexplained) from None
+        raise input_error(problems, path, unexplained=unexplained) from None
     missing = _missing_files(data, directory)
     if missing:
-        raise _input_error(missing, path)
+        raise input_error(missing, path)
     full_text = text
     if overrides:
         full_text = text.rstrip("\n") + "\n\n# Overrides:\n"
@@ -109,7 +119,13 @@ def scene_from_text(
     return scene
 
 
-def _parse_toml(text: str, path: Path | None) -> dict[str, Any]:
+def parse_toml(text: str, path: Path | None) -> dict[str, Any]:
+    """Parse the text of a scene file, or of a file of the same form.
+
+    Raises
+    ------
+    InputError : it is not TOML.
+    """
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -127,17 +143,19 @@ def _parse_toml(text: str, path: Path | None) -> dict[str, Any]:
         raise InputError(f"is not valid TOML: {error}", file=_place(path)) from None
 
 
-def _require_within_limits(data: dict[str, Any], path: Path | None) -> None:
+def require_within_limits(data: dict[str, Any], path: Path | None) -> None:
+    """Refuse a document that is nested or filled beyond any use."""
     problem = beyond_limits(data)
     if problem is not None:
-        raise _input_error([problem], path)
+        raise input_error([problem], path)
 
 
 def _place(path: Path | None) -> str:
     return "scene text" if path is None else str(path)
 
 
-def _input_error(problems: list[Problem], path: Path | None, *, unexplained: int = 0) -> InputError:
+def input_error(problems: list[Problem], path: Path | None, *, unexplained: int = 0) -> InputError:
+    """Return the error that names all problems of a document."""
     file = None if path is None else str(path)
     if len(problems) == 1:
         key = problems[0].key or None
@@ -203,18 +221,32 @@ def _used_values(
     defaulted: list[tuple[str, str]] = []
     if isinstance(data.get("element"), str):
         data = data | {"element": {"type": data["element"]}}
-    preset_name = getattr(scene.material, "preset", None)
-    preset = {"material": PRESETS[preset_name]} if preset_name else {}
+    preset = _preset_values(scene)
     for key, raw_path, text in _leaves(scene, (), ()):
         value = _lookup(data, raw_path)
         from_preset = _lookup(preset, raw_path)
         if value is not _ABSENT:
             given.append((key, _value_text(value)))
         elif from_preset is not _ABSENT:
-            defaulted.append((key, f"{_value_text(from_preset)} (preset {preset_name})"))
+            owner = _lookup(preset, (*raw_path[:-1], "preset"))
+            owner = preset["material"]["preset"] if owner is _ABSENT else owner
+            defaulted.append((key, f"{_value_text(from_preset)} (preset {owner})"))
         elif text:
             defaulted.append((key, _resolved_text(scene, key, text)))
     return given, defaulted
+
+
+def _preset_values(scene: Scene) -> dict[str, Any]:
+    """Return what presets give, as tables of a scene file, each with the name of its preset."""
+    values: dict[str, Any] = {}
+    name = getattr(scene.material, "preset", None)
+    if name:
+        values["material"] = {**PRESETS[name], "preset": name}
+    values["mapping"] = [
+        {} if target.structure is None else {"structure": target.structure.preset_values()}
+        for target in scene.mapping
+    ]
+    return values
 
 
 def _leaves(

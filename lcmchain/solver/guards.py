@@ -7,6 +7,7 @@ import numpy as np
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model
+from lcmchain.quantities.places import millimetres
 from lcmchain.solver.runaway import cause_of_runaway, energies_in_words
 from lcmchain.state import EXTERNAL, WORK_COLUMNS, State
 
@@ -140,9 +141,3 @@ def _of_body(model: Model, body: Body) -> str:
 def when(state: State) -> str:
     """Return time and step of a state in words."""
     return f"{1e3 * state.time:.4f} ms (step {state.step_count})"
-
-
-def millimetres(point: np.ndarray) -> str:
-    """Return a point [m] in words."""
-    x, y, z = (1e3 * float(c) for c in point)
-    return f"({x:.2f}, {y:.2f}, {z:.2f}) mm"

@@ -17,11 +17,11 @@ from lcmchain.elements.family import Body
 from lcmchain.elements.fibre_volume import SOLID_FIBRE
 from lcmchain.mesh.fibres import shear_angles
 from lcmchain.model import Model
+from lcmchain.quantities.places import millimetres
 from lcmchain.solver.guards import (
     DEEPEST_PENETRATION,
     LARGEST_HOURGLASS_PART,
     energy_floor,
-    millimetres,
     when,
 )
 from lcmchain.solver.runaway import JUMP

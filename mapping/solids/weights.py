@@ -131,6 +131,7 @@ def compute_solid_weights(
         distance=distance,
         cell_area=cells.volumes / solid,
         face_coverage=np.where(taken, covered.share, 0.0),
+        missed=np.zeros(sheet.surface.face_count, dtype=bool),
         wedge_correction=0.0,
         method="overlap",
         order=order,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -164,9 +165,12 @@ def parts_of_numbers(numbers: np.ndarray, names: Mapping[int, str]) -> dict[str,
 
     Two numbers with the same name stay apart: the number follows the name.
     """
-    known = [int(number) for number in np.unique(numbers)]
-    spelt = [names.get(number, str(number)) for number in known]
+    order = np.argsort(numbers, kind="stable")
+    known, first = np.unique(numbers[order], return_index=True)
+    rows = np.split(order, first)[1:]
+    spelt = [names.get(int(number), str(number)) for number in known]
+    often = Counter(spelt)
     return {
-        (name if spelt.count(name) == 1 else f"{name} {number}"): np.flatnonzero(numbers == number)
-        for number, name in zip(known, spelt, strict=True)
+        (name if often[name] == 1 else f"{name} {number}"): own
+        for number, name, own in zip(known, spelt, rows, strict=True)
     }

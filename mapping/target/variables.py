@@ -11,6 +11,8 @@ import numpy as np
 from lcmchain.mapping.target.mesh import TargetMesh
 from lcmchain.mapping.target.readers.by_meshio import CELL_SET, NODE_SET, PART
 
+MOST_MARKED_PARTS = 100
+
 #: Values (C,) or (N,) and attributes.
 Described = tuple[np.ndarray, dict[str, Any]]
 
@@ -53,16 +55,15 @@ def node_variables(target: TargetMesh) -> dict[str, Described]:
 def cell_data(target: TargetMesh) -> dict[str, np.ndarray]:
     """Return number, part and membership in parts and sets of every cell, for VTU.
 
-    Each array of 0 and 1 is called as what it marks: ``cell_set:NAME``, ``part:NAME``.
+    Each array of 0 and 1 is called as what it marks: ``cell_set:NAME``, ``part:NAME``. Of very many
+    parts there is the number only.
     """
     data = {"cell_id": target.cell_ids}
     if target.parts:
         data["part"] = part_numbers(target)
-    return (
-        data
-        | _marked(PART, target.parts, target.cell_count)
-        | _marked(CELL_SET, target.cell_sets, target.cell_count)
-    )
+    parts = target.parts if len(target.parts) <= MOST_MARKED_PARTS else {}
+    data |= _marked(PART, parts, target.cell_count)
+    return data | _marked(CELL_SET, target.cell_sets, target.cell_count)
 
 
 def point_data(target: TargetMesh) -> dict[str, np.ndarray]:
@@ -108,12 +109,12 @@ def _marked(kind: str, sets: Mapping[str, np.ndarray], count: int) -> dict[str, 
 
 def _distinct(names: Iterable[str], forbidden: re.Pattern = _NOT_IN_NAMES) -> list[str]:
     """Names without what is forbidden in them, no two alike."""
-    words: list[str] = []
+    words: dict[str, None] = {}
     for name in names:
         word = base = forbidden.sub("_", name) or "unnamed"
         number = 1
         while word in words:
             number += 1
             word = f"{base}_{number}"
-        words.append(word)
-    return words
+        words[word] = None
+    return list(words)

@@ -25,7 +25,7 @@ from lcmchain.errors import InputError, OutputError, SimulationError, Simulation
 from lcmchain.mapping import map_file
 from lcmchain.pipeline import run
 from lcmchain.results import ResultsFolder
-from lcmchain.results.folder import HIDDEN
+from lcmchain.results.folder import HIDDEN, JOURNAL
 from lcmchain.scene import read_scene
 from lcmchain.solver import frame_file
 from lcmchain.solver.checkpoint import FILE_NAME, FRAME_FILE_NAME
@@ -194,6 +194,39 @@ def test_a_run_killed_over_earlier_results(scenes, complete, moment_count, tmp_p
 def test_a_run_killed_at_fifty_moments(scenes, complete, moment_count, tmp_path):
     for moment in np.unique(np.linspace(1, moment_count, 50).round().astype(int)).tolist():
         check_killed_run(scenes, complete, tmp_path / str(moment), moment)
+
+
+def test_a_run_killed_while_it_removes_earlier_results(scenes, complete, folder, monkeypatch):
+    """What is being removed is no earlier result any more, whatever part of it is left."""
+
+    def killed(path, **options):
+        for journal in Path(path).rglob(f"{HIDDEN}/{JOURNAL}"):
+            journal.unlink()
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "rmtree", killed)
+        with pytest.raises(KeyboardInterrupt):
+            run(read_scene(scenes[1]), folder)
+    require_same_results(folder, complete[1])
+    run(read_scene(scenes[0]), folder)
+    require_same_results(folder, complete[0])
+    assert [path.name for path in (folder / HIDDEN).iterdir() if path.is_dir()] == []
+
+
+def test_a_refused_run_keeps_what_a_killed_one_was_setting_aside(scenes, complete, folder):
+    earlier = contents(folder)
+    gathered = folder / HIDDEN / "previous"
+    gathered.mkdir()
+    for path in (*(p for p in folder.iterdir() if p.name != HIDDEN), folder / HIDDEN / JOURNAL):
+        place = gathered / path.relative_to(folder)
+        place.parent.mkdir(exist_ok=True)
+        path.rename(place)
+    with pytest.raises(InputError, match="no checkpoint"):
+        run(read_scene(scenes[1]), folder, resume=True)
+    assert contents(gathered) == earlier
+    run(read_scene(scenes[1]), folder)
+    require_same_results(folder, complete[1])
 
 
 # --- stops ----------------------------------------------------------------------------------------
@@ -370,9 +403,13 @@ def test_one_folder_takes_one_run_at_a_time(scenes, complete, folder):
 
 
 def test_files_of_the_user_stay(scenes, complete, folder):
+    """They are no part of the report either, such as the picture of a check that was refused."""
     (folder / "notes.txt").write_text("mine", encoding="utf-8")
+    shutil.copy(folder / "tools.png", folder / "initial.png")
     run(read_scene(scenes[1]), folder)
     assert (folder / "notes.txt").read_text(encoding="utf-8") == "mine"
+    report = (folder / "report.html").read_text(encoding="utf-8")
+    assert "(initial.png)" not in report and "(tools.png)" in report
 
 
 def test_results_are_not_written_over_inputs(scenes, tmp_path):

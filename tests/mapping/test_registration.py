@@ -1,6 +1,7 @@
 """Registration: how a target lies to the sheet, and the rigid motion between the two."""
 
 import json
+from dataclasses import replace
 
 import meshio
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from lcmchain.errors import InputError
 from lcmchain.mapping import TargetMesh, map_file, read_sheet
 from lcmchain.mapping.registration import registered, registration_of
+from lcmchain.mapping.surface import Surface
 
 TURN, SHIFT = np.radians([0.6, -0.8, 0.5]), np.array([0.4e-3, -0.7e-3, 0.5e-3])
 
@@ -71,6 +73,19 @@ def test_a_known_motion_is_recovered_on_a_part_without_symmetry(pair):
     assert still.root_mean_square < 0.02e-3
     assert np.linalg.norm(still.moved(points) - points, axis=1).max() < 0.02e-3
     assert still.warnings() == []
+
+
+def test_repeated_nodes_are_one_place(pair):
+    """As in files written face by face: the sheet is as curved as with shared nodes."""
+    result, points, cells = pair(waves)
+    sheet = read_sheet(result)
+    surface = sheet.surface
+    torn = Surface(surface.corners.reshape(-1, 3), np.arange(4 * len(surface.faces)).reshape(-1, 4))
+    for target in (shell(points, cells), shell(moved(points), cells)):
+        found = registration_of(replace(sheet, surface=torn), target)
+        expected = registration_of(sheet, target)
+        for one, other in ((found.shift, expected.shift), (found.rotation, expected.rotation)):
+            np.testing.assert_allclose(one, other, atol=1e-9)
 
 
 def test_what_does_not_belong_to_the_sheet_does_not_pull(pair):

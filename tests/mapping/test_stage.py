@@ -1,6 +1,7 @@
 """The mapping as a stage: files that other programs open, the report, and clear refusals."""
 
 import json
+from datetime import datetime
 
 import meshio
 import numpy as np
@@ -332,7 +333,13 @@ def test_weights_are_stored_and_used_again(result, part, tmp_path):
         map_file(result, path, tmp_path / "d.nc", weights_file=stored, method="closest")
 
 
-def test_mapping_twice_gives_the_same_bytes(result, part, tmp_path):
+def test_mapping_twice_gives_the_same_bytes(result, part, tmp_path, monkeypatch):
+    class Clock(datetime):
+        @classmethod
+        def now(cls, zone=None):  # the history tells when, to the second
+            return cls(2026, 1, 1, tzinfo=zone)
+
+    monkeypatch.setattr("lcmchain.mapping.files.datetime", Clock)
     path = part()
     for name in ("a", "b"):
         map_file(result, path, tmp_path / name / "mapped.nc", picture=False)

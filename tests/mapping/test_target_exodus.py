@@ -53,9 +53,9 @@ def exodus(tmp_path, make):
         file.createDimension("num_nod_ns1", 2)
         file.createVariable("node_ns1", "i4", ("num_nod_ns1",))[:] = [3, 1]
         text(file, "ns_names", ["corner"])
-        file.createDimension("num_side_ss1", 2)
-        file.createVariable("elem_ss1", "i4", ("num_side_ss1",))[:] = [1, 3]
-        file.createVariable("side_ss1", "i4", ("num_side_ss1",))[:] = [5, 6]
+        file.createDimension("num_side_ss1", 3)
+        file.createVariable("elem_ss1", "i4", ("num_side_ss1",))[:] = [1, 3, 2]
+        file.createVariable("side_ss1", "i4", ("num_side_ss1",))[:] = [5, 6, 1]
         file.createVariable("ss_prop1", "i4", ("num_side_sets",))[:] = [77]
     return path, bricks, ids
 
@@ -70,9 +70,9 @@ def test_numbers_blocks_and_sets(exodus):
         "core": [0, 1], "block 20": [2],
     }  # fmt: skip
     assert target.node_sets["corner"].tolist() == [0, 2]
-    # side 5 is the lower face of the first brick, side 6 the upper one of the third
-    sides = sorted([*bricks[0, :4].tolist(), *bricks[2, 4:].tolist()])
-    assert target.node_sets["side set 77"].tolist() == sides
+    # the lower face of the first brick, the upper one of the third, side 1 of the second
+    sides = {*bricks[0, :4].tolist(), *bricks[2, 4:].tolist(), *bricks[1, [0, 1, 5, 4]].tolist()}
+    assert target.node_sets["side set 77"].tolist() == sorted(sides)
     assert target.ignored == {"quad": 1}
     assert sorted(target.node_sets["patch"].tolist()) == sorted(bricks[0, :4].tolist())
     assert any("side sets are kept as the sets of their nodes" in note for note in target.notes)

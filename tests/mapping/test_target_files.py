@@ -111,12 +111,12 @@ def test_numbers_sets_and_parts_arrive_in_vtu(result, shell_deck, tmp_path):
 
 
 def brick_deck(make, path, kind):
-    """Write a bowl of 4 x 4 x 1 solids in metres; returns the numbers of the cells."""
+    """Write a bowl of 4 x 4 x 2 solids in metres; returns the numbers of the cells."""
     points, quads = make.grid(4, 4, (-0.04, -0.04), (0.04, 0.04))
     middle = make.bowl(points, depth=6.0)
     count = len(points)
-    nodes = np.concatenate([middle - [0, 0, 5e-4], middle + [0, 0, 5e-4]])
-    cells = np.hstack([quads, quads + count])
+    nodes = np.concatenate([middle + [0, 0, z] for z in (-5e-4, 0.0, 5e-4)])
+    cells = np.concatenate([np.hstack([quads, quads + count]) + layer * count for layer in (0, 1)])
     if kind == "C3D20R":
         edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5),
                  (2, 6), (3, 7)]  # fmt: skip
@@ -156,9 +156,14 @@ def test_solids_open_in_other_programs(make, result, tmp_path, kind):
         assert set(root["cell_id"].values.tolist()) == set(ids.tolist())
         for number, value in zip(root["cell_id"].values, root["thickness"].values, strict=True):
             assert value == values[number]
+        nodes_of = dict(zip(ids, cells[:, :corners] + 1, strict=True))
+        faces = root["skin_face_nodes"].values
+        for number, face in zip(root["cell_id"].values, faces, strict=True):
+            own = face[face >= 0].astype(int)  # xarray makes the missing ones nan
+            assert set(root["node_id"].values[own]) <= set(nodes_of[number])
         assert members(root, "cell_set", "some") == {ids[0], ids[5]}
         assert "/solid" in root["thickness"].attrs["comment"]
-        faces = 16 * 2 + 16 if kind != "C3D6" else 32 * 2 + 16
+        faces = (16 if kind != "C3D6" else 32) * 2 + 2 * 16
         assert root.sizes["skin_face"] == faces
     read = meshio.read(tmp_path / "m.vtu")
     name = {"SC8R": "hexahedron", "C3D20R": "hexahedron20", "C3D6": "wedge"}[kind]
@@ -235,6 +240,34 @@ def test_regions_and_numbers_that_vtk_writes(tmp_path, make):
     }  # fmt: skip
     assert {name: rows.tolist() for name, rows in target.cell_sets.items()} == {
         "zone 1": [0, 2, 4, 6], "zone 2": [1, 3, 5, 7],
+    }  # fmt: skip
+
+
+def test_numbers_that_repeat_are_told_and_not_used(tmp_path, make):
+    points, quads = make.grid(2, 2)
+    mesh = meshio.Mesh(make.lifted(points), [("quad", quads)],
+                       cell_data={"element_id": [np.array([4, 5, 5, 6])]})  # fmt: skip
+    mesh.write(tmp_path / "t.vtu")
+    target = read_target(tmp_path / "t.vtu")
+    assert target.cell_ids.tolist() == [1, 2, 3, 4]
+    assert any('"element_id" repeats numbers' in note for note in target.notes)
+
+
+def test_sets_count_the_cells_that_receive_fields(tmp_path):
+    """Shells stand before solids in the file: rows of sets are those among the solids."""
+    lines = ["*NODE", *[f"{k + 1}, {k % 2}, {k // 2 % 2}, {k // 4}" for k in range(12)]]
+    lines += ["*ELEMENT, TYPE=S4, ELSET=SKIN", "1, 1, 2, 4, 3", "*ELEMENT, TYPE=C3D8, ELSET=A"]
+    lines += ["20, 1, 2, 4, 3, 5, 6, 8, 7", "*ELEMENT, TYPE=C3D8, ELSET=B"]
+    lines += ["30, 5, 6, 8, 7, 9, 10, 12, 11", "*ELSET, ELSET=MIXED", "1, 30", ""]
+    (tmp_path / "t.inp").write_text("\n".join(lines))
+    solids = read_target(tmp_path / "t.inp")
+    assert solids.cell_ids.tolist() == [20, 30]
+    found = {name: rows.tolist() for name, rows in solids.cell_sets.items()}
+    assert found == {"A": [0], "B": [1], "MIXED": [1]}
+    assert solids.node_ids[solids.node_sets["SKIN"]].tolist() == [1, 2, 3, 4]
+    shells = read_target(tmp_path / "t.inp", kind="infiltration")
+    assert {name: rows.tolist() for name, rows in shells.cell_sets.items()} == {
+        "SKIN": [0], "MIXED": [0],
     }  # fmt: skip
 
 

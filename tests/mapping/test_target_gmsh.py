@@ -120,6 +120,20 @@ def test_groups_that_overlap_are_sets_and_no_cell_is_doubled(gmsh, plate, versio
     assert not any("same nodes" in note for note in target.notes)
 
 
+@pytest.mark.parametrize("binary", [0, 1], ids=["text", "binary"])
+def test_coordinates_of_parameters_are_passed_over(gmsh, plate, binary):
+    gmsh.option.setNumber("Mesh.SaveParametric", 1)
+    try:
+        path = plate(4.1, binary)
+    finally:
+        gmsh.option.setNumber("Mesh.SaveParametric", 0)
+    target = read_target(path)
+    cells, points = of_gmsh(gmsh, path)
+    assert cells_by_number(target) == cells
+    for number, place in zip(target.node_ids.tolist(), target.points, strict=True):
+        np.testing.assert_allclose(place, points[number], atol=1e-15)
+
+
 def test_version_4_0_says_what_is_lost_and_what_to_do(plate, tmp_path, make):
     with pytest.raises(InputError, match=r"MSH 4 .*save as version 4.1"):
         read_target(plate(4.0))
@@ -205,6 +219,7 @@ TEXT = (
         (TEXT.replace("$Nodes\n4", "$Nodes\n-4"), "a count that cannot be right"),
         (TEXT.replace("1 5 4\n$", "1 5 7\n$"), "element 20 has a node that the file does not def"),
         (TEXT.replace("30 2 2", "30 92 2"), "elements of type 92, above the second order"),
+        (TEXT.replace("30 2 2", "30 2 -1"), "a count that cannot be right"),
         (TEXT.replace("9 1 0 0", "1 1 0 0"), "lists a node twice"),
         (TEXT.partition("$Elements")[0], "no nodes or no elements"),
         (TEXT + "more", "no section of an MSH file"),
@@ -215,6 +230,16 @@ def test_broken_files_are_refused(tmp_path, text, words):
     (tmp_path / "m.msh").write_text(text)
     with pytest.raises(InputError, match=words):
         read_target(tmp_path / "m.msh")
+
+
+def test_entities_without_elements_are_passed_over(tmp_path):
+    text = (
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 3 1 3\n2 1 0 3\n1\n2\n3\n"
+        "0 0 0\n1 0 0\n0 1 0\n$EndNodes\n"
+        "$Elements\n2 1 5 5\n2 1 3 0\n2 1 2 1\n5 1 2 3\n$EndElements\n"
+    )
+    (tmp_path / "m.msh").write_text(text)
+    assert read_target(tmp_path / "m.msh").cell_ids.tolist() == [5]
 
 
 def test_a_file_as_the_manual_describes_it(tmp_path):

@@ -170,14 +170,14 @@ def test_nodes_in_local_coordinate_systems(deck):
         "+            1.0     0.0     0.0\n"
         "CORD2S,7,,0.,0.,0.,0.,0.,1.,\n+,1.,0.,0.\n"
         "CORD1R,8,1,2,3\n"
-        "GRID,1,5,0.,0.,0.\nGRID,2,6,2.,90.,3.\nGRID,3,7,1.,90.,90.\n"
+        "GRID,1,5,0.,0.,0.\nGRID,2,6,2.,90.,3.\nGRID,3,7,2.,60.,30.\n"
         "GRID,4,8,0.,0.,1.\nCTRIA3,1,1,1,2,3\n"
     )
     points = read_target(deck(text)).points
     np.testing.assert_allclose(points[0], [1, 0, 0], atol=1e-12)
     # z' = y, x' = z, y' = x; 90 degrees about z' from x' is y'
     np.testing.assert_allclose(points[1], [1 + 2, 3, 0], atol=1e-12)
-    np.testing.assert_allclose(points[2], [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(points[2], [1.5, 0.75**0.5, 1], atol=1e-12)
     z = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
     np.testing.assert_allclose(points[3], points[0] + z, atol=1e-12)
 
@@ -198,6 +198,7 @@ def test_decks_written_by_meshio(tmp_path, make, point_format):
     for (_, found), block in zip(target.blocks, mesh.cells, strict=True):
         np.testing.assert_array_equal(found, block.data)
     assert target.cell_ids.tolist() == list(range(1, 29))
+    assert not target.parts  # meshio leaves the property blank
 
 
 # Written by pyNastran 1.4.1 (write_bdf with size=16), blanks at the ends of lines stripped.

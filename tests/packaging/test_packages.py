@@ -53,6 +53,8 @@ RANK_OF_CORE = {
     "check": 7,
     "bench": 7,
     "forming_run": 7,
+    "run_account": 7,
+    "run_files": 7,
     "summary": 7,
     "pipeline": 7,
     "provenance": 5,

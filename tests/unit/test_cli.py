@@ -181,26 +181,34 @@ def test_map_passes_si_values(monkeypatch, tmp_path, capsys):
 
     def map_file(source, target, out, options):
         calls.append((out.name, vars(options)))
-        return types.SimpleNamespace(summary=lambda: "part: 12 cells", warnings=["[a] warning"])
+        error = {"units": "m", "worst": 2e-6, "worst_cell": 7, "root_mean_square": 1e-6}
+        return types.SimpleNamespace(
+            summary=lambda: "part: 12 cells",
+            warnings=["[a] warning"],
+            verification={"thickness": {**error, "there_and_back": None}},
+        )
 
     names = {"map_file": map_file, "MappingOptions": types.SimpleNamespace}
     stand_in(monkeypatch, "lcmchain.mapping", **names)
     out = tmp_path / "mapped.nc"
     options = ["--kind", "infiltration", "--maximum-distance", "2 mm", "--length-unit", "mm"]
-    options += ["--frame", "3"]
+    options += ["--frame", "3", "--time", "2 ms", "--register", "--verify", "--all-frames"]
     assert exit_code("map", source, target, "--out", out, *options) == 0
     assert calls[0][0] == "mapped.nc"
     assert calls[0][1]["maximum_distance"] == 0.002
     assert calls[0][1]["kind"] == "infiltration" and calls[0][1]["method"] == "overlap"
-    assert calls[0][1]["frame"] == 3
+    assert calls[0][1]["frame"] == 3 and calls[0][1]["time"] == 0.002
+    assert all(calls[0][1][name] for name in ("register", "verify", "all_frames"))
     printed = capsys.readouterr().out
     assert "part: 12 cells" in printed and "[a] warning" in printed
+    assert "thickness" in printed and "0.002 mm" in printed and "0.001 mm" in printed
 
     for wrong in (
         ["--kind", "part"],
         ["--method", "nearest"],
         ["--maximum-distance", "2"],
         ["--length-unit", "kg"],
+        ["--time", "2"],
     ):
         assert exit_code("map", source, target, "--out", out, *wrong) == 2
         assert wrong[0] in capsys.readouterr().err

@@ -12,6 +12,7 @@ from lcmchain.check.expected_cost import Estimate
 from lcmchain.check.machine_speed import Speed
 from lcmchain.check.tables import cost_table
 from lcmchain.quantities.durations import duration_text
+from lcmchain.quantities.places import millimetres
 from lcmchain.scene import Process
 
 
@@ -58,3 +59,8 @@ def test_check_tells_hours_as_hours() -> None:
     terminal = Console(width=100, file=io.StringIO())
     terminal.print(table)
     assert "about 2 h 05 min once compiled" in terminal.file.getvalue()
+
+
+def test_places_have_no_minus_before_zero():
+    assert millimetres((-1e-6, 0.0123456, -0.5)) == "(0.00, 12.35, -500.00) mm"
+    assert millimetres((-4e-5, 4e-5, -6e-5), 1) == "(0.0, 0.0, -0.1) mm"

@@ -23,7 +23,7 @@ from lcmchain.report.cut import Plane, cut_sheet
 from lcmchain.report.extremes import mark_extremes
 from lcmchain.report.fibre_segments import even_choice, fibre_segments
 from lcmchain.report.formed import draw_fibre_directions
-from lcmchain.report.renderer import axes_at
+from lcmchain.report.renderer import axes_at, fit_axis
 from lcmchain.report.run_pictures import draw_run, require_film
 from lcmchain.report.run_tools import RunTools
 from lcmchain.report.sections import default_planes, draw_sections
@@ -329,6 +329,24 @@ def test_labels_of_neighbouring_extremes_do_not_overlap():
         frame = axis.get_window_extent()
         for box in (one, two):
             assert frame.x0 <= box.x0 and box.x1 <= frame.x1
+
+
+@pytest.mark.parametrize("aspect", [0.2, 1.0, 5.0])
+def test_labels_of_extremes_lie_within_the_map_of_a_strip(aspect):
+    """Equal scales make its frame narrower than its panel, which is known when all is drawn."""
+    rng = np.random.default_rng(1)
+    for places in rng.random((6, 2, 2)) * [1.0, aspect]:
+        figure = new_figure(11.4, 6.0)
+        axis = axes_at(figure, 6.2, 0.5, 3.9, 5.0)
+        fit_axis(axis, np.array([[0.0, 0.0], [1.0, aspect]]), 0.04)
+        mark_extremes(axis, places, np.array([40.0, -40.0]), SHOWN[0])
+        figure.canvas.draw()
+        frame = axis.get_window_extent()
+        one, two = (text.get_window_extent() for text in axis.texts)
+        assert not one.overlaps(two)
+        for box in (one, two):
+            assert frame.x0 <= box.x0 and box.x1 <= frame.x1
+            assert frame.y0 <= box.y0 and box.y1 <= frame.y1
 
 
 def test_of_equal_extremes_the_ones_far_apart_are_marked():

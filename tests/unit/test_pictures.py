@@ -122,6 +122,17 @@ def test_without_tools_there_is_no_force(scene, blank, tmp_path):
     assert not (tmp_path / "force.png").exists()
 
 
+def test_where_no_tool_moves_there_is_no_force_over_travel(scene, blank, tmp_path):
+    datasets = result(scene, blank, 0.005)
+    history = datasets["/history"]
+    for name in ("tool_travel", "history_tool_travel"):
+        if name in history:
+            history[name][:] = 0.0
+    names = {file.name for file in draw_result(tmp_path, datasets)}
+    assert "force.png" in names and "force_over_travel.png" not in names
+    assert not (tmp_path / "force_over_travel.png").exists()
+
+
 def test_picture_of_the_start(blank, tmp_path):
     square = 0.1 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=float)
     plate = ("plate", square - [0, 0, 0.001], np.array([[0, 1, 2], [0, 2, 3]]))
@@ -176,6 +187,7 @@ def test_scale_from_a_given_value():
 
 def test_values_in_words():
     assert SHEAR.text(-2.54) == "\N{MINUS SIGN}2.5°"
+    assert SHEAR.text(-0.04) == "0.0°"
     assert THICKNESS.text(0.95) == "0.950 mm"
     assert FRACTION.text(0.5) == "0.500"
     assert [shown.axis_label for shown in SHOWN] == [

@@ -139,7 +139,7 @@ def test_an_unreadable_mesh_is_told_before_any_work(folder, tmp_path, monkeypatc
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", ["forming", "summary", "shear_angle", "tools"])
+@pytest.mark.parametrize("name", ["forming", "summary", "shear_angle", "tools", "initial"])
 def test_a_mapping_does_not_take_the_name_of_other_files(folder, tmp_path, name):
     scene = read_scene(folder / "scene.toml", [f'mapping.near.name="{name}"'])
     with pytest.raises(InputError, match="choose another name") as caught:

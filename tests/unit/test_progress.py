@@ -88,7 +88,7 @@ def test_version(capsys):
 SUMMARY = {
     "title": "dome", "shear_angle_max_rad": 0.1, "fibre_strain_max": 0.0, "balance_error_max": 0.0,
     "kinetic_to_internal_end": 0.0, "step_count": 10, "step_control": {"waves": 10},
-    "wall_s": 1.0, "compile_s": 1.0, "threads": 2,
+    "wall_s": 1.0, "compile_s": 1.0, "threads": 2, "us_per_element_step": 0.1,
     "mapping": {"part": {"error": "no sheet nearby", "warnings": ["a hole"]}},
 }  # fmt: skip
 
@@ -118,11 +118,11 @@ def run_with(monkeypatch, tmp_path):
 def test_warnings_end_well_unless_they_are_errors(run_with, capsys):
     assert run_with(["it still moves"]) == 0
     captured = capsys.readouterr()
-    assert "shear angle" in captured.out and "Warning: it still moves" in captured.out
+    assert "Shear angle" in captured.out and "Warning: it still moves" in captured.out
     assert "Warning: part: a hole" in captured.out and "Error" not in captured.err
     assert run_with(["it still moves"], "--strict") == 1
     captured = capsys.readouterr()
-    assert "Warning: it still moves" in captured.out and "shear angle" in captured.out
+    assert "Warning: it still moves" in captured.out and "Shear angle" in captured.out
     assert "2 warnings (above), and --strict" in captured.err
 
 

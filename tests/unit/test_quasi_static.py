@@ -189,6 +189,7 @@ def test_what_weight_and_force_drive_is_not_told_to_take_longer():
     assert len(found) == 2
     for text in found:
         assert "process.time =" not in text and "kinetic_to_internal_end" in text
+    assert "slow the way with tools.motion.ramp or tools.motion.damping" in found[0]
 
 
 def test_hourglass_energy_is_warned_of_with_the_edge_length_that_ends_it():

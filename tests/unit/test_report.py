@@ -50,6 +50,8 @@ name = "part"
 mesh = "part.vtu"
 kind = "structure"
 maximum_distance = "5 mm"
+verify = true
+all_frames = true
 """
 
 
@@ -155,7 +157,9 @@ def test_warnings_effects_settings_and_mapping_are_those_of_the_run(page, result
     for key, value in [*scene.source.given, *scene.source.defaulted]:
         assert key in page.text["settings"] and value in page.text["settings"]
     assert f"{summary['mapping']['part']['cell_count']}: " in page.text["mapping"]
-    assert "part.json" in page.text["mapping"]
+    assert "part.json" in page.text["mapping"] and "part.pvd" in page.text["mapping"]
+    assert "error added to thickness" in page.text["mapping"]
+    assert "distance from the sheet, mean and root mean square" in page.text["mapping"]
 
 
 def test_equal_warnings_stand_once_with_their_number():

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from lcmchain.commands.run_report import all_warnings, print_result, summary_rows
+from lcmchain.report.numbers import Number
 
 SUMMARY = {
     "title": "dome [1]",
@@ -23,6 +24,7 @@ SUMMARY = {
     "wall_s": 12.34,
     "compile_s": 5.67,
     "threads": 2,
+    "us_per_element_step": 0.25,
     "warnings": ["the sheet [still] moves"],
     "mapping": {
         "part": {
@@ -36,28 +38,37 @@ SUMMARY = {
 }
 
 
+def rows(summary):
+    return {number.name: number[1:] for number in summary_rows(summary)}
+
+
 @pytest.mark.parametrize(
-    ("name", "text"),
+    ("name", "value", "meaning"),
     [
-        ("shear angle", "up to 28.6 deg"),
-        ("thickness", "0.812 to 1.056 mm"),
-        ("fibre volume fraction", "up to 0.457"),
-        ("fibre strain", "up to 0.12%"),
-        ("largest punch force", "123.5 N"),
-        ("process time", "50 ms; the sheet needs at least 53.6 ms, and 277 ms to be safe"),
+        ("Shear angle", "up to 28.6 deg", "magnitude, in the last frame"),
+        ("Thickness", "0.812 to 1.056 mm", "in the last frame"),
+        ("Fibre volume fraction", "up to 0.457", "in the last frame"),
+        ("Fibre strain", "up to 0.123 %", "magnitude, of both families"),
         (
-            "energy balance",
-            "off by 0.34% of the largest internal energy; kinetic 1.23% of the internal energy at "
-            "the end",
+            "Force of the punch",
+            "123.5 N",
+            "largest mean over a twentieth of the process: the figure to quote",
         ),
-        ("steps", "12,345, limited by contact stiffness (81%), in-plane waves (19%)"),
-        ("time", "12.3 s on 2 threads, 5.7 s of compiling before"),
-        ("mapping part", "1,200 cells, 99.5% of the target and 64.0% of the sheet covered"),
-        ("mapping other", "failed"),
+        ("Process time", "50 ms", "the sheet needs at least 53.6 ms, and 277 ms to be safe"),
+        ("Error of the energy balance", "0.345 %", "of the largest internal energy"),
+        ("Kinetic energy at the end", "1.23 %", "of the internal energy"),
+        ("Steps", "12,345", "limited by contact stiffness (81%), in-plane waves (19%)"),
+        (
+            "Computing time",
+            "12.3 s",
+            "on 2 threads, 0.25 microseconds per element and step; 5.7 s of compiling before",
+        ),
+        ("Mapping part", "1,200 cells", "99.5% of the target and 64.0% of the sheet covered"),
+        ("Mapping other", "failed", ""),
     ],
 )
-def test_rows_are_the_numbers_of_the_summary(name, text):
-    assert dict(summary_rows(SUMMARY))[name] == text
+def test_rows_are_the_numbers_of_the_summary(name, value, meaning):
+    assert rows(SUMMARY)[name] == (value, meaning)
 
 
 def test_the_punch_force_says_what_damping_and_inertia_take_of_it():
@@ -67,13 +78,23 @@ def test_the_punch_force_says_what_damping_and_inertia_take_of_it():
         "punch_force_peak_N": 150.04,
         "tool_loads": {"die": {}, "press": {"parts_at_maximum": parts}},
     }
-    assert dict(summary_rows(SUMMARY | more))["largest punch force"] == (
-        "123.5 N as a mean, 150 N in a single step; around it damping takes 6.54 N and "
-        "inertia -1.23 N of 120 N"
+    still = SUMMARY | more | {"tool_loads": {"press": {}}}
+    of_step = "tool press: the figure to quote; 150 N in a single step"
+    assert rows(still)["Force of the punch"][1].endswith(of_step)
+    assert rows(SUMMARY | more)["Force of the punch"][1].endswith(
+        f"{of_step}; around it damping takes 6.54 N and inertia -1.23 N of 120 N"
     )
-    still = more | {"tool_loads": {"press": {}}}
-    found = dict(summary_rows(SUMMARY | still))["largest punch force"]
-    assert found == "123.5 N as a mean, 150 N in a single step"
+
+
+def test_a_run_that_did_not_end_says_how_far_it_came():
+    stopped = SUMMARY | {"state": "interrupted", "time_reached_s": 0.02}
+    assert rows(stopped)["Reached"][0] == "20 of 50 ms"
+
+
+def test_a_number_in_one_line():
+    assert Number("Damping", "13.8 %", "of the work").in_words == "13.8 % of the work"
+    assert Number("Steps", "60", "limited by waves").in_words == "60; limited by waves"
+    assert Number("Mapping", "failed").in_words == "failed"
 
 
 def test_every_warning_is_said():
@@ -84,9 +105,9 @@ def test_every_warning_is_said():
 
 def test_rows_of_what_a_result_does_not_have_are_left_out():
     without = ("thickness_min_m", "fibre_volume_fraction_max", "punch_force_max_N")
-    names = dict(summary_rows({k: v for k, v in SUMMARY.items() if k not in without}))
-    assert not {"thickness", "fibre volume fraction", "largest punch force"} & set(names)
-    assert len(names) == len(dict(summary_rows(SUMMARY))) - 3
+    names = rows({k: v for k, v in SUMMARY.items() if k not in without})
+    assert not {"Thickness", "Fibre volume fraction", "Force of the punch"} & set(names)
+    assert len(names) == len(rows(SUMMARY)) - 3
 
 
 def test_the_terminal_shows_rows_warnings_and_folder(capsys):

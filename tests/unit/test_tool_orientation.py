@@ -6,6 +6,7 @@ import math
 import warnings
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -13,7 +14,9 @@ from lcmchain.mesh.closest_point import closest_point_of_triangle
 from lcmchain.tools import ToolWarning, build_tool_table, gaps
 from lcmchain.tools.shapes.surface_mesh import SurfaceMesh
 from lcmchain.tools.surfaces.closest import closest_places, triangle_tree
+from lcmchain.tools.surfaces.distance_field import build_distance_field
 from lcmchain.tools.surfaces.orientation import oriented
+from lcmchain.tools.surfaces.reading import read_surface
 from lcmchain.tools.tool import Tool
 
 FILE = Path("tool.stl")
@@ -53,6 +56,39 @@ def sheet_at(bottom, thickness=0.001, half=0.05):
 
 def turned(triangles):
     return triangles[:, ::-1]
+
+
+def square_hole(half=0.055, radius=0.015, fillet=0.005, steps=9, depth=0.06, width=0.14):
+    """Skin of a die with a square hole: wall with an open rim below, rounded edge, plate."""
+    places, outward = [], []
+    for quarter in range(4):
+        middle = 0.5 * np.pi * (quarter + 0.5)
+        centre = np.sign([np.cos(middle), np.sin(middle)]) * (half - radius)
+        for angle in np.linspace(0.5 * np.pi * quarter, 0.5 * np.pi * (quarter + 1), steps):
+            outward.append(np.array([np.cos(angle), np.sin(angle)]))
+            places.append(centre + radius * outward[-1])
+    arc = np.linspace(0.0, 0.5 * np.pi, 9)
+    profile = [(0.0, -depth), *zip(fillet * (1 - np.cos(arc)), fillet * (np.sin(arc) - 1))]
+    profile.append((width, 0.0))
+    points = np.array(
+        [[[*(p + way * n), z] for way, z in profile] for p, n in zip(places, outward)]
+    )
+    count, rows = len(places), len(profile)
+    number = np.arange(count * rows).reshape(count, rows)
+    after = np.roll(number, -1, axis=0)
+    a, b, c, d = (n.ravel() for n in (number[:, :-1], after[:, :-1], after[:, 1:], number[:, 1:]))
+    return points.reshape(-1, 3), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def test_the_rim_of_a_skin_may_bend(tmp_path):
+    """Below the corners of the hole a back node lies one spacing off the rim, its neighbour two."""
+    points, triangles = square_hole()
+    meshio.Mesh(points, [("triangle", triangles)]).write(tmp_path / "die.stl")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ToolWarning)
+        surface = read_surface(tmp_path / "die.stl", "m", sheet_at(0.0))
+        field = build_distance_field(surface, None, key="shape")
+    assert field.spacing == pytest.approx(1.714e-3, rel=1e-3)
 
 
 def same_normals(points, one, other):

@@ -7,12 +7,13 @@ import pytest
 
 from lcmchain.check.quasi_static import process_time_needed, quasi_static_warnings
 from lcmchain.fields import FrameSeries, build_datasets
-from lcmchain.fields.sheet import sheet_faces
 from lcmchain.fields.summary import field_warnings
+from lcmchain.fields.waves import elements_per_wave, wave_warnings
 from lcmchain.mesh.blank import build_blank
+from lcmchain.mesh.triangulation import triangulate
 from lcmchain.model import build_model
-from lcmchain.report.verdicts import Verdict, percent, verdicts, worst_grade
-from lcmchain.report.waves import elements_per_wave, rows_of_faces
+from lcmchain.report.grades import Verdict, percent, worst_grade
+from lcmchain.report.verdicts import verdicts
 from lcmchain.scene import scene_from_text
 from lcmchain.summary import run_warnings
 
@@ -32,6 +33,12 @@ MAPPING = {
     "target_coverage": 1.0,
     "worst_distance": 1e-4,
 }
+PLACE = {
+    "registration": {
+        "root_mean_square": 6e-4, "root_mean_square_after": 2e-5, "thickness": 1e-3
+    },
+    "registered": False,
+}  # fmt: skip
 SOUND = {
     "state": "complete",
     "balance_error_max": 0.0,
@@ -130,6 +137,35 @@ def test_grades_of_the_process_time(datasets, time, grade):
     assert "30 ms" in verdict.text and "90 ms" in verdict.text and time in verdict.text
 
 
+def driven_by(motion, gravity="false"):
+    """The scene with another motion of its tool, and the sheet's weight or none."""
+    stroke = '{ type = "stroke", direction = [0, 0, -1], distance = "1 mm" }'
+    text = SCENE.replace(stroke, motion)
+    return scene_from_text(text.replace('"200 ms"', f'"200 ms", gravity = {gravity}'))
+
+
+PRESSED = '{ type = "guided", direction = [0, 0, -1], mass = "1 kg", force = "5 N" }'
+
+
+@pytest.mark.parametrize(
+    ("motion", "gravity", "inertia", "damping"),
+    [
+        (PRESSED, "false", "tools.motion.ramp, tools.motion.damping", "tools.motion.ramp"),
+        ('{ type = "fixed" }', "true", "process.mass_damping", ""),
+    ],
+)
+def test_where_weight_and_force_set_the_pace_other_entries_help(
+    datasets, motion, gravity, inertia, damping
+):
+    """A longer process does not slow them, and whatever is not stored goes into the dampers."""
+    shares = {"kinetic_to_internal_over_tenth_of_stroke": 9.0, "damping_to_external": 0.9}
+    found = judged(driven_by(motion, gravity), datasets, **shares)
+    for check, entries in (("Quasi-static", inertia), ("Damping", damping)):
+        assert (found[check].grade, found[check].remedy_key) == ("doubtful", entries)
+        assert "weight and forces" in found[check].text
+        assert "at rest at the end" in found[check].text
+
+
 def test_where_nothing_is_driven_no_process_time_is_needed(datasets):
     still = SCENE.replace(', distance = "1 mm"', "").replace('"stroke"', '"fixed"')
     scene = scene_from_text(still.replace(", direction = [0, 0, -1]", ""))
@@ -197,6 +233,7 @@ def test_packing_beyond_what_fibres_can_be_packed_to(scene, datasets, count, gra
     [
         ({"status_count": {"extrapolated": 3}}, "doubtful", "3 reach beyond the edge"),
         ({"status_count": {"extrapolated": 3, "unmapped": 1}}, "bad", "1 hold no values"),
+        (PLACE, "doubtful", "0.600 mm as root mean square"),
         ({"error": "no sheet within 3 mm"}, "bad", "failed: no sheet within 3 mm"),
     ],
 )
@@ -204,6 +241,12 @@ def test_grades_of_mappings(scene, datasets, changes, grade, words):
     verdict = judged(scene, datasets, mapping={"part": MAPPING | changes})["Mapping to part"]
     assert verdict.grade == grade
     assert words in verdict.text and 'mapping "part"' in verdict.remedy_key
+
+
+def test_a_registered_target_is_judged_where_it_was_mapped(scene, datasets):
+    changes = PLACE | {"registered": True}
+    verdict = judged(scene, datasets, mapping={"part": MAPPING | changes})["Mapping to part"]
+    assert verdict.grade == "good" and "0.020 mm as root mean square" in verdict.text
 
 
 def wave(datasets, elements, slope=0.5):
@@ -215,10 +258,14 @@ def wave(datasets, elements, slope=0.5):
     return sheet
 
 
+@pytest.mark.parametrize("triangles", [False, True])
 @pytest.mark.parametrize("elements", [3, 4, 5, 6, 8, 10])
-def test_a_wave_has_as_many_elements_as_were_given_to_it(elements):
-    scene = scene_from_text(SCENE.replace('"110 mm"', '"240 mm"'))
+def test_a_wave_has_as_many_elements_as_were_given_to_it(elements, triangles):
+    """Also on triangles, whose legs follow the fibres."""
+    element = 'element = "membrane-shell"' if triangles else ""
+    scene = scene_from_text(element + SCENE.replace('"110 mm"', '"240 mm"'))
     blank = build_blank(scene.blank, scene.material.thickness)
+    blank = triangulate(blank) if triangles else blank
     positions = blank.node_positions[None]
     frames = FrameSeries(np.zeros(1), positions, np.zeros((1, 0)), np.zeros((1, 0, 3)))
     found = elements_per_wave(wave(build_datasets(scene, blank, frames), elements))
@@ -226,6 +273,13 @@ def test_a_wave_has_as_many_elements_as_were_given_to_it(elements):
     assert inner.size > 0.5 * found.size
     assert inner == pytest.approx(elements, abs=0.35)
     assert inner.mean() == pytest.approx(elements, abs=0.1)
+
+
+def test_what_fibres_turn_in_the_plane_is_no_wave(datasets):
+    sheet = datasets["/"]
+    x = sheet["reference_position_x"].values
+    sheet["displacement_y"][-1] = 0.005 * np.cos(2.0 * np.pi / 0.05 * x)
+    assert np.isinf(elements_per_wave(sheet)).all()
 
 
 def test_shallow_waves_domes_and_single_bends_are_no_waves(datasets):
@@ -244,18 +298,11 @@ def test_grades_of_waves(scene, datasets, elements, grade):
     assert (verdict.grade, bool(verdict.remedy_key)) == (grade, grade != "good")
     least = float(re.match(r"the shortest wave has ([\d.]+) elements", verdict.text)[1])
     assert least == pytest.approx(elements, abs=0.35)
-
-
-def test_rows_of_a_lattice_cross_every_element_twice(datasets):
-    rows = rows_of_faces(sheet_faces(datasets["/"]))
-    assert sorted(len(row) for row in rows) == [10] * 11 + [11] * 10
-    assert np.array_equal(np.sort(np.concatenate(rows)), np.repeat(np.arange(110), 2))
-
-
-def test_rows_that_close_end():
-    """A ring of four elements, as around a tube, and its four crossing rows of one."""
-    faces = np.array([[0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
-    assert sorted(len(row) for row in rows_of_faces(faces)) == [1, 1, 1, 1, 4]
+    warned = wave_warnings(datasets["/"])
+    assert bool(warned) == (grade != "good")
+    if warned:
+        assert f"down to {least:.1f} elements per wavelength" in warned[0]
+        assert "blank.edge_length" in warned[0]
 
 
 def test_halved_steps_are_doubtful(scene, datasets):

@@ -1,4 +1,4 @@
-"""Height and length of wrinkles against surfaces that are known."""
+"""Height of wrinkles against surfaces that are known."""
 
 import math
 
@@ -7,8 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lcmchain.fields import FrameSeries, build_datasets, field_summary
-from lcmchain.fields.summary import field_warnings
-from lcmchain.fields.wrinkle_waves import elements_per_wave
 from lcmchain.fields.wrinkles import WAVE_PART, longest_wave, wrinkle_height
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.triangulation import triangulate
@@ -209,7 +207,7 @@ def test_a_sheet_that_lies_on_a_tool_has_no_wrinkles_there(blank, tools):
     assert under[crest] == pytest.approx(AMPLITUDE, rel=0.06)
 
 
-# --- length of waves, and files -------------------------------------------------------------------
+# --- files ----------------------------------------------------------------------------------------
 
 
 def result(scene, mesh, surface):
@@ -219,32 +217,6 @@ def result(scene, mesh, surface):
         mesh,
         FrameSeries(np.array([0.0, 0.02]), positions, np.zeros((2, 0)), np.zeros((2, 0, 3))),
     )
-
-
-@pytest.mark.parametrize("angle", [0.0, 45.0])
-@pytest.mark.parametrize("elements", [4.0, 6.0, 8.0])
-def test_the_length_of_a_wave_in_elements(scene, blank, elements, angle):
-    surface = wave(0.005 * elements, math.radians(angle))
-    sheet = result(scene, blank, surface)["/"]
-    found = elements_per_wave(sheet, -1, np.flatnonzero(inside(blank)))
-    assert found.min() > 0.85 * elements
-    assert found.max() < 1.15 * elements
-    assert np.median(found) == pytest.approx(elements, rel=0.08)
-
-
-@pytest.mark.parametrize(
-    ("elements", "amplitude", "words"),
-    [(5.0, 2e-3, True), (5.0, 0.5e-3, False), (12.0, 2e-3, False)],
-)
-def test_unresolved_wrinkles_are_told(scene, elements, amplitude, words):
-    scene = with_length(scene, 0.06)
-    blank = build_blank(scene.blank, scene.material.thickness)
-    sheet = result(scene, blank, wave(0.005 * elements, 0.0, 0.0, amplitude))["/"]
-    found = [text for text in field_warnings(sheet, scene.material.build()) if "wrinkle" in text]
-    assert len(found) == words
-    if words:
-        assert "unresolved: down to 4." in found[0] or "unresolved: down to 5." in found[0]
-        assert "blank.edge_length" in found[0]
 
 
 def test_the_field_is_on_the_nodes_with_its_length_and_in_the_summary(scene, blank):

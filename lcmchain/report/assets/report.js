@@ -57,8 +57,12 @@ function drawForces() {
       line: { color: look().soft, width: 0.8 }, visible: "legendonly",
     }] : []),
   ];
-  drawCurves("force-over-travel", lines(punch.travel), "Force over travel",
-    `travel of ${punch.name} [mm]`, "mean contact force [N]");
+  if (punch.travel.some((travel) => travel !== punch.travel[0])) {
+    drawCurves("force-over-travel", lines(punch.travel), "Force over travel",
+      `travel of ${punch.name} [mm]`, "mean contact force [N]");
+  } else {
+    document.getElementById("force-over-travel").remove();
+  }
   drawCurves("force-over-time", lines(curves.time), "Force over time", "time [ms]",
     "mean contact force [N]");
 }

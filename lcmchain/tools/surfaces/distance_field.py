@@ -29,8 +29,10 @@ MAXIMUM_NODES = 30_000_000
 OVERHANG = 1.0
 
 #: Largest jump of a true signed distance between neighbouring nodes, in spacings. One is the limit
-#: for a solid; beyond an open edge the two sides differ by up to 1 + sqrt(1 + OVERHANG^2).
-LARGEST_JUMP = 3.0
+#: for a solid. Beyond an open edge a node at the back lies up to OVERHANG from it, and the next
+#: one, at the front, a step farther: 1 + 2 OVERHANG where both lie on the surface continued, and a
+#: little more, the quarter, where the edge bends. Opposite normals make jumps of up to 2 BAND.
+LARGEST_JUMP = 1.25 + 2.0 * OVERHANG
 
 #: Share of a spacing by which the field may miss the surface before a warning.
 RESOLVED = 0.1

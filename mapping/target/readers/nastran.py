@@ -26,6 +26,9 @@ from lcmchain.mapping.target.readers.nastran_coordinates import Systems
 from lcmchain.mapping.target.readers.nastran_sets import fill_sets, property_names
 from lcmchain.mapping.target.shapes import SOLID_EDGES, reordered
 
+# Blank, which stands for a property of the element's own number: no part of the mesh.
+NO_PROPERTY = 0
+
 
 class Element(NamedTuple):
     """Shape with corners only, and with all mid-side nodes; edges in Nastran's order of these."""
@@ -100,9 +103,10 @@ def read_nastran(path: Path) -> FileMesh:
     }
     numbers = np.array([properties[cell] for cell in cell_ids.tolist()], dtype=np.int64)
     names = property_names(deck)
-    mesh.parts = parts_of_numbers(
-        numbers, {number: names.get(number, f"property {number}") for number in numbers.tolist()}
-    )
+    names = {number: names.get(number, f"property {number}") for number in numbers.tolist()}
+    names[NO_PROPERTY] = ""
+    mesh.parts = parts_of_numbers(numbers, names)
+    mesh.parts.pop("", None)
     fill_sets(mesh, deck, numbering)
     _note(mesh, deck, groups)
     return mesh
@@ -156,8 +160,7 @@ def _groups(cards: list[Card], element: Element) -> list[_Group]:
             listed = [card for card, _ in rows]
             ids = np.array([card.whole(0) for card in listed], dtype=np.int64)
             table = np.array([nodes for _, nodes in rows], dtype=np.int64)[:, order]
-            # without a property it has that of its own number
-            numbers = np.array([card.whole(1, card.whole(0)) for card in listed])
+            numbers = np.array([card.whole(1, NO_PROPERTY) for card in listed])
             place = [card.place for card in listed]
             cells = Cells(name, ids, table, place.__getitem__)
             found.append(_Group(cells, numbers, np.array(partly if name == element.shape else [])))

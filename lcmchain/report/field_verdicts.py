@@ -1,0 +1,137 @@
+"""Verdicts on the fields of a result: waves, fibres, shear, thickness and packing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
+from lcmchain.fields.sheet import sheet_areas
+from lcmchain.fields.waves import area_in_waves_below, elements_per_wave
+from lcmchain.report.grades import (
+    BAD_GRADE,
+    DOUBTFUL,
+    GOOD,
+    GRADES,
+    NOT_JUDGED,
+    Verdict,
+    grade_of,
+    percent,
+)
+from lcmchain.thresholds import (
+    BAD,
+    LARGEST_FIBRE_STRAIN,
+    LEAST_ELEMENTS_PER_WAVE,
+    LOCAL_AREA,
+)
+
+if TYPE_CHECKING:
+    from lcmchain.scene import Scene
+
+
+def field_verdicts(sheet: xr.Dataset, scene: Scene) -> list[Verdict]:
+    """Judge the fields of a result.
+
+    Parameters
+    ----------
+    sheet : root group of ``forming.nc``. scene : of the run.
+    """
+    return [
+        *_waves(sheet),
+        *_fibre_strain(sheet, scene),
+        *_shear(sheet, scene),
+        *_fibre_volume(sheet),
+    ]
+
+
+def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
+    found = elements_per_wave(sheet)
+    if not np.isfinite(found).any():
+        yield Verdict("Resolution of wrinkles", GOOD, "the sheet has no waves")
+        return
+    few, none = (
+        area_in_waves_below(sheet, found, count)
+        for count in (LEAST_ELEMENTS_PER_WAVE, 0.5 * LEAST_ELEMENTS_PER_WAVE)
+    )
+    grade = BAD_GRADE if none > LOCAL_AREA else DOUBTFUL if few else GOOD
+    text = (
+        f"the shortest wave has {found.min():.1f} elements; {_area(few)} lies in waves of fewer "
+        f"than {LEAST_ELEMENTS_PER_WAVE}"
+    )
+    remedy = "blank.edge_length" if grade != GOOD else ""
+    yield Verdict("Resolution of wrinkles", grade, text, remedy)
+
+
+def _fibre_strain(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
+    if not scene.material.has_fibres:
+        return
+    strain = np.abs([sheet[f"fibre_strain_{family}"].values[-1] for family in (1, 2)])
+    largest = float(np.nanmax(strain))
+    grade = grade_of(largest, LARGEST_FIBRE_STRAIN, BAD * LARGEST_FIBRE_STRAIN)
+    limit, breaking = percent(LARGEST_FIBRE_STRAIN), percent(BAD * LARGEST_FIBRE_STRAIN)
+    text = (
+        f"fibres are strained by up to {percent(largest)} (good up to {limit}; carbon fibres break "
+        f"at {breaking})"
+    )
+    remedy = "blank.edge_length, contact.friction, tools.motion"
+    yield Verdict("Fibre strain", grade, text, remedy if grade != GOOD else "")
+
+
+def _shear(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
+    if not scene.material.has_fibres:
+        return
+    angle = np.abs(sheet["shear_angle"].values)
+    found = f"sheared by up to {np.degrees(np.nanmax(angle)):.1f} deg"
+    membrane = "material.membrane"
+    tested, locking = (
+        getattr(getattr(scene.material, "membrane", None), name, None)
+        for name in ("shear_range", "locking_angle")
+    )
+    if tested is None and locking is None:
+        text = f"{found}; the scene does not say up to which angle the shear law was measured"
+        yield Verdict("Shear angle", NOT_JUDGED, text, f"{membrane}.shear_range")
+        return
+    grade = GOOD
+    for limit, meaning in (
+        (tested, "up to which the shear law was measured"),
+        (locking, "where the fabric locks"),
+    ):
+        if limit is not None:
+            part = _area_over(sheet, angle, limit)
+            grade = max(grade, grade_of(part, 0.0, LOCAL_AREA), key=GRADES.index)
+            found += f"; {_area(part)} beyond {np.degrees(limit):.3g} deg, {meaning}"
+    remedy = f"{membrane}.shear_range, {membrane}.locking_angle, tools.motion"
+    yield Verdict("Shear angle", grade, found, remedy if grade != GOOD else "")
+
+
+def _fibre_volume(sheet: xr.Dataset) -> Iterator[Verdict]:
+    if "fibre_volume_fraction" not in sheet:
+        return
+    fraction = sheet["fibre_volume_fraction"].values
+    thickness = 1e3 * sheet["thickness"].values
+    part = _area_over(sheet, fraction, LARGEST_FIBRE_VOLUME_FRACTION)
+    grade = grade_of(part, 0.0, LOCAL_AREA)
+    text = (
+        f"thickness {np.nanmin(thickness):.3f} to {np.nanmax(thickness):.3f} mm and fibre volume "
+        f"fraction up to {np.nanmax(fraction):.2f} in all frames; {_area(part)} above "
+        f"{LARGEST_FIBRE_VOLUME_FRACTION:g}, to which round fibres can hardly be packed"
+    )
+    remedy = "tools.position, tools.motion, material.compaction, material.membrane.locking_angle"
+    yield Verdict("Thickness and packing", grade, text, remedy if grade != GOOD else "")
+
+
+def _area(part: float) -> str:
+    return "nothing" if part == 0.0 else f"{percent(part)} of the area"
+
+
+def _area_over(sheet: xr.Dataset, values: np.ndarray, limit: float) -> float:
+    """Return the part of the undeformed area where values (F, face_count) ever exceed a limit."""
+    return _area_where(sheet, np.any(values > limit, axis=0))
+
+
+def _area_where(sheet: xr.Dataset, there: np.ndarray) -> float:
+    areas = sheet_areas(sheet, 0)
+    return float(areas[there].sum() / areas.sum())

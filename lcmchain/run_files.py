@@ -1,0 +1,67 @@
+"""The files of a run: which it reads, and which it will write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lcmchain.check.report import START_PICTURE
+from lcmchain.errors import InputError
+from lcmchain.results.log import LOG_FILE
+from lcmchain.results.state import SUMMARY_FILE
+from lcmchain.scene import Scene
+
+#: Files that a run writes under names of its own; each mapping adds files of its name.
+OWN_FILES = ("forming.nc", "forming.vtu", "forming.pvd", "report.html", SUMMARY_FILE, LOG_FILE)
+MAPPED_SUFFIXES = (".nc", ".vtu", ".png", ".json")
+STRUCTURAL_ENDINGS = tuple(
+    f"_calculix{ending}"
+    for ending in (".inp", "_mesh.inp", "_sections.inp", ".nc", ".vtu", ".png", ".json", ".frd",
+                   ".dat", ".log")
+)  # fmt: skip
+
+
+def input_files(scene: Scene) -> list[Path]:
+    """Return the files that a run reads."""
+    directory = Path(scene.source.directory)
+    tools = [getattr(tool.shape, "file", None) for tool in scene.tools]
+    names = [*(name for name in tools if name), *(target.mesh for target in scene.mapping)]
+    scene_file = [scene.source.path] if scene.source.path is not None else []
+    return [*scene_file, *(directory / name for name in names)]
+
+
+def expected_files(scene: Scene) -> list[str]:
+    """Return the names that a run writes, as far as the scene tells them."""
+    mapped = [
+        f"{target.name}{end}"
+        for target in scene.mapping
+        for end in (
+            *MAPPED_SUFFIXES,
+            *([".pvd"] if target.all_frames else []),
+            *(["_errors.png"] if target.verify else []),
+        )
+    ]
+    analysed = [
+        f"{target.name}{end}"
+        for target in scene.mapping
+        if target.structure is not None
+        for end in STRUCTURAL_ENDINGS
+    ]
+    return [*OWN_FILES, *mapped, *analysed]
+
+
+def require_free_names(scene: Scene) -> None:
+    """Refuse a mapping whose files would take the names of the run's own.
+
+    Raises
+    ------
+    InputError : names the mapping.
+    """
+    from lcmchain.report.captions import CAPTIONS
+
+    taken = {Path(name).stem for name in (*OWN_FILES, *CAPTIONS, START_PICTURE)}
+    for index, target in enumerate(scene.mapping):
+        if target.name in taken:
+            raise InputError(
+                f'files of the run itself are named "{target.name}"; choose another name',
+                key=f"mapping[{index}].name",
+            )

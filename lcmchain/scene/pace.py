@@ -1,0 +1,29 @@
+"""What sets the pace of a process: tools that are led along their way, or weight and forces."""
+
+from __future__ import annotations
+
+from lcmchain.scene.scene import Scene
+from lcmchain.tools.motion import GUIDED
+
+
+def is_driven(scene: Scene) -> bool:
+    """Tell whether anything moves the sheet at all."""
+    return scene.process.gravity or any(tool.motion.moves for tool in scene.tools)
+
+
+def is_led(scene: Scene) -> bool:
+    """Tell whether a stroke or a table drives a tool: else weight and forces set the pace."""
+    return any(tool.motion.moves and tool.motion.kind != GUIDED for tool in scene.tools)
+
+
+def has_guided_load(scene: Scene) -> bool:
+    """Tell whether a load moves a guided tool."""
+    return any(tool.motion.moves and tool.motion.kind == GUIDED for tool in scene.tools)
+
+
+def entries_that_slow(scene: Scene) -> list[str]:
+    """Return the scene entries that slow what weight and forces drive."""
+    entries = ["tools.motion.ramp", "tools.motion.damping"] if has_guided_load(scene) else []
+    if scene.process.gravity or not entries:
+        entries.append("process.mass_damping")
+    return entries

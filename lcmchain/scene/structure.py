@@ -1,0 +1,214 @@
+"""Scene tables of the structural stage: composite, supports, loads and what is solved.
+
+They stand here and not in the package that writes the decks: that package is built on the core,
+which holds the scene and never imports what is built on it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    Acceleration,
+    Direction,
+    Force,
+    Length,
+    Name,
+    Number,
+    Position,
+    PositiveLength,
+    PositiveTime,
+    Pressure,
+    Range,
+    Row,
+    Switch,
+    Text,
+    wrong,
+)
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.constituents import FIBRES, RESINS, Fibre, Resin, published_values
+
+#: What a support can hold: displacements, and rotations of the nodes of shells.
+COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+
+MOST_CONDITIONS = 200
+_Component = Literal["x", "y", "z", "rx", "ry", "rz"]
+
+
+class Plane(SceneModel):
+    """A plane whose nodes are taken."""
+
+    normal: Direction = Field(description="Normal of the plane.")
+    position: Length = Field(description="Distance from the origin along the normal.")
+    tolerance: Annotated[PositiveLength | None, AbsentMeans("a thousandth of the mesh's size")] = (
+        Field(default=None, description="How far from the plane a node may lie.")
+    )
+
+
+class Place(SceneModel):
+    """Where a support or a load acts: one of ``set``, ``plane``, ``point`` and ``edge``."""
+
+    name: Annotated[str, Name("clamp")] = Field(description="Name, for messages and the deck.")
+    set: Annotated[Annotated[str, Text("CLAMPED")] | None, AbsentMeans("")] = Field(
+        default=None, description="Name of a node or cell set of the mesh file."
+    )
+    plane: Annotated[Plane | None, AbsentMeans("")] = Field(
+        default=None, description="Nodes on a plane."
+    )
+    point: Annotated[Position | None, AbsentMeans("")] = Field(
+        default=None, description="The node nearest to a point."
+    )
+    edge: Switch = Field(default=False, description="Nodes on the outer edge of a mesh of shells.")
+
+    @property
+    def ways(self) -> list[str]:
+        """Ways in which the place is given."""
+        given = [way for way in ("set", "plane", "point") if getattr(self, way) is not None]
+        return [*given, *(["edge"] if self.edge else [])]
+
+
+class Support(Place):
+    """Nodes that are held."""
+
+    fixed: Annotated[
+        tuple[_Component, ...],
+        Row('["x", "y", "z"]', minimum_count=1, entries="components", units=False),
+    ] = Field(
+        default=("x", "y", "z"),
+        description="Displacements held (x, y, z), and rotations of nodes of shells (rx, ry, rz).",
+    )
+
+    @model_validator(mode="after")
+    def _check_place(self) -> Self:
+        _require_one_way(self)
+        return self
+
+
+class Load(Place):
+    """A force, a pressure or an acceleration."""
+
+    force: Annotated[
+        Annotated[tuple[Force, Force, Force], Row('["0 N", "0 N", "-10 N"]', count=3)] | None,
+        AbsentMeans(""),
+    ] = Field(default=None, description="Sum of the forces, which the nodes share equally.")
+    pressure: Annotated[Pressure | None, AbsentMeans("")] = Field(
+        default=None,
+        description="Pressure on solids; on shells along the normal. Without a place on all cells "
+        "of a shell.",
+    )
+    acceleration: Annotated[
+        Annotated[
+            tuple[Acceleration, Acceleration, Acceleration],
+            Row('["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]', count=3),
+        ]
+        | None,
+        AbsentMeans(""),
+    ] = Field(default=None, description="Acceleration of all mass, as of gravity; takes no place.")
+
+    @property
+    def kind(self) -> str:
+        """Which of the three the load is."""
+        kinds = ("force", "pressure", "acceleration")
+        return next(kind for kind in kinds if getattr(self, kind) is not None)
+
+    @model_validator(mode="after")
+    def _check_load(self) -> Self:
+        given = [k for k in ("force", "pressure", "acceleration") if getattr(self, k) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "none"
+            raise wrong(f"needs one of force, pressure and acceleration, but has {found}")
+        if self.kind == "force":
+            _require_one_way(self)
+        if self.kind == "acceleration" and self.ways:
+            raise wrong(f"acts on all mass; leave {self.ways[0]} out", field="acceleration")
+        if self.kind == "pressure" and len(self.ways) > 1:
+            _require_one_way(self)
+        return self
+
+
+def _require_one_way(place: Place) -> None:
+    if len(place.ways) != 1:
+        found = " and ".join(place.ways) or "none"
+        raise wrong(f"needs one of set, plane, point and edge = true, but has {found}")
+
+
+class Structure(SceneModel):
+    """Structural analysis of the formed part with CalculiX."""
+
+    fibre: Fibre
+    resin: Resin
+    micromechanics: Literal["rule_of_mixtures", "chamis", "halpin_tsai", "mori_tanaka"] = Field(
+        default="chamis", description="Model of the stiffness of each fibre family in its resin."
+    )
+    family_1_share: Annotated[float, Number(0.5, Range(0.0, 1.0))] = Field(
+        default=0.5, description="Share of the first fibre family in the fibre mass."
+    )
+    lay_up: Literal["interleaved", "stacked", "symmetric"] = Field(
+        default="interleaved",
+        description="Families mixed over the thickness, the second above the first (as the "
+        "normal of the cell points), or the first in two halves outside.",
+    )
+    elements: Literal["quadratic", "as_mesh"] = Field(
+        default="quadratic",
+        description="Elements with nodes added in the middle of edges where the mesh has none, or "
+        "as the mesh has them.",
+    )
+    material_tolerance: Annotated[float, Number(0.01, Range(0.0, 0.2))] = Field(
+        default=0.0,
+        description="Largest relative error of a stiffness by which cells may share a material; "
+        "0 gives every element its own.",
+    )
+    units: Literal["m-kg-s", "mm-t-s"] = Field(
+        default="m-kg-s", description="Units of the deck; results are in SI."
+    )
+    supports: Annotated[
+        tuple[Support, ...],
+        Row(
+            "[[supports]] ...",
+            entries="tables",
+            units=False,
+            maximum_count=MOST_CONDITIONS,
+        ),
+    ] = ()
+    loads: Annotated[
+        tuple[Load, ...],
+        Row("[[loads]] ...", entries="tables", units=False, maximum_count=MOST_CONDITIONS),
+    ] = ()
+    frequencies: Annotated[int, Number(6, Range(0.0, 1000.0), whole=True)] = Field(
+        default=0, description="Number of the lowest eigenfrequencies to find."
+    )
+    time_limit: PositiveTime = Field(
+        default="1 h",  # type: ignore[assignment]
+        description="Time after which the solver is stopped.",
+    )
+
+    def preset_values(self) -> dict[str, Any]:
+        """Return the entries of the presets of fibre and resin, with the names of these."""
+        return {
+            "fibre": published_values(FIBRES, self.fibre.preset),
+            "resin": published_values(RESINS, self.resin.preset),
+        }
+
+    @field_validator("supports", "loads")
+    @classmethod
+    def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
+        names = [item.name for item in items]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise wrong(
+                    f'has the name "{name}" twice, at [{names.index(name)}] and [{index}]; '
+                    "give each its own name"
+                )
+        return items
+
+    @model_validator(mode="after")
+    def _check_static(self) -> Self:
+        if self.loads and not self.supports:
+            raise wrong(
+                "is missing: under loads the part has to be held; give [[supports]]",
+                field="supports",
+            )
+        return self

@@ -1,0 +1,218 @@
+"""The mapped fields of a target's cells, as every export takes them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.errors import InputError
+from lcmchain.fields.table import FIELD_OF_VARIABLE
+from lcmchain.fields.ugrid import TIME
+from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, PERMEABILITY_AXES
+from lcmchain.mapping.target import TargetMesh
+from lcmchain.mapping.target.variables import cell_variables
+from lcmchain.mapping.transfer import MappedFields
+
+_COMPONENT = re.compile(r"(.+)_([xyz])")
+
+
+@dataclass(frozen=True)
+class MappedCells:
+    """Fields on the cells of a target mesh.
+
+    Parameters
+    ----------
+    scalars : by name, each of shape (C,); not a number where a cell is unmapped.
+    vectors : by name, each of shape (C, 3).
+    attributes : ``units`` and ``long_name`` of each variable that has them.
+    provenance : what the mapped file says of its origin.
+    time : of the saved state [s], if it is known.
+    left_out : names of fields with more than one value per cell, such as those of plies.
+    """
+
+    target: TargetMesh
+    scalars: Mapping[str, np.ndarray]
+    vectors: Mapping[str, np.ndarray]
+    attributes: Mapping[str, dict] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
+    time: float | None = None
+    left_out: tuple[str, ...] = ()
+
+    @cached_property
+    def mapped(self) -> np.ndarray:
+        """Whether a cell has values, shape (C,)."""
+        known = np.ones(self.target.cell_count, dtype=bool)
+        for name in ("thickness", "areal_fibre_mass"):
+            if name in self.scalars:
+                known &= np.isfinite(self.scalars[name])
+        return known
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Unit normals of shell cells, right-handed about their nodes, shape (C, 3)."""
+        return self.target.surface.normals
+
+    def scalar(self, name: str, wanted_by: str) -> np.ndarray:
+        """Return a scalar field, shape (C,).
+
+        Raises
+        ------
+        InputError : the mapped result does not have it.
+        """
+        return self._taken(self.scalars, name, wanted_by)
+
+    def families(self, wanted_by: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return both fibre directions, unit vectors of shape (C, 3).
+
+        Raises
+        ------
+        InputError : the mapped result lacks one of them.
+        """
+        first, second = (self._taken(self.vectors, name, wanted_by) for name in FIBRE_FAMILIES)
+        return first, second
+
+    def permeability(self, wanted_by: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the two principal permeabilities in the plane [m2], (C, 2), and the larger's axis.
+
+        Raises
+        ------
+        InputError : the mapped result has no permeability, or cells without it.
+        """
+        missing = [name for name in PERMEABILITIES[:2] if name not in self.scalars]
+        if missing or PERMEABILITY_AXES[0] not in self.vectors:
+            raise InputError(
+                f"the export {wanted_by} needs the permeability and the mapped result has none: "
+                "form with a [permeability] table",
+                file=self.target.file,
+            )
+        values = np.stack([self.scalars[name] for name in PERMEABILITIES[:2]], axis=1)
+        axis = self.vectors[PERMEABILITY_AXES[0]]
+        self.require_whole(np.isfinite(values).all(axis=1), "no permeability", wanted_by)
+        self.require_whole((values > 0.0).all(axis=1), "a permeability of zero", wanted_by)
+        return values, axis
+
+    def require_whole(self, sound: np.ndarray | np.bool, what: str, wanted_by: str) -> None:
+        """Refuse a result in which cells lack something that the format has no hole for.
+
+        Raises
+        ------
+        InputError : some cell is not sound, shape (C,).
+        """
+        bad = self.target.cell_ids[~sound]
+        if len(bad):
+            raise InputError(
+                f"{len(bad)} cells have {what} ({first_few(bad)}) and the format {wanted_by} "
+                "needs it in every cell; trim the target, or raise the maximum distance",
+                file=self.target.file,
+            )
+
+    def require_shells(self, wanted_by: str) -> None:
+        """Refuse a solid target.
+
+        Raises
+        ------
+        InputError : the cells are solids.
+        """
+        if self.target.is_solid:
+            raise InputError(
+                f"the format {wanted_by} describes shells and the target has solid cells; map "
+                "onto a mesh of triangles or quadrilaterals",
+                file=self.target.file,
+            )
+
+    def _taken(self, fields: Mapping[str, np.ndarray], name: str, wanted_by: str) -> np.ndarray:
+        if name not in fields:
+            known = ", ".join([*self.scalars, *self.vectors]) or "nothing"
+            raise InputError(
+                f"the export {wanted_by} needs {name} and the mapped result does not have it "
+                f"(it has {known})",
+                file=self.target.file,
+            )
+        return fields[name]
+
+
+def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> MappedCells:
+    """Gather the fields of the cells from a mapped dataset, or from the fields themselves.
+
+    Of several saved states the last one is taken.
+
+    Raises
+    ------
+    InputError : the fields lie on nodes, or belong to another mesh.
+    """
+    if isinstance(mapped, MappedFields):
+        names = [*mapped.scalars, *(f"{stem}_x" for stem in mapped.vectors)]
+        known = {name: FIELD_OF_VARIABLE[name] for name in names if name in FIELD_OF_VARIABLE}
+        about = {
+            name: {"units": field.units, "long_name": field.long_name}
+            for name, field in known.items()
+        }
+        return MappedCells(target, mapped.scalars, mapped.vectors, about)
+    if TIME in mapped.dims:
+        mapped = mapped.isel({TIME: -1})
+    place = "volume" if target.is_solid else "face"
+    # Numbers, parts and sets of the cells are no fields: they come from the target.
+    about_cells = cell_variables(target)
+    own = {
+        str(name): variable
+        for name, variable in mapped.data_vars.items()
+        if variable.attrs.get("location") == place
+        and variable.dtype.kind in "fiu"
+        and name not in about_cells
+    }
+    # How the cells were mapped is on them also where the fields are not.
+    fields_of_cells = [name for name in own if not name.startswith("mapping_")]
+    on_nodes = any(v.attrs.get("location") == "node" for v in mapped.data_vars.values())
+    if not fields_of_cells and on_nodes:
+        raise InputError(
+            "the fields lie on the nodes and exports take those of cells; map onto cells",
+            file=target.file,
+        )
+    numbers = mapped.get("cell_id")
+    others = numbers is not None and not np.array_equal(numbers.values, target.cell_ids)
+    if not own or others or any(v.shape[-1:] != (target.cell_count,) for v in own.values()):
+        raise InputError(
+            f"the mapped result is not one on this mesh of {target.cell_count} cells",
+            file=target.file,
+        )
+    left_out = tuple(name for name, variable in own.items() if variable.ndim > 1)
+    own = {name: variable for name, variable in own.items() if name not in left_out}
+    scalars, vectors = _scalars_and_vectors(own)
+    time = mapped.get(TIME)
+    return MappedCells(
+        target,
+        scalars,
+        vectors,
+        {name: dict(variable.attrs) for name, variable in own.items()},
+        dict(mapped.attrs),
+        float(time) if time is not None and time.ndim == 0 else None,
+        left_out,
+    )
+
+
+def _scalars_and_vectors(
+    variables: Mapping[str, xr.DataArray],
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Variables by name; those that are three components of one become a vector."""
+    stems: dict[str, int] = {}
+    for name in variables:
+        if match := _COMPONENT.fullmatch(name):
+            stems[match[1]] = stems.get(match[1], 0) + 1
+    vectors = {
+        stem: np.stack([variables[f"{stem}_{axis}"].values for axis in "xyz"], axis=1)
+        for stem, count in stems.items()
+        if count == 3
+    }
+    in_vectors = {f"{stem}_{axis}" for stem in vectors for axis in "xyz"}
+    scalars = {
+        name: np.asarray(variable.values, dtype=float)
+        for name, variable in variables.items()
+        if name not in in_vectors
+    }
+    return scalars, vectors

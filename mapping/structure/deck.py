@@ -1,0 +1,254 @@
+"""Decks of CalculiX: the mesh, the material of every element, and the steps to solve.
+
+Keywords as in the manual of CalculiX CrunchiX 2.20.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcmchain.errors import InputError
+from lcmchain.mapping.structure.materials import Materials
+from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
+from lcmchain.mapping.structure.places import cells_at, nodes_at, sides_at
+from lcmchain.mapping.structure.sections import Sections, layers_of
+from lcmchain.mapping.target import TargetMesh
+from lcmchain.scene.structure import COMPONENTS, Load, Structure
+
+#: Names of everything, so that a user's own names stay free.
+ALL_NODES, ALL_ELEMENTS = "LCM_NODES", "LCM_ELEMENTS"
+
+#: CalculiX reads names of at most 80 characters, and lines of at most 132.
+LONGEST_NAME = 70
+PER_LINE = 12
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of a deck, by the factor from SI to them."""
+
+    length: float
+    stress: float
+    density: float
+
+    @property
+    def words(self) -> str:
+        """Which units these are."""
+        return "m, kg, s, N, Pa" if self.length == 1.0 else "mm, t, s, N, MPa"
+
+
+UNITS = {"m-kg-s": Units(1.0, 1.0, 1.0), "mm-t-s": Units(1e3, 1e-6, 1e-12)}
+
+
+def mesh_lines(mesh: DeckMesh, units: Units) -> Iterator[str]:
+    """Nodes, elements and sets under the numbers and names of the user's file."""
+    yield f"** nodes, elements and sets of the mesh, {units.words}"
+    yield f"*NODE, NSET={ALL_NODES}"
+    rows = np.flatnonzero(mesh.used)
+    for number, point in zip(mesh.node_ids[rows], units.length * mesh.points[rows]):
+        yield f"{number}, " + ", ".join(f"{x:.12e}" for x in point)
+    first = 0
+    for _, element, cells in mesh.blocks:
+        yield f"*ELEMENT, TYPE={element}, ELSET={ALL_ELEMENTS}"
+        numbers = mesh.cell_ids[first : first + len(cells)]
+        for number, nodes in zip(numbers, mesh.node_ids[cells]):
+            yield from _row([number, *nodes])
+        first += len(cells)
+    names = deck_names([*mesh.node_sets, *mesh.cell_sets])
+    for name, nodes in mesh.node_sets.items():
+        kept = np.asarray(nodes)[mesh.used[nodes]]
+        yield from _set("*NSET, NSET", names[name], mesh.node_ids[kept])
+    for name, cells in mesh.cell_sets.items():
+        yield from _set("*ELSET, ELSET", names[name], mesh.cell_ids[cells])
+
+
+def section_lines(
+    mesh: DeckMesh, sections: Sections, materials: Materials, structure: Structure
+) -> Iterator[str]:
+    """Materials, axes and sections of all elements.
+
+    A material is fully anisotropic, in the axes of its element: 1 along the first fibre family, 3
+    along the normal. Layers of quadratic shells, if they are asked for, are plies of one family.
+
+    Raises
+    ------
+    InputError : layers with elements that CalculiX has no layers for.
+    """
+    units = UNITS[structure.units]
+    layered = structure.lay_up != "interleaved"
+    if layered:
+        _require_layers(mesh, structure)
+    yield f"** materials and sections, {units.words}"
+    yield from _material_lines(materials, units, layered)
+    layers = [layer for layer in layers_of(structure) if layer[1] > 0.0]
+    solid = "*SOLID SECTION" if mesh.is_solid else "*SHELL SECTION"
+    for cell, (number, axes) in enumerate(zip(mesh.cell_ids, sections.axes)):
+        yield f"*ORIENTATION, NAME=LCM_O{number}, SYSTEM=RECTANGULAR"
+        yield ", ".join(f"{x:.9f}" for x in axes[:2].ravel())
+        yield f"*ELSET, ELSET=LCM_E{number}"
+        yield f"{number},"
+        material = materials.of_cell[cell] + 1
+        head = f"{solid}, ELSET=LCM_E{number}"
+        if layered:
+            assert sections.thickness is not None
+            yield f"{head}, COMPOSITE"
+            thickness = units.length * sections.thickness[cell]
+            for family, share in layers:
+                yield f"{share * thickness:.9e}, , LCM_M{material}_{family + 1}, LCM_O{number}"
+            continue
+        head += f", MATERIAL=LCM_M{material}, ORIENTATION=LCM_O{number}"
+        if sections.thickness is None:
+            yield head
+        else:
+            yield f"{head}, NODAL THICKNESS"
+            yield f"{units.length * sections.thickness[cell]:.9e}"
+    if sections.node_thickness is not None and not layered:
+        yield "*NODAL THICKNESS"
+        rows = np.flatnonzero(mesh.used)
+        values = units.length * mesh.with_middles(sections.node_thickness)[rows]
+        for number, thickness in zip(mesh.node_ids[rows], values):
+            yield f"{number}, {thickness:.9e}"
+
+
+def step_lines(mesh: DeckMesh, structure: Structure) -> Iterator[str]:
+    """Supports, and the steps: eigenfrequencies of the unloaded part, then the static loads.
+
+    Raises
+    ------
+    InputError : a place that the mesh does not have.
+    """
+    units = UNITS[structure.units]
+    yield from _support_lines(mesh, structure)
+    nodes = "*NODE FILE" if mesh.is_solid else "*NODE FILE, OUTPUT=2D"
+    if structure.frequencies:
+        yield from ("*STEP", "*FREQUENCY", f"{structure.frequencies}", nodes, "U", "*END STEP")
+    if structure.loads:
+        yield from ("*STEP", "*STATIC")
+        for index, load in enumerate(structure.loads):
+            yield f"** load {load.name}"
+            yield from _load_lines(load, mesh, units, f'loads[{index}] "{load.name}"')
+        yield from (nodes, "U", f"*EL PRINT, ELSET={ALL_ELEMENTS}, GLOBAL=NO", "S, E", "*END STEP")
+
+
+def require_places(target: TargetMesh, structure: Structure) -> None:
+    """Refuse supports and loads of an analysis at places that a mesh does not have.
+
+    Raises
+    ------
+    InputError : cells without an element, or a place that the mesh does not have.
+    """
+    mesh = deck_mesh(target, quadratic=structure.elements == "quadratic")
+    if structure.lay_up != "interleaved":
+        _require_layers(mesh, structure)
+    for _ in step_lines(mesh, structure):
+        pass
+
+
+def aniso_lines(stiffness: np.ndarray) -> Iterator[str]:
+    """Upper triangle of a stiffness (6, 6) in CalculiX's order 11, 22, 33, 12, 13, 23."""
+    constants = [stiffness[row, column] for column in range(6) for row in range(column + 1)]
+    for start in range(0, 21, 8):
+        yield ", ".join(f"{value:.9e}" for value in constants[start : start + 8])
+
+
+def deck_names(names: Iterable[str]) -> dict[str, str]:
+    """Names of sets as CalculiX takes them: letters in capitals, digits, _ and -; all different."""
+    taken: dict[str, str] = {}
+    for name in names:
+        plain = re.sub(r"[^A-Z0-9_-]", "_", name.upper())[:LONGEST_NAME]
+        plain = plain if plain[:1].isalpha() else f"S_{plain}"
+        number = 1
+        unique = plain
+        while unique in taken.values():
+            number += 1
+            unique = f"{plain}_{number}"
+        taken.setdefault(name, unique)
+    return taken
+
+
+def _material_lines(materials: Materials, units: Units, layered: bool) -> Iterator[str]:
+    kinds = (
+        [(f"_{family + 1}", layer) for family, layer in enumerate(materials.layers)]
+        if layered
+        else [("", materials.stiffness)]
+    )
+    for ending, stiffness in kinds:
+        pairs = zip(units.stress * stiffness, units.density * materials.density)
+        for number, (constants, density) in enumerate(pairs, start=1):
+            yield f"*MATERIAL, NAME=LCM_M{number}{ending}"
+            yield "*ELASTIC, TYPE=ANISO"
+            yield from aniso_lines(constants)
+            yield "*DENSITY"
+            yield f"{density:.9e}"
+
+
+def _support_lines(mesh: DeckMesh, structure: Structure) -> Iterator[str]:
+    for index, support in enumerate(structure.supports):
+        nodes = nodes_at(support, mesh, f'supports[{index}] "{support.name}"')
+        degrees = [1 + COMPONENTS.index(component) for component in support.fixed]
+        if mesh.is_solid and max(degrees) > 3:
+            raise InputError(
+                "nodes of solids have no rotations; hold displacements only",
+                key=f'supports[{index}] "{support.name}".fixed',
+            )
+        yield f"** support {support.name}"
+        yield "*BOUNDARY"
+        for number in mesh.node_ids[nodes]:
+            for degree in degrees:
+                yield f"{number}, {degree}, {degree}"
+
+
+def _load_lines(load: Load, mesh: DeckMesh, units: Units, key: str) -> Iterator[str]:
+    if load.force is not None:
+        nodes = nodes_at(load, mesh, key)
+        nodes = nodes[mesh.is_corner[nodes]]
+        yield "*CLOAD"
+        for degree, part in enumerate(np.array(load.force) / len(nodes), start=1):
+            if part != 0.0:
+                yield from (f"{number}, {degree}, {part:.9e}" for number in mesh.node_ids[nodes])
+    elif load.acceleration is not None:
+        size = float(np.linalg.norm(load.acceleration))
+        if size == 0.0:
+            raise InputError("is zero; leave the load out", key=f"{key}.acceleration")
+        along = ", ".join(f"{x:.9f}" for x in np.array(load.acceleration) / size)
+        yield "*DLOAD"
+        yield f"{ALL_ELEMENTS}, GRAV, {size * units.length:.9e}, {along}"
+    elif load.pressure is not None:
+        value = load.pressure * units.stress
+        yield "*DLOAD"
+        if mesh.is_solid:
+            cells, sides = sides_at(load, mesh, key)
+            pairs = zip(mesh.cell_ids[cells], sides)
+            yield from (f"{number}, P{side}, {value:.9e}" for number, side in pairs)
+        else:
+            cells = cells_at(load, mesh, key)
+            yield from (f"{number}, P, {value:.9e}" for number in mesh.cell_ids[cells])
+
+
+def _require_layers(mesh: DeckMesh, structure: Structure) -> None:
+    if mesh.is_solid or not {"S6", "S8R"} >= set(mesh.elements):
+        raise InputError(
+            f"CalculiX has layers in S8R and S6 elements only, not in {', '.join(mesh.elements)}; "
+            'take lay_up = "interleaved", or elements = "quadratic" for a mesh of shells',
+            key="lay_up",
+        )
+
+
+def _row(numbers: Iterable[int]) -> Iterator[str]:
+    """A row of numbers, continued on the next line where it is long."""
+    texts = [str(number) for number in numbers]
+    for start in range(0, len(texts), PER_LINE):
+        part = texts[start : start + PER_LINE]
+        yield ", ".join(part) + ("," if start + PER_LINE < len(texts) else "")
+
+
+def _set(keyword: str, name: str, numbers: np.ndarray) -> Iterator[str]:
+    if len(numbers) == 0:
+        return
+    yield f"{keyword}={name}"
+    for start in range(0, len(numbers), PER_LINE):
+        yield ", ".join(str(number) for number in numbers[start : start + PER_LINE]) + ","

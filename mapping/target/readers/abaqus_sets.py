@@ -1,0 +1,191 @@
+"""Sets and surfaces of an Abaqus deck as rows of cells and nodes of the whole mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh, Numbering
+from lcmchain.mapping.target.readers.abaqus_elements import FACES
+from lcmchain.mapping.target.readers.abaqus_scope import Entry, Scope, Side
+from lcmchain.mapping.target.shapes import SOLID_CORNERS, base_type, corner_count
+
+
+@dataclass
+class Placed:
+    """A scope with rows of its own: nodes and cells of one instance, or of the flat deck.
+
+    Parameters
+    ----------
+    name : of the instance, "" outside of any.
+    first_node : row of its first node in the mesh. cell_rows : rows of its cells in the mesh.
+    """
+
+    name: str
+    scopes: tuple[Scope, ...]
+    ids: np.ndarray
+    points: np.ndarray
+    blocks: list[tuple[str, np.ndarray]]
+    cell_ids: np.ndarray
+    first_node: int = 0
+    cell_rows: np.ndarray = field(default_factory=lambda: NO_IDS)
+
+    @cached_property
+    def node_numbering(self) -> Numbering:
+        return Numbering(self.ids)
+
+    @cached_property
+    def cell_numbering(self) -> Numbering:
+        return Numbering(self.cell_ids)
+
+    def sets(self, of_nodes: bool) -> dict[str, tuple[str, list[Entry]]]:
+        """Name as spelt and entries of each set, by its name in upper case."""
+        found: dict[str, tuple[str, list[Entry]]] = {}
+        for scope in self.scopes:
+            named = scope.node_sets if of_nodes else scope.element_sets
+            for key, entries in named.entries.items():
+                spelt, before = found.get(key, (named.spelt[key], []))
+                found[key] = spelt, before + entries
+        return found
+
+    def full_name(self, name: str) -> str:
+        """Name of a set of this instance in the whole mesh, as result files have it."""
+        return f"{self.name}.{name}" if self.name else name
+
+
+class DeckSets:
+    """Rows of the sets and surfaces of a deck."""
+
+    def __init__(self, mesh: FileMesh, by_name: dict[str, Placed]) -> None:
+        self.mesh = mesh
+        self.by_name = by_name
+        self.missing: dict[str, int] = {}
+
+    def fill(self) -> None:
+        """Set the mesh's sets, and its notes about what they lose."""
+        for one in self.by_name.values():
+            for of_nodes, into in ((True, self.mesh.node_sets), (False, self.mesh.cell_sets)):
+                for key, (spelt, _) in one.sets(of_nodes).items():
+                    rows = self.rows(one, key, of_nodes, one.full_name(spelt))
+                    into[one.full_name(spelt)] = rows
+        if self.missing:
+            missing = [f"{name} ({count})" for name, count in self.missing.items()]
+            self.mesh.notes.append(
+                "sets list elements or nodes that the mesh does not have, of left-out types or not "
+                f"defined: {listed(missing)}"
+            )
+        self._fill_surfaces()
+
+    def rows(
+        self, one: Placed, key: str, of_nodes: bool, name: str, within: tuple = ()
+    ) -> np.ndarray:
+        """Return the rows in the mesh of a set, ascending."""
+        _, entries = one.sets(of_nodes)[key]
+        found = [self._of_entry(one, entry, of_nodes, name, (*within, (one.name, key)))
+                 for entry in entries]  # fmt: skip
+        return np.unique(np.concatenate([NO_IDS, *found]))
+
+    def _of_entry(
+        self, one: Placed, entry: Entry, of_nodes: bool, name: str, within: tuple
+    ) -> np.ndarray:
+        if entry.instance:
+            if entry.instance.upper() not in self.by_name:
+                raise entry.place.error(f"there is no instance {entry.instance}")
+            one = self.by_name[entry.instance.upper()]
+        if entry.numbers is not None:
+            rows = self._of_numbers(one, entry.numbers, of_nodes)
+            lost = int((rows < 0).sum())
+            if lost:
+                self.missing[name] = self.missing.get(name, 0) + lost
+            return rows[rows >= 0]
+        owner, key = self._owner(one, entry, of_nodes)
+        if (owner.name, key) in within:
+            raise entry.place.error(f"the set {entry.name} lists itself")
+        return self.rows(owner, key, of_nodes, name, within)
+
+    def _of_numbers(self, one: Placed, numbers: np.ndarray, of_nodes: bool) -> np.ndarray:
+        if of_nodes:
+            rows = one.node_numbering.rows(numbers)
+            return np.where(rows >= 0, rows + one.first_node, -1)
+        rows = one.cell_numbering.rows(numbers)
+        return np.where(rows >= 0, one.cell_rows[rows] if len(one.cell_rows) else -1, -1)
+
+    def _owner(self, one: Placed, entry: Entry, of_nodes: bool) -> tuple[Placed, str]:
+        """Instance and key of the set that an entry names."""
+        if entry.name.upper() in one.sets(of_nodes):
+            return one, entry.name.upper()
+        instance, dot, local = entry.name.rpartition(".")
+        owner = self.by_name.get(instance.upper()) if dot else None
+        if owner is not None and local.upper() in owner.sets(of_nodes):
+            return owner, local.upper()
+        raise entry.place.error(f"there is no set {entry.name}")
+
+    def _fill_surfaces(self) -> None:
+        kept, lost = [], []
+        for one in self.by_name.values():
+            for scope in one.scopes:
+                for key, sides in scope.surfaces.entries.items():
+                    name = one.full_name(scope.surfaces.spelt[key])
+                    nodes = [self._nodes_of_side(one, side) for side in sides]
+                    if any(found is None for found in nodes):
+                        lost.append(name)
+                        continue
+                    free = name if name not in self.mesh.node_sets else f"{name} (surface)"
+                    found = [rows for rows in nodes if rows is not None]
+                    self.mesh.node_sets[free] = np.unique(np.concatenate([NO_IDS, *found]))
+                    kept.append(name)
+        if kept:
+            self.mesh.notes.append(
+                f"surfaces of the deck are kept as the sets of their nodes: {listed(kept)}"
+            )
+        if lost:
+            self.mesh.notes.append(f"surfaces of the deck that are not kept: {listed(lost)}")
+
+    def _nodes_of_side(self, one: Placed, side: Side) -> np.ndarray | None:
+        """Rows of the nodes of a face; None where they cannot be told."""
+        of_nodes = side.face == "NODE"
+        owner, dot, local = side.element.rpartition(".")
+        if local.lstrip("-").isdigit():
+            numbers = np.array([int(local)]) if len(local) < 18 else NO_IDS
+            entry = Entry(numbers, "", owner if dot else "", side.place)
+        else:
+            entry = Entry(None, side.element, "", side.place)
+        rows = self._of_entry(one, entry, of_nodes, side.element, ())
+        if of_nodes:
+            return rows
+        return face_nodes(self.mesh.blocks, rows, side.face)
+
+
+def face_nodes(
+    blocks: list[tuple[str, np.ndarray]], rows: np.ndarray, face: str
+) -> np.ndarray | None:
+    """Rows of the corner nodes of a face (``S1``, ``SPOS``, ``E2``) of cells; None if unknown."""
+    found = [NO_IDS]
+    first = 0
+    for name, nodes in blocks:
+        own = rows[(rows >= first) & (rows < first + len(nodes))] - first
+        first += len(nodes)
+        if len(own) == 0:
+            continue
+        count = corner_count(name)
+        corners: tuple[int, ...]
+        number = int(face[1:]) - 1 if face[1:].isdigit() else -1
+        if base_type(name) in SOLID_CORNERS:
+            faces = FACES[base_type(name)]
+            if face[:1] != "S" or not 0 <= number < len(faces):
+                return None
+            corners = faces[number]
+        elif face in ("", "SPOS", "SNEG", "S1", "S2"):
+            corners = tuple(range(count))
+        elif face[:1] == "E" and 0 <= number < count:
+            corners = (number, (number + 1) % count)
+        else:
+            return None
+        found.append(nodes[own][:, list(corners)].reshape(-1))
+    return np.unique(np.concatenate(found))
+
+
+def listed(names: list[str]) -> str:
+    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")

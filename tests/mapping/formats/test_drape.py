@@ -1,0 +1,121 @@
+"""A DRAPE table is read by a bulk data reader, and turns a side of the element into the fibre."""
+
+import bulkdata
+import numpy as np
+import pytest
+
+from lcmchain.errors import InputError
+from lcmchain.mapping.formats import export
+
+
+def read_tables(path):
+    """Rows (element, factor, angle) of each DRAPE entry by its number."""
+    with path.open() as file:
+        deck = bulkdata.Deck.load(file)
+    tables = {}
+    for card in deck:
+        assert card.name == "DRAPE"
+        fields = [field.value for field in card.fields]
+        rows = [fields[first : first + 4] for first in range(8, len(fields), 8)]
+        assert {row[0] for row in rows} == {"ELEM"}
+        tables[fields[0]] = np.array([row[1:] for row in rows], dtype=float)
+    return tables
+
+
+@pytest.fixture(scope="module")
+def written(bowl, tmp_path_factory):
+    path = tmp_path_factory.mktemp("drape") / "bowl.drape.fem"
+    report = export(bowl.dataset, bowl.target, "drape", path)
+    return read_tables(path), report, path
+
+
+def test_every_element_has_a_row_in_the_table_of_each_family(bowl, written):
+    tables, report, _ = written
+    assert list(tables) == [1, 2]
+    for rows in tables.values():
+        assert rows[:, 0].astype(int).tolist() == bowl.target.cell_ids.tolist()
+    assert report.cells == bowl.target.cell_count
+
+
+def test_thinning_gives_back_the_thickness(bowl, written):
+    tables, report, _ = written
+    both = 2.0 * report.details["ply_thickness_m"] * tables[1][:, 1]
+    assert np.allclose(both, bowl.dataset["thickness"].values, rtol=1e-6, atol=0.0)
+    assert np.array_equal(tables[1][:, 1], tables[2][:, 1])
+
+
+@pytest.mark.parametrize("family", [1, 2])
+def test_a_side_turned_by_the_angle_is_the_fibre(bowl, written, vectors, family):
+    """The turn is done with a rotation matrix about the normal, as a solver does it."""
+    tables, _, _ = written
+    corners = bowl.target.points[bowl.target.corners[:, :3]]
+    side = corners[:, 1] - corners[:, 0]
+    normal = bowl.target.surface.normals
+    side -= np.einsum("ci,ci->c", side, normal)[:, None] * normal
+    side /= np.linalg.norm(side, axis=1)[:, None]
+    angle = np.radians(tables[family][:, 2])
+    x, y, z = normal.T
+    zero = np.zeros_like(x)
+    cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    turn = (
+        np.eye(3)
+        + np.sin(angle)[:, None, None] * cross
+        + (1.0 - np.cos(angle))[:, None, None] * (cross @ cross)
+    )
+    turned = np.einsum("cij,cj->ci", turn, side)
+    fibre = vectors(bowl.dataset, f"fibre_direction_{family}")
+    off = np.degrees(np.arccos(np.clip(np.abs(np.einsum("ci,ci->c", turned, fibre)), 0.0, 1.0)))
+    assert off.max() < 1e-4
+    assert np.ptp(np.degrees(angle)) > 60.0
+
+
+def test_reversed_fibres_have_the_same_angles(bowl, written):
+    """Fibres have no sense: with all of them reversed the table is the same."""
+    tables, _, path = written
+    dataset = bowl.dataset.copy(deep=True)
+    for name in dataset.data_vars:
+        if name.startswith("fibre_direction"):
+            dataset[name].values *= -1.0
+    reversed_path = path.with_name("reversed.drape.fem")
+    export(dataset, bowl.target, "drape", reversed_path)
+    again = read_tables(reversed_path)
+    for number, rows in tables.items():
+        assert np.allclose(again[number], rows, atol=1e-4)
+
+
+def test_rounding_to_eight_columns_is_in_the_report(bowl, written):
+    tables, report, _ = written
+    angle, thinning = report.losses[1:3]
+    assert angle.unit == "rad" and 0.0 < angle.error < np.radians(1e-4)
+    exact = bowl.dataset["thickness"].values / (2.0 * report.details["ply_thickness_m"])
+    error = np.abs(tables[1][:, 1] / exact - 1.0)
+    assert thinning.error == pytest.approx(error.max(), rel=1e-6)
+    assert thinning.cell == bowl.target.cell_ids[np.argmax(error)]
+    assert not any("eight columns" in sentence for sentence in report.warnings)
+
+
+def test_the_plies_that_take_the_tables_are_told(written):
+    _, report, path = written
+    text = path.read_text()
+    assert "lengths in m, angles in degrees" in text
+    assert f"the thickness {report.details['ply_thickness_m']:.6g} m" in report.warnings[-1]
+
+
+def test_unmapped_cells_have_no_row(bowl, tmp_path):
+    dataset = bowl.dataset.copy(deep=True)
+    for name in ("thickness", "fibre_direction_1_x", "fibre_direction_2_x"):
+        dataset[name].values[[0, 3]] = np.nan
+    report = export(dataset, bowl.target, "drape", tmp_path / "hole.drape.fem")
+    rows = read_tables(tmp_path / "hole.drape.fem")[1]
+    assert len(rows) == bowl.target.cell_count - 2
+    assert any("2 unmapped cells have no row" in sentence for sentence in report.warnings)
+
+
+def test_numbers_beyond_eight_columns_and_doubled_ones_are_errors(bowl, numbered, tmp_path):
+    for ids, message in (
+        (bowl.target.cell_ids + 10**8, "eight columns of bulk data"),
+        (np.ones(bowl.target.cell_count, dtype=int), "the same number"),
+    ):
+        with pytest.raises(InputError, match=message):
+            export(*numbered(bowl, ids), "drape", tmp_path / "no.fem")
+    assert list(tmp_path.iterdir()) == []
