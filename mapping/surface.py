@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lcmchain.mapping.face_geometry import FaceGeometry, face_geometry
 from lcmchain.mapping.gradients import GradientStencil, gradient_stencil
 from lcmchain.mapping.winding import Winding, winding
 from lcmchain.mesh.box_tree import BoxTree, box_tree
@@ -40,51 +41,50 @@ class Surface:
         return (f[:, 3] >= 0) & (f[:, 3] != f[:, 2])
 
     @cached_property
+    def geometry(self) -> FaceGeometry:
+        """Areas, normals and the like of all faces."""
+        return face_geometry(
+            np.ascontiguousarray(self.points, dtype=float), np.ascontiguousarray(self.faces)
+        )
+
+    @property
     def corners(self) -> np.ndarray:
         """Corner positions [m], shape (F, 4, 3); a triangle repeats its last corner."""
-        closed = np.where(self.faces[:, 3:] < 0, self.faces[:, 2:3], self.faces[:, 3:])
-        return self.points[np.concatenate([self.faces[:, :3], closed], axis=1)]
+        return self.geometry.corners
 
-    @cached_property
+    @property
     def area_vectors(self) -> np.ndarray:
         """Half the cross product of the diagonals [m2], shape (F, 3).
 
         Its length is the area at the centre of a warped quadrilateral, the measure in which the
         forming result conserves the fibre mass.
         """
-        c = self.corners
-        return 0.5 * np.cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1])
+        return self.geometry.area_vectors
 
-    @cached_property
+    @property
     def areas(self) -> np.ndarray:
         """Face areas [m2], shape (F,)."""
-        return np.linalg.norm(self.area_vectors, axis=1)
+        return self.geometry.areas
 
-    @cached_property
+    @property
     def normals(self) -> np.ndarray:
         """Unit normals, shape (F, 3); zero where a face has no area."""
-        return self.area_vectors / np.where(self.areas > 0.0, self.areas, 1.0)[:, None]
+        return self.geometry.normals
 
-    @cached_property
+    @property
     def centroids(self) -> np.ndarray:
         """Centroids of the areas of the faces [m], shape (F, 3)."""
-        c = self.corners
-        halves = np.stack([c[:, :3].mean(axis=1), c[:, [0, 2, 3]].mean(axis=1)], axis=1)
-        areas = np.linalg.norm(
-            np.cross(c[:, [1, 2]] - c[:, :1], c[:, [2, 3]] - c[:, :1]), axis=2, keepdims=True
-        )
-        whole = areas.sum(axis=1)
-        middle = (areas * halves).sum(axis=1) / np.where(whole > 0.0, whole, 1.0)
-        return np.where(whole > 0.0, middle, halves[:, 0])
+        return self.geometry.centroids
 
-    @cached_property
+    @property
     def frames(self) -> np.ndarray:
         """Two unit tangents of each face, which its normal completes, shape (F, 2, 3)."""
-        away = np.eye(3)[np.argmin(np.abs(self.normals), axis=1)]
-        first = np.cross(self.normals, away)
-        length = np.linalg.norm(first, axis=1, keepdims=True)
-        first /= np.where(length > 0.0, length, 1.0)
-        return np.stack([first, np.cross(self.normals, first)], axis=1)
+        return self.geometry.frames
+
+    @property
+    def face_radii(self) -> np.ndarray:
+        """Largest distance from each face's centroid to its corners [m], shape (F,)."""
+        return self.geometry.radii
 
     @cached_property
     def triangles(self) -> np.ndarray:
@@ -119,11 +119,6 @@ class Surface:
         return 0.5 * np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
 
     @cached_property
-    def face_radii(self) -> np.ndarray:
-        """Largest distance from each face's centroid to its corners [m], shape (F,)."""
-        return np.linalg.norm(self.corners - self.centroids[:, None], axis=2).max(axis=1)
-
-    @cached_property
     def edge_length(self) -> float:
         """Median length of the face edges [m]."""
         c = self.corners
@@ -142,7 +137,9 @@ class Surface:
         spacing = max(COINCIDENCE * self.size, np.finfo(float).tiny)
         steps = np.round(self.points / spacing)
         order = np.lexsort(steps.T)
-        new = np.any(np.diff(steps[order], axis=0, prepend=np.nan), axis=1)
+        sorted_steps = steps[order]
+        new = np.ones(len(steps), dtype=bool)
+        new[1:] = sum(sorted_steps[1:, axis] != sorted_steps[:-1, axis] for axis in range(3)) > 0
         place = np.empty(len(steps), dtype=np.int64)
         place[order] = np.cumsum(new) - 1
         return place

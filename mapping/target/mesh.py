@@ -123,6 +123,8 @@ class TargetMesh:
     @cached_property
     def cell_radius(self) -> float:
         """Median over the cells of the distance from the centroid to the farthest corner [m]."""
+        if not self.is_solid:
+            return float(np.median(self.surface.face_radii))
         offset = self.points[self.corners] - self.centroids[:, None]
         distance = np.where(self.corners >= 0, np.linalg.norm(offset, axis=2), 0.0)
         return float(np.median(distance.max(axis=1)))
@@ -164,10 +166,13 @@ class TargetMesh:
             return self._sections(sheet_normals)
         surface = self.surface
         count = np.where(surface.areas > 0.0, 3 + surface.is_quadrilateral, 0)
-        used = np.arange(4) < count[:, None]
+        if np.all(count == 3):
+            corners = np.ascontiguousarray(surface.corners[:, :3]).reshape(-1, 3)
+        else:
+            corners = np.ascontiguousarray(surface.corners[np.arange(4) < count[:, None]])
         return CellPolygons(
             start=np.concatenate([[0], np.cumsum(count)]),
-            corners=np.ascontiguousarray(surface.corners[used]),
+            corners=corners,
             centroids=surface.centroids,
             normals=surface.normals,
             areas=surface.areas,

@@ -7,6 +7,7 @@ import xarray as xr
 from lcmchain.errors import InputError
 from lcmchain.fields.ugrid import write_netcdf
 from lcmchain.mapping import Status, TargetMesh, compute_weights, map_file, read_sheet, transfer
+from lcmchain.mapping.bodies import present
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells
 from lcmchain.mapping.transfer import content_of_cells, content_of_sheet
 
@@ -313,3 +314,9 @@ def test_a_stack_is_mapped_from_file_to_file(make, write_mesh, tmp_path, kind):
             np.testing.assert_array_equal(again[name].values, one[name].values)
         assert again["under_thickness"].attrs["units"] == "m"
         assert again["under_thickness"].attrs["long_name"].endswith("ply under")
+
+
+def test_a_ply_that_ends_inside_a_cell_counts_with_the_part_that_is_there():
+    coverage = np.array([[1.0, 0.5, 0.4, 0.995, 0.0], [0.25, 0.5, 1.6, 1.0, 0.0]])
+    expected = [[1.0, 1.0, 0.4, 1.0, 1.0], [0.25, 1.0, 1.0, 1.0, 1.0]]
+    np.testing.assert_allclose(present(coverage), expected, rtol=1e-14)
