@@ -223,17 +223,6 @@ def compute_weights(
             )
 
         return weights_of_plies(sheet, compute)
-    if order not in ORDERS:
-        raise InputError(f"the order of a mapping is 1 or 2, not {order}")
-    if target.is_solid and method == "overlap":
-        from lcmchain.mapping.solids.weights import compute_solid_weights
-
-        return compute_solid_weights(sheet, target, order=order, maximum_distance=maximum_distance)
-    if sheet.is_stack:
-        from lcmchain.mapping.plies import weights_of_plies
-
-        alone = {"method": method, "order": order, "maximum_distance": maximum_distance}
-        return weights_of_plies(sheet, lambda ply: compute_weights(ply, target, **alone))
     if maximum_distance is None:
         maximum_distance = default_maximum_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
