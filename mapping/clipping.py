@@ -20,8 +20,8 @@ def clip(polygon, count, length, tip_x, tip_y, work_1, work_2):
     """Clip a polygon (count, 2), counter-clockwise, by the triangle (Sutherland and Hodgman 1974).
 
     Returns the area of what remains and its centroid. A reflex corner of the polygon leaves edges
-    that run to and fro and enclose nothing. Sides of the triangle that have the whole polygon on
-    their inside are passed over, and one that has it on its outside ends the matter.
+    that run to and fro and enclose nothing. A polygon inside of the triangle is measured as it is,
+    and a side of the triangle that has it on its outside ends the matter.
 
     work_1, work_2 : scratch of shape :data:`WORK`.
     """
@@ -36,23 +36,23 @@ def clip(polygon, count, length, tip_x, tip_y, work_1, work_2):
         low_3, high_3 = min(low_3, left), max(high_3, left)
     if high_1 <= 0.0 or high_2 <= 0.0 or high_3 <= 0.0:
         return 0.0, 0.0, 0.0
-    now, other = polygon, work_1
-    if low_1 < 0.0:
-        count = cut(now, count, 0.0, 0.0, 1.0, other)
-        now, other = other, work_2
-    if low_2 < 0.0:
-        count = cut(now, count, length, -tip_y, tip_x - length, other)
-        now, other = other, work_2 if low_1 >= 0.0 else work_1
-    if low_3 < 0.0:
-        count = cut(now, count, 0.0, tip_y, -tip_x, other)
-        now = other
+    if low_1 >= 0.0 and low_2 >= 0.0 and low_3 >= 0.0:
+        return area_and_centroid(polygon, count)
+    count = cut(polygon, count, 0.0, 0.0, 1.0, work_1)
+    count = cut(work_1, count, length, -tip_y, tip_x - length, work_2)
+    count = cut(work_2, count, 0.0, tip_y, -tip_x, work_1)
+    return area_and_centroid(work_1, count)
+
+
+@equation
+def area_and_centroid(polygon, count):
     if count < 3:
         return 0.0, 0.0, 0.0
     area, mx, my = 0.0, 0.0, 0.0
-    ax, ay = now[0, 0], now[0, 1]
-    bx, by = now[1, 0] - ax, now[1, 1] - ay
+    ax, ay = polygon[0, 0], polygon[0, 1]
+    bx, by = polygon[1, 0] - ax, polygon[1, 1] - ay
     for k in range(2, count):
-        cx, cy = now[k, 0] - ax, now[k, 1] - ay
+        cx, cy = polygon[k, 0] - ax, polygon[k, 1] - ay
         part = bx * cy - by * cx
         area += part
         mx += part * (bx + cx)
@@ -83,4 +83,3 @@ def cut(polygon, count, from_x, a, b, kept):
             left += 1
         px, py, before = x, y, here
     return left
-

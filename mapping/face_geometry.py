@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.jit import routine
+from lcmchain.jit import equation, routine
 
 
 class FaceGeometry(NamedTuple):
@@ -42,45 +42,64 @@ def face_geometry(points, faces):
     vectors, normals = np.empty((count, 3)), np.zeros((count, 3))
     centroids, areas, radii = np.empty((count, 3)), np.empty(count), np.empty(count)
     for f in range(count):
-        own = corners[f]
+        own, middle = corners[f], centroids[f]
         for k in range(4):
             node = faces[f, k] if faces[f, k] >= 0 else faces[f, 2]
             for axis in range(3):
                 own[k, axis] = points[node, axis]
-        vectors[f] = 0.5 * cross(own[2] - own[0], own[3] - own[1])
-        areas[f] = np.sqrt((vectors[f] ** 2).sum())
-        if areas[f] > 0.0:
-            normals[f] = vectors[f] / areas[f]
-            frames[f] = tangents(normals[f])
-        half = np.sqrt((cross(own[1] - own[0], own[2] - own[0]) ** 2).sum())
-        other = np.sqrt((cross(own[2] - own[0], own[3] - own[0]) ** 2).sum())
+        x, y, z = cross(own, 0, 2, 1, 3)
+        doubled = np.sqrt(x * x + y * y + z * z)
+        areas[f] = 0.5 * doubled
+        vectors[f, 0], vectors[f, 1], vectors[f, 2] = 0.5 * x, 0.5 * y, 0.5 * z
+        if doubled > 0.0:
+            normals[f, 0], normals[f, 1], normals[f, 2] = x / doubled, y / doubled, z / doubled
+            write_tangents(normals[f], frames[f])
+        x, y, z = cross(own, 0, 1, 0, 2)
+        half = np.sqrt(x * x + y * y + z * z)
+        x, y, z = cross(own, 0, 2, 0, 3)
+        other = np.sqrt(x * x + y * y + z * z)
         share = other / (half + other) if half + other > 0.0 else 0.0
-        radius = 0.0
         for axis in range(3):
             shared = own[0, axis] + own[2, axis]
-            centroids[f, axis] = (
-                shared + own[1, axis] + share * (own[3, axis] - own[1, axis])
-            ) / 3.0
+            middle[axis] = (shared + own[1, axis] + share * (own[3, axis] - own[1, axis])) / 3.0
+        radius = 0.0
         for k in range(4):
-            radius = max(radius, ((own[k] - centroids[f]) ** 2).sum())
+            x, y, z = own[k, 0] - middle[0], own[k, 1] - middle[1], own[k, 2] - middle[2]
+            radius = max(radius, x * x + y * y + z * z)
         radii[f] = np.sqrt(radius)
     return FaceGeometry(corners, vectors, areas, normals, centroids, frames, radii)
 
 
-@routine
-def cross(a, b):
-    return np.array(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+@equation
+def cross(corners, a, b, c, d):
+    """Cross product of the ways from corner a to b and from c to d."""
+    ux, uy, uz = (
+        corners[b, 0] - corners[a, 0],
+        corners[b, 1] - corners[a, 1],
+        corners[b, 2] - corners[a, 2],
     )
+    vx, vy, vz = (
+        corners[d, 0] - corners[c, 0],
+        corners[d, 1] - corners[c, 1],
+        corners[d, 2] - corners[c, 2],
+    )
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@routine
-def tangents(normal):
-    """Two unit vectors (2, 3) across a unit normal, from the axis that it is least along."""
-    away = np.zeros(3)
-    away[np.argmin(np.abs(normal))] = 1.0
-    first = cross(normal, away)
-    first /= np.sqrt((first**2).sum())
-    found = np.empty((2, 3))
-    found[0], found[1] = first, cross(normal, first)
-    return found
+@equation
+def write_tangents(normal, frame):
+    """Write two unit vectors (2, 3) across a unit normal, from the axis that it is least along."""
+    nx, ny, nz = normal[0], normal[1], normal[2]
+    ax, ay, az = abs(nx), abs(ny), abs(nz)
+    if ax <= ay and ax <= az:
+        length = np.sqrt(ny * ny + nz * nz)
+        ux, uy, uz = 0.0, nz / length, -ny / length
+    elif ay <= az:
+        length = np.sqrt(nx * nx + nz * nz)
+        ux, uy, uz = -nz / length, 0.0, nx / length
+    else:
+        length = np.sqrt(nx * nx + ny * ny)
+        ux, uy, uz = ny / length, -nx / length, 0.0
+    frame[0, 0], frame[0, 1], frame[0, 2] = ux, uy, uz
+    frame[1, 0], frame[1, 1] = ny * uz - nz * uy, nz * ux - nx * uz
+    frame[1, 2] = nx * uy - ny * ux

@@ -212,7 +212,7 @@ def _grown(table, needed):
     return wider
 
 
-@routine
+@equation
 def _pair(
     face, cell, origin, normal, faces, maximum_distance, seen, work_1, work_2, row
 ):  # fmt: skip
@@ -357,7 +357,7 @@ def distance_if_over(plane, point):
     return abs(x * plane[3] + y * plane[4] + z * plane[5]) if over else -1.0
 
 
-@routine
+@equation
 def _number_layers(pairs, values, first, end, faces, slot, parent):
     """Number the layers of the pairs of one cell, sort them by face, return how many there are.
 
