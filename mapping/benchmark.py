@@ -111,9 +111,11 @@ def measure(program: str, side: int) -> MappingTime:
     areas = np.where(found < 1e100, np.linalg.norm(doubled, axis=1), 0.0)
     difference = np.where(found < 1e100, found - exact, 0.0)
     error = float(np.sqrt(np.sum(areas * difference**2) / np.sum(areas * exact**2)))
-    medians = [statistics.median(column) for column in zip(*times, strict=True)]
+    weights, first, following = (statistics.median(column) for column in zip(*times, strict=True))
     memory = _memory() - before
-    return MappingTime(program, len(source[1]), len(triangles), *medians, memory, error)
+    return MappingTime(
+        program, len(source[1]), len(triangles), weights, first, following, memory, error
+    )
 
 
 def _memory() -> int:

@@ -244,10 +244,7 @@ def test_summary(datasets, frames):
 
 def test_warning_where_fibres_are_packed_beyond_reason(scene, datasets):
     sheet, material = datasets["/"].copy(deep=True), scene.material.build()
-    (dome,) = field_warnings(sheet, material)
-    assert "unresolved" in dome  # the dome of this test is narrower than eight elements
-    sheet["wrinkle_height"][...] = 0.0
-    assert field_warnings(sheet, material) == []
+    assert field_warnings(sheet, material) == []  # a dome turns to and fro once: that is no wave
     sheet["fibre_volume_fraction"][-1, 7] = 0.95
     (warning,) = field_warnings(sheet, material)
     assert "element 7" in warning
