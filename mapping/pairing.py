@@ -62,7 +62,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
     choice = choose_layers(found, target.surface.winding, cells.areas, maximum_distance)
     found = Overlaps(*(values[choice.taken] for values in found))
     covered = np.bincount(found.cell, found.area, minlength=count)
-    nearest, distance = _over_centroid(found, count)
+    nearest, distance = _over_centroid(found, count, maximum_distance)
     unsure = np.flatnonzero(~np.isfinite(distance) | (covered == 0.0))
     if len(unsure):
         sides = cells.normals[unsure] * choice.side[unsure, None]
@@ -129,10 +129,15 @@ def by_closest(surface: Surface, target: TargetMesh, maximum_distance: float) ->
     )
 
 
-def _over_centroid(found: Overlaps, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Face over the centroid of each cell, and its distance [m]; -1 and infinite without one."""
+def _over_centroid(
+    found: Overlaps, count: int, maximum_distance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Face over the centroid of each cell, and its distance [m]; -1 and infinite without one.
+
+    A face that is steep to the cell may be near on average and too far off over the centroid.
+    """
     face, distance = np.full(count, -1, dtype=np.int64), np.full(count, np.inf)
-    there = np.flatnonzero(np.isfinite(found.centre))
+    there = np.flatnonzero(found.centre <= maximum_distance)
     order = there[np.argsort(-found.centre[there], kind="stable")]  # the least one is kept
     face[found.cell[order]] = found.face[order]
     distance[found.cell[order]] = found.centre[order]

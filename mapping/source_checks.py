@@ -38,7 +38,7 @@ def mesh_of(dataset: xr.Dataset, name: str) -> tuple[Mapping[str, Any], xr.DataA
     found = [
         variable.attrs
         for variable in dataset.variables.values()
-        if variable.attrs.get("cf_role") == "mesh_topology"
+        if str(variable.attrs.get("cf_role")) == "mesh_topology"
         and str(variable.attrs.get("topology_dimension")) == "2"
     ]
     if len(found) != 1:

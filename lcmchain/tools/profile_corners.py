@@ -217,7 +217,8 @@ def _fillet(before, corner, after, radius, index, key) -> tuple[Arc | None, floa
         return None, 0.0  # straight on: nothing to round
     if radius == 0.0:
         return None, 0.0
-    half = 0.5 * math.acos(max(-1.0, min(1.0, cosine)))
+    # The cosine of lines that nearly turn back is rounded to one; the sine is not.
+    half = 0.5 * (math.acos(max(-1.0, min(1.0, cosine))) or math.atan2(abs(turn), cosine))
     length = radius / math.tan(half)
     bx, bz = ux + vx, uz + vz
     to_centre = radius / math.sin(half) / math.hypot(bx, bz)

@@ -487,3 +487,7 @@ def test_a_source_without_numbers_is_refused(make, result, part, tmp_path):
         map_file(broken, part(), tmp_path / "mapped.nc")
     with pytest.raises(InputError, match="one two-dimensional mesh"):
         map_file(xr.Dataset(), part(), tmp_path / "mapped.nc")
+    spoilt = result.copy(deep=True)
+    spoilt["sheet"].attrs["cf_role"] = np.array([1, 2])  # no text
+    with pytest.raises(InputError, match="one two-dimensional mesh"):
+        map_file(spoilt, part(), tmp_path / "mapped.nc")

@@ -298,6 +298,20 @@ def test_distance_decides_between_inside_projected_and_unmapped(make, method):
     ]
 
 
+def test_no_mapped_cell_is_farther_than_the_largest_distance(make):
+    """Cells at random: of steep faces a part may be near whose plane is far off the centroid."""
+    random = np.random.default_rng(2)
+    points, quads = make.grid(6, 6)
+    sheet = read_sheet(make.forming_result(make.bowl(points, depth=1.0), quads))
+    corners = random.uniform([0.0, 0.0, -0.5], [1.0, 1.0, 2.5], (400, 1, 3))
+    corners = corners + random.uniform(-0.4, 0.4, (400, 3, 3))
+    target = shell(corners.reshape(-1, 3), np.arange(1200).reshape(-1, 3))
+    weights = compute_weights(sheet, target, maximum_distance=0.3)
+    assert weights.mapped.sum() > 50
+    assert np.nanmax(weights.distance) <= 0.3
+    assert np.isfinite(weights.distance[weights.mapped]).all()
+
+
 def test_opposite_walls_do_not_mix(make):
     """Two plates one edge length apart; each wall of the target takes its own wall's values."""
     points, quads = make.grid(10, 10)

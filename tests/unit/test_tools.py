@@ -448,6 +448,13 @@ def test_wrong_profiles_are_named(points, radii, says):
     assert error.value.key.startswith('tools[1] "tool".shape.')
 
 
+def test_a_line_of_a_thousand_kilometres_and_the_way_back_has_a_fillet():
+    """The cosine between both is rounded to one; the angle is not zero."""
+    points = [(0, -9e-3), (0.02, -9e-3), (1e6, 0), (0.3, 0)]
+    shape = {"type": "revolved_profile", "points": points, "solid": "right"}
+    table_of(SPHERE_CAPPED, shape | {"fillet_radii": [0, 3e-3, 3e-3, 0]})
+
+
 # --- motion ---------------------------------------------------------------------------------------
 
 SMOOTH_ENTRIES = {
