@@ -79,8 +79,7 @@ def gradient_stencil(
     _fit(start, way, share)
     back = np.empty_like(way)
     _ways_back(start, other, way, back)
-    in_frame = np.einsum("fui,fki->fku", frames, corners - centroids[:, None])
-    return GradientStencil(start, other, way, back, share, np.ascontiguousarray(in_frame))
+    return GradientStencil(start, other, way, back, share, _in_frames(corners, centroids, frames))
 
 
 def _neighbours(places: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -118,11 +117,32 @@ def _gather(places, at_place, by_place, normals):
                 )
                 if cosine < LEAST_COSINE:
                     continue
-                faces[end] = j
+                k_to = end
+                while k_to > first and faces[k_to - 1] > j:
+                    faces[k_to] = faces[k_to - 1]
+                    k_to -= 1
+                faces[k_to] = j
                 end += 1
-        faces[first:end].sort()
         start[i + 1] = end
     return start, faces[:end].copy()
+
+
+@routine
+def _in_frames(corners, centroids, frames):
+    """Corners of the faces in their frames, from the centroid [m], shape (F, 4, 2)."""
+    found = np.empty((len(corners), 4, 2))
+    for face in range(len(corners)):
+        for k in range(4):
+            x = corners[face, k, 0] - centroids[face, 0]
+            y = corners[face, k, 1] - centroids[face, 1]
+            z = corners[face, k, 2] - centroids[face, 2]
+            for axis in range(2):
+                found[face, k, axis] = (
+                    x * frames[face, axis, 0]
+                    + y * frames[face, axis, 1]
+                    + z * frames[face, axis, 2]
+                )
+    return found
 
 
 @routine

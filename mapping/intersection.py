@@ -13,9 +13,10 @@ import numpy as np
 
 from lcmchain.jit import equation, routine
 from lcmchain.mapping.clipping import WORK, clip
+from lcmchain.mapping.connected import number_layers
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import CellPolygons
-from lcmchain.mesh.box_tree import STACK, BoxTree, enclose, items_in_box, order_along_curve
+from lcmchain.mesh.box_tree import STACK, BoxTree, items_in_box, order_along_curve
 
 # Faces steeper than this against the cell (75.5 degrees) say nothing about it: their projection
 # is a thin strip whose place depends on where the tangent plane was put.
@@ -32,8 +33,11 @@ SLANT = 0.2
 # So many cells that are close to each other ask the tree of the faces together.
 TOGETHER = 8
 
+# So many cells, close to each other, go through the steps together: a multiple of TOGETHER.
+BLOCK = 4096
+
 # Columns of the table of pairs while it is filled.
-_PART, _U, _V, _AREA, _HEIGHT, _CENTRE = range(6)
+_PART, _AREA, _HEIGHT, _CENTRE, _PLACE = range(5)
 
 
 class Overlaps(NamedTuple):
@@ -53,11 +57,21 @@ class Overlaps(NamedTuple):
     centre: np.ndarray  # (K,) [m] distance of the cell's centroid from the face over it, else nan
 
 
+class _Cells(NamedTuple):
+    """What they need of the target: as in :class:`CellPolygons`."""
+
+    start: np.ndarray
+    corners: np.ndarray
+    centroids: np.ndarray
+    normals: np.ndarray
+    radii: np.ndarray
+
+
 class _Faces(NamedTuple):
     """What the search and the clipping need of the sheet.
 
-    planes : of the triangles, shape (T, 16): first corner, unit normal, two unit tangents the first
-        of which runs along the first edge, length of this edge, third corner in the tangents, area.
+    planes : of the triangles, shape (T, 14): first corner, unit normal, unit tangent along the
+        first edge, its length, third corner along and across it, lengths of the other two edges.
     """
 
     tree: BoxTree
@@ -84,93 +98,170 @@ def overlaps(surface: Surface, cells: CellPolygons, maximum_distance: float) -> 
     )
     real = np.flatnonzero(np.diff(cells.start) >= 3)
     sequence = real[order_along_curve(cells.centroids[real])]
-    pairs, values = _all_pairs(
-        sequence, cells.start, cells.corners, cells.centroids, cells.normals, cells.radii, faces,
-        maximum_distance,
-    )  # fmt: skip
+    given = _Cells(cells.start, cells.corners, cells.centroids, cells.normals, cells.radii)
+    pairs, values = _all_pairs(sequence, given, faces, maximum_distance)
     return Overlaps(*_by_cell(pairs, values, len(cells.centroids)))
 
 
 @routine
 def _planes(corners):
-    planes = np.zeros((len(corners), 16))
+    planes = np.zeros((len(corners), 14))
     for t in range(len(corners)):
-        a = corners[t, 0]
-        ux, uy, uz = corners[t, 1, 0] - a[0], corners[t, 1, 1] - a[1], corners[t, 1, 2] - a[2]
-        dx, dy, dz = corners[t, 2, 0] - a[0], corners[t, 2, 1] - a[1], corners[t, 2, 2] - a[2]
+        ax, ay, az = corners[t, 0, 0], corners[t, 0, 1], corners[t, 0, 2]
+        ux, uy, uz = corners[t, 1, 0] - ax, corners[t, 1, 1] - ay, corners[t, 1, 2] - az
+        dx, dy, dz = corners[t, 2, 0] - ax, corners[t, 2, 1] - ay, corners[t, 2, 2] - az
         mx, my, mz = uy * dz - uz * dy, uz * dx - ux * dz, ux * dy - uy * dx
         doubled = np.sqrt(mx * mx + my * my + mz * mz)
         if doubled == 0.0:
             continue
         length = np.sqrt(ux * ux + uy * uy + uz * uz)
-        ux, uy, uz = ux / length, uy / length, uz / length
-        mx, my, mz = mx / doubled, my / doubled, mz / doubled
-        vx, vy, vz = my * uz - mz * uy, mz * ux - mx * uz, mx * uy - my * ux
-        row = planes[t]
-        row[0], row[1], row[2] = a[0], a[1], a[2]
-        row[3], row[4], row[5] = mx, my, mz
-        row[6], row[7], row[8] = ux, uy, uz
-        row[9], row[10], row[11] = vx, vy, vz
-        row[12], row[13] = length, dx * ux + dy * uy + dz * uz
-        row[14], row[15] = doubled / length, 0.5 * doubled
+        tip_u, tip_v = (dx * ux + dy * uy + dz * uz) / length, doubled / length
+        planes[t, 0], planes[t, 1], planes[t, 2] = ax, ay, az
+        planes[t, 3], planes[t, 4], planes[t, 5] = mx / doubled, my / doubled, mz / doubled
+        planes[t, 6], planes[t, 7], planes[t, 8] = ux / length, uy / length, uz / length
+        planes[t, 9], planes[t, 10], planes[t, 11] = length, tip_u, tip_v
+        planes[t, 12] = np.hypot(tip_u - length, tip_v)
+        planes[t, 13] = np.hypot(tip_u, tip_v)
     return planes
 
 
-@routine
 def _all_pairs(
-    sequence, start, corners, centroids, normals, radii, faces, maximum_distance
-):  # fmt: skip
-    """Rows of cell, face, side, number of the layer over the cell; and of the measures of pairs."""
-    pairs = np.empty((max(64, 6 * len(sequence)), 4), dtype=np.int64)
+    sequence: np.ndarray, cells: _Cells, faces: _Faces, maximum_distance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of cell, face, side, number of the layer over the cell; and of the measures of pairs.
+
+    The steps are loops of their own, and unpack what they read: within one large function the
+    compiler counts references to arrays at every pair, which takes longer than the clipping.
+    """
+    pairs = np.empty((max(64, 5 * len(sequence)), 4), dtype=np.int64)
     values = np.empty((len(pairs), 6))
-    found = np.empty(256, dtype=np.int64)
-    stack = np.empty(STACK, dtype=np.int64)
-    box, together = np.empty(6), np.empty(6)
-    seen, work_1, work_2 = np.empty(WORK), np.empty(WORK), np.empty(WORK)
+    near = np.empty((16 * BLOCK, 2), dtype=np.int64)
     slot = np.full(len(faces.centroids), -1, dtype=np.int64)
-    parent = np.empty(256, dtype=np.int64)
-    count, candidates = 0, 0
-    for place in range(len(sequence)):
-        if place % TOGETHER == 0:
-            together[:3], together[3:] = np.inf, -np.inf
-            for c in sequence[place : place + TOGETHER]:
-                prism_box(corners[start[c] : start[c + 1]], normals[c], maximum_distance, box)
-                enclose(together, box)
-            candidates = items_in_box(faces.tree, together, stack, found)
-            if candidates < 0:
-                found = np.empty(-2 * candidates, dtype=np.int64)
-                candidates = items_in_box(faces.tree, together, stack, found)
-            if count + TOGETHER * candidates > len(pairs):
-                pairs = _grown(pairs, count + TOGETHER * candidates)
-                values = _grown(values, count + TOGETHER * candidates)
-        c = sequence[place]
-        cell = corners[start[c] : start[c + 1]]
-        first = count
-        for j in range(candidates):
-            reach = radii[c] + faces.radii[found[j]] + SLANT * maximum_distance
-            if far_from_axis(centroids[c], normals[c], faces.centroids[found[j]], reach):
-                continue
-            side = _pair(
-                found[j], cell, centroids[c], normals[c], faces, maximum_distance,
-                seen, work_1, work_2, values[count],
-            )  # fmt: skip
-            if side == 0:
-                continue
-            pairs[count, 0], pairs[count, 1], pairs[count, 2] = c, found[j], side
-            count += 1
-        if count > first:
-            if count - first > len(parent):
-                parent = np.empty(2 * (count - first), dtype=np.int64)
-            _number_layers(pairs, values, first, count, faces, slot, parent)
+    count = 0
+    for place in range(0, len(sequence), BLOCK):
+        block = sequence[place : place + BLOCK]
+        found = _near_faces(block, cells, faces, maximum_distance, near)
+        if found < 0:
+            near = np.empty((-2 * found, 2), dtype=np.int64)
+            found = _near_faces(block, cells, faces, maximum_distance, near)
+        if count + found > len(pairs):
+            pairs, values = _grown(pairs, count + found), _grown(values, count + found)
+        end = count + _measure(
+            near[:found], cells, faces, maximum_distance, pairs[count:], values[count:]
+        )
+        number_layers(pairs[count:end], values[count:end], faces.neighbours, slot)
+        count = end
     return pairs[:count], values[:count]
 
 
-@equation
-def far_from_axis(origin, normal, point, reach):
-    """Whether a point is farther than a reach from the line along a unit normal."""
-    x, y, z = point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]
-    along = x * normal[0] + y * normal[1] + z * normal[2]
-    return x * x + y * y + z * z - along * along > reach * reach
+@routine
+def _near_faces(block, cells, faces, maximum_distance, near):
+    """Write rows of cell and face that may lie over each other; return their number.
+
+    Where ``near`` is too small, the number is returned with a minus sign.
+    """
+    start, corners, centroids, normals, radii = cells
+    middles, face_radii, tree = faces.centroids, faces.radii, faces.tree
+    found = np.empty(256, dtype=np.int64)
+    stack, together = np.empty(STACK, dtype=np.int64), np.empty(6)
+    slant = SLANT * maximum_distance
+    count, candidates = 0, 0
+    for place in range(len(block)):
+        if place % TOGETHER == 0:
+            together[:3], together[3:] = np.inf, -np.inf
+            for c in block[place : place + TOGETHER]:
+                enclose_prism(
+                    corners, start[c], start[c + 1], normals[c, 0], normals[c, 1], normals[c, 2],
+                    maximum_distance, together,
+                )  # fmt: skip
+            candidates = items_in_box(tree, together, stack, found)
+            if candidates < 0:
+                found = np.empty(-2 * candidates, dtype=np.int64)
+                candidates = items_in_box(tree, together, stack, found)
+        c = block[place]
+        ox, oy, oz = centroids[c, 0], centroids[c, 1], centroids[c, 2]
+        nx, ny, nz = normals[c, 0], normals[c, 1], normals[c, 2]
+        for j in range(candidates):
+            f = found[j]
+            # Far from the line through the cell's centroid along its normal?
+            x, y, z = middles[f, 0] - ox, middles[f, 1] - oy, middles[f, 2] - oz
+            along = x * nx + y * ny + z * nz
+            reach = radii[c] + face_radii[f] + slant
+            if x * x + y * y + z * z - along * along > reach * reach:
+                continue
+            if count < len(near):
+                near[count, 0], near[count, 1] = c, f
+            count += 1
+    return count if count <= len(near) else -count
+
+
+@routine
+def _measure(near, cells, faces, maximum_distance, pairs, values):
+    """Measure cells over faces; write a row for each pair that overlaps, and return how many."""
+    start, corners, centroids, normals, radii = cells
+    first_triangle, planes, middles = faces.first_triangle, faces.planes, faces.centroids
+    frames, sides = faces.frames, faces.side
+    work = np.empty(WORK)
+    row = 0
+    for j in range(len(near)):
+        c, face = near[j, 0], near[j, 1]
+        first, end, radius = start[c], start[c + 1], radii[c]
+        ox, oy, oz = centroids[c, 0], centroids[c, 1], centroids[c, 2]
+        nx, ny, nz = normals[c, 0], normals[c, 1], normals[c, 2]
+        part, whole, area, moment, facing, centre = 0.0, 0.0, 0.0, 0.0, 0.0, np.nan
+        px, py, pz = 0.0, 0.0, 0.0
+        for t in range(first_triangle[face], first_triangle[face + 1]):
+            length, tip_u, tip_v = planes[t, 9], planes[t, 10], planes[t, 11]
+            size = 0.5 * length * tip_v
+            whole += size
+            ax, ay, az = planes[t, 0], planes[t, 1], planes[t, 2]
+            mx, my, mz = planes[t, 3], planes[t, 4], planes[t, 5]
+            ux, uy, uz = planes[t, 6], planes[t, 7], planes[t, 8]
+            vx, vy, vz = my * uz - mz * uy, mz * ux - mx * uz, mx * uy - my * ux
+            x, y, z = ox - ax, oy - ay, oz - az
+            u, v = x * ux + y * uy + z * uz, x * vx + y * vy + z * vz
+            left, right = tip_v * u - tip_u * v, (tip_u - length) * v - tip_v * (u - length)
+            # Is the circle around the cell on the outside of an edge?
+            if v < -radius or right < -radius * planes[t, 12] or left < -radius * planes[t, 13]:
+                continue
+            cosine = mx * nx + my * ny + mz * nz
+            if size == 0.0 or abs(cosine) < MINIMUM_COSINE:
+                continue
+            for k in range(first, end):
+                to = end - 1 - k if cosine < 0.0 else k - first  # counter-clockwise
+                qx, qy, qz = corners[k, 0] - ax, corners[k, 1] - ay, corners[k, 2] - az
+                work[0, to, 0] = qx * ux + qy * uy + qz * uz
+                work[0, to, 1] = qx * vx + qy * vy + qz * vz
+            share, su, sv = clip(work, end - first, length, tip_u, tip_v)
+            if share <= SLIVER * size:
+                continue
+            qx, qy, qz = ax + su * ux + sv * vx, ay + su * uy + sv * vy, az + su * uz + sv * vz
+            height = (qx - ox) * nx + (qy - oy) * ny + (qz - oz) * nz
+            if abs(height) > maximum_distance:
+                continue
+            part += share
+            area += share / abs(cosine)
+            facing += share * cosine
+            moment += share * height
+            px, py, pz = px + share * qx, py + share * qy, pz + share * qz
+            distance = abs(x * mx + y * my + z * mz)
+            over_centroid = v >= 0.0 and right >= 0.0 and left >= 0.0
+            if over_centroid and not distance > centre:
+                centre = distance
+        if part == 0.0:
+            continue
+        px, py, pz = px / part, py / part, pz / part
+        px, py, pz = px - middles[face, 0], py - middles[face, 1], pz - middles[face, 2]
+        pairs[row, 0], pairs[row, 1] = c, face
+        pairs[row, 2] = sides[face] if facing > 0.0 else -sides[face]
+        for axis in range(2):
+            values[row, _PLACE + axis] = (
+                px * frames[face, axis, 0] + py * frames[face, axis, 1] + pz * frames[face, axis, 2]
+            )
+        values[row, _PART], values[row, _AREA] = part / whole, area
+        values[row, _HEIGHT], values[row, _CENTRE] = moment / part, centre
+        row += 1
+    return row
 
 
 @routine
@@ -200,7 +291,7 @@ def _by_cell(pairs, values, cell_count):
         cell[to], face[to], side[to] = c, pairs[k, 1], pairs[k, 2]
         layer[to] = layers[c] + pairs[k, 3]
         part[to], area[to] = values[k, _PART], values[k, _AREA]
-        place[to, 0], place[to, 1] = values[k, _U], values[k, _V]
+        place[to, 0], place[to, 1] = values[k, _PLACE], values[k, _PLACE + 1]
         height[to], centre[to] = values[k, _HEIGHT], values[k, _CENTRE]
     return cell, face, layer, side, part, place, area, height, centre
 
@@ -213,201 +304,17 @@ def _grown(table, needed):
 
 
 @equation
-def _pair(
-    face, cell, origin, normal, faces, maximum_distance, seen, work_1, work_2, row
-):  # fmt: skip
-    """Measure a cell over a face into ``row``; return the side that it shows, 0 if it is not over.
-
-    row : as the columns of the table of pairs.
-    """
-    part, whole, area, moment, facing, centre = 0.0, 0.0, 0.0, 0.0, 0.0, np.nan
-    px, py, pz = 0.0, 0.0, 0.0
-    for t in range(faces.first_triangle[face], faces.first_triangle[face + 1]):
-        plane = faces.planes[t]
-        size = plane[15]
-        whole += size
-        cosine = plane[3] * normal[0] + plane[4] * normal[1] + plane[5] * normal[2]
-        if size == 0.0 or abs(cosine) < MINIMUM_COSINE:
-            continue
-        look_along_normal(cell, plane, cosine < 0.0, seen)
-        share, x, y = clip(seen, len(cell), plane[12], plane[13], plane[14], work_1, work_2)
-        if share <= SLIVER * size:
-            continue
-        qx = plane[0] + x * plane[6] + y * plane[9]
-        qy = plane[1] + x * plane[7] + y * plane[10]
-        qz = plane[2] + x * plane[8] + y * plane[11]
-        height = (
-            (qx - origin[0]) * normal[0] + (qy - origin[1]) * normal[1]
-            + (qz - origin[2]) * normal[2]
-        )  # fmt: skip
-        if abs(height) > maximum_distance:
-            continue
-        part += share
-        area += share / abs(cosine)
-        facing += share * cosine
-        moment += share * height
-        px, py, pz = px + share * qx, py + share * qy, pz + share * qz
-        distance = distance_if_over(plane, origin)
-        if distance >= 0.0 and not distance > centre:
-            centre = distance
-    if part == 0.0:
-        return 0
-    middle, tangents = faces.centroids[face], faces.frames[face]
-    px, py, pz = px / part - middle[0], py / part - middle[1], pz / part - middle[2]
-    row[_PART], row[_AREA] = part / whole, area
-    row[_U] = px * tangents[0, 0] + py * tangents[0, 1] + pz * tangents[0, 2]
-    row[_V] = px * tangents[1, 0] + py * tangents[1, 1] + pz * tangents[1, 2]
-    row[_HEIGHT], row[_CENTRE] = moment / part, centre
-    return faces.side[face] if facing > 0.0 else -faces.side[face]
-
-
-def coverage_of_planes(
-    surface: Surface, cells: CellPolygons, found: Overlaps, chosen: np.ndarray
-) -> np.ndarray:
-    """Share of some cells that the faces over them tile, laid along the cells' normals.
-
-    chosen : ascending numbers of cells, shape (P,).
-    """
-    first = np.searchsorted(found.cell, chosen)
-    end = np.searchsorted(found.cell, chosen, side="right")
-    shares = np.empty(len(chosen))
-    _lay_on_cells(
-        chosen, first, end, found.face, cells.start, cells.corners, cells.normals, cells.areas,
-        surface.first_triangle, surface.triangle_corners, shares,
-    )  # fmt: skip
-    return shares
-
-
-@routine
-def _lay_on_cells(
-    chosen, first, end, face_of, start, corners, normals, areas, first_triangle, triangles, shares
-):  # fmt: skip
-    seen, work_1, work_2 = np.empty(WORK), np.empty(WORK), np.empty(WORK)
-    for p in range(len(chosen)):
-        c = chosen[p]
-        cell, normal = corners[start[c] : start[c + 1]], normals[c]
-        covered = 0.0
-        for k in range(first[p], end[p]):
-            for t in range(first_triangle[face_of[k]], first_triangle[face_of[k] + 1]):
-                covered += area_under(triangles[t], cell, normal, seen, work_1, work_2)
-        shares[p] = covered / areas[c]
-
-
-@routine
-def area_under(triangle, cell, normal, seen, work_1, work_2):
-    """Area of a cell under a triangle that is laid along the cell's normal onto its plane."""
-    nx, ny, nz = normal[0], normal[1], normal[2]
-    ux, uy, uz = (
-        triangle[1, 0] - triangle[0, 0],
-        triangle[1, 1] - triangle[0, 1],
-        triangle[1, 2] - triangle[0, 2],
-    )
-    along = ux * nx + uy * ny + uz * nz
-    ux, uy, uz = ux - along * nx, uy - along * ny, uz - along * nz
-    length = np.sqrt(ux * ux + uy * uy + uz * uz)
-    if length == 0.0:
-        return 0.0
-    ux, uy, uz = ux / length, uy / length, uz / length
-    vx, vy, vz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    dx, dy, dz = (
-        triangle[2, 0] - triangle[0, 0],
-        triangle[2, 1] - triangle[0, 1],
-        triangle[2, 2] - triangle[0, 2],
-    )
-    tip_x, tip_y = dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz
-    turned = tip_y < 0.0  # it shows its back: seen in a mirror, both are counter-clockwise again
-    if tip_y == 0.0:
-        return 0.0
-    for k in range(len(cell)):
-        x, y, z = (
-            cell[k, 0] - triangle[0, 0],
-            cell[k, 1] - triangle[0, 1],
-            cell[k, 2] - triangle[0, 2],
-        )
-        to = len(cell) - 1 - k if turned else k
-        across = x * vx + y * vy + z * vz
-        seen[to, 0] = x * ux + y * uy + z * uz
-        seen[to, 1] = -across if turned else across
-    return clip(seen, len(cell), length, tip_x, abs(tip_y), work_1, work_2)[0]
-
-
-@equation
-def look_along_normal(cell, plane, turned, seen):
-    """Write the corners of a cell on the plane of a triangle, counter-clockwise."""
-    count = len(cell)
-    for k in range(count):
-        to = count - 1 - k if turned else k
-        x, y, z = cell[k, 0] - plane[0], cell[k, 1] - plane[1], cell[k, 2] - plane[2]
-        seen[to, 0] = x * plane[6] + y * plane[7] + z * plane[8]
-        seen[to, 1] = x * plane[9] + y * plane[10] + z * plane[11]
-
-
-@equation
-def distance_if_over(plane, point):
-    """Distance of a point from a triangle if its foot lies in it, else -1."""
-    x, y, z = point[0] - plane[0], point[1] - plane[1], point[2] - plane[2]
-    u = x * plane[6] + y * plane[7] + z * plane[8]
-    v = x * plane[9] + y * plane[10] + z * plane[11]
-    length, tip_u, tip_v = plane[12], plane[13], plane[14]
-    over = (
-        v >= 0.0
-        and tip_u * v - tip_v * u <= 0.0
-        and (tip_u - length) * v - tip_v * (u - length) >= 0.0
-    )
-    return abs(x * plane[3] + y * plane[4] + z * plane[5]) if over else -1.0
-
-
-@equation
-def _number_layers(pairs, values, first, end, faces, slot, parent):
-    """Number the layers of the pairs of one cell, sort them by face, return how many there are.
-
-    Faces that share an edge and show the same side belong to one layer.
-    """
-    count = end - first
-    for k in range(count):
-        slot[pairs[first + k, 1]] = k
-        parent[k] = k
-    for k in range(count):
-        for edge in range(4):
-            other = faces.neighbours[pairs[first + k, 1], edge]
-            if other < 0 or slot[other] < 0:
-                continue
-            if pairs[first + slot[other], 2] == pairs[first + k, 2]:
-                a, b = root(parent, k), root(parent, slot[other])
-                parent[max(a, b)] = min(a, b)
-    found = 0
-    for k in range(count):
-        slot[pairs[first + k, 1]] = -1
-    for k in range(count):
-        if parent[k] == k:
-            pairs[first + k, 3] = found
-            found += 1
-        else:
-            pairs[first + k, 3] = pairs[first + root(parent, k), 3]
-    # Pairs by face within a layer: an order that does not depend on the search.
-    for k in range(first + 1, end):
-        j = k
-        while j > first and (pairs[j - 1, 1] > pairs[j, 1]):
-            for column in range(4):
-                pairs[j - 1, column], pairs[j, column] = pairs[j, column], pairs[j - 1, column]
-            for column in range(6):
-                values[j - 1, column], values[j, column] = values[j, column], values[j - 1, column]
-            j -= 1
-
-
-@equation
-def root(parent, k):
-    while parent[k] != k:
-        k = parent[k]
-    return k
-
-
-@equation
-def prism_box(cell, normal, distance, box):
-    """Write the box around everything within a distance of a cell along its normal."""
-    for axis in range(3):
-        low, high = cell[0, axis], cell[0, axis]
-        for k in range(1, len(cell)):
-            low, high = min(low, cell[k, axis]), max(high, cell[k, axis])
-        reach = (abs(normal[axis]) + SLANT) * distance + WIDER * (high - low)
-        box[axis], box[3 + axis] = low - reach, high + reach
+def enclose_prism(corners, first, end, nx, ny, nz, distance, box):
+    """Widen a box (6,) to what lies within a distance of a cell along its normal."""
+    low_x, low_y, low_z = np.inf, np.inf, np.inf
+    high_x, high_y, high_z = -np.inf, -np.inf, -np.inf
+    for k in range(first, end):
+        low_x, high_x = min(low_x, corners[k, 0]), max(high_x, corners[k, 0])
+        low_y, high_y = min(low_y, corners[k, 1]), max(high_y, corners[k, 1])
+        low_z, high_z = min(low_z, corners[k, 2]), max(high_z, corners[k, 2])
+    x = (abs(nx) + SLANT) * distance + WIDER * (high_x - low_x)
+    y = (abs(ny) + SLANT) * distance + WIDER * (high_y - low_y)
+    z = (abs(nz) + SLANT) * distance + WIDER * (high_z - low_z)
+    box[0], box[3] = min(box[0], low_x - x), max(box[3], high_x + x)
+    box[1], box[4] = min(box[1], low_y - y), max(box[4], high_y + y)
+    box[2], box[5] = min(box[2], low_z - z), max(box[5], high_z + z)

@@ -6,11 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.mapping.intersection import Overlaps, coverage_of_planes, overlaps
+from lcmchain.jit import routine
+from lcmchain.mapping.intersection import Overlaps, overlaps
 from lcmchain.mapping.layers import choose_layers
 from lcmchain.mapping.search import closest_points
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import CellPolygons, TargetMesh
+from lcmchain.mapping.tiling import coverage_of_planes
 
 # A cell counts as covered from this share on: tangent planes and facets of two meshes of the same
 # curved surface disagree by about (cell size / radius of curvature)^2.
@@ -60,7 +62,8 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
     cells = target.polygons(np.empty((0, 3)))
     found = overlaps(surface, cells, maximum_distance)
     choice = choose_layers(found, target.surface.winding, cells.areas, maximum_distance)
-    found = Overlaps(*(values[choice.taken] for values in found))
+    if not choice.taken.all():
+        found = Overlaps(*(values[choice.taken] for values in found))
     covered = np.bincount(found.cell, found.area, minlength=count)
     nearest, distance = _over_centroid(found, count, maximum_distance)
     unsure = np.flatnonzero(~np.isfinite(distance) | (covered == 0.0))
@@ -75,19 +78,20 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
     face_coverage, missed, content, correction = _face_coverage(
         surface, target, cells, found, maximum_distance
     )
-    extra = np.isin(unsure, alone) if len(unsure) else np.zeros(0, dtype=bool)
-    place = _in_frames(surface, nearest[alone], closest.foot[extra]) if len(alone) else 0.0
-    cell = np.concatenate([found.cell, alone])
-    face = np.concatenate([found.face, nearest[alone]])
     average = found.area / np.where(covered > 0.0, covered, 1.0)[found.cell]
-    order = np.lexsort((face, cell)) if len(alone) else slice(None)
-    nothing = np.zeros((len(alone), 2))
+    weights = found.cell, found.face, average, found.place, content
+    if len(alone):
+        foot = closest.foot[np.isin(unsure, alone)]
+        place = _in_frames(surface, nearest[alone], foot)
+        one, nothing = np.ones(len(alone)), np.zeros(len(alone))
+        weights = _merged(weights, (alone, nearest[alone], one, place, nothing))
+    cell, face, average, place, content = weights
     return Pairing(
-        cell=cell[order],
-        face=face[order],
-        average=np.concatenate([average, np.ones(len(alone))])[order],
-        place=np.concatenate([found.place, nothing + place])[order],
-        content=np.concatenate([content, nothing[:, 0]])[order],
+        cell=cell,
+        face=face,
+        average=average,
+        place=place,
+        content=content,
         coverage=_coverage(surface, cells, found, covered),
         distance=distance,
         cell_area=cells.areas,
@@ -97,6 +101,12 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         missed=missed,
         wedge_correction=correction,
     )
+
+
+def _merged(table: tuple[np.ndarray, ...], more: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+    """Columns of a table of weights with rows of further cells, by cell: the first column."""
+    at = np.searchsorted(table[0], more[0])
+    return tuple(np.insert(old, at, new, axis=0) for old, new in zip(table, more, strict=True))
 
 
 def by_closest(surface: Surface, target: TargetMesh, maximum_distance: float) -> Pairing:
@@ -137,11 +147,15 @@ def _over_centroid(
     A face that is steep to the cell may be near on average and too far off over the centroid.
     """
     face, distance = np.full(count, -1, dtype=np.int64), np.full(count, np.inf)
-    there = np.flatnonzero(found.centre <= maximum_distance)
-    order = there[np.argsort(-found.centre[there], kind="stable")]  # the least one is kept
-    face[found.cell[order]] = found.face[order]
-    distance[found.cell[order]] = found.centre[order]
+    _least(found.cell, found.face, found.centre, maximum_distance, face, distance)
     return face, distance
+
+
+@routine
+def _least(cell, face, centre, maximum_distance, nearest, distance):
+    for k in range(len(cell)):
+        if centre[k] <= maximum_distance and centre[k] < distance[cell[k]]:
+            nearest[cell[k]], distance[cell[k]] = face[k], centre[k]
 
 
 def _distance_of_overlaps(

@@ -7,10 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
+from lcmchain.mapping.coincidence import places_of
 from lcmchain.mapping.face_geometry import FaceGeometry, face_geometry
 from lcmchain.mapping.gradients import GradientStencil, gradient_stencil
 from lcmchain.mapping.winding import Winding, winding
-from lcmchain.mesh.box_tree import BoxTree, box_tree
+from lcmchain.mesh.box_tree import BoxTree, bounding_box, box_tree
 
 # Nodes closer than this fraction of the mesh's size are the same place: files written face by
 # face (STL) repeat their nodes, and every edge would look like an edge of the sheet.
@@ -128,21 +129,13 @@ class Surface:
     @cached_property
     def size(self) -> float:
         """Diagonal of the box around the used nodes [m]."""
-        used = self.corners.reshape(-1, 3)
-        return float(np.linalg.norm(used.max(axis=0) - used.min(axis=0)))
+        low, high = bounding_box(self.corners.reshape(-1, 3))
+        return float(np.linalg.norm(high - low))
 
     @cached_property
     def places(self) -> np.ndarray:
         """Number of the place where each node sits; repeated nodes share one."""
-        spacing = max(COINCIDENCE * self.size, np.finfo(float).tiny)
-        steps = np.round(self.points / spacing)
-        order = np.lexsort(steps.T)
-        sorted_steps = steps[order]
-        new = np.ones(len(steps), dtype=bool)
-        new[1:] = sum(sorted_steps[1:, axis] != sorted_steps[:-1, axis] for axis in range(3)) > 0
-        place = np.empty(len(steps), dtype=np.int64)
-        place[order] = np.cumsum(new) - 1
-        return place
+        return places_of(self.points, max(COINCIDENCE * self.size, np.finfo(float).tiny))
 
     @cached_property
     def edge_bounds_sheet(self) -> np.ndarray:

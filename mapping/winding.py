@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.jit import routine
+from lcmchain.jit import equation, routine
 
 
 class Winding(NamedTuple):
@@ -37,30 +37,59 @@ def winding(faces: np.ndarray) -> Winding:
     faces : numbers of places, shape (F, 4); -1 in the last column marks a triangle. Corners that
         lie at the same place have the same number.
     """
-    corner_count = np.where(faces[:, 3] >= 0, 4, 3)
-    columns = np.arange(4)
-    following = np.where(columns + 1 < corner_count[:, None], columns + 1, 0)
-    ends = np.take_along_axis(faces, following, axis=1)
-    real = (columns < corner_count[:, None]) & (faces != ends)
-    owner, column = np.nonzero(real)
-    start, end = faces[real], ends[real]
-    low, high = np.minimum(start, end).astype(np.int64), np.maximum(start, end)
-    key = low * (int(faces.max(initial=0)) + 1) + high
-    order = np.argsort(key, kind="stable")
-    first = np.flatnonzero(np.diff(key[order], prepend=-1))
-    uses = np.diff(first, append=len(order))
-    bounds = np.zeros(faces.shape, dtype=bool)
-    once = order[first[uses == 1]]
-    bounds[owner[once], column[once]] = True
-    twice = first[uses == 2]
-    one, other = order[twice], order[twice + 1]
-    neighbours = np.full(faces.shape, -1, dtype=np.int64)
-    against = np.zeros(faces.shape, dtype=bool)
-    turned = start[one] == start[other]  # both run along the edge the same way
-    for here, there in ((one, other), (other, one)):
-        neighbours[owner[here], column[here]] = owner[there]
-        against[owner[here], column[here]] = turned
+    neighbours, bounds, against = _neighbours(faces, int(faces.max(initial=0)) + 1)
     return Winding(neighbours, bounds, *_pieces(neighbours, against))
+
+
+@routine
+def _neighbours(faces, place_count):
+    """Faces across edges, edges without one, and whether both faces run along the edge one way.
+
+    The edges are listed by the lower of their two places, where few others are to compare with.
+    """
+    shape = faces.shape
+    neighbours = np.full(shape, -1, dtype=np.int64)
+    bounds, against = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
+    first = np.zeros(place_count + 1, dtype=np.int64)
+    for face in range(len(faces)):
+        for column in range(4):
+            start, end = edge_of(faces, face, column)
+            if start != end:
+                first[min(start, end) + 1] += 1
+    for place in range(place_count):
+        first[place + 1] += first[place]
+    edges = np.empty((first[place_count], 3), dtype=np.int64)  # higher place, face and column, way
+    filled = first[:-1].copy()
+    for face in range(len(faces)):
+        for column in range(4):
+            start, end = edge_of(faces, face, column)
+            if start != end:
+                row = filled[min(start, end)]
+                filled[min(start, end)] += 1
+                edges[row, 0], edges[row, 1] = max(start, end), 4 * face + column
+                edges[row, 2] = 1 if start < end else -1
+    for place in range(place_count):
+        for row in range(first[place], first[place + 1]):
+            uses, other = 0, -1
+            for k in range(first[place], first[place + 1]):
+                if edges[k, 0] == edges[row, 0]:
+                    uses += 1
+                    other = k if k != row else other
+            face, column = edges[row, 1] // 4, edges[row, 1] % 4
+            bounds[face, column] = uses == 1
+            if uses == 2:
+                neighbours[face, column] = edges[other, 1] // 4
+                against[face, column] = edges[other, 2] == edges[row, 2]
+    return neighbours, bounds, against
+
+
+@equation
+def edge_of(faces, face, column):
+    """Ends of an edge of a face; twice the same where a triangle has none in this column."""
+    count = 4 if faces[face, 3] >= 0 else 3
+    if column >= count:
+        return faces[face, 0], faces[face, 0]
+    return faces[face, column], faces[face, column + 1 if column + 1 < count else 0]
 
 
 @routine

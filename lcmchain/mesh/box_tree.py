@@ -55,11 +55,24 @@ def order_along_curve(places: np.ndarray) -> np.ndarray:
 
     Neighbours in this order are close to each other in space.
     """
-    low = places.min(axis=0, initial=np.inf)
-    extent = float((places.max(axis=0, initial=-np.inf) - low).max(initial=0.0)) or 1.0
+    low, high = bounding_box(places)
+    extent = float((high - low).max(initial=0.0)) or 1.0
     codes = np.empty(len(places), dtype=np.uint64)
     _curve(places, low, 2.0**20 / extent, codes)
     return np.argsort(codes, kind="stable")
+
+
+@routine
+def bounding_box(places):
+    """Return the least and the largest coordinates of places (N, 3), each of shape (3,)."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for p in range(len(places)):
+        for axis in range(3):
+            low[axis], high[axis] = (
+                min(low[axis], places[p, axis]),
+                max(high[axis], places[p, axis]),
+            )
+    return low, high
 
 
 @routine
@@ -114,34 +127,35 @@ def items_in_box(tree, box, stack, found):
 
     Where ``found`` is too small, the number is returned with a minus sign.
     """
-    leaf_count = len(tree.first) - 1
+    order, first, boxes, item_boxes = tree.order, tree.first, tree.boxes, tree.item_boxes
+    leaf_count = len(first) - 1
+    low_x, low_y, low_z, high_x, high_y, high_z = box[0], box[1], box[2], box[3], box[4], box[5]
     stack[0] = 1
     height, count = 1, 0
     while height > 0:
         height -= 1
         node = stack[height]
-        if not boxes_touch(tree.boxes[node], box):
+        if not (
+            boxes[node, 0] <= high_x and low_x <= boxes[node, 3]
+            and boxes[node, 1] <= high_y and low_y <= boxes[node, 4]
+            and boxes[node, 2] <= high_z and low_z <= boxes[node, 5]
+        ):  # fmt: skip
             continue
         if node < leaf_count:
             stack[height], stack[height + 1] = 2 * node + 1, 2 * node
             height += 2
             continue
-        for k in range(tree.first[node - leaf_count], tree.first[node - leaf_count + 1]):
-            if not boxes_touch(tree.item_boxes[k], box):
+        for k in range(first[node - leaf_count], first[node - leaf_count + 1]):
+            if not (
+                item_boxes[k, 0] <= high_x and low_x <= item_boxes[k, 3]
+                and item_boxes[k, 1] <= high_y and low_y <= item_boxes[k, 4]
+                and item_boxes[k, 2] <= high_z and low_z <= item_boxes[k, 5]
+            ):  # fmt: skip
                 continue
             if count < len(found):
-                found[count] = tree.order[k]
+                found[count] = order[k]
             count += 1
     return count if count <= len(found) else -count
-
-
-@equation
-def boxes_touch(a, b):
-    return (
-        a[0] <= b[3] and b[0] <= a[3]
-        and a[1] <= b[4] and b[1] <= a[4]
-        and a[2] <= b[5] and b[2] <= a[5]
-    )  # fmt: skip
 
 
 @equation

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lcmchain.jit import routine
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target.shapes import (
     SOLID_CORNERS,
@@ -41,12 +42,21 @@ class CellPolygons:
     @cached_property
     def radii(self) -> np.ndarray:
         """Largest distance from each cell's centroid to its corners, shape (C,)."""
-        counts = np.diff(self.start)
-        owner = np.repeat(np.arange(len(counts)), counts)
-        radii = np.zeros(len(counts))
-        distance = np.linalg.norm(self.corners - self.centroids[owner], axis=1)
-        np.maximum.at(radii, owner, distance)
-        return radii
+        return _radii(self.start, self.corners, self.centroids)
+
+
+@routine
+def _radii(start, corners, centroids):
+    radii = np.zeros(len(centroids))
+    for c in range(len(centroids)):
+        for k in range(start[c], start[c + 1]):
+            x, y, z = (
+                corners[k, 0] - centroids[c, 0],
+                corners[k, 1] - centroids[c, 1],
+                corners[k, 2] - centroids[c, 2],
+            )
+            radii[c] = max(radii[c], np.sqrt(x * x + y * y + z * z))
+    return radii
 
 
 @dataclass(frozen=True)
