@@ -34,7 +34,7 @@ def _sort_by_face(pairs, values, first, end):
         while j > first and (pairs[j - 1, 1] > pairs[j, 1]):
             for column in range(4):
                 pairs[j - 1, column], pairs[j, column] = pairs[j, column], pairs[j - 1, column]
-            for column in range(6):
+            for column in range(values.shape[1]):
                 values[j - 1, column], values[j, column] = values[j, column], values[j - 1, column]
             j -= 1
 

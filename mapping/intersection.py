@@ -134,7 +134,7 @@ def _all_pairs(
     compiler counts references to arrays at every pair, which takes longer than the clipping.
     """
     pairs = np.empty((max(64, 5 * len(sequence)), 4), dtype=np.int64)
-    values = np.empty((len(pairs), 6))
+    values = np.empty((len(pairs), _PLACE + 2))
     near = np.empty((16 * BLOCK, 2), dtype=np.int64)
     slot = np.full(len(faces.centroids), -1, dtype=np.int64)
     count = 0

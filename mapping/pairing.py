@@ -10,6 +10,7 @@ from lcmchain.jit import routine
 from lcmchain.mapping.intersection import Overlaps, overlaps
 from lcmchain.mapping.layers import choose_layers
 from lcmchain.mapping.search import closest_points
+from lcmchain.mapping.sharing import even_shares
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import CellPolygons, TargetMesh
 from lcmchain.mapping.tiling import coverage_of_planes
@@ -51,6 +52,7 @@ class Pairing(NamedTuple):
     face_coverage: np.ndarray
     missed: np.ndarray
     wedge_correction: float
+    moved: float
 
 
 def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) -> Pairing:
@@ -78,6 +80,8 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
     face_coverage, missed, content, correction = _face_coverage(
         surface, target, cells, found, maximum_distance
     )
+    coverage = _coverage(surface, cells, found, covered)
+    content, moved = even_shares(surface, cells.normals, found, content, coverage * cells.areas)
     average = found.area / np.where(covered > 0.0, covered, 1.0)[found.cell]
     weights = found.cell, found.face, average, found.place, content
     if len(alone):
@@ -92,7 +96,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         average=average,
         place=place,
         content=content,
-        coverage=_coverage(surface, cells, found, covered),
+        coverage=coverage,
         distance=distance,
         cell_area=cells.areas,
         nearest_face=np.maximum(nearest, 0),
@@ -100,6 +104,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         face_coverage=face_coverage,
         missed=missed,
         wedge_correction=correction,
+        moved=moved,
     )
 
 
@@ -136,6 +141,7 @@ def by_closest(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         face_coverage=over[corner].mean(axis=1),
         missed=np.zeros(surface.face_count, dtype=bool),
         wedge_correction=0.0,
+        moved=0.0,
     )
 
 

@@ -86,6 +86,7 @@ def weights_of_plies(sheet: Sheet, compute: Callable[[Sheet], MappingWeights]) -
         distance=np.where(np.isfinite(nearest), nearest, np.nan),
         face_coverage=face_coverage,
         wedge_correction=max(weights.wedge_correction for weights in each),
+        moved=max(weights.moved for weights in each),
         maximum_distance=max(weights.maximum_distance for weights in each),
         source_key=mesh_key(sheet.surface.points, sheet.surface.faces),
         ply_coverage=coverage,

@@ -45,7 +45,8 @@ class MappingReport:
 
     ``conservation_error`` is the relative difference between the fibre mass on the covered target
     area and on the covered sheet area. Overlap weights keep it by scaling each face's shares;
-    ``wedge_correction`` is the largest such scaling, so both are stated. ``registration`` says how
+    ``wedge_correction`` is the largest such scaling, and ``moved`` the share of the mass that was
+    moved between neighbouring cells to even it out, so all are stated. ``registration`` says how
     the target lies to the sheet (:class:`lcmchain.mapping.registration.Registration`), and
     ``registered`` whether its motion was applied before the mapping. ``opposite_normals`` is the
     number of cells whose normals point to the lower side of the sheet, None for solids.
@@ -68,6 +69,7 @@ class MappingReport:
     worst_distance_cell: int
     conservation_error: float | None
     wedge_correction: float
+    moved: float
     fibre_mass_of_covered_sheet: float | None
     fibre_mass_on_target: float | None
     second_family_error_max: float | None
@@ -154,6 +156,7 @@ def mapping_report(
         worst_distance_cell=worst,
         conservation_error=masses[2],
         wedge_correction=weights.wedge_correction,
+        moved=weights.moved,
         fibre_mass_of_covered_sheet=masses[0],
         fibre_mass_on_target=masses[1],
         second_family_error_max=error,

@@ -24,7 +24,7 @@ METHODS = ("overlap", "closest")
 # Highest order of the fields within a face: 1 takes them as constant, 2 as linear.
 ORDERS = (1, 2)
 
-FORMAT = 2
+FORMAT = 3
 
 
 class Status(IntEnum):
@@ -57,6 +57,8 @@ class MappingWeights:
     missed : faces over the target from which no cell takes, as of folds that it lacks, shape (F,).
     wedge_correction : largest relative change of ``content`` that made it sum to the covered
         share of a face; rounding, unless the target bends more sharply than the sheet.
+    moved : share of the whole content that was moved between neighbouring cells, so that each holds
+        what the sheet has over its area (:mod:`lcmchain.mapping.sharing`).
     order : 1 carries means of faces, 2 what varies linearly within them.
     solid_thickness, formed_thickness : of the target itself and of the textile, all plies, at each
         solid cell [m], shape (C,); empty for surfaces.
@@ -75,6 +77,7 @@ class MappingWeights:
     face_coverage: np.ndarray
     missed: np.ndarray
     wedge_correction: float
+    moved: float
     method: str
     order: int
     maximum_distance: float
@@ -242,6 +245,7 @@ def compute_weights(
         face_coverage=found.face_coverage,
         missed=found.missed,
         wedge_correction=found.wedge_correction,
+        moved=found.moved,
         method=method,
         order=order,
         maximum_distance=float(maximum_distance),

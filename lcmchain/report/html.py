@@ -146,6 +146,7 @@ def _mapping_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
         ),
         *_registration_rows(report),
         ("largest change of a share to keep the fibre mass", f"{report['wedge_correction']:.1%}"),
+        ("fibre mass moved between neighbouring cells", f"{report['moved']:.2%}"),
     ]
     if report["conservation_error"] is not None:
         rows.append(("error of the fibre mass", f"{report['conservation_error']:.2e}"))

@@ -133,6 +133,7 @@ def compute_solid_weights(
         face_coverage=np.where(taken, covered.share, 0.0),
         missed=np.zeros(sheet.surface.face_count, dtype=bool),
         wedge_correction=0.0,
+        moved=0.0,
         method="overlap",
         order=order,
         maximum_distance=float(maximum_distance),
