@@ -6,6 +6,7 @@ filling asks it for viscosity and rate of cure and knows nothing of its law.
 
 from __future__ import annotations
 
+from lcmchain.coupling.infiltration.resin.build import resin_of, temperature_of
 from lcmchain.coupling.infiltration.resin.cure import advance_cure
 from lcmchain.coupling.infiltration.resin.kinetics import GAS_CONSTANT, KamalSourour
 from lcmchain.coupling.infiltration.resin.law import Resin
@@ -33,4 +34,6 @@ __all__ = [
     "Resin",
     "ResinTemperature",
     "advance_cure",
+    "resin_of",
+    "temperature_of",
 ]

@@ -31,7 +31,7 @@ def advance_cure(
     The equation is solved for b = -ln((1 - cure) / (1 - start)), which only grows and may be of any
     size: with stages and weights that are not negative the cure rises from its start and stays
     below one, whatever the step. Bogacki and Shampine's pair of orders 3 and 2 (Applied Mathematics
-    Letters 2 (1989) 321) chooses the sub-steps of every place by itself, so that a place's cure does
+    Letters 2 (1989) 321) chooses the sub-steps of every place by itself: its cure does
     not depend on which others are computed beside it.
 
     Parameters

@@ -15,7 +15,7 @@ from lcmchain.errors import InputError
 
 
 class ResinTemperature(Protocol):
-    """How the temperature of the resin changes where it is; the filling carries it with the flow."""
+    """How the temperature of resin changes where it is; the flow carries it along."""
 
     def inlet(self, time: float) -> float:
         """Temperature [K] of the resin that enters at a time [s]."""
