@@ -85,7 +85,7 @@ class PermeabilityLaw:
 
     def factor(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Mean permeability in the plane at a fibre volume fraction over that at another."""
-        later, earlier = (sum(aligned_permeabilities(self, v)) for v in (now, before))
+        later, earlier = (np.sum(aligned_permeabilities(self, v), axis=0) for v in (now, before))
         return later / earlier
 
     def principal(

@@ -179,9 +179,10 @@ def _missing_files(data: dict[str, Any], directory: Path) -> list[Problem]:
     for location in _file_entries(data):
         value: Any = data
         for step in location:
-            value = value[step] if isinstance(value, list) or step in value else None
-            if not isinstance(value, (dict, list)):
+            if not isinstance(value, (dict, list)) or isinstance(value, dict) and step not in value:
+                value = None
                 break
+            value = value[step]  # type: ignore[index]
         if not isinstance(value, str) or not value.strip():
             continue
         key = key_text(location, data)
