@@ -1,1 +1,1 @@
-"""Infiltration of a formed textile: flow of the resin along and through the sheet."""
+"""Infiltration of a textile on its surface mesh: Darcy flow with a moving front."""
