@@ -282,7 +282,11 @@ def _write_fields(
 
 
 def _require_readable_targets(scene: Scene) -> None:
-    """Read every mesh to map onto once: a wrong one is told before anything is computed."""
+    """Read once what is needed after forming: what is wrong is told before anything is computed."""
+    if scene.permeability is not None:
+        from lcmchain.coupling.permeability import law_of
+
+        law_of(scene.permeability, scene.source.directory)
     if not scene.mapping:
         return
     from lcmchain.mapping import read_target
