@@ -115,21 +115,26 @@ class PartFailed(SimulationError):
 
 @dataclass(frozen=True)
 class Tolerance:
-    """When a field counts as converged; norms are root mean squares over its values.
+    """When a field counts as converged.
 
-    The residual is what an iteration changes. ``relative`` and ``increment`` must hold, those that
-    are given; ``absolute`` is a floor: a residual below it suffices.
+    The residual is what an iteration changes, measured by ``norm``: the root mean square over the
+    values, or the largest. ``relative`` and ``increment`` must hold, those that are given;
+    ``absolute`` and ``floor`` are floors: a residual below one of them suffices.
 
     Parameters
     ----------
     relative : residual over the field.
     increment : residual over the field's change since the beginning of the window.
     absolute : residual, in the unit of the field.
+    floor : residual over the largest size that the field has had: a field that fades is not
+        followed into its round-off.
     """
 
     relative: float | None = 1e-6
     increment: float | None = None
     absolute: float | None = None
+    floor: float = 1e-10
+    norm: Literal["rms", "largest"] = "rms"
 
     def __post_init__(self) -> None:
         given = {"relative": self.relative, "increment": self.increment, "absolute": self.absolute}
@@ -138,6 +143,10 @@ class Tolerance:
         for name, value in given.items():
             if value is not None and not (0.0 < value < math.inf):
                 raise InputError(f"the {name} tolerance must be positive, not {value:g}")
+        if not (0.0 <= self.floor < 1.0):
+            raise InputError(f"the floor of a tolerance must lie in 0..1, not {self.floor:g}")
+        if self.norm not in ("rms", "largest"):
+            raise InputError('the norm of a tolerance must be "rms" or "largest"')
 
 
 #: An operator between the meshes of two parts: a matrix (n_target, n_source) or a function.
@@ -156,11 +165,14 @@ class Exchange:
     mapping : from the source's mesh to the target's: a matrix (n_target, n_source), dense or
         sparse, or a function of the values; None where both have the same cells.
     tolerance : when it counts as converged; None where it is passed on unjudged.
+    judged : an ``unknown`` of the iteration only, by what the parts answer to it; or ``always``:
+        in a serial scheme then also the fields that lead forward, by what the last iteration
+        changed. They follow from the unknowns, so that judging them costs one iteration more.
     scale : size of the field in its unit, which weighs it against others in a quasi-Newton
-        scheme; None takes the largest root mean square so far.
+        scheme; None takes the largest size so far.
     relaxation : factor 0..1 on top of the scheme's own relaxation, for this field.
-    iterated : whether the field belongs to the unknowns of the iteration where it closes the loop;
-        a field that only accompanies another one (a slope, a reference) does not.
+    iterated : False for a field that only accompanies another one (a slope, a reference) and is
+        no unknown; it must lead forward in a serial scheme.
     of_window : what the target gets of the source's sub-steps: the ``end`` value, or the ``mean``,
         which conserves a rate.
     within : the target's sub-steps see it ``linear`` in time between the windows' ends, or ``held``
@@ -173,6 +185,7 @@ class Exchange:
     target_field: str = ""
     mapping: FieldMapping = None
     tolerance: Tolerance | None = Tolerance()
+    judged: Literal["unknown", "always"] = "unknown"
     scale: float | None = None
     relaxation: float = 1.0
     iterated: bool = True
@@ -186,6 +199,8 @@ class Exchange:
             raise InputError(
                 f"the relaxation of {self.name} must lie in 0..1, not {self.relaxation:g}"
             )
+        if self.judged not in ("unknown", "always"):
+            raise InputError(f'judged of {self.name} must be "unknown" or "always"')
         if self.of_window not in ("end", "mean"):
             raise InputError(f'of_window of {self.name} must be "end" or "mean"')
         if self.within not in ("linear", "held"):
