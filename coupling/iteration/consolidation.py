@@ -31,7 +31,6 @@ from lcmchain.coupling.iteration.interface import (
     CoupledPart,
     Exchange,
     Fields,
-    PartFailed,
     fixed_stress_exchanges,
 )
 from lcmchain.coupling.iteration.schemes import Scheme
@@ -51,7 +50,8 @@ class Column:
     height : H [m].
     cell_count : number of cells.
     modulus : M, drained stiffness of the solid for strain along the column [Pa].
-    hardening : b of the law effective stress = M/b (exp(b compression) - 1), linear for 0.
+    hardening : b of the law effective stress = M/b (exp(b compression) - 1), linear for 0 and
+        where the solid is pulled.
     permeability : K [m2].
     viscosity : mu [Pa s].
     load : sigma, compressive stress on the top from time 0 on [Pa].
@@ -224,11 +224,8 @@ class SqueezedColumn(_Held):
         column = self.column
         thickness = self._fields[THICKNESS] + step * self._fields[VOLUME_RATE]
         compression = 1.0 - thickness / column.cell
-        b = column.hardening
-        with np.errstate(over="ignore"):
-            effective = column.modulus * (np.expm1(b * compression) / b if b else compression)
         self._fields[THICKNESS] = thickness
-        self._fields[PORE_PRESSURE] = column.load - effective
+        self._fields[PORE_PRESSURE] = column.load - _effective_stress(column, compression)
         self._time += step
 
 
@@ -280,13 +277,17 @@ def settlement_share(system: CoupledSystem, column: Column) -> float:
 def _compression(column: Column, effective: Values) -> tuple[Values, Values]:
     """Return the compression under an effective stress and its derivative [1/Pa]."""
     b, modulus = column.hardening, column.modulus
+    # A pressure above the load pulls; there the law goes on linearly.
+    grown = 1.0 + b * np.maximum(effective, 0.0) / modulus
+    pressed = np.log(grown) / b if b else effective / modulus
+    return np.where(effective > 0.0, pressed, effective / modulus), 1.0 / (modulus * grown)
+
+
+def _effective_stress(column: Column, compression: Values) -> Values:
+    """Return the effective stress of a compression; the inverse of :func:`_compression`."""
+    b, modulus = column.hardening, column.modulus
     if b == 0.0:
-        return effective / modulus, np.full(effective.size, 1.0 / modulus)
-    grown = 1.0 + b * effective / modulus
-    if np.any(grown <= 0.0):
-        cell = int(grown.argmin())
-        raise PartFailed(
-            f"the law carries no tension of {-effective[cell]:.4g} Pa (cell {cell}); the pore "
-            f"pressure is {column.load - effective[cell]:.4g} Pa"
-        )
-    return np.log(grown) / b, 1.0 / (modulus * grown)
+        return modulus * compression
+    with np.errstate(over="ignore"):  # the system refuses what is no number
+        pressed = modulus / b * np.expm1(b * compression)
+    return np.where(compression > 0.0, pressed, modulus * compression)

@@ -32,6 +32,7 @@ def not_converged(
     time: float,
     size: float,
     iterations: int,
+    most_iterations: int,
     sweep: Sweep,
     judgements: list[Judgement],
 ) -> NotConverged:
@@ -48,8 +49,9 @@ def not_converged(
     place = _place_text(sweep, exchange, judgement.worst)
     others = [sweep.exchanges[i].name for i in failing[1:]]
     also = f" Also not converged: {', '.join(others)}." if others else ""
+    diverged = "did not converge" if iterations == most_iterations else "diverged"
     message = (
-        f"the coupling did not converge ({scheme}) in {iterations} iterations of the window of "
+        f"the coupling {diverged} ({scheme}) in {iterations} iterations of the window of "
         f"{size:g} s from {time:g} s: {exchange.name} still changes by {judgement.residual:.3g} "
         f"where {judgement.limit:.3g} is allowed ({excess(worst):.3g} times), most at value "
         f"{judgement.worst}{place} by {judgement.worst_residual:.3g}.{also} Remedies: smaller "

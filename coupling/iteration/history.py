@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 #: What became of a window's attempt.
 CONVERGED, EXPLICIT, ACCEPTED, FAILED, REJECTED = 0, 1, 2, 3, 4
+STANDING = (CONVERGED, EXPLICIT, ACCEPTED)
 OUTCOMES = {
     CONVERGED: "converged",
     EXPLICIT: "explicit",
@@ -69,7 +70,7 @@ class History:
     @property
     def accepted(self) -> list[WindowRecord]:
         """Return the windows that stand, without the attempts that were undone."""
-        return [w for w in self.windows if w.outcome in (CONVERGED, EXPLICIT, ACCEPTED)]
+        return [w for w in self.windows if w.outcome in STANDING]
 
     @property
     def restarts(self) -> int:
@@ -104,10 +105,6 @@ class History:
             attributes = {"long_name": words, "units": units}
             return np.array(values, dtype=kind), attributes
 
-        def table(name: str) -> np.ndarray:
-            rows = [getattr(record, name) for record in self.iterations]
-            return np.array(rows, dtype=np.float64).reshape(len(rows), len(self.exchanges))
-
         steps, attempts = self.iterations, self.windows
         per_iteration = {
             "iteration_window": row([s.window for s in steps], "i4", "window of the iteration"),
@@ -129,13 +126,14 @@ class History:
         variables: dict[str, Any] = {}
         for name, (values, attributes) in per_iteration.items():
             variables[name] = (("iteration",), values, attributes)
-        for name, words in (
-            ("residual", "what the iteration changed"),
-            ("field_size", "size of the field"),
-            ("residual_limit", "residual below which the field has converged"),
+        shape = (len(steps), len(self.exchanges))
+        for name, rows, words in (
+            ("residual", [s.residual for s in steps], "what the iteration changed"),
+            ("field_size", [s.size for s in steps], "size of the field"),
+            ("residual_limit", [s.limit for s in steps], "largest residual that is allowed"),
         ):
             attributes = {"long_name": words, "comment": "in the unit of the exchanged field"}
-            values = table(name.removeprefix("field_").removeprefix("residual_"))
+            values = np.array(rows, dtype=np.float64).reshape(shape)
             variables[name] = (("iteration", "exchange"), values, attributes)
         for name, (values, attributes) in per_window.items():
             variables[name] = (("window",), values, attributes)

@@ -30,6 +30,11 @@ class Predictor:
         return bool(self._times)
 
     @property
+    def extrapolates(self) -> bool:
+        """Return whether there are windows enough for more than holding the last values."""
+        return len(self._times) > 1
+
+    @property
     def latest(self) -> list[Values]:
         """Return the fields at the end of the last window."""
         return self._values[0]
@@ -39,6 +44,10 @@ class Predictor:
         self._times.insert(0, time)
         self._values.insert(0, [field.copy() for field in values])
         del self._times[self.order + 1 :], self._values[self.order + 1 :]
+
+    def held(self) -> list[Values]:
+        """Return the fields as they were at the end of the last window, new arrays."""
+        return [field.copy() for field in self._values[0]]
 
     def at(self, time: float) -> list[Values]:
         """Return the fields extrapolated to ``time``, new arrays."""

@@ -64,8 +64,8 @@ class QuasiNewton:
     """
 
     relaxation: float = 0.1
-    windows_reused: int = 5
-    most_columns: int = 60
+    windows_reused: int = 20
+    most_columns: int = 80
     filter_limit: float = 1e-3
     factor: float = field(default=math.nan, init=False)
     rank: int = field(default=0, init=False)

@@ -72,8 +72,8 @@ def iqn_ils(
     *,
     order: Order = "serial",
     relaxation: float = 0.1,
-    windows_reused: int = 5,
-    most_columns: int = 60,
+    windows_reused: int = 20,
+    most_columns: int = 80,
     filter_limit: float = 1e-3,
     most_iterations: int = 50,
 ) -> Scheme:

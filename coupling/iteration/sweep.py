@@ -105,6 +105,15 @@ class Sweep:
                     self.means[f"{part}.{field}"] = means[field]
         return answers
 
+    def save(self) -> dict[str, Any]:
+        """Return a copy of the states of all parts."""
+        return {name: part.save() for name, part in self.parts.items()}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Return all parts to saved states."""
+        for name, part in self.parts.items():
+            part.restore(saved[name])
+
     def places(self, part: str, field: str) -> Values | None:
         """Return where the values of a part's field lie, None where it does not say."""
         owner = self.parts[part]

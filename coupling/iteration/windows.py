@@ -73,18 +73,14 @@ class WindowSize:
         """Return the size of the next window; equal windows fill what remains."""
         return remaining / max(1, math.ceil(remaining / self.size - 1e-9))
 
-    def shorten(self, used: float) -> bool:
-        """Halve after a failed window; return False where it is the smallest already."""
+    def shorter(self, used: float) -> float | None:
+        """Return half of a window that failed, None where it is the smallest already."""
         smaller = max(0.5 * used, self.control.least)
-        if smaller > used * (1.0 - 1e-9):
-            return False
-        self.size, self.calm = smaller, 0
-        return True
+        return smaller if smaller < used * (1.0 - 1e-9) else None
 
-    def reject(self, used: float, missed: float) -> bool:
-        """Shorten a window that missed the wanted coupling residual twofold; False: keep it."""
-        wanted = self.control.residual
-        return wanted is not None and missed > 2.0 * wanted and self.shorten(used)
+    def shorten(self, size: float) -> None:
+        """Go on with shorter windows."""
+        self.size, self.calm = size, 0
 
     def follow(self, used: float, iterations: int, missed: float, order: int) -> None:
         """Choose the next size after a window that was accepted."""
