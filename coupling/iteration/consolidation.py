@@ -31,6 +31,7 @@ from lcmchain.coupling.iteration.interface import (
     CoupledPart,
     Exchange,
     Fields,
+    Tolerance,
     fixed_stress_exchanges,
 )
 from lcmchain.coupling.iteration.schemes import Scheme
@@ -240,21 +241,33 @@ def coupled_column(
     *,
     direction: Direction = "pressure_from_fluid",
     slope_factor: float = 1.0,
+    relative: float = 1e-6,
     **options: Any,
 ) -> CoupledSystem:
-    """Return the column as a system of the parts ``solid`` and ``fluid``; see :data:`Direction`."""
+    """Return the column as a system of the parts ``solid`` and ``fluid``; see :data:`Direction`.
+
+    ``relative`` is the tolerance of both fields; ``options`` go to :class:`CoupledSystem`.
+    """
+    tolerance = Tolerance(relative)
     parts: dict[str, CoupledPart]
     if direction == "pressure_from_solid":
         parts = {"fluid": OutflowColumn(column), "solid": SqueezedColumn(column)}
         exchanges = [
-            Exchange("fluid", "solid", VOLUME_RATE, within="held"),
-            Exchange("solid", "fluid", PORE_PRESSURE),
+            Exchange("fluid", "solid", VOLUME_RATE, within="held", tolerance=tolerance),
+            Exchange("solid", "fluid", PORE_PRESSURE, tolerance=tolerance),
         ]
     else:
         parts = {"solid": SolidColumn(column, slope_factor), "fluid": FluidColumn(column)}
         exchanges = [
-            Exchange("solid", "fluid", VOLUME_RATE, of_window="mean", within="held"),
-            Exchange("fluid", "solid", PORE_PRESSURE),
+            Exchange(
+                "solid",
+                "fluid",
+                VOLUME_RATE,
+                of_window="mean",
+                within="held",
+                tolerance=tolerance,
+            ),
+            Exchange("fluid", "solid", PORE_PRESSURE, tolerance=tolerance),
         ]
         if direction == "fixed_stress":
             exchanges += fixed_stress_exchanges("solid", "fluid")

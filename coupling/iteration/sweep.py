@@ -155,7 +155,8 @@ class Sweep:
         part = self.parts[name]
         begin = part.time
         try:
-            part.set_fields(inputs)
+            if inputs:
+                part.set_fields(inputs)
             part.advance(step)
         except PartFailed as failure:
             if failure.part:
