@@ -63,7 +63,7 @@ class QuasiNewton:
     filter_limit : see :func:`filtered_qr`.
     """
 
-    relaxation: float = 0.1
+    relaxation: float = 0.01
     windows_reused: int = 20
     most_columns: int = 80
     filter_limit: float = 1e-3
