@@ -94,7 +94,8 @@ class Outcome:
         if not self.converged:
             return "diverges" if self.explicit or "diverged" in self.reason else "fails"
         if self.explicit:
-            return f"off by {100.0 * self.error:.2g} %"
+            percent = 100.0 * self.error
+            return f"off by {percent:.2g} %" if percent >= 0.01 else "off by < 0.01 %"
         return f"{self.iterations:.1f}"
 
 
