@@ -61,9 +61,7 @@ def staggered_coupling(name: str, full: bool) -> Iterator[CaseResult]:
     iteration. Aitken and IQN-ILS must converge soon, and to the same answer.
     """
     column = Column(modulus=1e5)
-    answers = []
-    for make, limit in ((aitken, 20.0), (iqn_ils, 8.0)):
-        scheme = make()
+    for scheme, limit in ((aitken(), 20.0), (iqn_ils(), 8.0)):
         system = _run(column, scheme, "pressure_from_fluid")
         yield CaseResult(
             name,
@@ -72,15 +70,13 @@ def staggered_coupling(name: str, full: bool) -> Iterator[CaseResult]:
             limit,
             without=_staggered(column, 1.0),
         )
-    for make, direction in (
-        (lambda: aitken(most_iterations=200), "pressure_from_fluid"),
-        (iqn_ils, "pressure_from_fluid"),
-        (fixed_point, "fixed_stress"),
-    ):
-        answers.append(_run(column, make(), direction, relative=1e-9).get_fields([PRESSURE]))
-    distance = max(
-        np.abs(answer[PRESSURE] - answers[0][PRESSURE]).max() / column.load for answer in answers
+    systems = (
+        _run(column, aitken(most_iterations=200), "pressure_from_fluid", relative=1e-9),
+        _run(column, iqn_ils(), "pressure_from_fluid", relative=1e-9),
+        _run(column, fixed_point(), "fixed_stress", relative=1e-9),
     )
+    first, *others = (system.get_fields([PRESSURE])[PRESSURE] for system in systems)
+    distance = max(np.abs(other - first).max() / column.load for other in others)
     yield CaseResult(name, "pressure of three schemes over the load", float(distance), 1e-6)
 
 
@@ -188,8 +184,7 @@ def _staggered(column: Column, window: float) -> str:
 def _plain(column: Column) -> str:
     """Return what becomes of the coupling without the split."""
     words = []
-    for make in (fixed_point, iqn_ils):
-        scheme = make()
+    for scheme in (fixed_point(), iqn_ils()):
         try:
             system = _run(column, scheme, "pressure_from_fluid")
         except SimulationError:

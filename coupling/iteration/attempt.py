@@ -25,7 +25,7 @@ class Window:
     """What is known before a window: its number, its attempt, its end and the fields.
 
     ``begin`` and ``predicted`` hold one array per exchange, at its begin and extrapolated to its
-    end; ``start`` the saved states of the parts.
+    end; ``start`` the saved states of the parts, empty where nothing returns to them.
     """
 
     number: int
@@ -97,7 +97,8 @@ class Iteration:
 
     def undo(self, window: Window) -> None:
         """Return to the begin of a window and forget what it taught."""
-        self.sweep.restore(window.start)
+        if window.start:
+            self.sweep.restore(window.start)
         if self.scheme.acceleration is not None:
             self.scheme.acceleration.drop_window()
 

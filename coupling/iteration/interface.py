@@ -32,7 +32,8 @@ THICKNESS_RATE_SLOPE = "thickness_rate_slope"  # [m/(s Pa)] per cell
 class CoupledPart(Protocol):
     """A simulation that advances in time, exchanges fields and can go back to a saved state.
 
-    A Python object, an FMU and a coupled system all satisfy it.
+    A Python object, an FMU and a coupled system all satisfy it. Explicit schemes with windows of
+    constant size never save or restore.
     """
 
     @property

@@ -126,9 +126,9 @@ def run_case(column: Column, entry: Entry, reference: np.ndarray | None = None) 
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             system.advance(WINDOWS * WINDOW)
-    except SimulationError as error:
+    except SimulationError as failure:
         window = len(system.history.accepted) + 1
-        return Outcome(math.nan, math.nan, window, str(error), scheme.explicit)
+        return Outcome(math.nan, math.nan, window, str(failure), scheme.explicit)
     error = 0.0
     if reference is not None:
         thickness = system.get_fields([f"solid.{THICKNESS}"])[f"solid.{THICKNESS}"]

@@ -109,6 +109,8 @@ class CoupledSystem:
         self._predictor = Predictor(prediction)
         self._iteration = Iteration(self._sweep, scheme, self.history)
         self._window_number = 0
+        # An explicit scheme with constant windows takes parts that cannot save their state.
+        self._can_return = not scheme.explicit or control.least < control.size
         self._means: Fields = {}  # of the outputs that are means over the system's step
         times = {name: part.time for name, part in self.parts.items()}
         if len(set(times.values())) > 1:
@@ -198,7 +200,7 @@ class CoupledSystem:
 
     def _window(self, size: float, latest: float) -> float:
         """Go through one window, shorter and shorter ones if it fails; return the size."""
-        start, attempt = self._sweep.save(), 0
+        start, attempt = self._sweep.save() if self._can_return else {}, 0
         while True:
             # The last window ends where it should, not a rounding error beside it.
             end = latest if size >= latest - self._time else self._time + size
@@ -213,10 +215,10 @@ class CoupledSystem:
             )
             tried, error = self._try(window)
             # What was extrapolated over a jump may be what failed, so hold before halving.
-            if attempt == 0 and error is not None and self._predictor.extrapolates:
-                shorter: float | None = size
-            else:
-                shorter = self._windows.shorter(size)
+            shorter = self._windows.shorter(size) if self._can_return else None
+            extrapolated = attempt == 0 and self._predictor.extrapolates
+            if error is not None and extrapolated and self._can_return:
+                shorter = size
             outcome = self._outcome(tried, error, shorter is not None)
             self._record(window, tried, outcome, error)
             if tried is not None and outcome in STANDING:

@@ -356,3 +356,21 @@ def test_wrong_exchanges_are_refused(given):
 def test_wrong_window_controls_are_refused(given):
     with pytest.raises(InputError):
         WindowControl(**given)
+
+
+def test_explicit_schemes_with_constant_windows_take_parts_that_cannot_save():
+    def refuse(*_):
+        raise NotImplementedError("no state")
+
+    system = rods(0.5, gauss_seidel(), window=0.5)
+    for part in system.parts.values():
+        part.save = part.restore = refuse
+    system.advance(2.0)
+    assert system.time == 2.0
+    system.parts["a"].refuses = lambda step, x: "broken"
+    with pytest.raises(PartFailed, match="broken"):
+        system.advance(1.0)
+    with pytest.raises(NotImplementedError):
+        implicit = rods(0.5, fixed_point(), window=0.5)
+        implicit.parts["a"].save = refuse
+        implicit.advance(0.5)
