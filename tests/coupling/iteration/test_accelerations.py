@@ -99,6 +99,23 @@ def test_forgotten_attempt_leaves_the_earlier_windows():
     assert count == 2
 
 
+def test_newest_columns_come_first():
+    """Of two that nearly agree the older is left out: the map may have changed since."""
+    newton = QuasiNewton(filter_limit=0.1, windows_reused=0)
+    newton.begin_window()
+    x = np.zeros(2)
+    for answer in ([1.0, 0.0], [2.0, 0.0]):
+        x = newton.propose(x, np.array(answer), np.ones(2))
+    following = newton.propose(x, np.array([5.0, 0.01]), np.ones(2))
+    old_residual = np.array([2.0, 0.0]) - 0.01 * np.array([1.0, 0.0])
+    residual = np.array([5.0, 0.01]) - x
+    change = residual - old_residual
+    share = -(change @ residual) / (change @ change)
+    expected = np.array([5.0, 0.01]) + share * (np.array([5.0, 0.01]) - np.array([2.0, 0.0]))
+    assert newton.rank == 1
+    assert following == pytest.approx(expected, rel=1e-12)
+
+
 def test_aitken_finds_the_factor_of_one_unknown_in_two_steps():
     answer, solution = linear_map(1, 9.0)
     aitken = AitkenRelaxation(0.5)

@@ -189,6 +189,17 @@ def test_windows_fill_a_step_evenly_and_end_where_it_ends():
     assert system.time == 1.7
 
 
+def test_differences_are_dropped_when_the_window_changes():
+    """The first proposal in a window of another size is a relaxation again."""
+    system = coupled_column(Column(), iqn_ils(), 1.0)
+    system.advance(3.0)
+    system.advance(0.5)
+    first = {}
+    for record in system.history.iterations:
+        first.setdefault(record.window, record)
+    assert [first[window].rank > 0 for window in range(4)] == [False, True, True, False]
+
+
 def test_a_missed_coupling_residual_rejects_the_window():
     control = WindowControl(0.5, smallest=0.01, largest=0.5, residual=0.05)
     column = Column()
