@@ -71,7 +71,8 @@ class Iteration:
         scheme, sweep = self.scheme, self.sweep
         acceleration = scheme.acceleration
         self._begin(window.size)
-        inputs, before = window.predicted, window.predicted
+        inputs = window.predicted if scheme.explicit else self._bounded(window.predicted)
+        before = inputs
         sizes = [0.0] * len(sweep.exchanges)
         first: list[float] = []  # residuals of the first iteration
         for iteration in range(1, scheme.most_iterations + 1):
@@ -166,9 +167,18 @@ class Iteration:
         for i in self.sweep.unknown:
             part = proposed[at : at + answers[i].size]
             at += answers[i].size
-            relaxation = self.sweep.exchanges[i].relaxation
-            following[i] = inputs[i] + relaxation * (part - inputs[i])
-        return following
+            exchange = self.sweep.exchanges[i]
+            following[i] = inputs[i] + exchange.relaxation * (part - inputs[i])
+        return self._bounded(following)
+
+    def _bounded(self, fields: list[Values]) -> list[Values]:
+        """Return the fields with the unknowns among them within their bounds."""
+        bounded = list(fields)
+        for i in self.sweep.unknown:
+            bounds = self.sweep.exchanges[i].bounds
+            if bounds is not None:
+                bounded[i] = np.clip(fields[i], *bounds)
+        return bounded
 
     def _packed(self, fields: list[Values]) -> Values:
         return np.concatenate([fields[i] for i in self.sweep.unknown])

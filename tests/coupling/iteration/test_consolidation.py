@@ -218,6 +218,27 @@ def test_fixed_stress_with_too_small_a_slope_diverges():
         system.advance(window)
 
 
+def test_bounds_of_the_pressure_keep_a_hardening_law_in_its_range():
+    """Without them the first guesses lie far above the load, and IQN-ILS does not come back."""
+    column = Column(modulus=1e5, hardening=8.0, permeability=1e-14)
+    free = coupled_column(column, iqn_ils(), 1.0)
+    with pytest.raises(NotConverged):
+        free.advance(1.0)
+    bounds = (0.0, 1.1 * column.load)
+    system = coupled_column(column, iqn_ils(), 1.0, bounds=bounds)
+    tried = []
+    give = system.parts["solid"].set_fields
+    system.parts["solid"].set_fields = lambda given: (
+        tried.append(given["pore_pressure"].copy()),
+        give(given),
+    )
+    system.advance(5.0)
+    assert 0.0 <= np.min(tried) and np.max(tried) == 1.1 * column.load
+    split = coupled_column(column, fixed_point(), 1.0, direction="fixed_stress")
+    split.advance(5.0)
+    assert pressure(system) == pytest.approx(pressure(split), abs=1e-5 * column.load)
+
+
 def test_fixed_stress_adds_nothing_to_the_converged_answer():
     """With a wrong slope too: only the way there changes."""
     column, window = at_strength(5.0)

@@ -353,6 +353,7 @@ def test_wrong_tolerances_are_refused(given):
         {"of_window": "sum"},
         {"within": "cubic"},
         {"judged": "never"},
+        {"bounds": (1.0, 1.0)},
     ],
 )
 def test_wrong_exchanges_are_refused(given):
