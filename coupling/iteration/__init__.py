@@ -1,0 +1,44 @@
+"""Strong coupling of parts over fields: schemes, convergence, window size and history."""
+
+from lcmchain.coupling.iteration.failure import NotConverged
+from lcmchain.coupling.iteration.history import History
+from lcmchain.coupling.iteration.interface import (
+    CoupledPart,
+    Exchange,
+    HasPlaces,
+    PartFailed,
+    Tolerance,
+    fixed_stress_exchanges,
+)
+from lcmchain.coupling.iteration.schemes import (
+    Scheme,
+    aitken,
+    fixed_point,
+    gauss_seidel,
+    iqn_ils,
+    iqn_mvj,
+    jacobi,
+)
+from lcmchain.coupling.iteration.system import CoupledSystem, Port
+from lcmchain.coupling.iteration.windows import WindowControl
+
+__all__ = [
+    "CoupledPart",
+    "CoupledSystem",
+    "Exchange",
+    "HasPlaces",
+    "History",
+    "NotConverged",
+    "PartFailed",
+    "Port",
+    "Scheme",
+    "Tolerance",
+    "WindowControl",
+    "aitken",
+    "fixed_point",
+    "fixed_stress_exchanges",
+    "gauss_seidel",
+    "iqn_ils",
+    "iqn_mvj",
+    "jacobi",
+]

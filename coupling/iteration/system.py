@@ -1,0 +1,311 @@
+"""A system of coupled parts: goes through windows of time until all exchanged fields agree."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lcmchain.coupling.iteration.attempt import Attempt, Iteration, Window
+from lcmchain.coupling.iteration.failure import not_converged
+from lcmchain.coupling.iteration.history import (
+    ACCEPTED,
+    CONVERGED,
+    EXPLICIT,
+    FAILED,
+    REJECTED,
+    STANDING,
+    History,
+    WindowRecord,
+)
+from lcmchain.coupling.iteration.interface import CoupledPart, Exchange, Fields, PartFailed
+from lcmchain.coupling.iteration.predictor import Predictor
+from lcmchain.coupling.iteration.schemes import Scheme
+from lcmchain.coupling.iteration.sweep import Sweep
+from lcmchain.coupling.iteration.windows import WindowControl, WindowSize
+from lcmchain.errors import InputError, SimulationError
+
+log = logging.getLogger(__name__)
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Port:
+    """An input or output of a part that the system offers under a name of its own.
+
+    ``of_step``: an output is the value at the ``end`` of the system's step or its ``mean``.
+    """
+
+    part: str
+    field: str
+    of_step: Literal["end", "mean"] = "end"
+
+
+class CoupledSystem:
+    """Parts that exchange fields; satisfies :class:`CoupledPart` itself, so that systems nest.
+
+    Parameters
+    ----------
+    parts : by name; a serial scheme advances them in this order.
+    exchanges : all fields that go from one to another.
+    scheme : from :mod:`lcmchain.coupling.iteration.schemes`; belongs to this system.
+    window : size of the windows [s], or how it is led.
+    substeps : into how many steps a part divides a window, 1 where it is not named.
+    prediction : order 0..2 of the extrapolation into a new window; one that fails is repeated
+        without.
+    on_failure : ``stop``, or ``go_on`` with a window that did not converge at its smallest size;
+        the history records it.
+    inputs, outputs : fields that the system offers as a part; ``"part.field"`` always works.
+
+    Raises
+    ------
+    InputError : parts, exchanges and scheme do not fit together.
+    """
+
+    def __init__(
+        self,
+        parts: Mapping[str, CoupledPart],
+        exchanges: Sequence[Exchange],
+        scheme: Scheme,
+        *,
+        window: WindowControl | float,
+        substeps: Mapping[str, int] | None = None,
+        prediction: int = 1,
+        on_failure: Literal["stop", "go_on"] = "stop",
+        inputs: Mapping[str, Port] | None = None,
+        outputs: Mapping[str, Port] | None = None,
+    ) -> None:
+        control = window if isinstance(window, WindowControl) else WindowControl(float(window))
+        if on_failure not in ("stop", "go_on"):
+            raise InputError('on_failure must be "stop" or "go_on"')
+        if scheme.explicit and control.most > control.size and control.residual is None:
+            raise InputError(
+                "the windows of an explicit scheme can grow only by their coupling residual; give "
+                "WindowControl(residual=...)"
+            )
+        self.parts, self.scheme, self.on_failure = dict(parts), scheme, on_failure
+        self.inputs, self.outputs = dict(inputs or {}), dict(outputs or {})
+        self._sweep = Sweep(
+            self.parts,
+            tuple(exchanges),
+            scheme.order,
+            dict(substeps or {}),
+            [(p.part, p.field) for p in self.outputs.values() if p.of_step == "mean"],
+        )
+        self.exchanges = self._sweep.exchanges
+        if not scheme.explicit and not self._sweep.unknown:
+            raise InputError(
+                f"no exchange closes a loop, so there is nothing for {scheme.name} to iterate; "
+                "take an explicit scheme"
+            )
+        self.history = History(scheme.name, tuple(exchange.name for exchange in self.exchanges))
+        self._windows = WindowSize(control)
+        self._predictor = Predictor(prediction)
+        self._iteration = Iteration(self._sweep, scheme, self.history)
+        self._window_number = 0
+        self._means: Fields = {}  # of the outputs that are means over the system's step
+        times = {name: part.time for name, part in self.parts.items()}
+        if len(set(times.values())) > 1:
+            told = ", ".join(f"{name} {time:g} s" for name, time in times.items())
+            raise InputError(f"the parts do not begin at the same time: {told}")
+        self._time = next(iter(times.values()))
+
+    # --- as a part --------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Return the present time [s], which all parts have reached."""
+        return self._time
+
+    def advance(self, step: float) -> None:
+        """Go on by ``step`` [s] in windows.
+
+        Raises
+        ------
+        NotConverged : a window did not converge; names exchange, value and place. The system then
+            stands at the begin of that window.
+        SimulationError : a part failed at the smallest window; the system stands as above.
+        """
+        if not (step > 0.0 and math.isfinite(step)):
+            raise InputError(f"a step must be positive, not {step:g} s")
+        if not self._predictor.started:
+            self._predictor.accept(self._time, self._sweep.present())
+            self._iteration.start(self._predictor.latest)
+        begin, end = self._time, self._time + step
+        sums: Fields = {}
+        while self._time < end:
+            size = self._windows.within(end - self._time)
+            used = self._window(size, end)
+            for name, values in self._sweep.means.items():
+                sums[name] = sums.get(name, 0.0) + values * used
+        self._means = {name: total / (end - begin) for name, total in sums.items()}
+
+    def set_fields(self, fields: Mapping[str, Values]) -> None:
+        """Set inputs of parts from outside: names of ports, or ``"part.field"``."""
+        for name, values in fields.items():
+            port = self._port(name, self.inputs, "input")
+            if (port.part, port.field) in self._sweep.targets:
+                raise InputError(f'the input "{name}" is set by an exchange')
+            self.parts[port.part].set_fields({port.field: values})
+
+    def get_fields(self, names: Sequence[str]) -> Fields:
+        """Return outputs of parts: names of ports, or ``"part.field"``."""
+        found: Fields = {}
+        for name in names:
+            port = self._port(name, self.outputs, "output")
+            key = f"{port.part}.{port.field}"
+            if port.of_step == "mean" and key in self._means:
+                found[name] = self._means[key].copy()
+            else:
+                found[name] = self.parts[port.part].get_fields([port.field])[port.field]
+        return found
+
+    def places(self, name: str) -> Values | None:
+        """Return the positions (n, 3) of a field's values where the part knows them."""
+        known = {**self.inputs, **self.outputs}
+        port = self._port(name, known, "field")
+        return self._sweep.places(port.part, port.field)
+
+    def save(self) -> Any:
+        """Return a copy of the whole state: parts, memory of the scheme, windows, history."""
+        return {
+            "parts": self._sweep.save(),
+            "iteration": self._iteration.save(),
+            "predictor": self._predictor.save(),
+            "windows": self._windows.save(),
+            "history": self.history.save(),
+            "means": {name: values.copy() for name, values in self._means.items()},
+            "time": (self._time, self._window_number),
+        }
+
+    def restore(self, saved: Any) -> None:
+        """Return to a saved state; going on from it is bit-identical."""
+        self._sweep.restore(saved["parts"])
+        self._iteration.restore(saved["iteration"])
+        self._predictor.restore(saved["predictor"])
+        self._windows.restore(saved["windows"])
+        self.history.restore(saved["history"])
+        self._means = {name: values.copy() for name, values in saved["means"].items()}
+        self._time, self._window_number = saved["time"]
+
+    # --- one window -------------------------------------------------------------------------------
+
+    def _window(self, size: float, latest: float) -> float:
+        """Go through one window, shorter and shorter ones if it fails; return the size."""
+        start, attempt = self._sweep.save(), 0
+        while True:
+            # The last window ends where it should, not a rounding error beside it.
+            end = latest if size >= latest - self._time else self._time + size
+            window = Window(
+                self._window_number,
+                attempt,
+                size,
+                end,
+                self._predictor.latest,
+                self._predictor.at(end) if attempt == 0 else self._predictor.held(),
+                start,
+            )
+            tried, error = self._try(window)
+            # What was extrapolated over a jump may be what failed, so hold before halving.
+            if attempt == 0 and error is not None and self._predictor.extrapolates:
+                shorter: float | None = size
+            else:
+                shorter = self._windows.shorter(size)
+            outcome = self._outcome(tried, error, shorter is not None)
+            self._record(window, tried, outcome, error)
+            if tried is not None and outcome in STANDING:
+                self._accept(window, tried)
+                return size
+            self._iteration.undo(window)
+            if shorter is None:
+                assert error is not None
+                raise error
+            if shorter < size:
+                self._windows.shorten(shorter)
+            size, attempt = shorter, attempt + 1
+
+    def _try(self, window: Window) -> tuple[Attempt | None, SimulationError | None]:
+        """Go through a window; return what came of it (None: a part failed) and what is wrong."""
+        try:
+            tried = self._iteration.attempt(window)
+        except SimulationError as failure:
+            if isinstance(failure, PartFailed) and math.isnan(failure.time):
+                where = {"time": self._time, "step": window.size}
+                failure = PartFailed(
+                    failure.reason, part=failure.part, inputs=failure.inputs, **where
+                )
+            return None, failure
+        if tried.converged:
+            return tried, None
+        return tried, not_converged(
+            self.scheme.name,
+            self._time,
+            window.size,
+            tried.iterations,
+            self.scheme.most_iterations,
+            self._sweep,
+            tried.judgements,
+        )
+
+    def _outcome(
+        self, tried: Attempt | None, error: SimulationError | None, can_shorten: bool
+    ) -> int:
+        """Return what becomes of an attempt."""
+        if tried is not None and error is None:
+            wanted = self._windows.control.residual
+            if can_shorten and wanted is not None and tried.missed > 2.0 * wanted:
+                return REJECTED
+            return EXPLICIT if self.scheme.explicit else CONVERGED
+        if tried is not None and not can_shorten and self.on_failure == "go_on":
+            log.warning("%s; the run goes on", error)
+            return ACCEPTED
+        return FAILED
+
+    def _accept(self, window: Window, tried: Attempt) -> None:
+        self._iteration.accept(window, tried)
+        self._predictor.accept(window.end, tried.answers)
+        self._windows.follow(window.size, tried.iterations, tried.missed, self._predictor.order)
+        self._time = window.end
+        self._window_number += 1
+
+    def _record(
+        self,
+        window: Window,
+        tried: Attempt | None,
+        outcome: int,
+        error: SimulationError | None,
+    ) -> None:
+        if tried is not None:
+            iterations, missed = tried.iterations, tried.missed
+        else:  # a part failed in the iteration after those noted
+            now = (window.number, window.attempt)
+            notes = self.history.iterations
+            iterations = 1 + sum((note.window, note.attempt) == now for note in notes)
+            missed = math.nan
+        self.history.windows.append(
+            WindowRecord(
+                window.number,
+                window.attempt,
+                self._time,
+                window.size,
+                iterations,
+                outcome,
+                missed,
+                "" if error is None else str(error),
+            )
+        )
+
+    def _port(self, name: str, ports: Mapping[str, Port], kind: str) -> Port:
+        if name in ports:
+            return ports[name]
+        part, _, field = name.partition(".")
+        if part in self.parts and field:
+            return Port(part, field)
+        known = ", ".join([*ports, *(f"{part}.<field>" for part in self.parts)])
+        raise InputError(f'the coupled system has no {kind} "{name}"; there are {known}')
