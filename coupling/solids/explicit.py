@@ -14,7 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.coupling.iteration.interface import PORE_PRESSURE, Fields, PartFailed
+from lcmchain.coupling.iteration.interface import (
+    PORE_PRESSURE,
+    REFERENCE_PRESSURE,
+    VOLUME_RATE_SLOPE,
+    Fields,
+    PartFailed,
+)
+from lcmchain.coupling.solids.fields import checked, chosen
 from lcmchain.effects.pore_pressure import volumes_and_rates
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.model import build_model
@@ -44,14 +51,18 @@ class ExplicitForming:
     """A forming simulation with a fluid in its pores; a
     :class:`lcmchain.coupling.iteration.interface.CoupledPart`.
 
-    The pore pressure comes on linearly over a step, from the value at its beginning to the one that
-    was set: a pressure that jumps would let the sheet vibrate. Own steps are the explicit ones.
+    The pore pressure that was set is held over a step; own steps are the explicit ones. An
+    incompressible fluid leaves an element no volume of its own: windows must resolve its thickness
+    wave (:meth:`longest_window`). With ``ramped`` the pressure goes linearly from its value before
+    to the one that was set: for outer pressures that change slowly, over windows of any length. A
+    fluid that answers to the mean rate over a window then makes shorter windows unstable.
 
     Parameters
     ----------
     simulation : of one sheet with a thickness, whose model was built with ``pore_pressure=True``.
     surroundings : pressure around the sheet [Pa]; the pressures that are set are in the same
         system, and what loads the sheet is the difference.
+    ramped : whether the pressure changes linearly over a step instead of at its beginning.
 
     Raises
     ------
@@ -60,7 +71,9 @@ class ExplicitForming:
 
     inputs = (PORE_PRESSURE,)
 
-    def __init__(self, simulation: Simulation, *, surroundings: float = 0.0) -> None:
+    def __init__(
+        self, simulation: Simulation, *, surroundings: float = 0.0, ramped: bool = False
+    ) -> None:
         model = simulation.model
         if model.pore is None:
             raise InputError("the model was built without pore_pressure=True; no fluid can act")
@@ -69,7 +82,7 @@ class ExplicitForming:
                 f"the model has {len(model.bodies)} sheets; a fluid is coupled with one"
             )
         self.simulation = simulation
-        self.surroundings = float(surroundings)
+        self.surroundings, self.ramped = float(surroundings), ramped
         self._lanes = model.pore
         self._pressure = self.present_pressure()
         self._step = 0.0
@@ -106,7 +119,7 @@ class ExplicitForming:
         return normal / np.linalg.norm(normal, axis=1)[:, None]
 
     def area(self) -> np.ndarray:
-        """Return the areas of the mid-surface (element_count,) [m²], half the diagonals' product."""
+        """Return the areas of the mid-surface (element_count,) [m²], as meshes have them."""
         return self.simulation.model.blank.areas(self.node_positions())
 
     def volume(self) -> np.ndarray:
@@ -130,6 +143,39 @@ class ExplicitForming:
         volumes_and_rates(self._lanes, state.position, state.velocity, volume, rate)
         return volume[self._lanes.place], rate[self._lanes.place]
 
+    def compliance(self) -> np.ndarray:
+        """Return how much the volumes answer to their pressures over the last step (C,) [m³/Pa].
+
+        The smaller of two estimates, both of a sheet that no tool holds: that of the law of
+        compaction, and 2 A² dt² / m, what the inertia of an element of mass m lets a pressure do
+        within a step. It steers an iteration and has no part in its result.
+        """
+        inertial = 2.0 * (self.area() * self._step) ** 2 / self._lanes.mass[self._lanes.place]
+        return np.minimum(self._static_compliance(), inertial)
+
+    def longest_window(self) -> float:
+        """Return half the period of the fastest thickness wave [s], of the elements on their own.
+
+        A pressure that is held for longer no longer tells how the volume of an element will have
+        changed: it swings back within the step, and a coupling over such windows is not stable.
+        """
+        mass = self._lanes.mass[self._lanes.place]
+        omega2 = 4.0 * self.area() ** 2 / (mass * self._static_compliance())
+        return float(np.pi / np.sqrt(omega2.max()))
+
+    def _static_compliance(self) -> np.ndarray:
+        """Return V0 (A/A0)² / (λ² C33 + S33): dV/dp of the law of compaction alone (C,)."""
+        model = self.simulation.model
+        body = model.body
+        history = model.history_of(body, self.simulation.state.history)
+        condition = body.condition(self.simulation.state.position, history)
+        stretch = condition.thickness_stretch
+        strain = np.zeros((self.element_count, 6))
+        strain[:, 2] = 0.5 * (stretch**2 - 1.0)
+        S, C = body.material.stress_and_tangent(strain)
+        volume = self._lanes.mass[self._lanes.place] / body.material.density
+        return volume * condition.area_stretch**2 / (stretch**2 * C[:, 2, 2] + S[:, 2])
+
     # --- coupled part -----------------------------------------------------------------------------
 
     @property
@@ -138,7 +184,7 @@ class ExplicitForming:
         return self.simulation.time
 
     def advance(self, step: float) -> None:
-        """Form for ``step`` [s]; the pore pressure goes linearly to what was set.
+        """Form for ``step`` [s] under the pore pressure that was set.
 
         Raises
         ------
@@ -148,7 +194,10 @@ class ExplicitForming:
         begin = self.time
         self._volume, self._area, self._step = self.volume(), self.area(), float(step)
         target = self._lanes.in_lanes(self._pressure - self.surroundings)
-        state.pore_rate[:] = (target - state.pore_pressure) / step
+        if self.ramped:
+            state.pore_rate[:] = (target - state.pore_pressure) / step
+        else:
+            state.pore_pressure[:] = target
         try:
             simulation.advance_to(begin + step)
         except SimulationError as error:
@@ -193,7 +242,8 @@ class ExplicitForming:
         """Return outputs at the present time; rates are means over the last step, 0 before it.
 
         ``volume`` [m³], ``thickness`` (volume over area) [m], ``area`` [m²] with their ``_rate``;
-        ``pore_pressure`` [Pa].
+        ``pore_pressure`` [Pa]; for the fixed-stress split ``volume_rate_slope`` (an estimate, see
+        :meth:`compliance`) and ``reference_pressure``.
 
         Raises
         ------
@@ -204,42 +254,18 @@ class ExplicitForming:
         before = {
             "volume": self._volume, "thickness": self._volume / self._area, "area": self._area
         }  # fmt: skip
-        found = {PORE_PRESSURE: self.present_pressure(), **now}
+        pressure = self.present_pressure()
+        found = {PORE_PRESSURE: pressure, REFERENCE_PRESSURE: pressure, **now}
         for name, value in now.items():
             change = value - before[name]
             found[f"{name}_rate"] = change / self._step if self._step else np.zeros_like(value)
+        if VOLUME_RATE_SLOPE in names:
+            found[VOLUME_RATE_SLOPE] = self.compliance() / (self._step or np.inf)
+        else:
+            found[VOLUME_RATE_SLOPE] = np.zeros_like(volume)
         return chosen(names, found)
 
     def places(self, name: str) -> np.ndarray | None:
         """Return the centres of the elements (element_count, 3) [m]."""
         positions = self.node_positions()[self.simulation.model.blank.elements]
         return positions.mean(axis=1)
-
-
-def checked(name: str, values: np.ndarray, count: int) -> np.ndarray:
-    """Return a copy of the values of a field (count,).
-
-    Raises
-    ------
-    InputError : a wrong number of values, or one that is no number.
-    """
-    values = np.array(values, dtype=float)
-    if values.shape != (count,):
-        raise InputError(f"{name} has the shape {values.shape}; there are {count} cells")
-    if not np.isfinite(values).all():
-        cell = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise InputError(f"{name} is {values[cell]} in cell {cell}")
-    return values
-
-
-def chosen(names: Sequence[str], found: Fields) -> Fields:
-    """Return the named ones of fields.
-
-    Raises
-    ------
-    InputError : a name that is no output.
-    """
-    unknown = [name for name in names if name not in found]
-    if unknown:
-        raise InputError(f'"{unknown[0]}" is no output; there are {", ".join(found)}')
-    return {name: found[name] for name in names}
