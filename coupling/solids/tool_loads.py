@@ -15,7 +15,7 @@ import numpy as np
 from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces
-from lcmchain.jit import kernel, routine
+from lcmchain.jit import routine
 from lcmchain.model import Model
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.distance import signed_distance
@@ -65,7 +65,7 @@ def _contact_normals(simulation, tool: int, position: np.ndarray, travel: float)
     return normal
 
 
-@kernel
+@routine
 def _normals(tools, tool, position, offset, travel, contact_force, normal):
     for node in range(position.shape[1]):
         if contact_force[node] == 0.0:

@@ -29,7 +29,14 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "bench",
         "python",
     ),
-    "Theory": ("element", "materials", "departures", "contact", "time-integration"),
+    "Theory": (
+        "element",
+        "materials",
+        "departures",
+        "contact",
+        "pore-pressure",
+        "time-integration",
+    ),
     "Evidence": (
         "hemisphere",
         "convergence-table",

@@ -240,6 +240,19 @@ def test_work_of_the_pressures_closes_the_balance(rising):
     assert errors[0] > 3.0 * errors[1]
 
 
+def test_pressure_makes_the_stable_step_shorter():
+    model = model_of()
+    simulation = Simulation(model)
+    dry = simulation.critical_step()
+    simulation.state.pore_pressure[:] = model.pore.in_lanes(np.full(model.element_count, 1e8))
+    omega2 = np.empty(model.pore.padded_count)
+    position = np.ascontiguousarray(model.node_positions.T)
+    pore_frequencies(model.pore, position, simulation.state.pore_pressure, omega2)
+    total = 4.0 / dry**2 + omega2.max()
+    assert simulation.critical_step() == pytest.approx(2.0 / np.sqrt(total), rel=1e-12)
+    assert simulation.critical_step() < 0.9 * dry
+
+
 def test_rate_moves_the_pressure_on():
     model = model_of()
     simulation = Simulation(model)

@@ -37,20 +37,20 @@ def pressed(pressure):
 
 
 def test_fibres_fluid_and_friction_are_the_force_on_the_tool():
-    for pressure in (5e4,):
-        part = pressed(pressure)
-        loads = tool_loads(part.simulation)
-        area = part.area().sum()
-        for name, sign in (("plate", 1.0), ("die", -1.0)):
-            load = loads[name]
-            np.testing.assert_allclose(
-                load.fibres + load.fluid + load.friction + load.rest, load.total, rtol=1e-12
-            )
-            assert sign * load.total[2] > 0.0
-            # quasi-static: what is not told is below one part in a hundred
-            assert np.abs(load.rest).max() < 0.01 * np.abs(load.total).max()
-            assert sign * load.fluid[2] == pytest.approx(pressure * area, rel=2e-2, abs=1e-9)
-            assert abs(load.friction[2]) < 1e-12 * abs(load.total[2])
-            law = part.simulation.model.material.compaction_pressure
-            stretch = part.normal_thickness() / 1.004e-3
-            assert sign * load.fibres[2] == pytest.approx(law(stretch).mean() * area, rel=0.02)
+    pressure = 5e4
+    part = pressed(pressure)
+    loads = tool_loads(part.simulation)
+    area = part.area().sum()
+    for name, sign in (("plate", 1.0), ("die", -1.0)):
+        load = loads[name]
+        np.testing.assert_allclose(
+            load.fibres + load.fluid + load.friction + load.rest, load.total, rtol=1e-12
+        )
+        assert sign * load.total[2] > 0.0
+        # quasi-static: what is not told is below one part in a hundred
+        assert np.abs(load.rest).max() < 0.01 * np.abs(load.total).max()
+        assert sign * load.fluid[2] == pytest.approx(pressure * area, rel=2e-2, abs=1e-9)
+        assert abs(load.friction[2]) < 1e-12 * abs(load.total[2])
+        law = part.simulation.model.material.compaction_pressure
+        stretch = part.normal_thickness() / 1.004e-3
+        assert sign * load.fibres[2] == pytest.approx(law(stretch).mean() * area, rel=0.02)
