@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from lcmchain.check.remarks import scene_warnings
 from lcmchain.effects.audit import effects_of
 from lcmchain.effects.face_pressure import PressureOnFace, face_forces, face_frequencies
 from lcmchain.effects.supports import Support
@@ -145,6 +146,13 @@ def test_bag_on_both_faces_compacts_to_the_pressure_of_the_law():
         errors.append(abs(energy["balance_error"]) / energy["external"])
     assert errors[1] < 1e-3
     assert errors[0] > 3.5 * errors[1]
+
+
+def test_a_sheet_under_a_bag_is_not_taken_to_lie_still():
+    text = SCENE.replace("ANGLE", "0")
+    bag = scene_from_text(text, overrides=[BAG.replace("FACE", "both")])
+    assert not [remark for remark in scene_warnings(bag) if "nothing moves" in remark]
+    assert [remark for remark in scene_warnings(scene_from_text(text)) if "nothing moves" in remark]
 
 
 def test_constant_pressure_comes_on_smoothly():
