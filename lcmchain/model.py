@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, build_face_pressure
 from lcmchain.effects.fibre_bending import (
     FORCE_ROWS,
     FibreBending,
@@ -20,6 +21,7 @@ from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
+from lcmchain.elements.pressed_elements import PressedElements, pressed_elements
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count
 from lcmchain.mesh.blank import BlankMesh, build_blank
@@ -91,6 +93,8 @@ class Model:
     automatic_penalty : whether the contact stiffness was chosen by the program.
     history_interval : between two samples of the histories [s], infinite without histories.
     fibre_bending : of the fibres within the plane, or None.
+    pore : the elements whose pores may hold fluid under pressure, all of them, or None.
+    face_pressure : on the faces of the sheets, or None.
     corner_force_size : corner forces of all bodies, those of the fibres' bending, then zeros for
         nodes with fewer elements.
     """
@@ -98,6 +102,8 @@ class Model:
     bodies: tuple[Body, ...]
     placed: tuple[PlacedBody, ...]
     fibre_bending: FibreBending | None
+    pore: PressedElements | None
+    face_pressure: FacePressure | None
     corner_force_size: int
     nodes: NodeData
     tools: ToolTable
@@ -171,6 +177,11 @@ class Model:
         return frequency_bound(self.fibre_bending, self.nodes.mass)
 
     @property
+    def pressed(self) -> bool | None:
+        """Whether any pressure loads the elements: ``True`` or ``None``, for compiled code."""
+        return None if self.pore is None and self.face_pressure is None else True
+
+    @property
     def remembers(self) -> bool:
         """Whether any law has a memory."""
         return any(history_count(body.material.law) for body in self.bodies)
@@ -199,13 +210,17 @@ class Model:
 
 
 def build_model(
-    scene: Any, supports: Callable[[Any], Sequence[Support]] = lambda mesh: ()
+    scene: Any,
+    supports: Callable[[Any], Sequence[Support]] = lambda mesh: (),
+    *,
+    pore_pressure: bool = False,
 ) -> Model:
     """Build the model of a scene.
 
     Parameters
     ----------
     supports : chooses nodes of the sheet's mesh whose motion is prescribed.
+    pore_pressure : whether a fluid is coupled, whose pressures the state then holds.
 
     Raises
     ------
@@ -225,6 +240,8 @@ def build_model(
         process=scene.process,
         supports=supports(mesh),
         history_interval=scene.history_interval,
+        face_pressures=scene.pressure,
+        pore_pressure=pore_pressure,
     )
 
 
@@ -242,6 +259,8 @@ def assemble_bodies(
     process: Any,
     supports: Sequence[Support] = (),
     history_interval: float = math.inf,
+    face_pressures: Sequence[PressureOnFace] = (),
+    pore_pressure: bool = False,
 ) -> Model:
     """Build the model of sheets that share tools and time, but do not touch each other.
 
@@ -252,6 +271,7 @@ def assemble_bodies(
     contact, process : tables of a scene, or the like.
     supports : of nodes of the model.
     history_interval : between two samples of the histories [s]; none by default.
+    face_pressures : on the faces of all sheets. pore_pressure : as for :func:`build_model`.
 
     Raises
     ------
@@ -283,6 +303,8 @@ def assemble_bodies(
         bodies=tuple(bodies),
         placed=placed,
         fibre_bending=fibre_bending,
+        pore=pressed_elements(bodies, key="pore pressure") if pore_pressure else None,
+        face_pressure=build_face_pressure(face_pressures, bodies, float(process.time)),
         corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
             force_slot=_force_slots(bodies, placed, fibre_bending, last_force),

@@ -23,7 +23,7 @@ CONTACT = 1  # stored in penalty springs, last step
 FRICTION = 2  # dissipated by sliding
 CONTACT_DAMPING = 3  # dissipated by contact damping
 MASS_DAMPING = 4  # dissipated by mass-proportional damping and by dampers of guided tools
-EXTERNAL = 5  # work of prescribed tools, of forces on guided tools and of gravity
+EXTERNAL = 5  # work of prescribed tools, of forces on guided tools, of gravity and of pressures
 RENEWAL = 6  # given up by elements where the curvature they share was renewed
 WORK_COLUMNS = 7
 
@@ -88,7 +88,7 @@ def entry(
 def sizes(model: Model) -> dict[str, int]:
     """Return the sizes that declarations name."""
     tool_count = len(model.tool_names)
-    bending = model.fibre_bending
+    bending, pore = model.fibre_bending, model.pore
     return {
         "xyz": 3,
         "node": model.node_count,
@@ -103,6 +103,9 @@ def sizes(model: Model) -> dict[str, int]:
         "time and place": 4,
         "history": model.history_size,
         "corner force": model.corner_force_size,
+        "porous element": 0 if pore is None else pore.padded_count,
+        "corner load": 0 if model.pressed is None else model.corner_force_size,
+        "loaded node": 0 if model.pressed is None else model.node_count,
         "bent node": 0 if bending is None else bending.mid_count,
         "bending vector": 0 if bending is None else bending.padded_count * VECTOR_ROWS,
         "peak": PEAK_ENTRIES,
@@ -217,6 +220,21 @@ class State(_Arrays):
         meaning="sum of the normal forces of all tools at the last step",
         in_frames=True,
     )
+    pore_pressure: np.ndarray = entry(
+        "porous element",
+        unit="Pa",
+        meaning="of the fluid in the elements at time n, in blocks",
+        in_frames=True,
+    )
+    pore_rate: np.ndarray = entry(
+        "porous element", unit="Pa/s", meaning="of the pore pressures, in blocks"
+    )
+    node_load: np.ndarray = entry(
+        "xyz",
+        "loaded node",
+        unit="N",
+        meaning="of pressures in and on the sheet on each node at the last step",
+    )
     penetration_max: np.ndarray = entry("tool", unit="m", meaning="deepest so far")
     support_force: np.ndarray = entry(
         "support", "xyz", unit="N", meaning="of the support on the sheet at the last step"
@@ -308,6 +326,9 @@ class Scratch(_Arrays):
 
     corner_force: np.ndarray = entry("corner force", unit="N", meaning="in blocks of elements")
     force: np.ndarray = entry("xyz", "node", unit="N", meaning="sum of forces on each node")
+    corner_load: np.ndarray = entry(
+        "corner load", unit="N", meaning="of pressures in and on the sheet, in blocks of elements"
+    )
     mid_position: np.ndarray = entry(
         "xyz", "bent node", unit="m", meaning="mid-surface nodes of fibres that bend in the plane"
     )

@@ -18,8 +18,11 @@ def scene_warnings(scene: Scene) -> list[str]:
             'small radii under pressure; "normal" does not'
         )
     process = scene.process
-    if not any(tool.motion.moves for tool in scene.tools) and not process.gravity:
-        found.append("nothing moves: no tool is driven and process.gravity is false")
+    moved = process.gravity or bool(scene.pressure)
+    if not moved and not any(tool.motion.moves for tool in scene.tools):
+        found.append(
+            "nothing moves: no tool is driven, there is no [[pressure]] and process.gravity is false"
+        )
     for tool in scene.tools:
         found += tool.motion.remarks(tool.name, process.time)
         found += tool.shape.remarks(tool.name, scene.blank.edge_length)

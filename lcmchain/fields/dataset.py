@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +53,8 @@ class SheetFrames:
 
     positions : (F, node_count, 3) [m].
     history : (F, history_count, element_count), what the law remembers.
-    pressures : face fields of :func:`lcmchain.fields.pressure.pressure_fields`, (F, element_count).
+    pressures : face fields of :func:`lcmchain.fields.pressure.pressure_fields`, (F, element_count),
+        and that of a fluid.
     tool_pressure : on the nodes (F, node_count) [Pa], or None.
     wrinkle_height : on the nodes of the mid-surface (F, n) [m].
     wrinkle_length : longest wave that counts as wrinkle [m].
@@ -71,7 +72,12 @@ class SheetFrames:
     def of_body(cls, scene: Scene, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
         """Return the part of a body of the model."""
         past = [model.history_of(body, values) for values in frames.history]  # type: ignore[union-attr]
-        return cls.of_frames(scene, body, frames, past, model.tools)
+        sheet = cls.of_frames(scene, body, frames, past, model.tools)
+        if model.pore is None or frames.pore_pressure is None:
+            return sheet
+        place = model.pore.place[body.first_element :][: body.mesh.element_count]
+        pore = {"pore_pressure": np.ascontiguousarray(frames.pore_pressure[:, place])}
+        return replace(sheet, pressures=sheet.pressures | pore)
 
     @classmethod
     def of_frames(

@@ -27,6 +27,8 @@ class FrameSeries:
     history : what laws with memory remember, shape (F, history_size), empty without one.
     contact_force : normal forces of all tools on each node [N], shape (F, node_count); None if
         they are not known.
+    pore_pressure : of the fluid in the elements [Pa], by lane (F, padded_count), see
+        :class:`lcmchain.elements.pressed_elements.PressedElements`; None or empty without a fluid.
     """
 
     time: np.ndarray
@@ -37,6 +39,7 @@ class FrameSeries:
     tool_names: tuple[str, ...] = ()
     history: np.ndarray | None = None
     contact_force: np.ndarray | None = None
+    pore_pressure: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         frames, tools = len(self.time), len(self.tool_names)
@@ -70,6 +73,7 @@ class FrameSeries:
             tool_names=tool_names,
             history=np.array([s.history for s in snapshots]),
             contact_force=np.array([s.contact_force for s in snapshots]),
+            pore_pressure=np.array([s.pore_pressure for s in snapshots]),
         )
 
     @property

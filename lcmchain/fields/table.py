@@ -124,6 +124,14 @@ _FIELDS = (
         "with the thickness; with the compaction pressure it is minus the Cauchy stress normal to "
         "the sheet",
     ),
+    Field(
+        "pore_pressure",
+        "Pa",
+        "pore pressure",
+        FACE,
+        "pressure of the fluid in the pores of the element relative to that of the surroundings; "
+        "with the compaction pressure, which the fibres bear, it is what presses on both faces",
+    ),
     *(
         Field(
             f"permeability_{number}",

@@ -29,7 +29,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "bench",
         "python",
     ),
-    "Theory": ("element", "materials", "resin", "departures", "contact", "time-integration", "coupling"),
+    "Theory": ("element", "materials", "resin", "departures", "contact", "time-integration", "coupling", "pore-pressure"),
     "Evidence": (
         "hemisphere",
         "convergence-table",

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from lcmchain.effects.contact import Contact
+from lcmchain.effects.face_pressure import PressureOnFace
 from lcmchain.elements.families import SheetElement
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.materials.laws import TABLES, AnyMaterial
@@ -33,6 +34,7 @@ NONE = "none"
 #: Most tools and meshes to map onto, far above any use: each costs time in every step or file.
 MOST_TOOLS = 200
 MOST_MESHES = 100
+MOST_PRESSURES = 100
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,15 @@ class Scene(SceneModel):
     tools: Annotated[
         tuple[Tool, ...],
         Row("[[tools]] ... for each tool", entries="tables", units=False, maximum_count=MOST_TOOLS),
+    ] = ()
+    pressure: Annotated[
+        tuple[PressureOnFace, ...],
+        Row(
+            "[[pressure]] ... for each pressure",
+            entries="tables",
+            units=False,
+            maximum_count=MOST_PRESSURES,
+        ),
     ] = ()
     output: Output = Field(default_factory=Output)
     mapping: Annotated[
@@ -121,7 +132,7 @@ class Scene(SceneModel):
     def _allow_none(cls, value: Any) -> Any:
         return None if value == NONE else value
 
-    @field_validator("tools", "mapping")
+    @field_validator("tools", "mapping", "pressure")
     @classmethod
     def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
         names = [item.name for item in items]
@@ -161,6 +172,12 @@ class Scene(SceneModel):
                 'element = "solid-shell", or leave the entry out (on the command line: '
                 "--set permeability=none)",
                 field="permeability",
+            )
+        if self.pressure and not self.element.has_thickness:
+            raise wrong(
+                f'acts on the faces of the sheet, but element = "{self.element.type}" has one '
+                'layer of nodes; use element = "solid-shell"',
+                field="pressure",
             )
         share = getattr(self.element, "fibre_hourglass", None)
         if share not in (None, 1.0) and not self.material.has_fibres:

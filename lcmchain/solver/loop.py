@@ -17,8 +17,10 @@ from numba import literal_unroll, prange
 
 from lcmchain.effects.contact import normal_force
 from lcmchain.effects.damping import averaged_velocity, damped_velocity
+from lcmchain.effects.face_pressure import face_forces, face_pressures
 from lcmchain.effects.fibre_bending import fibre_bending_forces
 from lcmchain.effects.friction import friction
+from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces
@@ -53,12 +55,26 @@ Arrays: Any = NamedTuple(  # type: ignore[misc]
 
 
 @routine
-def advance(arrays, bodies, fibre_bending, tools, environment, supports, averaging, step_count, dt):
+def advance(
+    arrays,
+    bodies,
+    fibre_bending,
+    pore,
+    face_pressure,
+    pressed,
+    tools,
+    environment,
+    supports,
+    averaging,
+    step_count,
+    dt,
+):
     """Make ``step_count`` steps of size ``dt`` [s].
 
-    ``bodies`` are those placed in the model; ``fibre_bending`` and ``supports`` are tables or None;
-    ``averaging`` is the time over which the mean velocity is taken that damping leaves alone [s],
-    or None.
+    ``bodies`` are those placed in the model; ``fibre_bending``, ``pore``, ``face_pressure`` and
+    ``supports`` are tables or None; ``pressed`` is True where ``pore`` or ``face_pressure`` is
+    there, or None; ``averaging`` is the time over which the mean velocity is taken that damping
+    leaves alone [s], or None.
     """
     clock = arrays.clock
     for _ in range(step_count):
@@ -78,7 +94,21 @@ def advance(arrays, bodies, fibre_bending, tools, environment, supports, averagi
                 arrays.mid_position,
                 arrays.bending_vector,
             )
-        move_nodes(arrays, tools, environment, averaging, dt_last, dt)
+        if pore is not None:
+            pore_forces(
+                pore,
+                arrays.position,
+                arrays.pore_pressure,
+                arrays.pore_rate,
+                dt,
+                arrays.corner_load,
+            )
+        if face_pressure is not None:
+            bottom, top = face_pressures(face_pressure, clock[TIME])
+            face_forces(
+                face_pressure.elements, arrays.position, bottom, top, pore, arrays.corner_load
+            )
+        move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt)
         add_chunk_sums(arrays)
         if supports is not None:
             move_supports(arrays, supports, environment, dt_last, dt)
@@ -90,7 +120,7 @@ def advance(arrays, bodies, fibre_bending, tools, environment, supports, averagi
 
 
 @kernel
-def move_nodes(arrays, tools, environment, averaging, dt_last, dt):
+def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
     """Sum the forces on the nodes, and update velocities and positions."""
     node_count = arrays.mass.size
     for chunk in prange(arrays.chunk_sums.shape[0]):
@@ -99,6 +129,8 @@ def move_nodes(arrays, tools, environment, averaging, dt_last, dt):
         sums = arrays.chunk_sums[chunk]
         sums[:] = 0.0
         gather_internal_forces(arrays, first, last)
+        if pressed is not None:
+            add_pressure_loads(arrays, first, last, dt_last, sums)
         for tool in range(tools.kind.size):
             add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, dt, sums)
         integrate(arrays, environment, averaging, first, last, dt_last, dt, sums)
@@ -120,6 +152,36 @@ def gather_internal_forces(arrays, first, last):
         force[0, node] = x
         force[1, node] = y
         force[2, node] = z
+
+
+@routine
+def add_pressure_loads(arrays, first, last, dt_last, sums):
+    """Sum up the loads on the corners for nodes ``first`` to ``last``, and add them to the force.
+
+    The work since the last step, mean of both loads times the displacement, goes to ``sums``.
+    """
+    load, node_load, force_slot = arrays.corner_load, arrays.node_load, arrays.force_slot
+    velocity, force = arrays.velocity, arrays.force
+    work = 0.0
+    for node in range(first, last):
+        x = 0.0
+        y = 0.0
+        z = 0.0
+        for i in range(force_slot.shape[0]):
+            slot = force_slot[i, node]
+            x += load[slot]
+            y += load[slot + LANES]
+            z += load[slot + 2 * LANES]
+        work += (node_load[0, node] + x) * velocity[0, node]
+        work += (node_load[1, node] + y) * velocity[1, node]
+        work += (node_load[2, node] + z) * velocity[2, node]
+        node_load[0, node] = x
+        node_load[1, node] = y
+        node_load[2, node] = z
+        force[0, node] += x
+        force[1, node] += y
+        force[2, node] += z
+    sums[EXTERNAL] += 0.5 * dt_last * work
 
 
 @routine

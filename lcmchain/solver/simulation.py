@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from lcmchain.effects import fibre_bending
+from lcmchain.effects.face_pressure import face_frequencies
+from lcmchain.effects.pore_pressure import pore_frequencies
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model, build_model
@@ -92,6 +94,11 @@ class Snapshot:
     def contact_force(self) -> np.ndarray:
         """Sum of the normal forces of all tools on each node (node_count,) [N]."""
         return self.arrays["contact_force"]
+
+    @property
+    def pore_pressure(self) -> np.ndarray:
+        """Pressure of the fluid in the elements, by lane (padded_count,) [Pa]; empty without."""
+        return self.arrays["pore_pressure"]
 
 
 @dataclass
@@ -363,6 +370,9 @@ class Simulation:
             self._arrays,
             model.placed,
             None if model.fibre_bending is None else model.fibre_bending.data,
+            model.pore,
+            model.face_pressure,
+            model.pressed,
             model.tools,
             model.environment,
             model.supports,
@@ -411,6 +421,23 @@ class Simulation:
         reach += model.nodes.offset.max()
         find_near_nodes(self._arrays, model.tools, reach)
 
+    def _pressure_frequency(self, omega2: float) -> float:
+        """Return the ω² bound [1/s²] of the pressures until the next look at the step; mostly 0."""
+        state, model = self.state, self.model
+        total = 0.0
+        if model.pore is not None:
+            interval = STEPS_PER_CHUNK * 2.0 / math.sqrt(omega2)
+            coming = np.abs(state.pore_pressure) + interval * np.abs(state.pore_rate)
+            bound = np.empty(model.pore.padded_count)
+            pore_frequencies(model.pore, state.position, coming, bound)
+            total += float(bound.max())
+        if model.face_pressure is not None:
+            elements = model.face_pressure.elements
+            bound = np.empty(elements.padded_count)
+            face_frequencies(elements, state.position, model.face_pressure.largest, bound)
+            total += float(bound.max())
+        return total
+
     def _coming_tool_speed(self, tool: int, interval: float) -> float:
         state, tools = self.state, self.model.tools
         if state.driven[tool]:
@@ -441,7 +468,8 @@ class Simulation:
                     near = state.near[tool] != 0
                     contact2 += float(np.sum(stiffness[near])) / tool_mass
                     rate = max(rate, float(np.sum(damping[near])) / tool_mass)
-        if contact2 > omega2:
-            cause = "contact stiffness"
-        total = omega2 + contact2
+        pressure2 = self._pressure_frequency(omega2)
+        if max(contact2, pressure2) > omega2:
+            cause = "contact stiffness" if contact2 > pressure2 else "pressure of a fluid"
+        total = omega2 + contact2 + pressure2
         return 2.0 * (math.sqrt(0.25 * rate**2 + total) - 0.5 * rate) / total, cause

@@ -67,7 +67,9 @@ def test_frames_hold_what_is_declared_for_them():
     frame = sim.snapshot()
     framed = {declared.name for declared in fields(State) if declared.metadata["in_frames"]}
     assert framed == set(frame.arrays)
-    assert framed == {"position", "tool_travel", "tool_force", "contact_force", "history"}
+    assert framed == {
+        "position", "tool_travel", "tool_force", "contact_force", "history", "pore_pressure"
+    }  # fmt: skip
     sim.state.position += 1.0
     np.testing.assert_array_equal(frame.position, sim.model.blank.node_positions)
 

@@ -1,0 +1,1 @@
+"""Solid sides of a coupling with a fluid: what deforms under its pressure and drives its volume."""

@@ -1,0 +1,122 @@
+"""What presses on a saturated sheet from outside: a bag, a tool at a gap, a tool under a force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from lcmchain.coupling.solids.compaction_law import CellCompaction
+from lcmchain.errors import InputError, SimulationError
+
+#: A number, or how it changes over time [s].
+OverTime = float | Callable[[float], float]
+
+# Newton's iteration on the gap of a plate: relative to the force, and at most so often.
+FORCE_TOLERANCE = 1e-12
+MOST_ITERATIONS = 100
+
+
+class Closed(NamedTuple):
+    """Thickness of the cells, and how it answers to their pore pressure.
+
+    thickness : (C,) [m]. compliance : (C,) change of a cell's thickness by a pore pressure that
+    rises by the same in all cells [m/Pa].
+    """
+
+    thickness: np.ndarray
+    compliance: np.ndarray
+
+
+class Closure(Protocol):
+    """Gives the thickness of all cells at a time under given pore pressures."""
+
+    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+        """Return the thickness of cells of present area (C,) [m²] under pressures (C,) [Pa]."""
+
+
+def value_at(quantity: OverTime, time: float) -> float:
+    """Return a quantity at a time."""
+    return float(quantity(time)) if callable(quantity) else float(quantity)
+
+
+@dataclass(frozen=True)
+class Bag:
+    """A bag or diaphragm without stiffness: each cell bears its pressure, P = sigma(h) + p.
+
+    pressure : on the sheet, in the system of the pore pressures [Pa]; (C,) or over time.
+    """
+
+    pressure: OverTime | np.ndarray
+
+    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+        total = self.pressure
+        if not isinstance(total, np.ndarray):
+            total = np.full_like(pore, value_at(total, time))
+        thickness = law.thickness_under(total - pore)
+        return Closed(thickness, 1.0 / law.stiffness(thickness))
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Rigid tools at a gap [m], (C,) or over time; what they press with follows."""
+
+    gap: OverTime | np.ndarray
+
+    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+        gap = self.gap
+        if not isinstance(gap, np.ndarray):
+            gap = np.full_like(pore, value_at(gap, time))
+        if not (gap > 0.0).all():
+            raise SimulationError(f"the tools are closed at {time:g} s: gap {gap.min():.4g} m")
+        return Closed(gap, np.zeros_like(pore))
+
+
+@dataclass(frozen=True)
+class Press:
+    """A rigid tool under a force: one gap for all cells, sum A (sigma(h) + p) = F.
+
+    force : of the press on the sheet [N], or over time.
+    offset : thickness of the cells over the gap (C,) [m], such as from tools that do not match.
+    across : share of a cell's area that the press sees, |n·d| with its direction d; (C,) or one.
+    """
+
+    force: OverTime
+    offset: np.ndarray | float = 0.0
+    across: np.ndarray | float = 1.0
+
+    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+        seen = self.across * area
+        force = value_at(self.force, time) - float(np.sum(seen * pore))
+        scale = max(abs(value_at(self.force, time)), float(np.sum(seen * np.abs(pore))), 1e-300)
+        # a cell at its own thickness would bear the mean pressure: bounds of the common gap
+        mean = np.full_like(pore, force / float(seen.sum()))
+        alone = law.thickness_under(mean) - self.offset
+        low, high = float(alone.min()), float(alone.max())
+        gap = 0.5 * (low + high)
+        for _ in range(MOST_ITERATIONS):
+            thickness = gap + self.offset + np.zeros_like(pore)
+            lacking = force - float(np.sum(seen * law.pressure(thickness)))
+            slope = float(np.sum(seen * law.stiffness(thickness)))
+            if abs(lacking) <= FORCE_TOLERANCE * scale or high - low <= 1e-16:
+                return Closed(thickness, np.full_like(pore, float(seen.sum()) / slope))
+            low, high = (low, gap) if lacking > 0.0 else (gap, high)
+            better = gap - lacking / slope
+            gap = better if low < better < high else 0.5 * (low + high)
+        raise SimulationError(
+            f"the gap of the press was not found at {time:g} s: {lacking:.3g} N are left over"
+        )
+
+
+def require_positive(name: str, values: np.ndarray) -> None:
+    """Check that all values are positive.
+
+    Raises
+    ------
+    InputError : one is not; names the cell.
+    """
+    wrong = np.flatnonzero(~(np.asarray(values) > 0.0))
+    if wrong.size:
+        raise InputError(f"{name} of cell {wrong[0]} is {np.asarray(values)[wrong[0]]:.6g}")

@@ -1,0 +1,161 @@
+"""Compaction of many cells by the law of their material: pressure, stiffness, and thickness.
+
+Terzaghi: what presses on a cell is borne by its fibres and its fluid, P = sigma(h) + p. The law is
+that of the forming (``Material.compaction_pressure``), plate-to-plate, per area of the reference: a
+cell whose mid-surface has shrunk to A bears lambda |S33| A0 / A.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lcmchain.errors import InputError, SimulationError
+from lcmchain.jit import routine
+from lcmchain.materials.law import (
+    Material,
+    evolved_history,
+    history_count,
+    load_history,
+    store_history,
+)
+
+# Thickness stretches among which the law is searched for its largest pressure.
+GRID = np.linspace(1.0, 0.05, 96)
+# Step of the stretch for the derivative of the law; leaves 1e-9 of it.
+DIFFERENCE = 1e-6
+MOST_ITERATIONS = 100
+
+
+class CellCompaction:
+    """Compaction law of C cells of one material.
+
+    Thicker than free, a cell resists with the stiffness that it has when it begins to be pressed,
+    as the elements of the forming do; the fluid that lifts it must bear that.
+
+    Parameters
+    ----------
+    material : see :class:`lcmchain.materials.law.Material`.
+    thickness : of the undeformed sheet in each cell (C,) [m].
+    area_stretch : present over undeformed area of the mid-surface (C,) or one number.
+    history : what the law remembers (numbers, C); nothing has happened by default.
+
+    Raises
+    ------
+    InputError : a thickness or an area that is not positive.
+    """
+
+    def __init__(
+        self,
+        material: Material,
+        thickness: np.ndarray,
+        area_stretch: np.ndarray | float = 1.0,
+        history: np.ndarray | None = None,
+    ) -> None:
+        self.material = material
+        self.thickness = np.array(thickness, dtype=float)
+        self.area_stretch = np.array(np.broadcast_to(area_stretch, self.thickness.shape))
+        for name, values in (("thickness", self.thickness), ("area_stretch", self.area_stretch)):
+            wrong = np.flatnonzero(~(values > 0.0))
+            if wrong.size:
+                raise InputError(f"{name} of cell {wrong[0]} is {values[wrong[0]]:.6g}")
+        count = history_count(material.law)
+        shape = (count, self.thickness.size)
+        self.history = np.zeros(shape) if history is None else np.array(history, dtype=float)
+        if self.history.shape != shape:
+            raise InputError(f"the history has the shape {self.history.shape}, not {shape}")
+        stiffness = material.stress_and_tangent(np.zeros(6))[1][2, 2]
+        self._lift = stiffness / self.area_stretch
+        carried = material.compaction_pressure(GRID)
+        self._thinnest = float(GRID[int(np.argmax(carried))])
+
+    @property
+    def free_stretch(self) -> np.ndarray:
+        """Return the stretch at which nothing presses (C,): 1, less by a permanent set."""
+        low = np.full(self.thickness.shape, self._thinnest)
+        high = np.ones_like(low)
+        if not len(self.history):
+            return high
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            pressed = self._law(middle) > 0.0
+            low, high = np.where(pressed, middle, low), np.where(pressed, high, middle)
+        return high
+
+    def pressure(self, thickness: np.ndarray) -> np.ndarray:
+        """Return the pressure that the fibres bear (C,) [Pa]; negative where they are pulled."""
+        stretch = thickness / self.thickness
+        return self._pressure(stretch, self.free_stretch)
+
+    def stiffness(self, thickness: np.ndarray) -> np.ndarray:
+        """Return minus the derivative of the pressure by the thickness (C,) [Pa/m], positive."""
+        stretch = thickness / self.thickness
+        return -self._slope(stretch, self.free_stretch) / self.thickness
+
+    def thickness_under(self, pressure: np.ndarray) -> np.ndarray:
+        """Return the thickness at which the fibres bear a pressure (C,) [m].
+
+        Raises
+        ------
+        SimulationError : more than the law can bear at any thickness.
+        """
+        free = self.free_stretch
+        low, high = (
+            np.full_like(free, self._thinnest),
+            free - np.minimum(pressure, 0.0) / self._lift,
+        )
+        lacking = self._pressure(low, free) < pressure
+        if lacking.any():
+            cell = int(np.flatnonzero(lacking)[0])
+            raise SimulationError(
+                f"the fibres of cell {cell} would have to bear {pressure[cell]:.4g} Pa, more than "
+                f"the law of {self.material.name} gives at any thickness"
+            )
+        stretch = np.minimum(high, free)
+        for _ in range(MOST_ITERATIONS):
+            excess = self._pressure(stretch, free) - pressure
+            low, high = (
+                np.where(excess >= 0.0, stretch, low),
+                np.where(excess <= 0.0, stretch, high),
+            )
+            better = stretch - excess / self._slope(stretch, free)
+            inside = (better > low) & (better < high)
+            better = np.where(inside, better, 0.5 * (low + high))
+            change = np.abs(better - stretch)
+            stretch = np.where(excess == 0.0, stretch, better)
+            if np.all((change <= 1e-15) | (excess == 0.0) | (high - low <= 1e-15)):
+                break
+        return stretch * self.thickness
+
+    def remember(self, thickness: np.ndarray) -> None:
+        """Move the history on to the end of a step that leads to a thickness (C,) [m]."""
+        if len(self.history):
+            strain = 0.5 * ((thickness / self.thickness) ** 2 - 1.0)
+            flat = np.ascontiguousarray(self.history).ravel()
+            _remember(self.material.law, strain, flat)
+            self.history = flat.reshape(self.history.shape)
+
+    def _law(self, stretch: np.ndarray) -> np.ndarray:
+        past = self.history if len(self.history) else None
+        return self.material.compaction_pressure(stretch, past)
+
+    def _pressure(self, stretch: np.ndarray, free: np.ndarray) -> np.ndarray:
+        lifted = self._lift * np.maximum(stretch - free, 0.0)
+        return self._law(stretch) / self.area_stretch - lifted
+
+    def _slope(self, stretch: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """Return the derivative by the stretch (C,) [Pa]; that of the pressed side where free."""
+        ahead = self._pressure(stretch + np.where(stretch < free, 0.0, DIFFERENCE), free)
+        behind = self._pressure(stretch - np.where(stretch > free, 0.0, DIFFERENCE), free)
+        width = np.where((stretch < free) | (stretch > free), DIFFERENCE, 2.0 * DIFFERENCE)
+        return (ahead - behind) / width
+
+
+@routine
+def _remember(law: Any, strain, history):
+    count = strain.size
+    for i in range(count):
+        past = load_history(law, history, i, count)
+        E = (0.0, 0.0, strain[i], 0.0, 0.0, 0.0)
+        store_history(law, evolved_history(law, E, past), history, i, count)

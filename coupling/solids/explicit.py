@@ -1,0 +1,271 @@
+"""The explicit forming simulation as the solid side of a coupling.
+
+The fluid gives one pore pressure per element; forming gives back the volume of the elements and how
+fast it changed. Forces and volumes belong together: p dV is the work on the sheet
+(:mod:`lcmchain.effects.pore_pressure`).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lcmchain.coupling.iteration.interface import (
+    PORE_PRESSURE,
+    REFERENCE_PRESSURE,
+    VOLUME_RATE_SLOPE,
+    Fields,
+    PartFailed,
+)
+from lcmchain.coupling.solids.fields import checked, chosen
+from lcmchain.effects.pore_pressure import volumes_and_rates
+from lcmchain.errors import InputError, SimulationError
+from lcmchain.model import build_model
+from lcmchain.solver.simulation import Simulation, StepControl
+from lcmchain.state import State
+
+
+@dataclass(frozen=True)
+class SavedForming:
+    """State of a :class:`ExplicitForming` at a time.
+
+    state : of the simulation. control : what limits its step.
+    pore_pressure : given last (element_count,) [Pa].
+    step : length of the last step [s], 0 before the first one.
+    volume, area : of the elements where the last step began (element_count,) [m³, m²].
+    """
+
+    state: State
+    control: StepControl
+    pore_pressure: np.ndarray
+    step: float
+    volume: np.ndarray
+    area: np.ndarray
+
+
+class ExplicitForming:
+    """A forming simulation with a fluid in its pores; a
+    :class:`lcmchain.coupling.iteration.interface.CoupledPart`.
+
+    The pore pressure that was set is held over a step; own steps are the explicit ones. An
+    incompressible fluid leaves an element no volume of its own: windows must resolve its thickness
+    wave (:meth:`longest_window`). With ``ramped`` the pressure goes linearly from its value before
+    to the one that was set: for outer pressures that change slowly, over windows of any length. A
+    fluid that answers to the mean rate over a window then makes shorter windows unstable.
+
+    Parameters
+    ----------
+    simulation : of one sheet with a thickness, whose model was built with ``pore_pressure=True``.
+    surroundings : pressure around the sheet [Pa]; the pressures that are set are in the same
+        system, and what loads the sheet is the difference.
+    ramped : whether the pressure changes linearly over a step instead of at its beginning.
+
+    Raises
+    ------
+    InputError : the model has no pore pressure, or several sheets.
+    """
+
+    inputs = (PORE_PRESSURE,)
+
+    def __init__(
+        self, simulation: Simulation, *, surroundings: float = 0.0, ramped: bool = False
+    ) -> None:
+        model = simulation.model
+        if model.pore is None:
+            raise InputError("the model was built without pore_pressure=True; no fluid can act")
+        if len(model.bodies) != 1:
+            raise InputError(
+                f"the model has {len(model.bodies)} sheets; a fluid is coupled with one"
+            )
+        self.simulation = simulation
+        self.surroundings, self.ramped = float(surroundings), ramped
+        self._lanes = model.pore
+        self._pressure = self.present_pressure()
+        self._step = 0.0
+        self._volume, self._area = self.volume(), self.area()
+
+    @classmethod
+    def from_scene(cls, scene: Any, **options: Any) -> ExplicitForming:
+        """Build the forming of a scene."""
+        return cls(Simulation(build_model(scene, pore_pressure=True)), **options)
+
+    # --- shape ------------------------------------------------------------------------------------
+
+    @property
+    def element_count(self) -> int:
+        return self.simulation.model.element_count
+
+    def node_positions(self) -> np.ndarray:
+        """Return the present positions of the nodes (node_count, 3) [m]."""
+        return np.ascontiguousarray(self.simulation.state.position.T)
+
+    def points(self) -> np.ndarray:
+        """Return the present positions of the mid-surface's nodes (pair_count, 3) [m]."""
+        return self.simulation.model.blank.mid_surface(self.node_positions())
+
+    @property
+    def cells(self) -> np.ndarray:
+        """Cells of the mid-surface (element_count, 4), the elements in their order; -1 is none."""
+        return self.simulation.model.blank.sheet_faces
+
+    def normals(self) -> np.ndarray:
+        """Return the unit normals of the mid-surface at the element centres (element_count, 3)."""
+        base = self.simulation.model.blank.base_vectors(self.node_positions())
+        normal = np.cross(base[:, 0], base[:, 1])
+        return normal / np.linalg.norm(normal, axis=1)[:, None]
+
+    def area(self) -> np.ndarray:
+        """Return the areas of the mid-surface (element_count,) [m²], as meshes have them."""
+        return self.simulation.model.blank.areas(self.node_positions())
+
+    def volume(self) -> np.ndarray:
+        """Return the volumes of the elements (element_count,) [m³]."""
+        return self._volumes_and_rates()[0]
+
+    def normal_thickness(self) -> np.ndarray:
+        """Return the thickness that the law of compaction sees (element_count,) [m]."""
+        body = self.simulation.model.body
+        history = self.simulation.model.history_of(body, self.simulation.state.history)
+        condition = body.condition(self.simulation.state.position, history)
+        return condition.thickness_stretch * 2.0 * body.geometry.height
+
+    def present_pressure(self) -> np.ndarray:
+        """Return the pore pressures that act now (element_count,) [Pa]."""
+        return self.simulation.state.pore_pressure[self._lanes.place] + self.surroundings
+
+    def _volumes_and_rates(self) -> tuple[np.ndarray, np.ndarray]:
+        state = self.simulation.state
+        volume, rate = np.empty((2, self._lanes.padded_count))
+        volumes_and_rates(self._lanes, state.position, state.velocity, volume, rate)
+        return volume[self._lanes.place], rate[self._lanes.place]
+
+    def compliance(self) -> np.ndarray:
+        """Return how much the volumes answer to their pressures over the last step (C,) [m³/Pa].
+
+        The smaller of two estimates, both of a sheet that no tool holds: that of the law of
+        compaction, and 2 A² dt² / m, what the inertia of an element of mass m lets a pressure do
+        within a step. It steers an iteration and has no part in its result.
+        """
+        inertial = 2.0 * (self.area() * self._step) ** 2 / self._lanes.mass[self._lanes.place]
+        return np.minimum(self._static_compliance(), inertial)
+
+    def longest_window(self) -> float:
+        """Return half the period of the fastest thickness wave [s], of the elements on their own.
+
+        A pressure that is held for longer no longer tells how the volume of an element will have
+        changed: it swings back within the step, and a coupling over such windows is not stable.
+        """
+        mass = self._lanes.mass[self._lanes.place]
+        omega2 = 4.0 * self.area() ** 2 / (mass * self._static_compliance())
+        return float(np.pi / np.sqrt(omega2.max()))
+
+    def _static_compliance(self) -> np.ndarray:
+        """Return V0 (A/A0)² / (λ² C33 + S33): dV/dp of the law of compaction alone (C,)."""
+        model = self.simulation.model
+        body = model.body
+        history = model.history_of(body, self.simulation.state.history)
+        condition = body.condition(self.simulation.state.position, history)
+        stretch = condition.thickness_stretch
+        strain = np.zeros((self.element_count, 6))
+        strain[:, 2] = 0.5 * (stretch**2 - 1.0)
+        S, C = body.material.stress_and_tangent(strain)
+        volume = self._lanes.mass[self._lanes.place] / body.material.density
+        return volume * condition.area_stretch**2 / (stretch**2 * C[:, 2, 2] + S[:, 2])
+
+    # --- coupled part -----------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Present time [s]."""
+        return self.simulation.time
+
+    def advance(self, step: float) -> None:
+        """Form for ``step`` [s] under the pore pressure that was set.
+
+        Raises
+        ------
+        PartFailed : a guard stopped the forming.
+        """
+        simulation, state = self.simulation, self.simulation.state
+        begin = self.time
+        self._volume, self._area, self._step = self.volume(), self.area(), float(step)
+        target = self._lanes.in_lanes(self._pressure - self.surroundings)
+        if self.ramped:
+            state.pore_rate[:] = (target - state.pore_pressure) / step
+        else:
+            state.pore_pressure[:] = target
+        try:
+            simulation.advance_to(begin + step)
+        except SimulationError as error:
+            raise PartFailed(
+                str(error), time=begin, step=step, inputs={PORE_PRESSURE: self._pressure}
+            ) from error
+        finally:
+            state.pore_rate[:] = 0.0
+        state.pore_pressure[:] = target
+
+    def save(self) -> SavedForming:
+        """Return a copy of the state, which no later step changes."""
+        return SavedForming(
+            self.simulation.state.copy(),
+            copy.deepcopy(self.simulation.control),
+            self._pressure.copy(),
+            self._step,
+            self._volume.copy(),
+            self._area.copy(),
+        )
+
+    def restore(self, saved: SavedForming) -> None:
+        """Go back to a saved state; going on from it is bit-identical."""
+        self.simulation.restore(saved.state)
+        self.simulation.control = copy.deepcopy(saved.control)
+        self._pressure, self._step = saved.pore_pressure.copy(), saved.step
+        self._volume, self._area = saved.volume.copy(), saved.area.copy()
+
+    def set_fields(self, fields: Mapping[str, np.ndarray]) -> None:
+        """Take ``pore_pressure`` (element_count,) [Pa] for the end of the next step.
+
+        Raises
+        ------
+        InputError : another name, a wrong number of values, or one that is no number.
+        """
+        for name, values in fields.items():
+            if name != PORE_PRESSURE:
+                raise InputError(f'"{name}" is no input of forming; it takes {PORE_PRESSURE}')
+            self._pressure = checked(name, values, self.element_count)
+
+    def get_fields(self, names: Sequence[str]) -> Fields:
+        """Return outputs at the present time; rates are means over the last step, 0 before it.
+
+        ``volume`` [m³], ``thickness`` (volume over area) [m], ``area`` [m²] with their ``_rate``;
+        ``pore_pressure`` [Pa]; for the fixed-stress split ``volume_rate_slope`` (an estimate, see
+        :meth:`compliance`) and ``reference_pressure``.
+
+        Raises
+        ------
+        InputError : a name that is no output.
+        """
+        volume, area = self.volume(), self.area()
+        now = {"volume": volume, "thickness": volume / area, "area": area}
+        before = {
+            "volume": self._volume, "thickness": self._volume / self._area, "area": self._area
+        }  # fmt: skip
+        pressure = self.present_pressure()
+        found = {PORE_PRESSURE: pressure, REFERENCE_PRESSURE: pressure, **now}
+        for name, value in now.items():
+            change = value - before[name]
+            found[f"{name}_rate"] = change / self._step if self._step else np.zeros_like(value)
+        if VOLUME_RATE_SLOPE in names:
+            found[VOLUME_RATE_SLOPE] = self.compliance() / (self._step or np.inf)
+        else:
+            found[VOLUME_RATE_SLOPE] = np.zeros_like(volume)
+        return chosen(names, found)
+
+    def places(self, name: str) -> np.ndarray | None:
+        """Return the centres of the elements (element_count, 3) [m]."""
+        positions = self.node_positions()[self.simulation.model.blank.elements]
+        return positions.mean(axis=1)

@@ -1,0 +1,118 @@
+"""What tools press with while a sheet is full of fluid, split into what bears it.
+
+At a node in contact the tool's force is in balance with that of the fibres (internal forces of the
+elements), of the pore pressure, of pressures on faces, and with inertia and damping. Each part is
+the force along the tool's normal at the node, summed over the nodes in contact; friction is what
+the tool drags with across its normals.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.effects.pore_pressure import pore_forces
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.family import internal_forces
+from lcmchain.jit import routine
+from lcmchain.model import Model
+from lcmchain.solver.simulation import Simulation
+from lcmchain.tools.distance import signed_distance
+
+
+class ToolLoad(NamedTuple):
+    """Force of the sheet on a tool at the last step and its parts, vectors (3,) [N].
+
+    ``total`` is their sum; ``rest`` is inertia, damping and the pressure on faces.
+    """
+
+    total: np.ndarray
+    fibres: np.ndarray
+    fluid: np.ndarray
+    friction: np.ndarray
+    rest: np.ndarray
+
+
+def tool_loads(simulation: Simulation) -> dict[str, ToolLoad]:
+    """Return the load on every tool by its name, of the forces of the last step."""
+    model, state = simulation.model, simulation.state
+    position = state.position - state.last_step * state.velocity
+    fibres = _fibre_forces(simulation, position)
+    fluid = _fluid_forces(model, position, state.pore_pressure)
+    loads = {}
+    for tool, name in enumerate(model.tool_names):
+        travel = state.tool_travel[tool] - state.last_step * state.tool_velocity[tool]
+        normal = _contact_normals(simulation, tool, position, travel)
+        total = state.tool_force[tool].copy()
+        by_fibres, by_fluid = _along(normal, fibres), _along(normal, fluid)
+        pressed = -np.sum(normal * state.contact_force, axis=1)
+        loads[name] = ToolLoad(
+            total, by_fibres, by_fluid, total - pressed, pressed - by_fibres - by_fluid
+        )
+    return loads
+
+
+def _contact_normals(simulation, tool: int, position: np.ndarray, travel: float) -> np.ndarray:
+    """Return the tool's normals at the nodes that it touches (3, node_count), 0 at the others."""
+    model = simulation.model
+    normal = np.zeros_like(position)
+    overlap = model.tools.initial_overlap[tool]
+    _normals(
+        model.tools, tool, position, model.nodes.offset - overlap, travel,
+        simulation.state.contact_force, normal,
+    )  # fmt: skip
+    return normal
+
+
+@routine
+def _normals(tools, tool, position, offset, travel, contact_force, normal):
+    for node in range(position.shape[1]):
+        if contact_force[node] == 0.0:
+            continue
+        gap, nx, ny, nz = signed_distance(
+            tools, tool, position[0, node], position[1, node], position[2, node], travel
+        )
+        if gap < offset[node]:
+            normal[0, node] = nx
+            normal[1, node] = ny
+            normal[2, node] = nz
+
+
+def _along(normal: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return the sum of the parts of forces (3, node_count) along the normals (3,) [N]."""
+    return np.sum(normal * np.sum(normal * force, axis=0), axis=1)
+
+
+def _fibre_forces(simulation: Simulation, position: np.ndarray) -> np.ndarray:
+    """Return what the elements exert on the nodes (3, node_count) [N]."""
+    model, history = simulation.model, simulation.state.history.copy()
+    corner = np.zeros(model.corner_force_size)
+    for body in model.placed:
+        _forces(
+            body.data,
+            np.ascontiguousarray(position),
+            corner[body.first_force : body.last_force],
+            history[body.first_history : body.last_history],
+        )
+    return -_on_nodes(model, corner)
+
+
+@routine
+def _forces(data, position, corner_force, history):
+    internal_forces(data, position, corner_force, history)
+
+
+def _fluid_forces(model: Model, position: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """Return what the pore pressure exerts on the nodes (3, node_count) [N]."""
+    if model.pore is None:
+        return np.zeros_like(position)
+    corner = np.zeros(model.corner_force_size)
+    held = pressure.copy()
+    pore_forces(model.pore, np.ascontiguousarray(position), held, np.zeros_like(held), 0.0, corner)
+    return _on_nodes(model, corner)
+
+
+def _on_nodes(model: Model, corner: np.ndarray) -> np.ndarray:
+    slot = model.nodes.force_slot
+    return np.stack([corner[slot + d * LANES].sum(axis=0) for d in range(3)])

@@ -1,0 +1,242 @@
+"""Pressure on the faces of a sheet: a vacuum bag, a diaphragm, a film of fluid.
+
+Adds: on the bottom or top face of every element the exact virtual work of a pressure that follows
+the face, f = p ∫ N g1 × g2 dξ dη over the bilinear face. Together with a pore pressure of the same
+size in the elements only the edges of the sheet are loaded: the same faces bound both.
+Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 4.9 (pressure that follows).
+Stability limit: its load stiffness, about p (1/l1 + 1/l2) / (ρ h), is added to the ω² of the
+elements with the largest pressure of the table.
+Scene: ``[[pressure]]``.
+Fields: ``energy_external`` (history) holds its work.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+import numpy as np
+from numba import prange
+from pydantic import Field, model_validator
+
+from lcmchain.effects.effect import Effect
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.pressed_elements import (
+    CORNERS,
+    LOAD_ROWS,
+    PressedElements,
+    load_corner,
+    pressed_elements,
+    store_corner,
+)
+from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
+from lcmchain.jit import equation, kernel, routine
+from lcmchain.quantities.entry_types import AbsentMeans, Name, Pressure, Row, TimeOrZero, wrong
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.tools.motion.smooth_step import smooth_step
+from lcmchain.tools.motion.table import tabulated_travel
+
+# Straight pieces of a pressure that comes on smoothly: they leave 0.02 % of it.
+RAMP_PIECES = 64
+# Time over which a constant pressure comes on by default, relative to the process.
+RAMP_PART = 0.1
+
+
+class PressureOnFace(SceneModel):
+    """Pressure on a face of the sheet, positive where it presses on it, relative to the air's."""
+
+    name: Annotated[str, Name("bag")] = Field(description="Name in results and messages.")
+    face: Literal["top", "bottom", "both"] = Field(description="Face that the pressure acts on.")
+    value: Annotated[Pressure | None, AbsentMeans("")] = Field(
+        default=None, description="Constant pressure; give this or a table."
+    )
+    ramp: Annotated[TimeOrZero | None, AbsentMeans(f"{RAMP_PART:g} of process.time")] = Field(
+        default=None, description="Time over which a constant pressure comes on smoothly."
+    )
+    times: Annotated[
+        tuple[TimeOrZero, ...] | None,
+        Row('"0 10 20 ms"', minimum_count=2, entries="times"),
+        AbsentMeans(""),
+    ] = Field(default=None, description="Times of a table, increasing.")
+    values: Annotated[
+        tuple[Pressure, ...] | None,
+        Row('"0 0.1 0.1 MPa"', minimum_count=2, entries="pressures"),
+        AbsentMeans(""),
+    ] = Field(
+        default=None,
+        description="Pressures at these times; linear in between, constant before and after.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if (self.value is None) == (self.times is None and self.values is None):
+            raise wrong('give either a constant value ("0.1 MPa") or times and values')
+        if self.value is not None:
+            return self
+        if self.times is None or self.values is None:
+            raise wrong("is missing: a table needs times and values", field=self._missing)
+        if self.ramp is not None:
+            raise wrong("belongs to a constant value; put the rise into the table", field="ramp")
+        if len(self.times) != len(self.values):
+            raise wrong(
+                f"has {len(self.values)} values for {len(self.times)} times; give one per time",
+                field="values",
+            )
+        for number, (earlier, later) in enumerate(zip(self.times, self.times[1:])):
+            if later <= earlier:
+                raise wrong(f"do not increase after entry [{number}]", field="times")
+        return self
+
+    @property
+    def _missing(self) -> str:
+        return "times" if self.times is None else "values"
+
+    def table(self, process_time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return times [s] and pressures [Pa] of the straight pieces."""
+        if self.times is not None and self.values is not None:
+            return np.array(self.times, dtype=float), np.array(self.values, dtype=float)
+        ramp = RAMP_PART * process_time if self.ramp is None else self.ramp
+        value = float(self.value or 0.0)
+        if ramp == 0.0:
+            return np.zeros(1), np.array([value])
+        s = np.linspace(0.0, 1.0, RAMP_PIECES + 1)
+        return ramp * s, value * np.array([smooth_step(x)[0] for x in s])
+
+
+class FacePressure(NamedTuple):
+    """Pressures on the faces of all elements.
+
+    elements : see :class:`PressedElements`.
+    times : (K,) [s]; bottom, top : (K,) sums of all pressures on the face [Pa], linear in between.
+    """
+
+    elements: PressedElements
+    times: np.ndarray
+    bottom: np.ndarray
+    top: np.ndarray
+
+    @property
+    def largest(self) -> float:
+        """Largest size of a pressure on a face [Pa]."""
+        return float(max(np.abs(self.bottom).max(), np.abs(self.top).max()))
+
+
+def build_face_pressure(
+    entries: Sequence[PressureOnFace], bodies: Sequence[Any], process_time: float
+) -> FacePressure | None:
+    """Return the table of all pressures on faces, or None without any.
+
+    Raises
+    ------
+    InputError : a sheet without thickness.
+    """
+    if not entries:
+        return None
+    tables = [entry.table(process_time) for entry in entries]
+    times = np.unique(np.concatenate([own for own, _ in tables]))
+    sums = {
+        side: sum(
+            np.interp(times, *table)
+            for entry, table in zip(entries, tables, strict=True)
+            if entry.face in (side, "both")
+        )
+        + np.zeros_like(times)
+        for side in ("bottom", "top")
+    }
+    elements = pressed_elements(bodies, key="pressure")
+    return FacePressure(elements, times, sums["bottom"], sums["top"])
+
+
+@equation
+def face_modes_of_lane(position, nodes, lane, first):
+    """Return b1 (ξ), b2 (η), b3 (ξη) of the face whose corners begin with ``first``."""
+    c0 = load_corner(position, nodes, lane, first)
+    c1 = load_corner(position, nodes, lane, first + 1)
+    c2 = load_corner(position, nodes, lane, first + 2)
+    c3 = load_corner(position, nodes, lane, first + 3)
+    across, along = combination2(0.25, c2, -0.25, c0), combination2(0.25, c1, -0.25, c3)
+    return (
+        plus(1.0, across, along),
+        plus(-1.0, along, across),
+        plus(0.25, combination2(1.0, c0, -1.0, c1), combination2(0.25, c2, -0.25, c3)),
+    )
+
+
+@equation
+def add_face_load(load, lane, first, p, b):
+    """Add p ∫ N g1 × g2 dξ dη to the four corners, with g1 = b1 + η b3 and g2 = b2 + ξ b3."""
+    mean = scaled(p, cross(b[0], b[1]))
+    xi = scaled(p / 3.0, cross(b[0], b[2]))
+    eta = scaled(p / 3.0, cross(b[2], b[1]))
+    both, apart = plus(1.0, xi, eta), plus(-1.0, eta, xi)
+    store_corner(load, lane, first, plus(-1.0, both, mean))
+    store_corner(load, lane, first + 1, plus(1.0, apart, mean))
+    store_corner(load, lane, first + 2, plus(1.0, both, mean))
+    store_corner(load, lane, first + 3, plus(-1.0, apart, mean))
+
+
+@routine
+def face_pressures(table, time):
+    """Return the pressures on the bottom and the top face at a time [Pa]."""
+    count = table.times.size
+    bottom = tabulated_travel(table.times, table.bottom, 0, count, time)[0]
+    return bottom, tabulated_travel(table.times, table.top, 0, count, time)[0]
+
+
+@kernel
+def face_forces(elements, position, bottom, top, added, load):
+    """Write the forces of pressures on both faces [Pa] on the corners of all elements.
+
+    Parameters
+    ----------
+    elements : :class:`PressedElements`. position : (3, node_count) [m].
+    added : whether ``load`` holds other forces to which these are added, ``True`` or ``None``.
+    load : (block_count * 24 * 16,) or longer [N], row ``3*corner + component``.
+    """
+    for block in prange(elements.mass.size // LANES):
+        nodes = elements.corner_node[block * CORNERS * LANES : (block + 1) * CORNERS * LANES]
+        own = load[block * LOAD_ROWS * LANES : (block + 1) * LOAD_ROWS * LANES]
+        if added is None:
+            own[:] = 0.0
+        for lane in range(LANES):
+            # outward normals: -ζ of the bottom face, ζ of the top; the pressure acts against them
+            add_face_load(own, lane, 0, bottom, face_modes_of_lane(position, nodes, lane, 0))
+            add_face_load(own, lane, 4, -top, face_modes_of_lane(position, nodes, lane, 4))
+
+
+@equation
+def length(a):
+    return math.sqrt(dot(a, a))
+
+
+@kernel
+def face_frequencies(elements, position, pressure, omega2):
+    """Write bounds of the size of ω² [1/s²] that a pressure [Pa] adds, by lane.
+
+    Blocks of the load stiffness in b0 ... b3 are cross products with b1 ... b3, its mass half that
+    of the element. It has no symmetry where a face ends: the larger of row and column sums counts.
+    """
+    for block in prange(omega2.size // LANES):
+        nodes = elements.corner_node[block * CORNERS * LANES : (block + 1) * CORNERS * LANES]
+        for lane in range(LANES):
+            largest = 0.0
+            for side in range(2):
+                b = face_modes_of_lane(position, nodes, lane, 4 * side)
+                largest = max(largest, length(b[0]) + length(b[1]) + length(b[2]) / 3.0)
+            mass = elements.mass[block * LANES + lane]
+            bound = 8.0 * abs(pressure) * largest / mass if mass > 0.0 else 0.0
+            omega2[block * LANES + lane] = bound
+
+
+def active(model: Any) -> list[Effect]:
+    table: FacePressure | None = model.face_pressure
+    if table is None:
+        return [Effect("pressure on faces", False, "no [[pressure]] entry")]
+    found = []
+    for side, values in (("bottom", table.bottom), ("top", table.top)):
+        if values.any():
+            low, high = 1e-6 * values.min(), 1e-6 * values.max()
+            reason = f"{low:.4g} to {high:.4g} MPa over the process"
+            found.append(Effect(f"pressure on the {side} face", True, reason))
+    return found or [Effect("pressure on faces", False, "all pressures are zero")]

@@ -1,0 +1,216 @@
+"""Pore pressure: the part of the pressure in a saturated sheet that its fluid bears.
+
+Adds: Terzaghi's pore pressure, S = S_eff - p J C^-1, with one pressure p per element. Its virtual
+work is p times the variation of the element's volume V, so that the force on a node is p ∂V/∂x and
+what the fluid does to the sheet is p dV, exactly. V is the volume of the trilinear hexahedron
+between the nodes: neighbours share their faces, so that a pressure that is the same everywhere
+loads no node within the sheet, and the rate of V is what the fluid must give or take. With the
+mode vectors a1 ... a7 of the deformed element and [a, b, c] = (a × b)·c
+
+    V = 8 ([a1, a2, a3] + ([a1, a4, a6] + [a4, a2, a5] + [a6, a5, a3]) / 3).
+
+The element's own measure of compaction, its normal thickness a3·n, agrees with V over the area of
+the mid-surface where the directors of an element are parallel; else they differ by products of a4
+to a6. The pressure is relative to that of the surroundings, which press on all faces. The mass of
+the fluid is not part of the sheet's inertia.
+Source: Terzaghi's principle for finite strains, e.g. Coussy, "Poromechanics", section 3.
+Stability limit: a given pressure has no stiffness of its own but that of the geometry, p ∂²V/∂x∂x;
+its ω², bounded by row sums of the mode vectors' blocks and about p (1/l1 + 1/l2) / (ρ h), is added
+to that of the elements. How the pressure answers to the volume is the coupling's concern.
+Scene: none; coupling sets the pressures (:mod:`lcmchain.coupling.solids`).
+Fields: ``pore_pressure``; ``energy_external`` (history) holds its work.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import prange
+
+from lcmchain.effects.effect import Effect
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.pressed_elements import (
+    CORNERS,
+    LOAD_ROWS,
+    PressedElements,
+    load_corner,
+)
+from lcmchain.elements.solid_shell.equations import mode_components
+from lcmchain.elements.solid_shell.kernel import load_component, store_component
+from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
+from lcmchain.jit import equation, kernel
+from lcmchain.mesh.hexahedron import MODES
+
+THIRD = 1.0 / 3.0
+
+
+@equation
+def modes_of_lane(position, nodes, lane):
+    """Return the mode vectors a1 ... a6 of the element in a lane; V does not hold a7."""
+    c0 = load_corner(position, nodes, lane, 0)
+    c1 = load_corner(position, nodes, lane, 1)
+    c2 = load_corner(position, nodes, lane, 2)
+    c3 = load_corner(position, nodes, lane, 3)
+    c4 = load_corner(position, nodes, lane, 4)
+    c5 = load_corner(position, nodes, lane, 5)
+    c6 = load_corner(position, nodes, lane, 6)
+    c7 = load_corner(position, nodes, lane, 7)
+    x = mode_components(c0[0], c1[0], c2[0], c3[0], c4[0], c5[0], c6[0], c7[0])
+    y = mode_components(c0[1], c1[1], c2[1], c3[1], c4[1], c5[1], c6[1], c7[1])
+    z = mode_components(c0[2], c1[2], c2[2], c3[2], c4[2], c5[2], c6[2], c7[2])
+    return (
+        (x[0], y[0], z[0]),
+        (x[1], y[1], z[1]),
+        (x[2], y[2], z[2]),
+        (x[3], y[3], z[3]),
+        (x[4], y[4], z[4]),
+        (x[5], y[5], z[5]),
+    )
+
+
+@equation
+def volume_of_modes(a):
+    a1, a2, a3, a4, a5, a6 = a
+    own = dot(cross(a1, a2), a3)
+    bent = dot(cross(a1, a4), a6) + dot(cross(a4, a2), a5) + dot(cross(a6, a5), a3)
+    return 8.0 * (own + THIRD * bent)
+
+
+@equation
+def volume_gradient(a):
+    """Return ∂V/∂a1 ... ∂V/∂a6."""
+    a1, a2, a3, a4, a5, a6 = a
+    third = 8.0 * THIRD
+    return (
+        scaled(8.0, plus(THIRD, cross(a4, a6), cross(a2, a3))),
+        scaled(8.0, plus(THIRD, cross(a5, a4), cross(a3, a1))),
+        scaled(8.0, plus(THIRD, cross(a6, a5), cross(a1, a2))),
+        combination2(third, cross(a6, a1), third, cross(a2, a5)),
+        combination2(third, cross(a4, a2), third, cross(a3, a6)),
+        combination2(third, cross(a1, a4), third, cross(a5, a3)),
+    )
+
+
+@equation
+def push_in_lane(corner, lane, p):
+    """Replace the corner positions ``corner[row*16 + lane]`` by the forces p ∂V/∂x on them."""
+    x = load_component(corner, lane)
+    y = load_component(corner, lane + LANES)
+    z = load_component(corner, lane + 2 * LANES)
+    g = volume_gradient(
+        (
+            (x[0], y[0], z[0]),
+            (x[1], y[1], z[1]),
+            (x[2], y[2], z[2]),
+            (x[3], y[3], z[3]),
+            (x[4], y[4], z[4]),
+            (x[5], y[5], z[5]),
+        )
+    )
+    store_component(corner, lane, pushed(p, g, 0))
+    store_component(corner, lane + LANES, pushed(p, g, 1))
+    store_component(corner, lane + 2 * LANES, pushed(p, g, 2))
+
+
+@equation
+def pushed(p, g, d):
+    return (p * g[0][d], p * g[1][d], p * g[2][d], p * g[3][d], p * g[4][d], p * g[5][d], 0.0)
+
+
+@kernel
+def pore_forces(elements, position, pressure, rate, dt, load):
+    """Write p ∂V/∂x on the corners of all elements, then move the pressures on by a step.
+
+    Parameters
+    ----------
+    elements : :class:`PressedElements`. position : (3, node_count) [m].
+    pressure, rate : (padded_count,) [Pa, Pa/s]; dt : the step [s].
+    load : (block_count * 24 * 16,) or longer [N], row ``3*corner + component``, written.
+    """
+    for block in prange(pressure.size // LANES):
+        nodes = elements.corner_node[block * CORNERS * LANES : (block + 1) * CORNERS * LANES]
+        own = load[block * LOAD_ROWS * LANES : (block + 1) * LOAD_ROWS * LANES]
+        p = pressure[block * LANES : (block + 1) * LANES]
+        for corner in range(CORNERS):
+            for lane in range(LANES):
+                node = nodes[corner * LANES + lane]
+                own[3 * corner * LANES + lane] = position[0, node]
+                own[(3 * corner + 1) * LANES + lane] = position[1, node]
+                own[(3 * corner + 2) * LANES + lane] = position[2, node]
+        for lane in range(LANES):
+            push_in_lane(own, lane, p[lane])
+        for lane in range(LANES):
+            p[lane] += dt * rate[block * LANES + lane]
+
+
+@kernel
+def volumes_and_rates(elements, position, velocity, volume, rate):
+    """Write the volumes [m³] of the elements and their rates [m³/s], by lane (padded_count,)."""
+    for block in prange(volume.size // LANES):
+        nodes = elements.corner_node[block * CORNERS * LANES : (block + 1) * CORNERS * LANES]
+        for lane in range(LANES):
+            a = modes_of_lane(position, nodes, lane)
+            g = volume_gradient(a)
+            b = modes_of_lane(velocity, nodes, lane)
+            total = dot(g[0], b[0]) + dot(g[1], b[1]) + dot(g[2], b[2])
+            total += dot(g[3], b[3]) + dot(g[4], b[4]) + dot(g[5], b[5])
+            volume[block * LANES + lane] = volume_of_modes(a)
+            rate[block * LANES + lane] = total
+
+
+@equation
+def length(a):
+    return math.sqrt(dot(a, a))
+
+
+@kernel
+def pore_frequencies(elements, position, pressure, omega2):
+    """Write bounds of the ω² [1/s²] that given pressures (padded_count,) [Pa] add, by lane.
+
+    Blocks of ∂²V/∂a∂a are cross products with mode vectors, whose norm is their length; every mode
+    has the mass of the element. The largest row sum of norms bounds the largest eigenvalue.
+    """
+    for block in prange(omega2.size // LANES):
+        nodes = elements.corner_node[block * CORNERS * LANES : (block + 1) * CORNERS * LANES]
+        for lane in range(LANES):
+            a = modes_of_lane(position, nodes, lane)
+            l1, l2, l3 = length(a[0]), length(a[1]), length(a[2])
+            l4, l5, l6 = length(a[3]), length(a[4]), length(a[5])
+            rows = max(
+                l2 + l3 + THIRD * (l4 + l6),
+                l1 + l3 + THIRD * (l4 + l5),
+                l1 + l2 + THIRD * (l5 + l6),
+            )
+            rows = max(
+                rows,
+                THIRD * (l1 + l2 + l5 + l6),
+                THIRD * (l2 + l3 + l4 + l6),
+                THIRD * (l1 + l3 + l4 + l5),
+            )
+            i = block * LANES + lane
+            mass = elements.mass[i]
+            omega2[i] = 8.0 * abs(pressure[i]) * rows / mass if mass > 0.0 else 0.0
+
+
+def trilinear_volumes(corners: np.ndarray) -> np.ndarray:
+    """Return the volumes [m³] of hexahedra with corner positions (element_count, 8, 3) [m].
+
+    Plain NumPy, written apart from the compiled form so that each checks the other.
+    """
+    a = np.einsum("kn,end->ked", MODES, corners)
+
+    def triple(i, j, k):
+        return np.einsum("ed,ed->e", np.cross(a[i - 1], a[j - 1]), a[k - 1])
+
+    bent = triple(1, 4, 6) + triple(4, 2, 5) + triple(6, 5, 3)
+    return 8.0 * (triple(1, 2, 3) + bent / 3.0)
+
+
+def active(model: Any) -> list[Effect]:
+    elements: PressedElements | None = model.pore
+    if elements is None:
+        return [Effect("pore pressure", False, "no fluid is coupled")]
+    count = elements.place.size
+    return [Effect("pore pressure", True, f"one pressure in each of {count} elements")]

@@ -1,0 +1,94 @@
+"""What pressures in and on a sheet have in common: the elements they act on, and their nodal loads.
+
+Both pressures write their forces on the corners of the elements to one array with the layout of the
+corner forces. The loop sums them up per node, adds them to the force on the node, and books their
+work from step to step with the mean of the loads before and after: what central differences turn
+into kinetic and strain energy, to round-off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lcmchain.elements.blocks import LANES
+from lcmchain.errors import InputError
+from lcmchain.jit import equation
+
+CORNERS = 8
+LOAD_ROWS = 3 * CORNERS
+
+
+class PressedElements(NamedTuple):
+    """The elements of all bodies, in blocks of 16 (``elements/blocks.py``).
+
+    corner_node : (block_count * 8 * 16,) int32, nodes of the model.
+    mass : (block_count * 16,) [kg], 0 in lanes that only repeat an element.
+    place : (element_count,) where an element of the model stands among the lanes.
+    """
+
+    corner_node: np.ndarray
+    mass: np.ndarray
+    place: np.ndarray
+
+    @property
+    def padded_count(self) -> int:
+        """Number of lanes."""
+        return self.mass.size
+
+    def in_lanes(self, values: np.ndarray) -> np.ndarray:
+        """Return values (element_count,) by lane (padded_count,), 0 in the others."""
+        lanes = np.zeros(self.padded_count)
+        lanes[self.place] = values
+        return lanes
+
+
+def pressed_elements(bodies: Sequence[Any], *, key: str) -> PressedElements:
+    """Return the elements of bodies with a thickness.
+
+    Parameters
+    ----------
+    bodies : see :class:`lcmchain.elements.family.Body`.
+    key : scene entry that asks for a pressure.
+
+    Raises
+    ------
+    InputError : a body without thickness.
+    """
+    places, masses, first = [], [], 0
+    for body in bodies:
+        if not body.mesh.has_thickness:
+            raise InputError(
+                f'needs both faces of the sheet; element = "{body.type}" has one layer of nodes; '
+                'use element = "solid-shell"',
+                key=key,
+            )
+        count = body.mesh.element_count
+        mass = np.zeros(-(-count // LANES) * LANES)
+        mass[:count] = body.material.density * body.geometry.volume
+        places.append(first + np.arange(count))
+        masses.append(mass)
+        first += mass.size
+    return PressedElements(
+        corner_node=np.concatenate([body.data.corner_node for body in bodies]),
+        mass=np.concatenate(masses),
+        place=np.concatenate(places),
+    )
+
+
+@equation
+def load_corner(position, nodes, lane, corner):
+    """Return the position of a corner of the element in a lane."""
+    node = nodes[corner * LANES + lane]
+    return (position[0, node], position[1, node], position[2, node])
+
+
+@equation
+def store_corner(load, lane, corner, force):
+    """Add a force to that on a corner of the element in a lane."""
+    row = 3 * corner * LANES + lane
+    load[row] += force[0]
+    load[row + LANES] += force[1]
+    load[row + 2 * LANES] += force[2]
