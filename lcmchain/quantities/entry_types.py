@@ -17,6 +17,7 @@ from lcmchain.quantities.units import (
     ANGLE,
     AREAL_MASS,
     DENSITY,
+    FLOW_RATE,
     FORCE,
     LENGTH,
     MASS,
@@ -370,6 +371,7 @@ LengthOrZero = Annotated[float, Quantity(LENGTH, NOT_NEGATIVE)]
 TimeOrZero = Annotated[float, Quantity(TIME, NOT_NEGATIVE)]
 PositiveTime = Annotated[float, Quantity(TIME, POSITIVE)]
 PositiveMass = Annotated[float, Quantity(MASS, POSITIVE)]
+FlowRate = Annotated[float, Quantity(FLOW_RATE)]
 Force = Annotated[float, Quantity(FORCE)]
 Pressure = Annotated[float, Quantity(PRESSURE)]
 Acceleration = Annotated[float, Quantity(ACCELERATION)]
