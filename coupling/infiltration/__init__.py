@@ -1,0 +1,1 @@
+"""Infiltration of a textile on its surface mesh: Darcy flow with a moving front."""
