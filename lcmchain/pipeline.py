@@ -13,7 +13,7 @@ import xarray as xr
 from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
 from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.errors import LcmchainError, MappingError, OutputError, UnfinishedRun
+from lcmchain.errors import InputError, LcmchainError, MappingError, OutputError, UnfinishedRun
 from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
@@ -22,8 +22,9 @@ from lcmchain.provenance import provenance
 from lcmchain.results import COMPLETE, RUNNING, ResultsFolder
 from lcmchain.run_account import RunAccount, state_after
 from lcmchain.run_files import expected_files, input_files, require_free_names
-from lcmchain.scene import MappingTarget, Scene
+from lcmchain.scene import Infiltration, MappingTarget, Scene
 from lcmchain.scene.output import NO_FILM
+from lcmchain.scene.scene import SHEET_NAME
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_head, run_summary
@@ -78,7 +79,7 @@ def run(
     with ResultsFolder.locked(folder, input_files(scene)) as results:
         results.require_apart(expected_files(scene))
         account = RunAccount(folder, scene.process.time, progress)
-        job = _Job(scene, results, thread_count, account)
+        job = _Job(scene, results, thread_count, account, resume=resume)
         checkpoint = read_checkpoint(folder, job.fingerprint) if resume else None
         job.build()
         results.begin(resume=resume)
@@ -96,10 +97,16 @@ class _Job:
     """The stages of one run."""
 
     def __init__(
-        self, scene: Scene, results: ResultsFolder, threads: int, account: RunAccount
+        self,
+        scene: Scene,
+        results: ResultsFolder,
+        threads: int,
+        account: RunAccount,
+        *,
+        resume: bool,
     ) -> None:
         self.scene, self.folder, self.results = scene, results.path, results
-        self.threads = threads
+        self.threads, self.resume = threads, resume
         self.account, self.tell, self.summary = account, account.tell, account.summary
         self.fingerprint = run_fingerprint(scene)
         self.result: Result
@@ -183,11 +190,20 @@ class _Job:
                 )
                 self.summary["mapping"][target.name] = report.as_dict()
                 self._analyse(target)
-            except OutputError:
-                raise  # a full disk is no fault of the mesh
+                if target.infiltration is not None:
+                    self._fill(f"{target.name}.nc", target.name, target.infiltration)
+            except (OutputError, UnfinishedRun):
+                raise  # a full disk, or Ctrl-C, is no fault of the mesh
             except LcmchainError as error:
                 failures.append(f'mapping "{target.name}" failed: {error}')
                 self.summary["mapping"].setdefault(target.name, {"error": str(error)})
+            self.account.set_state(RUNNING)
+        if self.scene.infiltration is not None:
+            try:
+                self._fill("forming.nc", SHEET_NAME, self.scene.infiltration)
+            except InputError as error:
+                failures.append(f"the infiltration of the sheet failed: {error}")
+                self.summary.setdefault("infiltration", {})[SHEET_NAME] = {"error": str(error)}
             self.account.set_state(RUNNING)
         if failures:
             raise MappingError(
@@ -214,6 +230,29 @@ class _Job:
             options=SolverOptions(threads=self.threads, picture=self.scene.output.pictures),
         )
         self.summary.setdefault("structure", {})[target.name] = report.as_dict()
+
+    def _fill(self, source: str, name: str, case: Infiltration) -> None:
+        """Fill a part as the scene says; an interrupted filling goes on from its checkpoint."""
+        from lcmchain.coupling.infiltration.stage import FillOptions, fill_part
+
+        output = self.scene.output
+        options = FillOptions(
+            picture=output.pictures, vtu=output.vtu, resume=None if self.resume else False
+        )
+        try:
+            report = fill_part(
+                self.folder / source,
+                case,
+                name=name,
+                out_dir=self.folder,
+                options=options,
+                tell=lambda share, text: self.account.tell(share, f"{name}: {text}", total=1.0),
+            )
+        except UnfinishedRun as error:
+            error.result = self.result
+            error.where = f"The forming results in {self.folder} are complete"
+            raise
+        self.summary.setdefault("infiltration", {})[name] = report.as_dict()
 
     def complete(self) -> None:
         """Write the report, and say that everything is there."""
@@ -294,6 +333,10 @@ def _require_readable_targets(scene: Scene) -> None:
             from lcmchain.mapping.structure import require_places
 
             require_places(mesh, target.structure)
+        if target.infiltration is not None:
+            from lcmchain.coupling.infiltration.setup import require_places as require_flow_places
+
+            require_flow_places(mesh, target.infiltration)
 
 
 def _build_simulation(scene: Scene) -> tuple[Simulation, list[str]]:

@@ -19,10 +19,10 @@ def draw_curves(path: Path | str, filled: FilledPart, title: str) -> None:
     with matplotlib.rc_context(RC):
         figure = new_figure(11.4, 3.7)
         left, middle, right = (figure.add_axes((x, 0.15, 0.25, 0.62)) for x in (0.055, 0.38, 0.70))
-        for number, name in enumerate(filled.gates):
+        for number, gate in enumerate(filled.setup.gates):
             colour = SERIES[number % len(SERIES)]
-            left.plot(time, 1e-5 * history.gate_pressure[:, number], color=colour, label=name)
-            middle.plot(time, 1e6 * history.gate_flow_rate[:, number], color=colour, label=name)
+            left.plot(time, 1e-5 * history.gate_pressure[:, number], color=colour, label=gate.name)
+            middle.plot(time, 1e6 * history.gate_rate[:, number], color=colour, label=gate.name)
         left.set_ylabel("pressure of the gates [bar]")
         middle.set_ylabel("flow rate of the gates [ml/s]")
         right.plot(time, 1e6 * history.injected.sum(axis=1), color=INK, label="injected")
@@ -41,8 +41,8 @@ def draw_curves(path: Path | str, filled: FilledPart, title: str) -> None:
             axis.set_xlim(0.0, max(float(time[-1]), 1e-12))
             axis.set_ylim(bottom=min(0.0, axis.get_ylim()[0]))
             axis.grid(alpha=0.25, lw=0.5)
-        _limit(middle, 1e6 * history.gate_flow_rate)
-        if len(filled.gates):
+        _limit(middle, 1e6 * history.gate_rate)
+        if filled.setup.gates:
             left.legend(loc="best")
         headline(figure, "Filling over time", title)
         save(figure, path)
@@ -50,6 +50,7 @@ def draw_curves(path: Path | str, filled: FilledPart, title: str) -> None:
 
 def _limit(axis, rates: np.ndarray) -> None:
     """Keep the first moments of a pressure gate, whose flow rate is unbounded, from flattening."""
+    rates = rates[np.isfinite(rates)]  # closed gates have none
     if rates.size and rates.max() > 0.0:
         low, high = min(0.0, float(rates.min())), float(rates.max())
         usual = float(np.percentile(rates[rates > 0.0], 90.0)) if (rates > 0.0).any() else high

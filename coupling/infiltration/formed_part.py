@@ -14,6 +14,7 @@ from lcmchain.coupling.permeability import principal_permeabilities
 from lcmchain.errors import InputError
 from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
+from lcmchain.mapping.files import compact
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, file_sha256, read_sheet
 from lcmchain.mapping.structure.formed import mapped_state
@@ -267,17 +268,12 @@ def _sheet_part(path: Path, frame: int) -> FormedPart:
             "onto one mesh first (lcmchain map, or --mesh), which adds up their thickness",
             file=path,
         )
-    faces = sheet.surface.faces
-    blocks = _blocks(faces)
-    order = np.concatenate([np.flatnonzero((faces[:, 3] < 0) == flag) for flag in (True, False)])
-    if len(blocks) > 2:  # triangles among quadrilaterals: one block of each
-        faces = faces[order]
-        blocks = _blocks(faces)
-    else:
-        order = np.arange(len(faces))
+    # one block of each shape, and no node without a face
+    order = np.argsort(sheet.surface.faces[:, 3] < 0, kind="stable")
+    used, faces = compact(sheet.surface.faces[order])
     target = TargetMesh(
-        sheet.surface.points, blocks, {}, cell_ids=order + 1,
-    )  # fmt: skip
+        sheet.surface.points[used], _blocks(faces), {}, cell_ids=order + 1, node_ids=used + 1
+    )
     mesh = UgridMesh("sheet")
     variables: dict[str, Variable] = {
         **mesh.topology(target.corners, long_name="formed sheet"),

@@ -32,11 +32,11 @@ from lcmchain.report.view import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-GATE_COLOUR, VENT_COLOUR, DRY_COLOUR = "#d62728", "#1769aa", (0.87, 0.87, 0.87)
+GATE_COLOUR, VENT_COLOUR, DRY_COLOUR = "#d5008f", "#1769aa", (0.87, 0.87, 0.87)
 WIDTHS = (5.4, 3.9)  # of the panels [in]
 BANDS = 14
-#: Places of at most so many nodes without an edge between them are one mark.
-FEW = 12
+#: Dry spots that are named, the largest first.
+MOST_NAMED = 6
 
 
 def draw_fill_time(path: Path | str, filled: FilledPart, title: str) -> None:
@@ -56,7 +56,7 @@ def draw_pressure(path: Path | str, filled: FilledPart, title: str) -> None:
     wet = filled.fill[frame] > 0.0
     values = np.where(wet, 1e-5 * filled.pressure[frame], np.nan)
     subtitle = f"{title}  ·  t = {filled.time[frame]:.4g} s"
-    _draw(path, filled, values, "Pressure [bar]", "magma_r", subtitle, named_dry=False)
+    _draw(path, filled, values, "Pressure [bar]", "YlOrRd", subtitle, named_dry=False)
 
 
 def _draw(
@@ -70,8 +70,8 @@ def _draw(
     lowest: float | None = None,
     named_dry: bool = True,
 ) -> None:
-    points = 1e3 * filled.part.target.points
-    cells = filled.part.target.corners
+    points = 1e3 * filled.setup.part.target.points
+    cells = filled.setup.part.target.corners
     rim = boundary_edges(np.where(cells < 0, cells[:, 2:3], cells))
     view = oblique(from_below=len(rim) > 0 and hangs_down(points, rim))
     used = points[np.unique(cells[cells >= 0])]
@@ -99,7 +99,7 @@ def _draw(
         )  # fmt: skip
         right.set_title("from above", color=FAINT, loc="left")
         label_axes(right, "x [mm]", "y [mm]")
-        _draw_bar(figure, bar, levels, colour_map, label, bool(np.isnan(values[cells]).any()))
+        draw_level_bar(figure, bar, levels, colour_map, label, bool(np.isnan(values[cells]).any()))
         headline(figure, label, subtitle)
         save(figure, path)
 
@@ -156,22 +156,23 @@ def mark_places(
     axis: Axes, filled: FilledPart, view: View, *, dry: bool = True, legend: bool = True
 ) -> None:
     """Mark gates, vents and dry spots where the part does not hide them."""
-    points = 1e3 * filled.part.target.points
-    cells = filled.part.target.corners
+    points = 1e3 * filled.setup.part.target.points
+    cells = filled.setup.part.target.corners
     whole = np.where(cells < 0, cells[:, 2:3], cells)
     buffer = DepthBuffer(points[whole], view)
     size = _facet_size(points, whole)
     for places, colour, marker in (
-        (filled.gates, GATE_COLOUR, "v"), (filled.vents, VENT_COLOUR, "o")
+        (filled.setup.gates, GATE_COLOUR, "v"), (filled.setup.vents, VENT_COLOUR, "o")
     ):  # fmt: skip
-        for name, nodes in places.items():
-            _mark(axis, name, nodes, points, whole, view, buffer, size, colour, marker)
+        for place in places:
+            _mark(axis, place.name, place.nodes, points, whole, view, buffer, size, colour, marker)
     if dry:
-        for spot in filled.dry_spots:
-            place = 1e3 * np.array(spot.place)
-            if not _hidden(buffer, place[None], view, size)[0]:
-                text = f"{spot.name}: {1e4 * spot.area:.3g} cm²"
-                _label(axis, view.on_screen(place), text, INK, "x")
+        for name, spot in filled.dry_spots[:MOST_NAMED]:
+            at = points[spot.nodes]  # the centre of a pocket on a curved part lies off it
+            at = at[np.argmin(np.linalg.norm(at - 1e3 * np.array(spot.place), axis=1))]
+            if not _hidden(buffer, at[None], view, size)[0]:
+                text = f"{name}: {1e4 * spot.area:.3g} cm²"
+                _label(axis, view.on_screen(at), text, INK, "x")
     if legend:
         kinds = (("gate", GATE_COLOUR), ("vent", VENT_COLOUR))
         for word, colour in kinds:
@@ -234,7 +235,8 @@ def _label(axis, place, text: str, colour: str, marker: str | None) -> None:
     )  # fmt: skip
 
 
-def _draw_bar(figure, axis, levels, colour_map: str, label: str, has_dry: bool) -> None:
+def draw_level_bar(figure, axis, levels, colour_map: str, label: str, has_dry: bool) -> None:
+    """Fill an axis with the bar of bands, and name the colour of what is dry."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch

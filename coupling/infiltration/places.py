@@ -25,7 +25,6 @@ class Places:
     points : nodes [m], shape (N, 3). cells : their rows, shape (C, 4), -1 behind a triangle.
     node_sets, cell_sets : rows by name.
     node_ids, cell_ids : numbers in the user's file, for messages; empty where it has none.
-    warnings : what a user should know of the places found; grows with every place.
     """
 
     points: np.ndarray
@@ -34,7 +33,6 @@ class Places:
     cell_sets: Mapping[str, np.ndarray]
     node_ids: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     cell_ids: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    warnings: list[str] = field(default_factory=list)
 
     def nodes(self, where: Where, key: str) -> np.ndarray:
         """Rows of the nodes of a place, ascending.
@@ -206,11 +204,6 @@ class Places:
                 key=f"{key}.point",
             )
         found = np.flatnonzero(away <= (radius or 0.0))
-        if radius is not None and len(found) < 2 and radius < self.edge_length:
-            self.warnings.append(
-                f"{key}: the radius {_mm(radius)} mm is smaller than the cells "
-                f"({_mm(self.edge_length)} mm); the nearest node is taken ({told})"
-            )
         return self.used[found] if len(found) else np.array([row])
 
     def _in_box(self, where: Where, places: np.ndarray, what: str, key: str) -> np.ndarray:

@@ -54,6 +54,17 @@ def summary_rows(summary: Mapping) -> Iterator[Number]:
     for name, report in summary.get("structure", {}).items():
         cells = f"{report['cell_count']:,} {'/'.join(report['elements'])} elements"
         yield Number(f"Structure {name}", cells, ", ".join(_structure_text(report)))
+    for name, report in summary.get("infiltration", {}).items():
+        yield Number(f"Infiltration {name}", *filling_text(report))
+
+
+def filling_text(report: Mapping) -> tuple[str, str]:
+    """Say how a filling ended."""
+    if "error" in report:
+        return "failed", ""
+    from lcmchain.coupling.infiltration.report import in_words
+
+    return f"{report['cell_count']:,} cells", in_words(dict(report))
 
 
 def _structure_text(report: Mapping) -> Iterator[str]:

@@ -134,6 +134,10 @@ class Vent(_Opening):
     pressure: Annotated[Pressure | None, AbsentMeans("vent_pressure")] = Field(
         default=None, description="Pressure there."
     )
+    bleeds: Switch = Field(
+        default=False,
+        description="Resin leaves there once the front has come; without it each node closes then.",
+    )
 
     @property
     def in_words(self) -> str:
@@ -192,10 +196,7 @@ class Infiltration(SceneModel):
     """Infiltration of the formed part: Darcy flow of resin with a moving front."""
 
     resin: Resin = Field(description="The resin that flows.")
-    time: PositiveTime = Field(description="Time after which the filling ends at the latest.")
-    stop: Literal["filled", "time"] = Field(
-        default="filled", description="End when nothing is left to fill, or at time."
-    )
+    time: PositiveTime = Field(description="Time at which the filling ends at the latest.")
     gates: Annotated[
         tuple[Gate, ...],
         Row("[[gates]] ...", entries="tables", units=False, maximum_count=MOST_PLACES),
@@ -234,6 +235,11 @@ class Infiltration(SceneModel):
         | None,
         AbsentMeans("none"),
     ] = Field(default=None, description="Acceleration of gravity on the resin.")
+    trapped_air: Switch = Field(
+        default=False,
+        description="Air that the front has enclosed is compressed; without it such air vanishes "
+        "at the pressure of the vents. Needs absolute pressures.",
+    )
     frames: Annotated[int, Number(21, Range(2, 10_000), whole=True)] = Field(
         default=21, description="Saved states, at equal shares of the filled pore volume."
     )
@@ -278,6 +284,12 @@ class Infiltration(SceneModel):
                     f"({least:g} Pa): no resin would flow",
                     field=f'gates[{index}] "{gate.name}".pressure',
                 )
+        if self.trapped_air and least <= 0.0:
+            raise wrong(
+                f"compresses the air from the pressure of the vents, which is {least:g} Pa; give "
+                'absolute pressures, such as vent_pressure = "1 bar"',
+                field="trapped_air",
+            )
         count = 0.0 if self.frame_interval is None else self.time / self.frame_interval
         if count > 10_000:
             raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
