@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import xarray as xr
 from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
 from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.errors import InputError, LcmchainError, MappingError, OutputError, UnfinishedRun
+from lcmchain.errors import LcmchainError, MappingError, OutputError, UnfinishedRun
 from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
@@ -24,7 +25,6 @@ from lcmchain.run_account import RunAccount, state_after
 from lcmchain.run_files import expected_files, input_files, require_free_names
 from lcmchain.scene import Infiltration, MappingTarget, Scene
 from lcmchain.scene.output import NO_FILM
-from lcmchain.scene.scene import SHEET_NAME
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_head, run_summary
@@ -169,42 +169,22 @@ class _Job:
             )
 
     def map_fields(self) -> None:
-        """Map onto every mesh of the scene, and keep the summary up to date.
+        """Map onto every mesh of the scene, analyse and fill there, and keep the summary up to date.
 
         Raises
         ------
         MappingError : after all have been tried.
         """
-        failures = []
+        failures: list[str] = []
         for target in self.scene.mapping:
-            from lcmchain.mapping import MappingOptions, map_forming
-
-            self.tell(self.scene.process.time, f"mapping {target.name}")
-            try:
-                report = map_forming(
-                    self.folder / "forming.nc",
-                    self.scene.source.directory / target.mesh,
-                    MappingOptions(**target.options(), picture=self.scene.output.pictures),
-                    name=target.name,
-                    out_dir=self.folder,
-                )
-                self.summary["mapping"][target.name] = report.as_dict()
+            with self._noting(failures, "mapping", target.name):
+                self._map(target)
                 self._analyse(target)
-                if target.infiltration is not None:
-                    self._fill(f"{target.name}.nc", target.name, target.infiltration)
-            except (OutputError, UnfinishedRun):
-                raise  # a full disk, or Ctrl-C, is no fault of the mesh
-            except LcmchainError as error:
-                failures.append(f'mapping "{target.name}" failed: {error}')
-                self.summary["mapping"].setdefault(target.name, {"error": str(error)})
-            self.account.set_state(RUNNING)
-        if self.scene.infiltration is not None:
-            try:
-                self._fill("forming.nc", SHEET_NAME, self.scene.infiltration)
-            except InputError as error:
-                failures.append(f"the infiltration of the sheet failed: {error}")
-                self.summary.setdefault("infiltration", {})[SHEET_NAME] = {"error": str(error)}
-            self.account.set_state(RUNNING)
+        for name, (case, onto) in self.scene.infiltrations.items():
+            if onto is not None and "error" in self.summary["mapping"][name]:
+                continue
+            with self._noting(failures, "infiltration", name):
+                self._fill("forming.nc" if onto is None else f"{name}.nc", name, case)
         if failures:
             raise MappingError(
                 f"{'. '.join(failures)}. The forming results in {self.folder} are complete; mend "
@@ -212,6 +192,31 @@ class _Job:
                 "without forming again",
                 self.result,
             )
+
+    @contextmanager
+    def _noting(self, failures: list[str], stage: str, name: str) -> Iterator[None]:
+        """Note what goes wrong with one mesh, so that the others are still tried."""
+        try:
+            yield
+        except (OutputError, UnfinishedRun):
+            raise  # a full disk, or Ctrl-C, is no fault of the mesh
+        except LcmchainError as error:
+            failures.append(f'{stage} "{name}" failed: {error}')
+            self.summary.setdefault(stage, {}).setdefault(name, {"error": str(error)})
+        self.account.set_state(RUNNING)
+
+    def _map(self, target: MappingTarget) -> None:
+        from lcmchain.mapping import MappingOptions, map_forming
+
+        self.tell(self.scene.process.time, f"mapping {target.name}")
+        report = map_forming(
+            self.folder / "forming.nc",
+            self.scene.source.directory / target.mesh,
+            MappingOptions(**target.options(), picture=self.scene.output.pictures),
+            name=target.name,
+            out_dir=self.folder,
+        )
+        self.summary["mapping"][target.name] = report.as_dict()
 
     def _analyse(self, target: MappingTarget) -> None:
         """Analyse the structure of a mapped part where the scene asks for it."""

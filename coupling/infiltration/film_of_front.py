@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.coupling.infiltration.picture import (
+    PRESSURE_COLOURS,
     draw_level_bar,
     mark_places,
     nice_levels,
@@ -57,13 +58,13 @@ def _images(filled: FilledPart, title: str, report) -> Iterator[np.ndarray]:
         with matplotlib.rc_context(RC):
             figure = new_figure(WIDTH, HEIGHT)
             axis = axes_at(figure, 0.1, 0.15, WIDTH - 1.4, HEIGHT - 0.8)
-            paint_contours(axis, points, cells, values[frame], levels, "YlOrRd", view, rim, True)
+            paint_contours(axis, points, cells, values[frame], levels, PRESSURE_COLOURS, view, rim, True)
             fit_axis(axis, view.on_screen(points), 0.05)
             axis.set_axis_off()
             mark_places(axis, filled, view, dry=False, legend=False)
             draw_triad(axis, view)
             bar = axes_at(figure, WIDTH - 1.15, 0.9, 0.16, HEIGHT - 2.2)
-            draw_level_bar(figure, bar, levels, "YlOrRd", "Pressure [bar]", True)
+            draw_level_bar(figure, bar, levels, PRESSURE_COLOURS, "Pressure [bar]", True)
             headline(figure, "Filling", f"{title}  ·  t = {time:.4g} s")
             figure.set_dpi(DPI)
             canvas = figure.canvas

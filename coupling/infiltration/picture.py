@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 GATE_COLOUR, VENT_COLOUR, DRY_COLOUR = "#d5008f", "#1769aa", (0.87, 0.87, 0.87)
 WIDTHS = (5.4, 3.9)  # of the panels [in]
 BANDS = 14
+TIME_COLOURS, PRESSURE_COLOURS = "viridis_r", "YlOrRd"
+#: Last place taken of each colour map: marks have to be seen upon it.
+DARKEST = {TIME_COLOURS: 0.94, PRESSURE_COLOURS: 0.82}
 #: Dry spots that are named, the largest first.
 MOST_NAMED = 6
 
@@ -46,7 +49,7 @@ def draw_fill_time(path: Path | str, filled: FilledPart, title: str) -> None:
     values = factor * filled.fill_time
     share = 100.0 * filled.history.filled_share[-1]
     subtitle = f"{title}  ·  {share:.4g} % filled after {factor * filled.time[-1]:.4g} {unit}"
-    _draw(path, filled, values, f"Fill time [{unit}]", "viridis_r", subtitle, lowest=0.0)
+    _draw(path, filled, values, f"Fill time [{unit}]", TIME_COLOURS, subtitle, lowest=0.0)
 
 
 def draw_pressure(path: Path | str, filled: FilledPart, title: str) -> None:
@@ -56,7 +59,7 @@ def draw_pressure(path: Path | str, filled: FilledPart, title: str) -> None:
     wet = filled.fill[frame] > 0.0
     values = np.where(wet, 1e-5 * filled.pressure[frame], np.nan)
     subtitle = f"{title}  ·  t = {filled.time[frame]:.4g} s"
-    _draw(path, filled, values, "Pressure [bar]", "YlOrRd", subtitle, named_dry=False)
+    _draw(path, filled, values, "Pressure [bar]", PRESSURE_COLOURS, subtitle, named_dry=False)
 
 
 def _draw(
@@ -120,7 +123,7 @@ def nice_levels(values: np.ndarray, lowest: float | None = None) -> np.ndarray:
 def band_colours(levels: np.ndarray, colour_map: str) -> np.ndarray:
     """Return the colours of the bands between levels, shape (B, 4)."""
     count = len(levels) - 1
-    return matplotlib.colormaps[colour_map](np.linspace(0.04, 0.94, count))
+    return matplotlib.colormaps[colour_map](np.linspace(0.04, DARKEST[colour_map], count))
 
 
 def paint_contours(

@@ -12,6 +12,7 @@ import numpy as np
 from lcmchain.atomic import replacing
 from lcmchain.coupling.infiltration.places import place_text
 from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.report.fillings import filling_in_words, time_in_words
 
 #: Dry spots that are told one by one, the largest first.
 MOST_SPOTS = 20
@@ -61,7 +62,7 @@ class FillingReport:
 
     def summary(self) -> str:
         """One sentence for the terminal."""
-        return f"{self.name}: {self.cell_count:,} cells, {in_words(self.as_dict())}"
+        return f"{self.name}: {self.cell_count:,} cells, {filling_in_words(self.as_dict())}"
 
 
 def filling_report(name: str, filled: FilledPart) -> FillingReport:
@@ -113,26 +114,6 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
     return report
 
 
-def in_words(report: dict[str, Any]) -> str:
-    """Say how a filling ended, for terminal and report."""
-    ends = {
-        "filled": f"filled after {_duration(report['time'])}",
-        "reached": f"{report['filled_share']:.1%} filled after {_duration(report['time'])}",
-    }
-    text = ends.get(
-        report["outcome"],
-        f"{report['filled_share']:.1%} filled, then it stopped ({report['outcome']}) at "
-        f"{_duration(report['time'])}",
-    )
-    text += f", {1e3 * report['resin_mass']:.4g} g of resin in the part"
-    vented = sum(vent["vented_volume"] for vent in report["vents"].values())
-    if vented > 0.0:
-        text += f", {1e6 * vented:.3g} ml vented"
-    if report["dry_spots"]:
-        text += f", {len(report['dry_spots'])} dry spots on the way"
-    return text
-
-
 def _warnings(filled: FilledPart, pores: float):
     """Yield what an engineer has to know of how it ended."""
     if filled.outcome != "filled":
@@ -149,7 +130,7 @@ def _warnings(filled: FilledPart, pores: float):
     for name, spot in spots[:3]:
         yield (
             f"{name}: the front closes around {1e4 * spot.area:.3g} cm² at {place_text(spot.place)} "
-            f"after {_duration(spot.time)}, and the air there has no way to a vent; put a vent "
+            f"after {time_in_words(spot.time)}, and the air there has no way to a vent; put a vent "
             "there, or move the gates"
         )
     if len(spots) > 3:
@@ -160,6 +141,3 @@ def _largest(values: np.ndarray) -> float:
     known = values[np.isfinite(values)]
     return float(known.max()) if len(known) else 0.0
 
-
-def _duration(time: float) -> str:
-    return f"{time:.4g} s" if time < 600.0 else f"{time / 60.0:.4g} min"
