@@ -17,15 +17,20 @@ from lcmchain.quantities.units import (
     ANGLE,
     AREAL_MASS,
     DENSITY,
+    DIFFUSIVITY,
+    DYNAMIC_VISCOSITY,
     FLOW_RATE,
     FORCE,
     LENGTH,
     MASS,
+    MOLAR_ENERGY,
     PENALTY,
+    PERMEABILITY,
     PRESSURE,
     QUANTITY_PATTERN,
     RATE,
     STIFFNESS,
+    TEMPERATURE,
     TIME,
     VISCOSITY,
     Dimension,
@@ -387,6 +392,12 @@ Density = Annotated[float, Quantity(DENSITY, POSITIVE)]
 ArealMass = Annotated[float, Quantity(AREAL_MASS, POSITIVE)]
 Penalty = Annotated[float, Quantity(PENALTY, POSITIVE)]
 Rate = Annotated[float, Quantity(RATE, NOT_NEGATIVE)]
+PositiveRate = Annotated[float, Quantity(RATE, POSITIVE)]
+Temperature = Annotated[float, Quantity(TEMPERATURE, POSITIVE)]
+ActivationEnergy = Annotated[float, Quantity(MOLAR_ENERGY, NOT_NEGATIVE)]
+Viscosity = Annotated[float, Quantity(DYNAMIC_VISCOSITY, POSITIVE)]
+Diffusivity = Annotated[float, Quantity(DIFFUSIVITY, POSITIVE)]
+PermeabilityValue = Annotated[float, Quantity(PERMEABILITY, POSITIVE)]
 ViscousDamping = Annotated[float, Quantity(VISCOSITY, NOT_NEGATIVE)]
 FibreRadius = Annotated[float, Quantity(LENGTH, POSITIVE, "3.5 um")]
 FrictionCoefficient = Annotated[float, Number(0.157, Range(0.0, 1.0))]

@@ -78,6 +78,17 @@ ACCELERATION = Dimension("acceleration", "m/s^2", "9.81 m/s^2", ("m/s^2", "mm/s^
 FLOW_RATE = Dimension(
     "flow rate", "m^3/s", "5 ml/s", ("ml/s", "cm^3/s", "ml/min", "l/min", "m^3/s"), 1e-18, 1e6
 )
+TEMPERATURE = Dimension("temperature", "K", "60 degC", ("degC", "K", "degF"), 1.0, 1e4)
+MOLAR_ENERGY = Dimension(
+    "molar energy", "J/mol", "50 kJ/mol", ("kJ/mol", "J/mol", "kcal/mol"), 1e-6, 1e9
+)
+DYNAMIC_VISCOSITY = Dimension(
+    "viscosity", "Pa*s", "0.1 Pa*s", ("Pa*s", "mPa*s", "cP", "P"), 1e-30, 1e15
+)
+DIFFUSIVITY = Dimension("diffusivity", "m^2/s", "0.15 mm^2/s", ("mm^2/s", "m^2/s"), 1e-20, 1e6)
+PERMEABILITY = Dimension(
+    "permeability", "m^2", "5e-11 m^2", ("m^2", "um^2", "mm^2", "darcy"), 1e-30, 1e-2
+)
 VISCOSITY = Dimension("viscous damping", "N*s/m", "5 N*s/m", ("N*s/m", "kg/s"), 1e-15, 1e15)
 
 

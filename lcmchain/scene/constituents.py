@@ -93,7 +93,7 @@ class Fibre(SceneModel):
     @model_validator(mode="before")
     @classmethod
     def _fill_preset(cls, values: Any) -> Any:
-        return _filled(values, FIBRES)
+        return filled(values, FIBRES)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -139,7 +139,7 @@ class Resin(SceneModel):
     @model_validator(mode="before")
     @classmethod
     def _fill_preset(cls, values: Any) -> Any:
-        return _filled(values, RESINS)
+        return filled(values, RESINS)
 
     @property
     def shear(self) -> float:
@@ -147,8 +147,8 @@ class Resin(SceneModel):
         return 0.5 * self.E / (1.0 + self.nu)
 
 
-def _filled(values: Any, published: dict[str, dict[str, tuple[Any, Basis]]]) -> Any:
-    """Put the entries of a table over those of the preset that it names."""
+def filled(values: Any, published: dict[str, dict[str, tuple[Any, Basis]]]) -> Any:
+    """Return a table with its entries put over those of the preset that it names."""
     if not isinstance(values, dict) or values.get("preset") is None:
         return values
     preset = values["preset"]

@@ -29,6 +29,9 @@ DISCRIMINATORS = {
     "element": "type",
     "shape": "type",
     "motion": "type",
+    "resin": "law",
+    "cure": "law",
+    "temperature": "law",
 }
 
 #: Examples of tables, for messages about a missing one.
@@ -44,6 +47,7 @@ _TABLE_EXAMPLES = {
     "bending": "[material.bending]",
     "fibre": 'fibre = { preset = "T300" }',
     "resin": 'resin = { preset = "MY750" }',
+    "temperature": 'temperature = { law = "constant", value = "60 degC" }',
 }
 
 #: Wrong entries that are explained; a file with more of them has one cause.
@@ -127,7 +131,9 @@ def _without_tags(location: Sequence[str | int], data: Any) -> tuple[str | int, 
     for step in location:
         if not choosing:
             result.append(step)
-        choosing = not choosing and step in DISCRIMINATORS
+        # "resin" names a table with forms here and one without there
+        may_choose = not choosing and step in DISCRIMINATORS
+        choosing = may_choose and len(models_of(annotation_at(result, data))) > 1
     return tuple(result)
 
 

@@ -250,6 +250,10 @@ class Infiltration(SceneModel):
         default="none", description="Film of the front; mp4 needs lcmchain[video]."
     )
 
+    def preset_values(self) -> dict[str, Any]:
+        """Return the entries of the presets of the resin, with their names."""
+        return {"resin": self.resin.preset_values()}
+
     @field_validator("gates", "vents", "regions", "race_tracks", "wetted")
     @classmethod
     def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:

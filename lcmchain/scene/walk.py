@@ -60,7 +60,8 @@ def _chosen(models: list[type[BaseModel]], value: Any) -> type[BaseModel] | None
         return models[0]
     if not isinstance(value, dict):
         return None
-    tag = "fabric" if value.get("preset") else value.get("law", value.get("type", DEFAULT_FORM))
+    default = "fabric" if value.get("preset") else value.get("type", DEFAULT_FORM)
+    tag = value.get("law", default)
     return next((model for model in models if tag in tags_of(model)), None)
 
 

@@ -1,0 +1,291 @@
+"""Scene tables of the resin of an infiltration: viscosity, cure, temperature.
+
+They stand here and not in the package with the laws: that package is built on the core, which holds
+the scene and never imports what is built on it.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from lcmchain.quantities.entry_types import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    AbsentMeans,
+    ActivationEnergy,
+    Density,
+    Diffusivity,
+    Number,
+    PositiveRate,
+    Range,
+    Row,
+    Temperature,
+    TimeOrZero,
+    Viscosity,
+    wrong,
+)
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.units import split_row
+from lcmchain.scene.constituents import filled, published_values
+from lcmchain.scene.published_resins import CURES, VISCOSITIES
+
+_Order = Annotated[float, Number(1.5, POSITIVE)]
+_Autocatalytic = Annotated[float, Number(1.0, NOT_NEGATIVE)]
+_Cure = Range(0.0, 1.0, open_ends=(1.0,))
+_Gel = Range(0.0, 1.0, open_ends=(0.0,))
+
+
+class KamalSourourCure(SceneModel):
+    """Cure by two reactions, the second catalysed by its product, after Kamal and Sourour.
+
+    The rate is k1 (1 - c)^order_1 + k2 c^autocatalytic_order (1 - c)^order for the cure c, with
+    k = rate exp(-energy / (R T)).
+    """
+
+    law: Literal["kamal_sourour"]
+    preset: Annotated[
+        Literal["RTM6-Karkanas", "RTM6-Pantelelis", "RTM6-Hein"] | None, AbsentMeans("")
+    ] = Field(default=None, description="Published fit whose values fill what is left out.")
+    rate_1: PositiveRate = Field(description="Factor of the first reaction.")
+    energy_1: ActivationEnergy = Field(description="Activation energy of the first reaction.")
+    rate_2: PositiveRate = Field(description="Factor of the second reaction.")
+    energy_2: ActivationEnergy = Field(description="Activation energy of the second reaction.")
+    order: _Order = Field(description="Order n of what is left to react.")
+    order_1: Annotated[_Order | None, AbsentMeans("order")] = Field(
+        default=None, description="Order of what is left to react in the first reaction."
+    )
+    autocatalytic_order: _Autocatalytic = Field(description="Order m of the cure itself.")
+    starts_by_itself: ClassVar[bool] = True
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_preset(cls, values: Any) -> Any:
+        return filled(values, CURES)
+
+
+class NthOrderCure(SceneModel):
+    """Cure by one reaction of n-th order: rate exp(-energy / (R T)) (1 - c)^order."""
+
+    law: Literal["nth_order"]
+    rate: PositiveRate = Field(description="Factor of the reaction.")
+    energy: ActivationEnergy = Field(description="Activation energy.")
+    order: _Order = Field(description="Order n of what is left to react.")
+    starts_by_itself: ClassVar[bool] = True
+
+
+class AutocatalyticCure(SceneModel):
+    """Cure by one reaction that its product catalyses.
+
+    The rate is rate exp(-energy / (R T)) c^autocatalytic_order (1 - c)^order; it needs an initial
+    cure.
+    """
+
+    law: Literal["autocatalytic"]
+    rate: PositiveRate = Field(description="Factor of the reaction.")
+    energy: ActivationEnergy = Field(description="Activation energy.")
+    order: _Order = Field(description="Order n of what is left to react.")
+    autocatalytic_order: _Order = Field(description="Order m of the cure itself.")
+    starts_by_itself: ClassVar[bool] = False
+
+
+Cure = Annotated[
+    KamalSourourCure | NthOrderCure | AutocatalyticCure,
+    Field(discriminator="law"),
+]
+
+_Temperatures = Annotated[tuple[Temperature, ...], Row('"60 80 degC"', minimum_count=1)]
+_Times = Annotated[tuple[TimeOrZero, ...], Row('"0 60 s"', minimum_count=2)]
+
+
+class ConstantResinTemperature(SceneModel):
+    """The same temperature everywhere and always."""
+
+    law: Literal["constant"]
+    value: Temperature = Field(description="Temperature of resin and preform.")
+
+
+class PrescribedResinTemperature(SceneModel):
+    """The same temperature everywhere, which changes over time."""
+
+    law: Literal["prescribed"]
+    times: _Times = Field(description="Times of the values.")
+    values: _Temperatures = Field(
+        description="Temperatures at the times, linear between, constant before and after."
+    )
+
+    @model_validator(mode="after")
+    def _check_table(self) -> Self:
+        _require_table(self.times, self.values, "values")
+        return self
+
+
+class MouldResinTemperature(SceneModel):
+    """Resin that enters at one temperature and warms towards that of the mould.
+
+    Without the heat of the reaction, conduction along the sheet, and cooling of the mould.
+    """
+
+    law: Literal["mould"]
+    inlet: Temperature = Field(description="Temperature of the resin that enters.")
+    mould: _Temperatures = Field(description="Temperature of the mould, or one for each of times.")
+    times: Annotated[_Times | None, AbsentMeans("")] = Field(
+        default=None, description="Times of the mould's temperatures, linear between them."
+    )
+    diffusivity: Diffusivity = Field(
+        description="Thermal diffusivity through the thickness of the wet preform."
+    )
+
+    @field_validator("mould", mode="before")
+    @classmethod
+    def _take_one(cls, value: Any) -> Any:
+        """Take one value as a row of one."""
+        is_row = isinstance(value, str) and split_row(value) is not None
+        return (value,) if isinstance(value, str | int | float) and not is_row else value
+
+    @model_validator(mode="after")
+    def _check_table(self) -> Self:
+        if self.times is None and len(self.mould) != 1:
+            raise wrong(f"needs one value without times, but has {len(self.mould)}", field="mould")
+        if self.times is not None:
+            _require_table(self.times, self.mould, "mould")
+        return self
+
+
+ResinTemperature = Annotated[
+    ConstantResinTemperature | PrescribedResinTemperature | MouldResinTemperature,
+    Field(discriminator="law"),
+]
+
+
+class _Resin(SceneModel):
+    """What the tables of all resins share."""
+
+    density: Density = Field(
+        default="1150 kg/m^3",  # type: ignore[assignment]
+        description="Density of the liquid resin, for its mass and for gravity.",
+    )
+    gel_cure: Annotated[Annotated[float, Number(0.6, _Gel)] | None, AbsentMeans("never")] = Field(
+        default=None, description="Gel point: cure from which the resin no longer flows."
+    )
+    initial_cure: Annotated[float, Number(0.01, _Cure)] = Field(
+        default=0.0, description="Cure of the resin that enters."
+    )
+    cure: Annotated[Cure | None, AbsentMeans("none")] = Field(
+        default=None, description="Rate of cure; without it the resin does not react."
+    )
+    temperature: Annotated[ResinTemperature | None, AbsentMeans("none needed")] = Field(
+        default=None, description="Temperature, where viscosity or cure depend on it."
+    )
+
+    #: Whether the viscosity depends on the temperature.
+    is_thermal: ClassVar[bool] = True
+
+    @model_validator(mode="after")
+    def _check_resin(self) -> Self:
+        if self.temperature is None and (self.is_thermal or self.cure is not None):
+            what = "the viscosity depends" if self.is_thermal else "the cure depends"
+            raise wrong(
+                f'is missing, but {what} on it; give temperature = {{ law = "constant", '
+                'value = "60 degC" }',
+                field="temperature",
+            )
+        if self.gel_cure is not None and self.initial_cure >= self.gel_cure:
+            raise wrong(
+                f"is {self.initial_cure:g}, not below the gel point {self.gel_cure:g}",
+                field="initial_cure",
+            )
+        starts = self.cure is None or self.cure.starts_by_itself or self.initial_cure > 0.0
+        if not starts:
+            raise wrong(
+                "is 0, from which an autocatalytic reaction never starts; give a small one such "
+                "as 0.001",
+                field="initial_cure",
+            )
+        return self
+
+    def preset_values(self) -> dict[str, Any]:
+        """Return the entries of presets as scene files give them, with the names of these."""
+        return {"cure": published_values(CURES, getattr(self.cure, "preset", None))}
+
+
+class ConstantViscosityResin(_Resin):
+    """Resin of constant viscosity."""
+
+    law: Literal["constant"]
+    viscosity: Viscosity = Field(description="Viscosity.")
+    is_thermal: ClassVar[bool] = False
+
+
+class ArrheniusResin(_Resin):
+    """Resin whose viscosity falls with the temperature.
+
+    It is reference_viscosity exp(E/R (1/T - 1/T_reference)).
+    """
+
+    law: Literal["arrhenius"]
+    reference_viscosity: Viscosity = Field(
+        description="Viscosity at the reference temperature, or the factor of exp(E / (R T))."
+    )
+    reference_temperature: Annotated[Temperature | None, AbsentMeans("infinite")] = Field(
+        default=None,
+        description="Temperature at which the viscosity is the reference viscosity; without it "
+        "that is the factor of exp(E / (R T)).",
+    )
+    activation_energy: ActivationEnergy = Field(description="Activation energy E.")
+
+
+class CastroMacoskoResin(ArrheniusResin):
+    """Resin that thickens as it cures, after Castro and Macosko.
+
+    The viscosity is that of "arrhenius" times (g / (g - c))^(exponent + exponent_slope c) for the
+    cure c and the gel point g.
+    """
+
+    law: Literal["castro_macosko"]  # type: ignore[assignment]
+    preset: Annotated[Literal["AroCy-L10"] | None, AbsentMeans("")] = Field(
+        default=None, description="Published resin whose values fill what is left out."
+    )
+    gel_cure: Annotated[float, Number(0.6, _Gel)] = Field(  # type: ignore[assignment]
+        description="Gel point: cure at which the viscosity grows without bound."
+    )
+    exponent: Annotated[float, Number(1.5, NOT_NEGATIVE)] = Field(
+        description="Exponent at the start of the cure."
+    )
+    exponent_slope: Annotated[float, Number(1.0)] = Field(
+        default=0.0, description="Change of the exponent over the cure."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_preset(cls, values: Any) -> Any:
+        return filled(values, VISCOSITIES)
+
+    @model_validator(mode="after")
+    def _check_exponents(self) -> Self:
+        at_gel = self.exponent + self.exponent_slope * self.gel_cure
+        if not (math.isfinite(at_gel) and at_gel > 0.0):
+            raise wrong(
+                f"gives an exponent of {at_gel:g} at the gel point; it must be positive there",
+                field="exponent_slope",
+            )
+        return self
+
+    def preset_values(self) -> dict[str, Any]:
+        """Return the entries of presets as scene files give them, with the names of these."""
+        return super().preset_values() | published_values(VISCOSITIES, self.preset)
+
+
+Resin = Annotated[
+    ConstantViscosityResin | ArrheniusResin | CastroMacoskoResin, Field(discriminator="law")
+]
+
+
+def _require_table(times: tuple[float, ...], values: tuple[float, ...], key: str) -> None:
+    if len(times) != len(values):
+        raise wrong(f"needs {len(times)} values, as times has, but has {len(values)}", field=key)
+    if any(later <= earlier for earlier, later in pairwise(times)):
+        raise wrong("must increase from one to the next", field="times")
