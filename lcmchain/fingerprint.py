@@ -52,7 +52,8 @@ def run_fingerprint(scene: Any) -> Fingerprint:
     """Return the fingerprint of the forming run of a scene.
 
     Entries that are applied to the saved frames (title, ``[output]``, ``[[mapping]]``,
-    ``[permeability]``, ``[infiltration]``) are left out: a finished forming run serves a changed mapping.
+    ``[permeability]``, ``[infiltration]``) are left out: a finished forming run serves a changed
+    mapping.
 
     Raises
     ------

@@ -169,7 +169,7 @@ class _Job:
             )
 
     def map_fields(self) -> None:
-        """Map onto every mesh of the scene, analyse and fill there, and keep the summary up to date.
+        """Map onto every mesh of the scene, analyse and fill there; keep the summary up to date.
 
         Raises
         ------

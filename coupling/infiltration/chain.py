@@ -55,9 +55,7 @@ def map_and_fill(
                     "fields were mapped once more; start from the forming result to lose nothing"
                 )
             path = Path(out_dir) / f"{name}.nc"
-    return report, fill_part(
-        path, case, name=name, out_dir=out_dir, options=options, tell=tell
-    )
+    return report, fill_part(path, case, name=name, out_dir=out_dir, options=options, tell=tell)
 
 
 def is_mapped_from(mapped: Path, forming: Path, mesh: Path) -> bool:

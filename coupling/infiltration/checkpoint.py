@@ -57,9 +57,7 @@ def write_checkpoint(
         os.fsync(file.fileno())
 
 
-def read_checkpoint(
-    path: Path, fingerprint: dict[str, str]
-) -> tuple[FillingState, FillingRecord]:
+def read_checkpoint(path: Path, fingerprint: dict[str, str]) -> tuple[FillingState, FillingRecord]:
     """Read the checkpoint of the filling with this fingerprint.
 
     Raises

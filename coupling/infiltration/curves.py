@@ -39,7 +39,9 @@ def draw_curves(path: Path | str, filled: FilledPart, title: str) -> None:
         for axis in (left, middle, right):
             axis.set_xlabel(f"time [{unit}]")
             axis.set_xlim(0.0, max(float(time[-1]), 1e-12))
-            lowest = min(float(np.nanmin(line.get_ydata(), initial=0.0)) for line in axis.get_lines())
+            lowest = min(
+                float(np.nanmin(line.get_ydata(), initial=0.0)) for line in axis.get_lines()
+            )
             axis.set_ylim(bottom=1.05 * lowest)
             axis.grid(alpha=0.25, lw=0.5)
         _limit(middle, 1e6 * history.gate_rate)

@@ -176,5 +176,3 @@ def _dry_spots(filled: FilledPart) -> xr.Dataset:
     }  # fmt: skip
     variables["dry_spot"] = (("dry_spot",), np.array(names, dtype=str), {"long_name": "name"})
     return xr.Dataset(variables, attrs={"Conventions": "CF-1.11"}).set_coords(["dry_spot"])
-
-

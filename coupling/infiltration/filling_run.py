@@ -59,9 +59,7 @@ class FillingRun:
             outcome, message = self._advance()
         if self.record.frame_time[-1] < self.filling.time:
             self.record.add_frame(self.filling)
-        return FilledPart.of_record(
-            self.setup, self.record, self.filling.save(), outcome, message
-        )
+        return FilledPart.of_record(self.setup, self.record, self.filling.save(), outcome, message)
 
     def _advance(self) -> tuple[str, str]:
         case = self.setup.case

@@ -58,7 +58,9 @@ def _images(filled: FilledPart, title: str, report) -> Iterator[np.ndarray]:
         with matplotlib.rc_context(RC):
             figure = new_figure(WIDTH, HEIGHT)
             axis = axes_at(figure, 0.1, 0.15, WIDTH - 1.4, HEIGHT - 0.8)
-            paint_contours(axis, points, cells, values[frame], levels, PRESSURE_COLOURS, view, rim, True)
+            paint_contours(
+                axis, points, cells, values[frame], levels, PRESSURE_COLOURS, view, rim, True
+            )
             fit_axis(axis, view.on_screen(points), 0.05)
             axis.set_axis_off()
             mark_places(axis, filled, view, dry=False, legend=False)

@@ -157,7 +157,7 @@ def require_permeable(part: FormedPart) -> None:
         "the compaction law lets the textile become denser than its fibres: check it, the areal "
         "mass and the fibre density, or give a [[regions]] entry there",
         "the fibre volume fraction is out of the range of the permeability law: use another law "
-        'or packing (hexagonal reaches 0.907), or a [[regions]] entry with a '
+        "or packing (hexagonal reaches 0.907), or a [[regions]] entry with a "
         "fibre_volume_fraction there",
         "nothing can flow there; check the law, or the file that it comes from",
     )

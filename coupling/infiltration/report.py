@@ -129,9 +129,9 @@ def _warnings(filled: FilledPart, pores: float):
     spots = [(name, spot) for name, spot in filled.dry_spots if spot.volume > NOTABLE * pores]
     for name, spot in spots[:3]:
         yield (
-            f"{name}: the front closes around {1e4 * spot.area:.3g} cm² at {place_text(spot.place)} "
-            f"after {time_in_words(spot.time)}, and the air there has no way to a vent; put a vent "
-            "there, or move the gates"
+            f"{name}: the front closes around {1e4 * spot.area:.3g} cm² at "
+            f"{place_text(spot.place)} after {time_in_words(spot.time)}, and the air there has no "
+            "way to a vent; put a vent there, or move the gates"
         )
     if len(spots) > 3:
         yield f"{len(spots) - 3} further dry spots, in the report"
@@ -140,4 +140,3 @@ def _warnings(filled: FilledPart, pores: float):
 def _largest(values: np.ndarray) -> float:
     known = values[np.isfinite(values)]
     return float(known.max()) if len(known) else 0.0
-

@@ -242,7 +242,7 @@ def _require_reached(
 
 def _doubts(case: scene.Infiltration, gates: Sequence[Gate], places: Places):
     """Yield what is computed, but perhaps not meant."""
-    for gate, given in zip(gates, case.gates, strict=True):
+    for gate in gates:
         if len(gate.nodes) == 1 and gate.radius is None and gate.flow_rate is None:
             yield (
                 f'the gate "{gate.name}" is one node with a pressure: as large as a hole of about '

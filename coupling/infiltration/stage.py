@@ -13,8 +13,8 @@ from lcmchain.compile_cache import source_hash
 from lcmchain.coupling.infiltration.checkpoint import read_checkpoint
 from lcmchain.coupling.infiltration.curves import draw_curves
 from lcmchain.coupling.infiltration.files import filling_groups, write_series, write_vtu
-from lcmchain.coupling.infiltration.film_of_front import draw_film
 from lcmchain.coupling.infiltration.filling_run import FillingRun, Tell
+from lcmchain.coupling.infiltration.film_of_front import draw_film
 from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
 from lcmchain.coupling.infiltration.picture import draw_fill_time, draw_pressure
 from lcmchain.coupling.infiltration.report import FillingReport, filling_report

@@ -85,7 +85,9 @@ def fill(
         reports = _fill_scene(source, out, overrides or (), options, quiet)
     else:
         mapping = _mapping(maximum_distance, length_unit, register)
-        reports = _fill_file(source, case, mesh, out, name, overrides or (), mapping, options, quiet)
+        reports = _fill_file(
+            source, case, mesh, out, name, overrides or (), mapping, options, quiet
+        )
     warnings = [
         warning
         for mapped, filled in reports
@@ -198,9 +200,7 @@ def _fill_scene(
     return reports
 
 
-def _say(
-    reports: tuple[MappingReport | None, FillingReport], folder: Path, quiet: bool
-) -> None:
+def _say(reports: tuple[MappingReport | None, FillingReport], folder: Path, quiet: bool) -> None:
     mapped, filled = reports
     if quiet:
         return

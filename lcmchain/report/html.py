@@ -16,8 +16,8 @@ from lcmchain.atomic import replacing
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.report.captions import CAPTIONS, caption_of
 from lcmchain.report.curves import curve_data
-from lcmchain.report.fillings import dry_spot_rows, filling_rows
 from lcmchain.report.field_view import view_data
+from lcmchain.report.fillings import dry_spot_rows, filling_rows
 from lcmchain.report.grades import GRADES, worst_grade
 from lcmchain.report.mapping_errors import in_words
 from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table

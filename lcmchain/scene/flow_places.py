@@ -1,4 +1,4 @@
-"""Scene entries for places of a surface mesh that resin flows in: sets, points, boxes, boundaries."""
+"""Scene entries for places of the mesh that resin flows in: sets, points, boxes, boundaries."""
 
 from __future__ import annotations
 

@@ -280,7 +280,9 @@ class Infiltration(SceneModel):
                 "for example one with rim = true",
                 field="vents",
             )
-        least = min([self.vent_pressure, *(v.pressure for v in self.vents if v.pressure is not None)])
+        least = min(
+            [self.vent_pressure, *(v.pressure for v in self.vents if v.pressure is not None)]
+        )
         for index, gate in enumerate(self.gates):
             if gate.pressure is not None and max(gate.pressure) <= least:
                 raise wrong(

@@ -88,5 +88,7 @@ class MappingTarget(SceneModel):
 
     def options(self) -> dict[str, Any]:
         """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
-        same = self.model_dump(exclude={"name", "mesh", "registration", "structure", "infiltration"})
+        same = self.model_dump(
+            exclude={"name", "mesh", "registration", "structure", "infiltration"}
+        )
         return {**same, "register": self.registration}

@@ -232,7 +232,7 @@ class Scene(SceneModel):
                 )
         if self.infiltration is not None and SHEET_NAME in [t.name for t in self.mapping]:
             raise wrong(
-                f'is called "{SHEET_NAME}", as the files of [infiltration] are; choose another name',
+                f'has the name "{SHEET_NAME}", that of the files of [infiltration]; choose another',
                 field="mapping",
             )
 

@@ -1,4 +1,4 @@
-"""Bands and lines of a node field: they cover the mesh once and lie where the field is the level."""
+"""Bands and lines of a node field: they cover the mesh once and lie where the level is."""
 
 import numpy as np
 import pytest

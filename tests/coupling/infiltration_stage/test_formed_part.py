@@ -58,7 +58,7 @@ def test_sets_and_parts_of_a_mapped_file(kit, tmp_path):
 
 
 def test_a_law_gives_what_the_forming_result_lacks(kit):
-    without = {name: None for name in ("permeability_1", "permeability_2", "permeability_3")}
+    without = dict.fromkeys(("permeability_1", "permeability_2", "permeability_3"))
     part = read_formed_part(kit.forming(**without))
     with pytest.raises(InputError, match=r"no permeability: form with a \[permeability\] law"):
         with_permeability(part, None)
@@ -74,7 +74,10 @@ def test_a_law_gives_what_the_forming_result_lacks(kit):
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"permeability_2": changed(0.0, PERMEABILITY)}, "2 of 36 cells have a permeability of zero"),
+        (
+            {"permeability_2": changed(0.0, PERMEABILITY)},
+            "2 of 36 cells have a permeability of zero",
+        ),
         ({"fibre_volume_fraction": changed(1.02, 0.5)}, "fibre volume fraction of one or more"),
         ({"thickness": changed(0.0, 2e-3)}, "have a thickness that is not positive"),
     ],
@@ -112,7 +115,9 @@ def test_what_is_no_part_is_refused(kit, tmp_path):
         read_formed_part(tmp_path / "nothing.nc")
     with pytest.raises(InputError, match="is a folder; name the forming.nc"):
         read_formed_part(tmp_path)
-    with pytest.raises(InputError, match='no thickness; form the sheet with element = "solid-shell"'):
+    with pytest.raises(
+        InputError, match='no thickness; form the sheet with element = "solid-shell"'
+    ):
         read_formed_part(kit.forming(thickness=None))
 
 

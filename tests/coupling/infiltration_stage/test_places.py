@@ -36,7 +36,9 @@ def test_nodes_of_every_way(places):
 
 def test_the_rim_is_the_outer_boundary_and_a_loop_is_the_one_at_a_point(places):
     outer = places.nodes(Where(rim=True), KEY)
-    on_the_rim = np.isin(places.points[:, 0], [0.0, 0.3]) | np.isin(places.points[:, 1], [0.0, 0.06])
+    on_the_rim = np.isin(places.points[:, 0], [0.0, 0.3]) | np.isin(
+        places.points[:, 1], [0.0, 0.06]
+    )
     assert outer.tolist() == np.flatnonzero(on_the_rim).tolist()
     hole = places.nodes(Where(loop=(0.125, 0.02, 0.0)), KEY)
     assert hole.tolist() == [9, 10, 13, 14]

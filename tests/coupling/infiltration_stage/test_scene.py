@@ -123,8 +123,11 @@ def test_a_scene_names_its_infiltrations(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (('[permeability]\nlaw = "gebart"\nfibre_radius = "3.5 um"', ""), "permeability: is missing"),
-        (('[permeability]', 'element = "membrane-shell"\n[x]'), "unknown key"),
+        (
+            ('[permeability]\nlaw = "gebart"\nfibre_radius = "3.5 um"', ""),
+            "permeability: is missing",
+        ),
+        (("[permeability]", 'element = "membrane-shell"\n[x]'), "unknown key"),
     ],
 )
 def test_a_scene_without_what_the_flow_needs(change, message):
