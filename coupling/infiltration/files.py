@@ -50,14 +50,14 @@ def filling_groups(filled: FilledPart, attributes: Mapping[str, Any]) -> dict[st
         field = FILLING_FIELDS[name]
         for axis, variable in enumerate(field.variables):
             own = values[..., axis] if field.is_vector else values
-            about = field.attributes(variable) | {"_FillValue": np.nan}
+            told: dict[str, Any] = {**field.attributes(variable), "_FillValue": np.nan}
             place = mesh.on_cells if field.location == "face" else mesh.on_nodes
-            dataset[variable] = place(np.ascontiguousarray(own), about)
+            dataset[variable] = place(np.ascontiguousarray(own), told)
     for kind, places in (("gate", filled.setup.gates), ("vent", filled.setup.vents)):
         for place_ in places:
             marks = np.zeros(len(part.target.points), dtype=np.int8)
             marks[place_.nodes] = 1
-            about = {
+            about: dict[str, Any] = {
                 "long_name": f"{kind} {place_.name}", "units": "1", "set_name": place_.name,
                 "flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "outside member",
             }  # fmt: skip

@@ -27,12 +27,13 @@ class FillingRun:
 
     Parameters
     ----------
-    checkpoint : file that is written on the way. fingerprint : of what decides the numbers.
+    checkpoint : file that is written on the way, None for none.
+    fingerprint : of what decides the numbers.
     tell : called after every step with the filled share and a text.
     """
 
     def __init__(
-        self, setup: FillingSetup, checkpoint: Path, fingerprint: dict[str, str], tell: Tell
+        self, setup: FillingSetup, checkpoint: Path | None, fingerprint: dict[str, str], tell: Tell
     ) -> None:
         self.setup, self.checkpoint, self.fingerprint = setup, checkpoint, fingerprint
         self.tell = tell
@@ -48,7 +49,7 @@ class FillingRun:
         InputError : ``resume`` without a checkpoint of this filling.
         SimulationInterrupted : the user stopped it; a checkpoint was left.
         """
-        if resume:
+        if resume and self.checkpoint is not None:
             state, self.record = read_checkpoint(self.checkpoint, self.fingerprint)
             self.filling.restore(state)
         else:
@@ -90,8 +91,12 @@ class FillingRun:
         if self._stop.is_set():
             self._save()
             raise SimulationInterrupted(
-                f"stopped at {filling.time:.4g} s with {share:.1%} filled; the same command with "
-                "--resume goes on from here"
+                f"stopped at {filling.time:.4g} s with {share:.1%} filled"
+                + (
+                    ""
+                    if self.checkpoint is None
+                    else "; the same command with --resume goes on from here"
+                )
             )
         if time.perf_counter() - self._saved > CHECKPOINT_INTERVAL:
             self._save()
@@ -102,6 +107,8 @@ class FillingRun:
         return self.record.filled_share[min(number, len(self.record.time) - 1)]
 
     def _save(self) -> None:
+        if self.checkpoint is None:
+            return
         write_checkpoint(self.checkpoint, self.fingerprint, self.filling.save(), self.record)
         self._saved = time.perf_counter()
 

@@ -31,6 +31,7 @@ from lcmchain.report.view import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 GATE_COLOUR, VENT_COLOUR, DRY_COLOUR = "#d5008f", "#1769aa", (0.87, 0.87, 0.87)
 WIDTHS = (5.4, 3.9)  # of the panels [in]
@@ -198,7 +199,7 @@ def _mark(axis, name, nodes, points, whole, view, buffer, size, colour, marker) 
         seen = ~_hidden(buffer, parts.mean(axis=1), view, size)
         axis.add_collection(
             LineCollection(
-                view.on_screen(parts[seen]), colors=colour, linewidths=2.2, zorder=5,  # type: ignore[arg-type]
+                view.on_screen(parts[seen]), colors=colour, linewidths=2.2, zorder=5,
                 capstyle="round",
             )
         )  # fmt: skip
@@ -238,7 +239,9 @@ def _label(axis, place, text: str, colour: str, marker: str | None) -> None:
     )  # fmt: skip
 
 
-def draw_level_bar(figure, axis, levels, colour_map: str, label: str, has_dry: bool) -> None:
+def draw_level_bar(
+    figure: Figure, axis: Axes, levels: np.ndarray, colour_map: str, label: str, has_dry: bool
+) -> None:
     """Fill an axis with the bar of bands, and name the colour of what is dry."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap

@@ -120,20 +120,30 @@ class FilledPart:
         """Gather what a filling has left."""
         gates, vents = len(setup.gates), len(setup.vents)
         history = FillingHistory(
-            np.array(record.time), np.array(record.filled_share), np.array(record.stored),
-            np.array(record.balance_error), np.array(record.wet_area),
-            *(_rows(rows, gates) for rows in (record.gate_pressure, record.gate_rate,
-                                              record.injected)),
-            _rows(record.vented, vents),
-        )  # fmt: skip
-        frames = (
-            record.fill, record.pressure, record.resin_volume, record.velocity, record.cure,
-            record.temperature,
-        )  # fmt: skip
+            time=np.array(record.time),
+            filled_share=np.array(record.filled_share),
+            stored=np.array(record.stored),
+            balance_error=np.array(record.balance_error),
+            wet_area=np.array(record.wet_area),
+            gate_pressure=_rows(record.gate_pressure, gates),
+            gate_rate=_rows(record.gate_rate, gates),
+            injected=_rows(record.injected, gates),
+            vented=_rows(record.vented, vents),
+        )
         return cls(
-            setup, np.array(record.frame_time), *(np.stack(rows) for rows in frames), history,
-            state, outcome, message,
-        )  # fmt: skip
+            setup=setup,
+            time=np.array(record.frame_time),
+            fill=np.stack(record.fill),
+            pressure=np.stack(record.pressure),
+            resin_volume=np.stack(record.resin_volume),
+            velocity=np.stack(record.velocity),
+            cure=np.stack(record.cure),
+            temperature=np.stack(record.temperature),
+            history=history,
+            state=state,
+            outcome=outcome,
+            message=message,
+        )
 
     @property
     def is_filled(self) -> bool:

@@ -201,7 +201,8 @@ def _race_track(
 
 def _require_apart(gates: Sequence[Gate], vents: Sequence[Vent], places: Places) -> None:
     for number, gate in enumerate(gates):
-        for other in (*gates[number + 1 :], *vents):
+        others: list[Gate | Vent] = [*gates[number + 1 :], *vents]
+        for other in others:
             shared = np.intersect1d(gate.nodes, other.nodes)
             if len(shared):
                 raise InputError(

@@ -100,6 +100,17 @@ def fill_part(
     return report
 
 
+def fill(part: FormedPart, case: Infiltration, tell: Tell | None = None) -> FilledPart:
+    """Fill a formed part, whose dataset may hold any fields in place of the formed; write nothing.
+
+    Raises
+    ------
+    InputError : fields, places or cells that are wrong.
+    SimulationInterrupted : the user stopped it.
+    """
+    return FillingRun(set_up(part, case), None, {}, tell or (lambda share, text: None)).complete()
+
+
 def checkpoint_file(out_dir: Path | str, name: str) -> Path:
     """Return the file that an interrupted filling leaves."""
     return Path(out_dir) / f"{name}{ENDING}_checkpoint.npz"
@@ -112,8 +123,8 @@ def fingerprint_of(setup: FillingSetup) -> dict[str, str]:
     for array in (mesh.points, mesh.cells, preform.thickness, preform.porosity,
                   preform.permeability):  # fmt: skip
         digest.update(np.ascontiguousarray(array).tobytes())
-    for place in (*setup.gates, *setup.vents):
-        digest.update(place.nodes.tobytes())
+    for nodes in [place.nodes for place in setup.gates] + [place.nodes for place in setup.vents]:
+        digest.update(nodes.tobytes())
     case = setup.case.model_dump_json(exclude={"animation"})
     return {
         "part": digest.hexdigest(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,11 +12,6 @@ from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.options import Overrides, Strict
 from lcmchain.commands.terminal import length_of, progress_bar, require_none, say, warn
 from lcmchain.errors import InputError
-
-if TYPE_CHECKING:
-    from lcmchain.coupling.infiltration.report import FillingReport
-    from lcmchain.coupling.infiltration.stage import FillOptions
-    from lcmchain.mapping import MappingOptions, MappingReport
 
 SCENE_SUFFIX = ".toml"
 
@@ -98,16 +93,17 @@ def fill(
     require_none(warnings, strict=strict)
 
 
-_Reports = Sequence["tuple[MappingReport | None, FillingReport]"]
+#: Reports of the mapping, None without one, and of the filling, for each part.
+_Reports = Sequence[tuple[Any, Any]]
 
 
-def _options(frame: int, allow_incomplete: bool, resume: bool) -> FillOptions:
+def _options(frame: int, allow_incomplete: bool, resume: bool) -> Any:
     from lcmchain.coupling.infiltration.stage import FillOptions
 
     return FillOptions(frame=frame, allow_incomplete=allow_incomplete, resume=resume)
 
 
-def _mapping(maximum_distance: str | None, length_unit: str, register: bool) -> MappingOptions:
+def _mapping(maximum_distance: str | None, length_unit: str, register: bool) -> Any:
     from lcmchain.mapping import MappingOptions
 
     distance = (
@@ -126,8 +122,8 @@ def _fill_file(
     out: Path | None,
     name: str,
     overrides: Sequence[str],
-    mapping: MappingOptions,
-    options: FillOptions,
+    mapping: Any,
+    options: Any,
     quiet: bool,
 ) -> _Reports:
     """Fill a forming result or a mapped file with the case of a file."""
@@ -157,7 +153,7 @@ def _fill_file(
 
 
 def _fill_scene(
-    path: Path, out: Path | None, overrides: Sequence[str], options: FillOptions, quiet: bool
+    path: Path, out: Path | None, overrides: Sequence[str], options: Any, quiet: bool
 ) -> _Reports:
     """Fill as a scene says, from its forming results in the folder."""
     from lcmchain.scene import read_scene
@@ -200,7 +196,7 @@ def _fill_scene(
     return reports
 
 
-def _say(reports: tuple[MappingReport | None, FillingReport], folder: Path, quiet: bool) -> None:
+def _say(reports: tuple[Any, Any], folder: Path, quiet: bool) -> None:
     mapped, filled = reports
     if quiet:
         return

@@ -1,11 +1,22 @@
 """The tables of an infiltration: what they take, and what they say of wrong entries."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from lcmchain.errors import InputError
-from lcmchain.scene import infiltration_from_text, scene_from_text
+from lcmchain.manual.contents import read_page
+from lcmchain.scene import (
+    infiltration_from_text,
+    read_infiltration,
+    read_scene,
+    scene_from_text,
+)
 
 from .conftest import GATE, HEAD, VENT
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "infiltration"
 
 SCENE = """
 [process]
@@ -140,3 +151,11 @@ def test_a_structural_mesh_takes_no_infiltration(tmp_path):
     mapping = '[[mapping]]\nname = "part"\nmesh = "part.vtu"\nkind = "structure"\n'
     with pytest.raises(InputError, match='needs kind = "infiltration", but kind is "structure"'):
         scene_from_text(SCENE + mapping + nested("mapping.infiltration"), tmp_path / "scene.toml")
+
+
+def test_the_case_of_the_manual_and_those_of_the_example_are_read():
+    (block,) = re.findall(r"```toml\n(.*?)```", read_page("infiltration").text, flags=re.DOTALL)
+    assert infiltration_from_text(block).gates[0].radius == 0.01
+    if EXAMPLE.is_dir():
+        assert read_infiltration(EXAMPLE / "pole.toml").gates[0].pressure == (3e5,)
+        assert list(read_scene(EXAMPLE / "scene.toml").infiltrations) == ["sheet", "from_rim"]
