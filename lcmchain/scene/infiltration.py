@@ -252,7 +252,7 @@ class Infiltration(SceneModel):
 
     def preset_values(self) -> dict[str, Any]:
         """Return the entries of the presets of the resin, with their names."""
-        return {"resin": self.resin.preset_values()}
+        return {"resin": {key: v for key, v in self.resin.preset_values().items() if v}}
 
     @field_validator("gates", "vents", "regions", "race_tracks", "wetted")
     @classmethod
