@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -33,19 +34,26 @@ def forming_datasets(
     datasets = model_datasets(scene, model, frames, histories, attributes={"state": state})
     if scene.permeability is None:
         return datasets
-    return add_face_variables(datasets, permeability_fields(scene.permeability, datasets["/"]))
+    fields = permeability_fields(scene.permeability, datasets["/"], scene.source.directory)
+    return add_face_variables(datasets, fields)
 
 
 def permeability_fields(
-    law: Permeability, sheet: xr.Dataset
+    law: Permeability, sheet: xr.Dataset, directory: Path | None = None
 ) -> dict[str, np.ndarray | tuple[np.ndarray, dict[str, str]]]:
     """Return principal permeabilities (F, E) [m2] and their axes (F, E, 3), in all saved states.
 
     They are not a number where the fibre volume fraction is outside the range of the law.
+
+    Parameters
+    ----------
+    directory : folder to which a file that the law names is relative.
     """
     fraction = sheet["fibre_volume_fraction"].values
     families = [vector(sheet, f"fibre_direction_{family}").reshape(-1, 3) for family in (1, 2)]
-    found = principal_permeabilities(law, fraction.ravel(), *families, out_of_range="nan")
+    found = principal_permeabilities(
+        law, fraction.ravel(), *families, out_of_range="nan", directory=directory
+    )
     fields: dict[str, np.ndarray | tuple[np.ndarray, dict[str, str]]] = {}
     for number in (1, 2, 3):
         values = getattr(found, f"k{number}").reshape(fraction.shape)

@@ -4,17 +4,23 @@ Laws for aligned fibres give the permeability along and across the fibres as a f
 fibre volume fraction; a textile's principal permeabilities follow from its two fibre families.
 The laws describe the flow between the fibres. In textiles whose tows leave gaps, as non-crimp
 fabrics do, the gaps carry most of the flow: the bulk permeability can be ten times larger, and a
-measured law should replace these.
+measured law (:mod:`lcmchain.coupling.measured_permeability`) should replace these.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lcmchain.coupling.measured_permeability import (
+    MEASURED_LAWS,
+    MeasuredPermeability,
+    measured_law,
+)
+from lcmchain.coupling.principal_permeability import PrincipalPermeabilities, unit, within
 from lcmchain.errors import InputError
 from lcmchain.scene.permeability import Permeability
 
@@ -65,21 +71,48 @@ class PermeabilityLaw:
         """Fibre volume fraction that the law cannot reach: the fibres touch, or no pore is left."""
         return TOUCHING[self.packing] if self.law == "gebart" else 1.0
 
+    @property
+    def in_words(self) -> str:
+        """Name of the law with what its range depends on, for messages."""
+        return self.law + (f" with {self.packing} packing" if self.law == "gebart" else "")
 
-class PrincipalPermeabilities(NamedTuple):
-    """Principal permeabilities [m2], each (C,), and their directions, each (C, 3).
+    @property
+    def advice(self) -> str:
+        """What to do about fibres packed too densely, for messages."""
+        if self.law == "gebart" and self.packing == "quadratic":
+            return "; choose hexagonal packing, which reaches 0.907, or a softer compaction law"
+        return ""
 
-    ``k1`` is the larger one in the plane of the sheet, ``k2`` the smaller one, ``k3`` the one
-    through the thickness; ``direction_1``, ``direction_2``, ``direction_3`` are unit vectors
-    whose sign has no meaning. They form a right-handed frame, the third as fibre 1 turns to 2.
-    """
+    def factor(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """Mean permeability in the plane at a fibre volume fraction over that at another."""
+        later, earlier = (np.sum(aligned_permeabilities(self, v), axis=0) for v in (now, before))
+        return later / earlier
 
-    k1: np.ndarray
-    k2: np.ndarray
-    k3: np.ndarray
-    direction_1: np.ndarray
-    direction_2: np.ndarray
-    direction_3: np.ndarray
+    def principal(
+        self,
+        fibre_volume_fraction: np.ndarray,
+        fibre_direction_1: np.ndarray,
+        fibre_direction_2: np.ndarray,
+        *,
+        out_of_range: str = "raise",
+    ) -> PrincipalPermeabilities:
+        """Principal permeabilities of two equal families, see :func:`principal_permeabilities`."""
+        along, across = aligned_permeabilities(
+            self, fibre_volume_fraction, out_of_range=out_of_range
+        )
+        a1 = np.asarray(fibre_direction_1, dtype=float)
+        a2 = np.asarray(fibre_direction_2, dtype=float)
+        normal = np.cross(a1, a2)
+        # One sign for both, so that their angle is at most a right one and the sum bisects it.
+        cosine = np.einsum("ci,ci->c", a1, a2)
+        a2 = np.where(cosine[:, None] < 0.0, -a2, a2)
+        cosine = np.abs(cosine)
+        acute = unit(a1 + a2)
+        normal = unit(normal)
+        # Mean of (along - across) a⊗a over the families: the values (1 ± cosine) / 2 on the axes.
+        k1 = across + (along - across) * 0.5 * (1.0 + cosine)
+        k2 = across + (along - across) * 0.5 * (1.0 - cosine)
+        return PrincipalPermeabilities(k1, k2, across, acute, np.cross(normal, acute), normal)
 
 
 def gebart(
@@ -144,13 +177,13 @@ def aligned_permeabilities(
         that is not a number (an unmapped cell) stays one.
     """
     _choice("out_of_range", out_of_range, ("raise", "nan"))
-    law = _as_law(law)
+    law = _aligned_law(law)
     v = np.asarray(fibre_volume_fraction, dtype=float)
     limit = law.largest_fibre_volume_fraction
     outside = (v <= 0.0) | (v >= limit)
-    if out_of_range == "raise" and np.any(outside):
-        _refuse(law, v, outside, limit)
-    v = np.where(outside, np.nan, v)
+    v = within(
+        v, outside, (0.0, limit), name=law.in_words, out_of_range=out_of_range, advice=law.advice
+    )
     if law.law == "gebart":
         return gebart(v, law.fibre_radius, law.packing)
     return (
@@ -160,52 +193,60 @@ def aligned_permeabilities(
 
 
 def principal_permeabilities(
-    law: PermeabilityLaw | Permeability,
+    law: PermeabilityLaw | MeasuredPermeability | Permeability,
     fibre_volume_fraction: np.ndarray,
     fibre_direction_1: np.ndarray,
     fibre_direction_2: np.ndarray,
     *,
     out_of_range: str = "raise",
+    directory: Path | None = None,
 ) -> PrincipalPermeabilities:
-    """Principal permeabilities of a textile with two equal fibre families.
+    """Principal permeabilities of a textile with two fibre families.
 
-    Each family is a ply of aligned fibres with half the thickness. Along the sheet the plies
-    conduct side by side: the permeability tensor is the mean of both, so that shear turns its
+    With a law of aligned fibres each family is a ply with half the thickness. Along the sheet the
+    plies conduct side by side: the permeability tensor is the mean of both, so that shear turns its
     axes to the bisectors of the families and stretches it along the acute one. Through the
-    thickness they conduct one after the other, both across their fibres.
+    thickness they conduct one after the other, both across their fibres. A measured law is carried
+    along by the fibres (:meth:`MeasuredPermeability.principal`).
 
     Parameters
     ----------
-    law, out_of_range : as in :func:`aligned_permeabilities`.
+    law : as in :func:`aligned_permeabilities`, or a measured one.
+    out_of_range : as in :func:`aligned_permeabilities`.
     fibre_volume_fraction : shape (C,).
-    fibre_direction_1, fibre_direction_2 : unit vectors, shape (C, 3); their sign has no meaning.
+    fibre_direction_1, fibre_direction_2 : unit vectors, shape (C, 3); their sign has no meaning
+        but for a measured law whose axes lie between the fibres.
+    directory : folder to which a file that the scene's entry names is relative.
 
     Raises
     ------
-    InputError : outside the range of the law (see :func:`aligned_permeabilities`).
+    InputError : outside the range of the law (see :func:`aligned_permeabilities`), or a table that
+        cannot be read.
     """
-    along, across = aligned_permeabilities(law, fibre_volume_fraction, out_of_range=out_of_range)
-    a1 = np.asarray(fibre_direction_1, dtype=float)
-    a2 = np.asarray(fibre_direction_2, dtype=float)
-    normal = np.cross(a1, a2)
-    # One sign for both, so that their angle is at most a right one and the sum bisects it.
-    cosine = np.einsum("ci,ci->c", a1, a2)
-    a2 = np.where(cosine[:, None] < 0.0, -a2, a2)
-    cosine = np.abs(cosine)
-    acute = _unit(a1 + a2)
-    normal = _unit(normal)
-    # Mean of (along - across) a⊗a over the families has the values (1 ± cosine) / 2 on the axes.
-    k1 = across + (along - across) * 0.5 * (1.0 + cosine)
-    k2 = across + (along - across) * 0.5 * (1.0 - cosine)
-    return PrincipalPermeabilities(k1, k2, across, acute, np.cross(normal, acute), normal)
+    return law_of(law, directory).principal(
+        fibre_volume_fraction, fibre_direction_1, fibre_direction_2, out_of_range=out_of_range
+    )
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(vectors, axis=1)
-    return vectors / np.where(length > 0.0, length, np.nan)[:, None]
+def law_of(
+    law: PermeabilityLaw | MeasuredPermeability | Permeability, directory: Path | None = None
+) -> PermeabilityLaw | MeasuredPermeability:
+    """Return the law of a scene's ``permeability`` entry; a law is returned as it is.
+
+    Parameters
+    ----------
+    directory : folder to which a file that the entry names is relative.
+
+    Raises
+    ------
+    InputError : a table that cannot be read.
+    """
+    if isinstance(law, PermeabilityLaw | MeasuredPermeability):
+        return law
+    return measured_law(law, directory) if law.law in MEASURED_LAWS else _aligned_law(law)
 
 
-def _as_law(law: PermeabilityLaw | Permeability) -> PermeabilityLaw:
+def _aligned_law(law: PermeabilityLaw | Permeability) -> PermeabilityLaw:
     if isinstance(law, PermeabilityLaw):
         return law
     names = ("law", "fibre_radius", "packing", "k_along", "k_across")
@@ -218,22 +259,3 @@ def _choice(name: str, value: str, known) -> None:
         raise InputError(
             f'"{value}" is unknown; write one of {", ".join(known)}', key=f"permeability.{name}"
         )
-
-
-def _refuse(law: PermeabilityLaw, v: np.ndarray, outside: np.ndarray, limit: float) -> None:
-    cells = np.flatnonzero(outside)
-    flat = v.reshape(-1)
-    worst = cells[np.argmax(np.abs(flat[cells] - 0.5 * limit))]
-    few = ", ".join(str(cell) for cell in cells[:5]) + (", ..." if len(cells) > 5 else "")
-    packing = f" with {law.packing} packing" if law.law == "gebart" else ""
-    advice = (
-        "; choose hexagonal packing, which reaches 0.907, or a softer compaction law"
-        if law.law == "gebart" and law.packing == "quadratic" and flat[worst] >= limit
-        else ""
-    )
-    raise InputError(
-        f"{law.law}{packing} holds for fibre volume fractions between 0 and {limit:.3f}, but "
-        f"{len(cells)} cells lie outside (cell {few}; the worst is {worst} with "
-        f"{flat[worst]:.3f}){advice}",
-        key="permeability",
-    )

@@ -122,6 +122,9 @@ def _named_files(scene: Scene) -> Iterator[tuple[str, str]]:
             yield f"tools[{index}].shape.{entry}", getattr(tool.shape, entry)
     for index, target in enumerate(scene.mapping):
         yield f"mapping[{index}].mesh", target.mesh
+    file = getattr(scene.permeability, "file", None)
+    if file is not None:
+        yield "permeability.file", file
 
 
 @contextmanager

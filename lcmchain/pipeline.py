@@ -242,7 +242,10 @@ class _Job:
 
         output = self.scene.output
         options = FillOptions(
-            picture=output.pictures, vtu=output.vtu, resume=None if self.resume else False
+            picture=output.pictures,
+            vtu=output.vtu,
+            directory=self.scene.source.directory,
+            resume=None if self.resume else False,
         )
         try:
             report = fill_part(
@@ -326,7 +329,11 @@ def _write_fields(
 
 
 def _require_readable_targets(scene: Scene) -> None:
-    """Read every mesh to map onto once: a wrong one is told before anything is computed."""
+    """Read once what is needed after forming: what is wrong is told before anything is computed."""
+    if scene.permeability is not None:
+        from lcmchain.coupling.permeability import law_of
+
+        law_of(scene.permeability, scene.source.directory)
     if not scene.mapping:
         return
     from lcmchain.mapping import read_target

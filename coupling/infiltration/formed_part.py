@@ -103,10 +103,16 @@ def read_formed_part(
     )
 
 
-def with_permeability(part: FormedPart, law: Permeability | None) -> FormedPart:
+def with_permeability(
+    part: FormedPart, law: Permeability | None, directory: Path | None = None
+) -> FormedPart:
     """Return the part with the permeabilities of a law; without one it must have them.
 
     Where the law does not hold they are not a number: a region may give what is missing.
+
+    Parameters
+    ----------
+    directory : folder to which a file that the law names is relative.
 
     Raises
     ------
@@ -126,7 +132,8 @@ def with_permeability(part: FormedPart, law: Permeability | None) -> FormedPart:
         for family in FIBRE_FAMILIES
     ]
     found = principal_permeabilities(
-        law, part.cell("fibre_volume_fraction"), *families, out_of_range="nan"
+        law, part.cell("fibre_volume_fraction"), *families, out_of_range="nan",
+        directory=directory,
     )
     dataset = part.dataset.copy()
     for number in (1, 2, 3):

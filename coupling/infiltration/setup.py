@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -62,8 +63,14 @@ class FillingSetup:
         )  # fmt: skip
 
 
-def set_up(part: FormedPart, case: scene.Infiltration) -> FillingSetup:
+def set_up(
+    part: FormedPart, case: scene.Infiltration, directory: Path | None = None
+) -> FillingSetup:
     """Find the places of a scene on a part, and give the cells their material.
+
+    Parameters
+    ----------
+    directory : folder to which file names in the case are relative.
 
     Raises
     ------
@@ -72,7 +79,7 @@ def set_up(part: FormedPart, case: scene.Infiltration) -> FillingSetup:
     """
     mesh = FlowMesh.from_target(part.target)
     places = _places(mesh, part.target)
-    part = _with_regions(part, case, places)
+    part = _with_regions(part, case, places, directory)
     require_permeable(part)
     preform = Preform.from_mapped(part.dataset)
     gates = tuple(_gate(gate, places, key) for key, gate in _keyed("gates", case.gates))
@@ -127,7 +134,9 @@ def _keyed(table: str, entries: Sequence[NamedPlace]):
     return [(f'{table}[{k}] "{entry.name}"', entry) for k, entry in enumerate(entries)]
 
 
-def _with_regions(part: FormedPart, case: scene.Infiltration, places: Places) -> FormedPart:
+def _with_regions(
+    part: FormedPart, case: scene.Infiltration, places: Places, directory: Path | None
+) -> FormedPart:
     """Give the cells of regions their thickness, fibre volume fraction and permeability."""
     cells = [places.cells_of(region, key) for key, region in _keyed("regions", case.regions)]
     dataset = part.dataset.copy()
@@ -138,7 +147,7 @@ def _with_regions(part: FormedPart, case: scene.Infiltration, places: Places) ->
             if given is not None:
                 values[rows] = given
         dataset[name] = dataset[name].copy(data=values)
-    part = with_permeability(replace(part, dataset=dataset), case.permeability)
+    part = with_permeability(replace(part, dataset=dataset), case.permeability, directory)
     dataset = part.dataset.copy()
     for name in PERMEABILITIES:
         if name in dataset:

@@ -44,6 +44,7 @@ class FillOptions:
     picture : draw pictures, and the film that the case asks for. vtu : write files for ParaView.
     frame : saved state of a forming result, from 0; -1 is the last one.
     allow_incomplete : take fields of a forming run that was stopped.
+    directory : folder to which file names in the case are relative; None is the current one.
     resume : go on from a checkpoint, which has to be there; None goes on where one fits.
     """
 
@@ -51,6 +52,7 @@ class FillOptions:
     vtu: bool = True
     frame: int = -1
     allow_incomplete: bool = False
+    directory: Path | None = None
     resume: bool | None = False
 
 
@@ -84,7 +86,7 @@ def fill_part(
             part, frame=options.frame, allow_incomplete=options.allow_incomplete
         )
     tell(0.0, "preparing the filling")
-    setup = set_up(part, case)
+    setup = set_up(part, case, options.directory)
     out = Path(out_dir) / f"{name}{ENDING}"
     checkpoint = checkpoint_file(out_dir, name)
     fingerprint = fingerprint_of(setup)

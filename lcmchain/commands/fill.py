@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -140,6 +141,7 @@ def _fill_file(
     if not name or Path(name).name != name:
         raise InputError(f'"{name}" is no name for files', key="--name")
     the_case = read_infiltration(case, overrides)
+    options = replace(options, directory=case.resolve().parent)
     with output_folder(out or Path("results") / name, inputs=[source, case, mesh]) as folder:
         from lcmchain.coupling.infiltration.chain import map_and_fill
 
@@ -165,6 +167,7 @@ def _fill_scene(
             "a [[mapping]] entry",
             file=path,
         )
+    options = replace(options, directory=scene.source.directory)
     folder = out or default_out(path)
     forming = folder / "forming.nc"
     if not forming.is_file():

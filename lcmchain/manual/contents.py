@@ -30,7 +30,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "bench",
         "python",
     ),
-    "Theory": ("element", "materials", "departures", "contact", "time-integration"),
+    "Theory": ("element", "materials", "resin", "departures", "contact", "time-integration"),
     "Evidence": (
         "hemisphere",
         "convergence-table",

@@ -87,7 +87,7 @@ DYNAMIC_VISCOSITY = Dimension(
 )
 DIFFUSIVITY = Dimension("diffusivity", "m^2/s", "0.15 mm^2/s", ("mm^2/s", "m^2/s"), 1e-20, 1e6)
 PERMEABILITY = Dimension(
-    "permeability", "m^2", "5e-11 m^2", ("m^2", "um^2", "mm^2", "darcy"), 1e-30, 1e-2
+    "permeability", "m^2", "5e-11 m^2", ("m^2", "um^2", "mm^2", "darcy"), 1e-30, 1.0
 )
 VISCOSITY = Dimension("viscous damping", "N*s/m", "5 N*s/m", ("N*s/m", "kg/s"), 1e-15, 1e15)
 

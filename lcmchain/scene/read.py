@@ -176,28 +176,39 @@ def input_error(problems: list[Problem], path: Path | None, *, unexplained: int 
 def _missing_files(data: dict[str, Any], directory: Path) -> list[Problem]:
     """Name the files that a scene points to and that are not there."""
     problems = []
+    for location in _file_entries(data):
+        value: Any = data
+        for step in location:
+            if not isinstance(value, (dict, list)) or isinstance(value, dict) and step not in value:
+                value = None
+                break
+            value = value[step]  # type: ignore[index]
+        if not isinstance(value, str) or not value.strip():
+            continue
+        key = key_text(location, data)
+        found = _kind_of(directory / value)
+        if found == "absent":
+            problems.append(
+                Problem(
+                    key,
+                    f'there is no file "{shortened(value)}" in {directory}; file names are '
+                    "relative to the scene file",
+                )
+            )
+        elif found != "file":
+            problems.append(Problem(key, f'"{shortened(value)}" is {found}'))
+    return problems
+
+
+def _file_entries(data: dict[str, Any]) -> Iterator[tuple[str | int, ...]]:
+    """Places of a document where the name of a file may stand."""
     for table, path in (("tools", ("shape", "file")), ("mapping", ("mesh",))):
         entries = data.get(table)
         for index, entry in enumerate(entries if isinstance(entries, list) else ()):
-            value: Any = entry
-            for step in path:
-                value = value.get(step) if isinstance(value, dict) else None
-            if not isinstance(value, str) or not value.strip():
-                continue
-            file = directory / value
-            key = key_text((table, index, *path), data)
-            found = _kind_of(file)
-            if found == "absent":
-                problems.append(
-                    Problem(
-                        key,
-                        f'there is no file "{shortened(value)}" in {directory}; file names are '
-                        "relative to the scene file",
-                    )
-                )
-            elif found != "file":
-                problems.append(Problem(key, f'"{shortened(value)}" is {found}'))
-    return problems
+            if isinstance(entry, dict):
+                yield (table, index, *path)
+    if isinstance(data.get("permeability"), dict):
+        yield "permeability", "file"
 
 
 def _kind_of(path: Path) -> str:

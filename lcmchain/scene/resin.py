@@ -249,7 +249,7 @@ class CastroMacoskoResin(ArrheniusResin):
     preset: Annotated[Literal["AroCy-L10"] | None, AbsentMeans("")] = Field(
         default=None, description="Published resin whose values fill what is left out."
     )
-    gel_cure: Annotated[float, Number(0.6, _Gel)] = Field(  # type: ignore[assignment]
+    gel_cure: Annotated[float, Number(0.6, _Gel)] = Field(
         description="Gel point: cure at which the viscosity grows without bound."
     )
     exponent: Annotated[float, Number(1.5, NOT_NEGATIVE)] = Field(

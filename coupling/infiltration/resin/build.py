@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -29,11 +30,8 @@ def resin_of(table: tables.Resin) -> Resin:
 
 def temperature_of(table: tables.Resin) -> ResinTemperature | None:
     """Return the temperature that a resin's table gives; None where none is needed."""
-    return (
-        None
-        if table.temperature is None
-        else _TEMPERATURES[table.temperature.law](table.temperature)
-    )
+    given = table.temperature
+    return None if given is None else _TEMPERATURES[given.law](given)
 
 
 def _shared(table: Any) -> dict[str, Any]:
@@ -50,7 +48,7 @@ def _constant(table: tables.ConstantViscosityResin, shared: dict[str, Any]) -> R
     return ConstantViscosity(table.viscosity, **shared)
 
 
-def _thermal(table: tables.ArrheniusResin) -> dict[str, float]:
+def _thermal(table: tables.ArrheniusResin) -> dict[str, Any]:
     reference = np.inf if table.reference_temperature is None else table.reference_temperature
     return {
         "reference_viscosity": table.reference_viscosity,
@@ -83,23 +81,31 @@ def _autocatalytic(table: tables.AutocatalyticCure) -> KamalSourour:
     )
 
 
+def _constant_temperature(table: tables.ConstantResinTemperature) -> ResinTemperature:
+    return ConstantTemperature(table.value)
+
+
+def _prescribed(table: tables.PrescribedResinTemperature) -> ResinTemperature:
+    return PrescribedTemperature(table.times, table.values)
+
+
 def _mould(table: tables.MouldResinTemperature) -> ResinTemperature:
     times = (0.0,) if table.times is None else table.times
     return MouldTemperature(table.inlet, times, table.mould, table.diffusivity)
 
 
-_VISCOSITIES = {
+_VISCOSITIES: dict[str, Callable[[Any, dict[str, Any]], Resin]] = {
     "constant": _constant,
     "arrhenius": _arrhenius,
     "castro_macosko": _castro_macosko,
 }
-_CURES = {
+_CURES: dict[str, Callable[[Any], KamalSourour]] = {
     "kamal_sourour": _kamal_sourour,
     "nth_order": _nth_order,
     "autocatalytic": _autocatalytic,
 }
-_TEMPERATURES = {
-    "constant": lambda table: ConstantTemperature(table.value),
-    "prescribed": lambda table: PrescribedTemperature(table.times, table.values),
+_TEMPERATURES: dict[str, Callable[[Any], ResinTemperature]] = {
+    "constant": _constant_temperature,
+    "prescribed": _prescribed,
     "mould": _mould,
 }
