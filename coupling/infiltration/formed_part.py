@@ -132,7 +132,10 @@ def with_permeability(
         for family in FIBRE_FAMILIES
     ]
     found = principal_permeabilities(
-        law, part.cell("fibre_volume_fraction"), *families, out_of_range="nan",
+        law,
+        part.cell("fibre_volume_fraction"),
+        *families,
+        out_of_range="nan",
         directory=directory,
     )
     dataset = part.dataset.copy()

@@ -94,7 +94,9 @@ def test_fields_hold_what_their_names_say(strip_result):
         pressure = found["resin_pressure"].values[middle][wet]
         assert pressure == pytest.approx(1e5 * (1.0 - x[wet] / front), rel=0.1, abs=2e3)
         velocity = found["darcy_velocity_x"].values[middle]
-        first = np.argmin(found["sheet_node_x"].values[found["sheet_face_nodes"].values[:, 0].astype(int)])
+        first = np.argmin(
+            found["sheet_node_x"].values[found["sheet_face_nodes"].values[:, 0].astype(int)]
+        )
         exact = PERMEABILITY / VISCOSITY * 1e5 / front
         assert velocity[first] == pytest.approx(exact, rel=0.05)
         assert np.abs(found["darcy_velocity_y"].values[middle]).max() < 1e-6 * exact
@@ -191,9 +193,7 @@ def test_an_interrupted_filling_goes_on_to_the_same_bits(kit, tmp_path, frames):
     source, case = kit.forming(), kit.case(HEAD + frames, GATE, VENT)
     whole = fill(read_formed_part(source), case)
     with pytest.raises(SimulationInterrupted, match="with --resume goes on from here"):
-        fill_part(
-            source, case, name="a", out_dir=tmp_path, options=PLAIN, tell=interrupt_at(0.4)
-        )
+        fill_part(source, case, name="a", out_dir=tmp_path, options=PLAIN, tell=interrupt_at(0.4))
     assert [path.name for path in tmp_path.iterdir() if "filling" in path.name] == [
         "a_filling_checkpoint.npz"
     ]
@@ -218,9 +218,7 @@ def test_a_damaged_or_absent_checkpoint_is_refused(kit, tmp_path):
     with pytest.raises(InputError, match="no checkpoint to go on from"):
         fill_part(source, case, name="a", out_dir=tmp_path, options=resume)
     with pytest.raises(SimulationInterrupted):
-        fill_part(
-            source, case, name="a", out_dir=tmp_path, options=PLAIN, tell=interrupt_at(0.2)
-        )
+        fill_part(source, case, name="a", out_dir=tmp_path, options=PLAIN, tell=interrupt_at(0.2))
     path = checkpoint_file(tmp_path, "a")
     fingerprint = fingerprint_of(set_up(read_formed_part(source), case))
     state, record = read_checkpoint(path, fingerprint)
@@ -370,7 +368,5 @@ def test_a_gate_of_one_node_is_doubted(kit):
     setup = set_up(read_formed_part(kit.forming()), kit.case(HEAD, gate, VENT))
     (warning,) = setup.warnings
     assert 'the gate "left" is one node with a pressure' in warning
-    setup = set_up(
-        read_formed_part(kit.forming()), kit.case(HEAD, gate + 'radius = "1 mm"', VENT)
-    )
+    setup = set_up(read_formed_part(kit.forming()), kit.case(HEAD, gate + 'radius = "1 mm"', VENT))
     assert setup.warnings == () and setup.gates[0].radius == 1e-3
