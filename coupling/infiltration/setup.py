@@ -19,7 +19,7 @@ from lcmchain.coupling.infiltration.formed_part import (
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.places import Places, place_text
 from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.resin.build import resin_of
+from lcmchain.coupling.infiltration.resin.build import resin_of, temperature_of
 from lcmchain.errors import InputError
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.scene import infiltration as scene
@@ -58,7 +58,7 @@ class FillingSetup:
         gravity = None if self.case.gravity is None else np.array(self.case.gravity)
         return Filling(
             self.mesh, self.preform, resin_of(self.case.resin), self.gates, self.vents,
-            gravity=gravity, wetted=self.wetted if len(self.wetted) else None,
+            temperature=temperature_of(self.case.resin), gravity=gravity, wetted=self.wetted if len(self.wetted) else None,
             edges=self.race_tracks, options=FillingOptions(trapped_air=self.case.trapped_air),
         )  # fmt: skip
 

@@ -10,8 +10,9 @@ import pytest
 import xarray as xr
 
 from lcmchain import cli
+from lcmchain.check import check_scene
 from lcmchain.coupling.infiltration.stage import checkpoint_file
-from lcmchain.errors import MappingError, SimulationInterrupted
+from lcmchain.errors import InputError, MappingError, SimulationInterrupted
 from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
 
@@ -59,6 +60,13 @@ box = ["24 -26 -5 mm", "26 26 5 mm"]
 """
 
 
+def command(*arguments):
+    """Run the command line; return its exit code."""
+    with pytest.raises(SystemExit) as ended:
+        cli.main([str(argument) for argument in arguments])
+    return ended.value.code or 0
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A scene with an infiltration of the sheet, and one of a smaller mesh in it."""
@@ -102,8 +110,6 @@ def test_the_report_tells_of_every_filling(result, folder):
 
 
 def test_the_check_lists_what_will_flow(folder):
-    from lcmchain.check import check_scene
-
     effects = {e.name: e.reason for e in check_scene(read_scene(folder / "scene.toml")).effects}
     assert effects["infiltration of sheet"] == (
         "gate middle: 3 bar at 11 mm around (0, 0, 0) mm; vent rim: rim; at most 1000 s"
@@ -113,13 +119,11 @@ def test_the_check_lists_what_will_flow(folder):
 
 def test_fill_takes_a_scene_whose_forming_is_done(result, folder, capsys):
     before = (folder / "out" / "part.nc").stat().st_mtime_ns
-    cli.main(["fill", str(folder / "scene.toml"), "--out", str(folder / "out"), "-q"])
+    assert command("fill", folder / "scene.toml", "--out", folder / "out", "-q") == 0
     again = json.loads((folder / "out" / "part_filling.json").read_text())
     assert again["time"] == result.summary["infiltration"]["part"]["time"]
     assert (folder / "out" / "part.nc").stat().st_mtime_ns == before  # not mapped once more
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["fill", str(folder / "scene.toml"), "--out", str(folder / "empty")])
-    assert ended.value.code == 2
+    assert command("fill", folder / "scene.toml", "--out", folder / "empty") == 2
     assert "form it first with: lcmchain run" in capsys.readouterr().err
 
 
@@ -154,8 +158,6 @@ def test_a_run_that_is_stopped_while_it_fills_goes_on_there(result, folder, tmp_
 
 
 def test_a_place_beside_the_mesh_is_told_before_forming(folder, tmp_path):
-    from lcmchain.errors import InputError
-
     scene = read_scene(
         folder / "scene.toml",
         ['mapping.part.infiltration.gates.left.box=["1 1 1 m", "2 2 2 m"]'],
@@ -183,14 +185,12 @@ def test_the_command_fills_a_file(kit, tmp_path, capsys):
     case.write_text(HEAD.replace("500 s", "60 s") + GATE + VENT)
     source = str(kit.forming())
     arguments = ["fill", source, "--case", str(case), "--out", str(tmp_path / "out")]
-    cli.main([*arguments, "--name", "strip", "--set", "frames=3"])
+    assert command(*arguments, "--name", "strip", "--set", "frames=3") == 0
     said = capsys.readouterr().out
     assert "strip: 36 cells" in said and "Warning: only" in said
     with xr.open_dataset(tmp_path / "out" / "strip_filling.nc") as found:
         assert found.sizes["time"] <= 3
-    with pytest.raises(SystemExit) as ended:
-        cli.main([*arguments, "--strict", "-q"])
-    assert ended.value.code == 1
+    assert command(*arguments, "--strict", "-q") == 1
     for wrong, message in (
         (["fill", source], "--case: is missing"),
         (["fill", source + "x", "--case", str(case)], "there is no such file"),
@@ -199,7 +199,5 @@ def test_the_command_fills_a_file(kit, tmp_path, capsys):
         ([*arguments, "--set", "gates.left.pressure=-1 bar"], "not above that of the vents"),
         ([*arguments, "--name", "a/b"], "is no name for files"),
     ):
-        with pytest.raises(SystemExit) as ended:
-            cli.main(wrong)
-        assert ended.value.code == 2
+        assert command(*wrong) == 2
         assert message in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The infiltration stage from end to end: a strip with a known answer, its files, how it may end."""
+"""The infiltration stage from end to end: a strip with a known answer, its files, its ends."""
 
 import json
 import os
