@@ -57,10 +57,17 @@ class FillingSetup:
         """Return the filling at its start."""
         gravity = None if self.case.gravity is None else np.array(self.case.gravity)
         return Filling(
-            self.mesh, self.preform, resin_of(self.case.resin), self.gates, self.vents,
-            temperature=temperature_of(self.case.resin), gravity=gravity, wetted=self.wetted if len(self.wetted) else None,
-            edges=self.race_tracks, options=FillingOptions(trapped_air=self.case.trapped_air),
-        )  # fmt: skip
+            self.mesh,
+            self.preform,
+            resin_of(self.case.resin),
+            self.gates,
+            self.vents,
+            temperature=temperature_of(self.case.resin),
+            gravity=gravity,
+            wetted=self.wetted if len(self.wetted) else None,
+            edges=self.race_tracks,
+            options=FillingOptions(trapped_air=self.case.trapped_air),
+        )
 
 
 def set_up(

@@ -123,8 +123,8 @@ def draw(path: Path, found: dict[str, FilledPart]) -> None:
     both = np.concatenate([formed.fill_time, flat.fill_time]) / 60.0
     levels = nice_levels(both, 0.0)
     with matplotlib.rc_context(RC):
-        figure = new_figure(12.6, 5.2)
-        axes = [axes_at(figure, 0.55 + 3.85 * k, 0.5, 3.4, 3.6) for k in range(3)]
+        figure = new_figure(12.8, 4.8)
+        axes = [axes_at(figure, 0.6 + 3.85 * k, 0.5, 3.5, 3.5) for k in range(3)]
         titles = ("formed: thickness, fibre content and shear", "undeformed fabric")
         for axis, one, title in zip(axes, (formed, flat), titles):
             values = one.fill_time / 60.0
@@ -135,16 +135,15 @@ def draw(path: Path, found: dict[str, FilledPart]) -> None:
         times = np.array([0.1, 0.25, 0.5, 0.75]) * np.nanmax(formed.fill_time)
         for one, colour, style in ((formed, SERIES[1], "-"), (flat, SERIES[0], (0, (4, 2)))):
             corners, at, _ = triangles_around_centres(points, cells, one.fill_time)
-            far = np.concatenate([[-1.0], times, [1e12]])
-            lines = contours(corners, np.nan_to_num(at, nan=1e11), far).lines
+            lines = contours(corners, at, np.concatenate([[0.0], times, [2.0 * times[-1]]])).lines
             draw_segments(axes[2], lines, FROM_ABOVE, colour, 1.5, linestyles=style)
             label = "formed" if one is formed else "undeformed"
             axes[2].plot([], [], color=colour, ls=style, label=label)
         axes[2].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.15)
         for axis in axes:
             fit_axis(axis, points[:, :2], 0.04)
-            label_axes(axis, "x [mm]", "y [mm]")
-        _bar(figure, axes_at(figure, 12.0, 0.9, 0.14, 2.8), levels)
+            label_axes(axis, "x [mm]", "y [mm]" if axis is axes[0] else "")
+        _bar(figure, axes_at(figure, 12.05, 0.85, 0.14, 2.8), levels)
         told = ", ".join(f"{time / 60.0:.0f}" for time in times)
         headline(
             figure,
