@@ -1,33 +1,25 @@
-"""Filling of a porous sheet with resin: the time loop over pressure, front and transport."""
+"""Filling of a porous sheet with resin: what a caller sees of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Vent
+from lcmchain.coupling.infiltration.liquid import Liquid
+from lcmchain.coupling.infiltration.medium import Medium, check_thickness
 from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.options import FillingOptions
+from lcmchain.coupling.infiltration.overflow import FULL
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.state import FillingFrame, FillingResult, FillingState
+from lcmchain.coupling.infiltration.supply import Supply
+from lcmchain.coupling.infiltration.time_step import TimeStep
+from lcmchain.errors import InputError
 
-
-@dataclass(frozen=True)
-class FillingOptions:
-    """How a filling is computed.
-
-    Parameters
-    ----------
-    front_step : control volumes that the front may cross in a time step, of the mean speed.
-    largest_step : [s].
-    trapped_air : air that no vent reaches is compressed (ideal gas, isothermal; all pressures
-        absolute) instead of vanishing at the vent's pressure.
-    """
-
-    front_step: float = 0.6
-    largest_step: float = np.inf
-    trapped_air: bool = False
+__all__ = ["Filling", "FillingOptions"]
 
 
 class Filling:
@@ -39,10 +31,11 @@ class Filling:
     resin : law of viscosity and cure (:mod:`lcmchain.coupling.infiltration.resin`), or the
         viscosity [Pa s].
     gates, vents : where resin enters and air leaves.
+    temperature : of the resin; needed where viscosity or cure depend on it.
     gravity : acceleration [m/s2], shape (3,); needs a resin with a density.
     wetted : fill factors at the start, shape (N,), or rows of nodes that are full.
-    film : resin film on the sheet (:mod:`lcmchain.coupling.infiltration.film`): has
-        ``start(filling)``, ``inflow(filling) -> (N,)`` [m3/s] and ``taken(filling, volume)``.
+    film : thickness of resin that lies on the sheet [m], (N,), or an object with such a
+        ``thickness`` and a ``pressure`` on it [Pa] (number or table over time).
     edges : race tracks.
 
     Raises
@@ -50,32 +43,96 @@ class Filling:
     InputError : no vent, no source, nodes beyond the mesh, a part of the mesh without a source.
     """
 
-    state: FillingState
-
     def __init__(
         self,
         mesh: FlowMesh,
         preform: Preform,
-        resin: object,
+        resin: Any,
         gates: Sequence[Gate],
         vents: Sequence[Vent],
         *,
+        temperature: Any | None = None,
         gravity: np.ndarray | None = None,
         wetted: np.ndarray | None = None,
-        film: object | None = None,
+        film: Any | None = None,
         edges: Sequence[RaceTrack] = (),
         options: FillingOptions | None = None,
     ) -> None:
-        raise NotImplementedError
+        self.options = options or FillingOptions()
+        self.medium = Medium(mesh, preform, edges)
+        self.supply = Supply(gates, vents, mesh.node_count)
+        self.liquid = Liquid(resin, temperature)
+        self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
+        if self.gravity.any() and not self.liquid.resin.density > 0.0:
+            raise InputError("gravity needs a resin with a density", key="resin.density")
+        self.state = self._start(wetted)
+        self._check_sources()
+        self._steps = TimeStep(self)
+
+    def _start(self, wetted: np.ndarray | None) -> FillingState:
+        mesh, thickness = self.medium.mesh, self.medium.preform.thickness.copy()
+        count = mesh.node_count
+        fill = _fill_factors(wetted, count)
+        pores = self.medium.pores(thickness)
+        vents = self.supply.open_vents(0.0, _Unreached(count))
+        lowest = min((pressure for _, _, pressure in vents), default=0.0)
+        if not self.supply.vents and not self.options.trapped_air and not fill.all():
+            raise InputError(
+                "there is no vent, so the air cannot leave; name nodes where it does, or set "
+                "trapped_air to compress it"
+            )
+        full = fill >= FULL
+        volume = np.where(full, pores, fill * pores)
+        temperature = np.full(count, self.liquid.inlet_temperature(0.0))
+        air = np.full(count, lowest if vents else self.options.air_pressure)
+        gates = len(self.supply.gates)
+        return FillingState(
+            time=0.0, step_count=0, next_step=0.0, resin_volume=volume, full=full, fill=fill,
+            pressure=air.copy(), air_pressure=air, fill_time=np.where(fill >= 0.5, 0.0, np.nan),
+            cure=np.full(count, self.liquid.resin.initial_cure), temperature=temperature,
+            film=np.zeros(count), impregnated=np.zeros(count), thickness=thickness,
+            thickness_rate=np.zeros(mesh.cell_count), points=mesh.points.copy(),
+            injected=np.zeros(gates), vented=np.zeros(len(self.supply.vents)),
+            gate_pressure=np.full(gates, np.nan), gate_rate=np.full(gates, np.nan),
+            started_volume=float(volume.sum()), enclosed=np.zeros(count, dtype=bool),
+        )  # fmt: skip
+
+    def _check_sources(self) -> None:
+        """Every part of the mesh needs a gate, resin or a film."""
+        mesh = self.medium.mesh
+        supplied = (self.state.resin_volume > 0.0) | (self.state.film > 0.0)
+        for gate in self.supply.gates:
+            supplied[gate.nodes] = True
+        if not supplied.any():
+            raise InputError("there is neither a gate nor resin in or on the sheet; name a gate")
+        part = mesh.part_of_node
+        lost = np.setdiff1d(np.unique(part), part[supplied])
+        if len(lost):
+            nodes = np.flatnonzero(np.isin(part, lost))
+            place = ", ".join(f"{x:.6g}" for x in mesh.points[nodes].mean(axis=0))
+            raise InputError(
+                f"{len(nodes)} nodes around ({place}) m can never fill: no resin reaches that "
+                f"part of the mesh ({len(lost)} loose parts); give it a gate, merge doubled "
+                "nodes, or leave it out"
+            )
+
+    @property
+    def mesh(self) -> FlowMesh:
+        return self.medium.mesh
 
     @property
     def time(self) -> float:
         return self.state.time
 
     @property
+    def pores(self) -> np.ndarray:
+        """Pore volume of the control volumes now [m3], (N,)."""
+        return self.medium.pores(self.state.thickness)
+
+    @property
     def filled_share(self) -> float:
         """Resin over pore volume of the whole sheet."""
-        raise NotImplementedError
+        return float(self.state.resin_volume.sum() / self.pores.sum())
 
     def advance(
         self, until: float, on_step: Callable[[Filling], None] | None = None
@@ -83,19 +140,62 @@ class Filling:
         """Fill up to a time [s]; return outcome and message (:class:`FillingResult`).
 
         ``on_step`` is called after every time step; what it raises stops the filling between two
-        steps.
+        steps. A filling in which nothing moves any more stops before.
+
+        Raises
+        ------
+        SimulationError : resin that is squeezed finds no way out, or no time step succeeds.
         """
-        raise NotImplementedError
+        outcome, message = "reached", f"{until:.6g} s are reached"
+        while self.state.time < until:
+            ended = self._steps.take(until)
+            if ended is not None:
+                outcome, message = ended
+                if self.options.stop_when_idle:
+                    break
+                self.state.time = until
+                continue
+            if on_step is not None:
+                on_step(self)
+        self._steps.refresh()
+        return outcome, message
 
     def run(
         self, until: float, frames: int = 20, on_step: Callable[[Filling], None] | None = None
     ) -> FillingResult:
-        """Fill up to a time [s] and save frames at equal filled shares."""
-        raise NotImplementedError
+        """Fill up to a time [s] and save frames at about equal filled shares."""
+        self._steps.refresh()
+        saved = [self.frame()]
+        last = self.filled_share
+
+        def after_step(filling: Filling) -> None:
+            nonlocal last
+            if filling.filled_share - last >= 1.0 / frames:
+                last = filling.filled_share
+                saved.append(filling.frame())
+            if on_step is not None:
+                on_step(filling)
+
+        outcome, message = self.advance(until, after_step)
+        if saved[-1].time < self.time:
+            saved.append(self.frame())
+        return FillingResult(tuple(saved), self.state.copy(), outcome, message)
 
     def frame(self) -> FillingFrame:
         """Return the fields of the present state."""
-        raise NotImplementedError
+        state, medium = self.state, self.medium
+        factor = self.liquid.fluidity(medium, state) * medium.factor(state.thickness)
+        height = self.height(medium.mesh.points)
+        wet = np.where(medium.mesh.cells >= 0, state.full[medium.mesh.cells], True).all(axis=1)
+        velocity = medium.network.velocity(state.pressure - height, factor)
+        return FillingFrame(
+            state.time, state.fill.copy(), state.pressure.copy(), state.cure.copy(),
+            state.temperature.copy(), state.film.copy(), np.where(wet[:, None], velocity, 0.0),
+        )  # fmt: skip
+
+    def height(self, points: np.ndarray) -> np.ndarray:
+        """ρ g·x of places (K, 3) [Pa]."""
+        return self.liquid.resin.density * (points @ self.gravity)
 
     def save(self) -> FillingState:
         """Return a copy of the state."""
@@ -103,16 +203,59 @@ class Filling:
 
     def restore(self, saved: FillingState) -> None:
         """Go back to a saved state; going on from it is bit-identical."""
-        raise NotImplementedError
+        if not np.array_equal(saved.points, self.medium.mesh.points):
+            self.medium.set_points(saved.points)
+        self.state = saved.copy()
+        self._steps.forget()
 
     def set_thickness(self, thickness: np.ndarray, rate: np.ndarray | None = None) -> None:
-        """Move the preform: thickness [m] and its rate [m/s], shape (C,).
+        """Move the preform: thickness [m] and its rate [m/s], shape (C,) or one number.
 
         The thickness goes on linearly with its rate while the filling advances. Fibres keep their
-        volume per cell; porosity and permeability follow.
+        volume per cell; porosity and permeability follow. If the thickness jumps, the resin that
+        no longer has room flows in the next time step.
+
+        Raises
+        ------
+        SimulationError : the fibres alone fill a cell.
         """
-        raise NotImplementedError
+        count = self.medium.mesh.cell_count
+        thickness = check_thickness(thickness, count, "thickness")
+        self.medium.fibre_fraction(thickness)
+        self.state.thickness = thickness
+        given = np.zeros(count) if rate is None else rate
+        self.state.thickness_rate = check_thickness(given, count, "thickness rate")
+        self._steps.forget()
 
     def set_points(self, points: np.ndarray) -> None:
-        """Move the nodes [m], shape (N, 3); fibres keep their volume per cell."""
-        raise NotImplementedError
+        """Move the nodes [m], shape (N, 3); fibres keep their volume per cell.
+
+        As with a jump of the thickness, what no longer has room flows in the next time step.
+        """
+        points = np.array(points, dtype=float)
+        self.medium.set_points(points)
+        self.medium.fibre_fraction(self.state.thickness)
+        self.state.points = points.copy()
+        self._steps.forget()
+
+
+class _Unreached:
+    """What schedules look at before anything flows."""
+
+    def __init__(self, count: int) -> None:
+        self.fill_time = np.full(count, np.nan)
+
+
+def _fill_factors(wetted: np.ndarray | None, count: int) -> np.ndarray:
+    fill = np.zeros(count)
+    if wetted is None:
+        return fill
+    wetted = np.asarray(wetted)
+    if wetted.dtype.kind in "iu":
+        if len(wetted) and (wetted.min() < 0 or wetted.max() >= count):
+            raise InputError(f"wetted names node rows outside the mesh, which has {count} nodes")
+        fill[wetted] = 1.0
+        return fill
+    if wetted.shape != (count,) or not ((wetted >= 0.0) & (wetted <= 1.0)).all():
+        raise InputError("wetted has to be one fill factor between 0 and 1 per node, or node rows")
+    return wetted.astype(float)

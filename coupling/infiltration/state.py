@@ -37,8 +37,9 @@ class FillingState:
     ----------
     time : [s].
     step_count : time steps so far.
-    next_step : size of the next time step [s] before limits; 0 in the beginning.
+    next_step : size of the last time step [s] that the front asked for; 0 in the beginning.
     resin_volume : [m3] in each control volume.
+    full : whether it is full, and passes on what it receives.
     fill : fill factor 0 to 1: resin over pore volume.
     pressure : [Pa]; that of the air where no resin is.
     air_pressure : [Pa] of the air in each control volume.
@@ -52,6 +53,7 @@ class FillingState:
         vent, (V,).
     gate_pressure, gate_rate : [Pa], [m3/s] of each gate in the last step, (G,); nan if closed.
     started_volume : resin in the sheet at the start [m3]; from_film: entered from the film.
+    enclosed : whether the node is in a pocket of air that no open vent reaches.
     dry_spots : in the order of their closing.
     """
 
@@ -59,6 +61,7 @@ class FillingState:
     step_count: int
     next_step: float
     resin_volume: np.ndarray
+    full: np.ndarray
     fill: np.ndarray
     pressure: np.ndarray
     air_pressure: np.ndarray
@@ -81,9 +84,10 @@ class FillingState:
 
     def copy(self) -> FillingState:
         """Return a state that shares no array with this one."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
         return FillingState(**{
-            f.name: value.copy() if isinstance(value := getattr(self, f.name), np.ndarray) else value
-            for f in fields(self)
+            name: value.copy() if isinstance(value, np.ndarray) else value
+            for name, value in values.items()
         })  # fmt: skip
 
     @property

@@ -1,0 +1,95 @@
+"""Pores and conductances of a preform that may move: thickness and area of its cells over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lcmchain.coupling.infiltration.boundaries import RaceTrack
+from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.network import Conductances, Network
+from lcmchain.coupling.infiltration.preform import Preform
+from lcmchain.errors import InputError, SimulationError
+
+
+class Medium:
+    """Pore volumes and conductances; fibres keep their volume per cell while the sheet moves.
+
+    The thickness is linear in time from the last :meth:`set_thickness` on. Conductances are kept
+    as long as neither the preform moves nor the viscosity changes.
+    """
+
+    def __init__(self, mesh: FlowMesh, preform: Preform, tracks: Sequence[RaceTrack]) -> None:
+        preform = preform.of_cells(mesh.cell_count)
+        self.mesh, self.preform, self.tracks = mesh, preform, tuple(tracks)
+        self.fibre_volume = mesh.areas * preform.thickness * (1.0 - preform.porosity)
+        self._fraction = 1.0 - preform.porosity
+        self._kept: tuple[np.ndarray, np.ndarray, Conductances] | None = None
+        self.set_points(mesh.points)
+
+    def set_points(self, points: np.ndarray) -> None:
+        """Take other node positions [m], shape (N, 3)."""
+        self.mesh = self.mesh.moved(points)
+        self.network = Network(self.mesh, self.preform.permeability, self.tracks)
+        self.node_area = self.network.node_areas()
+        self._kept = None
+
+    def fibre_fraction(self, thickness: np.ndarray) -> np.ndarray:
+        """Fibre volume fraction of cells of a thickness [m], (C,).
+
+        Raises
+        ------
+        SimulationError : fibres would fill a cell; the message names it.
+        """
+        fraction = self.fibre_volume / (self.mesh.areas * thickness)
+        bad = np.flatnonzero(~((fraction < 1.0) & (thickness > 0.0)))
+        if len(bad):
+            place = ", ".join(f"{x:.6g}" for x in self.mesh.centroids[bad[0]])
+            raise SimulationError(
+                f"cell {bad[0]} at ({place}) m is compacted to {thickness[bad[0]]:.4g} m, where "
+                f"fibres alone would fill {fraction[bad[0]]:.3g} of it; close the tool less far"
+            )
+        return fraction
+
+    def pores(self, thickness: np.ndarray) -> np.ndarray:
+        """Pore volume of the control volumes [m3], (N,), for a thickness of the cells (C,) [m]."""
+        open_height = thickness * (1.0 - self.fibre_fraction(thickness))
+        inside = self.network.corner_sum(self.network.corner_areas * open_height[:, None])
+        return inside + self.network.track_volume
+
+    def pore_rate(self, thickness_rate: np.ndarray) -> np.ndarray:
+        """Rate of the pore volume of the control volumes [m3/s], (N,)."""
+        return self.network.corner_sum(self.network.corner_areas * thickness_rate[:, None])
+
+    def conductances(self, thickness: np.ndarray, fluidity: np.ndarray) -> Conductances:
+        """Conductances for a thickness [m] and 1/viscosity [1/(Pa s)] of the cells, each (C,)."""
+        kept = self._kept
+        if kept is None or not (
+            np.array_equal(kept[0], thickness) and np.array_equal(kept[1], fluidity)
+        ):
+            scale = thickness * fluidity * self.factor(thickness)
+            along = self.network.edge_mean(fluidity) if self.tracks else 1.0
+            kept = (thickness.copy(), fluidity, self.network.conductances(scale, along))
+            self._kept = kept
+        return kept[2]
+
+    def factor(self, thickness: np.ndarray) -> np.ndarray:
+        """Factor on the permeability at the start, (C,)."""
+        if np.array_equal(thickness, self.preform.thickness):
+            return np.ones(len(thickness))
+        return self.preform.factor(self.fibre_fraction(thickness), self._fraction)
+
+
+def check_thickness(thickness: np.ndarray, count: int, name: str) -> np.ndarray:
+    """Return values of cells as an array (C,).
+
+    Raises
+    ------
+    InputError : another number of values, or one that is not finite.
+    """
+    values = np.array(np.broadcast_to(np.asarray(thickness, dtype=float), (count,)))
+    if not np.isfinite(values).all():
+        cell = np.flatnonzero(~np.isfinite(values))[0]
+        raise InputError(f"the {name} of cell {cell} is not a number")
+    return values

@@ -1,0 +1,246 @@
+"""Control volumes of the nodes and the conductances between them, by linear finite elements.
+
+The flow from node i to node j through a cell is T_ij (u_i - u_j), with T_ij = -∫ ∇N_i · h K/µ ∇N_j
+dA: the finite-element matrix read as a network. What leaves i reaches j, so resin is conserved
+whatever the mesh. T_ij may be negative (obtuse triangles, long quadrilaterals, strong anisotropy).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.coupling.infiltration.boundaries import RaceTrack
+from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.unfolding import flat_corners, plane_axes, unfold
+from lcmchain.errors import InputError
+
+_PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+_GAUSS = 1.0 / np.sqrt(3.0)
+
+
+class Conductances(NamedTuple):
+    """Flow per pressure between nodes, and what the front's closure needs of it.
+
+    flow (E,) : T [m3/(Pa s)] of each edge. Negative values occur.
+    moment (E, 2, 2) : T times the vector from the other end to this end, in the plane of this
+        end's node [m4/(Pa s)], for both ends.
+    spread (N, 3) : h K/µ integrated over each control volume, components 11, 22, 12 in the plane
+        of its node [m5/(Pa s)].
+    """
+
+    flow: np.ndarray
+    moment: np.ndarray
+    spread: np.ndarray
+
+
+class Network:
+    """Edges between nodes that share a cell, with their conductances per unit of h K/µ.
+
+    Parameters
+    ----------
+    mesh : the sheet.
+    permeability : tensors in space [m2], shape (C, 3, 3).
+    tracks : channels along edges.
+    """
+
+    def __init__(
+        self, mesh: FlowMesh, permeability: np.ndarray, tracks: Sequence[RaceTrack] = ()
+    ) -> None:
+        self.node_count = mesh.node_count
+        self.cells = mesh.cells
+        flat = flat_corners(mesh.corners, mesh.normals)
+        axes = np.stack(plane_axes(mesh.corners, mesh.normals), axis=1)
+        tensor = np.einsum("cmi,cij,cnj->cmn", axes, permeability, axes)
+        quadrilateral = mesh.is_quadrilateral
+        gradients, weights = _gradients(flat, quadrilateral)
+        #: ∫ N_a dA of each corner [m2], (C, 4): the area of the cell that belongs to its node.
+        self.corner_areas = _corner_areas(weights, quadrilateral)
+        matrix = -np.einsum("cg,cgai,cij,cgbj->cab", weights, gradients, tensor, gradients)
+        self._mean_gradient = np.einsum("cg,cga...->ca...", weights, gradients)
+        self._mean_gradient /= weights.sum(axis=1)[:, None, None]
+        self._axes, self._tensor = axes, tensor
+        #: How the cells lie around the nodes.
+        self.unfolding = unfold(mesh.cells, flat, mesh.node_count)
+        self._edges_of_cells(matrix, flat, self.unfolding.turns)
+        self._add_tracks(mesh, tracks)
+
+    def _edges_of_cells(self, matrix: np.ndarray, flat: np.ndarray, turns: np.ndarray) -> None:
+        cell, low, high = [], [], []
+        for a, b in _PAIRS:
+            have = np.flatnonzero((self.cells[:, a] >= 0) & (self.cells[:, b] >= 0))
+            swap = self.cells[have, a] > self.cells[have, b]
+            cell.append(have)
+            low.append(np.where(swap, b, a))
+            high.append(np.where(swap, a, b))
+        c, a, b = (np.concatenate(parts) for parts in (cell, low, high))
+        ends = np.stack([self.cells[c, a], self.cells[c, b]], axis=1)
+        number = ends[:, 0] * self.node_count + ends[:, 1]
+        unique, edge = np.unique(number, return_inverse=True)
+        #: Node rows of each edge, the smaller first, (E, 2).
+        self.edges = np.stack([unique // self.node_count, unique % self.node_count], axis=1)
+        between = flat[c, a] - flat[c, b]
+        self._pair_cell, self._pair_edge = c, edge.reshape(-1)
+        self._pair_flow = matrix[c, a, b]
+        moment = np.stack(
+            [
+                np.einsum("kij,kj->ki", turns[c, a], between),
+                np.einsum("kij,kj->ki", turns[c, b], -between),
+            ],
+            axis=1,
+        )
+        self._pair_between = moment
+        self._pair_moment = self._pair_flow[:, None, None] * moment
+        cell, corner = np.nonzero(self.cells >= 0)
+        turned = np.einsum(
+            "kim,kmn,kjn->kij", turns[cell, corner], self._tensor[cell], turns[cell, corner]
+        )
+        self._corner = (cell, corner, self.cells[cell, corner])
+        weighted = turned * self.corner_areas[cell, corner][:, None, None]
+        self._corner_spread = weighted[:, (0, 1, 0), (0, 1, 1)]
+
+    def _add_tracks(self, mesh: FlowMesh, tracks: Sequence[RaceTrack]) -> None:
+        """Channels along edges: conductance per 1/µ, and volume of the nodes [m3]."""
+        edge_count = len(self.edges)
+        self._track_flow = np.zeros(edge_count)
+        self.track_volume = np.zeros(self.node_count)
+        numbers = self.edges[:, 0] * self.node_count + self.edges[:, 1]
+        for track in tracks:
+            ends = np.sort(track.edges, axis=1)
+            named = ends[:, 0] * self.node_count + ends[:, 1]
+            edge = np.minimum(np.searchsorted(numbers, named), edge_count - 1)
+            lost = np.flatnonzero(numbers[edge] != named)
+            if len(lost):
+                raise InputError(
+                    f'the race track "{track.name}" names {len(lost)} edges that no cell has '
+                    f"(first: nodes {ends[lost[0], 0]} and {ends[lost[0], 1]})"
+                )
+            length = np.linalg.norm(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]], axis=1)
+            np.add.at(self._track_flow, edge, np.broadcast_to(track.conductance, len(edge)) / length)
+            half = 0.5 * np.broadcast_to(track.section, len(edge)) * length
+            for end in (0, 1):
+                np.add.at(self.track_volume, ends[:, end], half)
+        # The direction of a channel in its nodes' planes is that of its cell's side.
+        direction = np.zeros((edge_count, 2, 2))
+        direction[self._pair_edge] = self._pair_between
+        self._direction = direction
+        self._track_moment = self._track_flow[:, None, None] * direction
+        spread = 0.5 * self._track_flow[:, None, None] * np.stack(
+            [direction[..., 0] ** 2, direction[..., 1] ** 2, direction[..., 0] * direction[..., 1]],
+            axis=2,
+        )
+        self._track_spread = np.zeros((self.node_count, 3))
+        for end in (0, 1):
+            np.add.at(self._track_spread, self.edges[:, end], spread[:, end])
+
+    def corner_sum(self, values: np.ndarray) -> np.ndarray:
+        """Sum over the cells of each node of values per corner (C, 4), shape (N,)."""
+        cell, corner, node = self._corner
+        return np.bincount(node, values[cell, corner], minlength=self.node_count)
+
+    def edge_vectors(self, edges: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Vectors [m] from the other end of edges to this end, in the plane of its node, (K, 2)."""
+        return self._direction[edges, ends]
+
+    def edge_mean(self, values: np.ndarray) -> np.ndarray:
+        """Mean over the cells at each edge of values per cell (C,), shape (E,)."""
+        size = len(self.edges)
+        total = np.bincount(self._pair_edge, values[self._pair_cell], minlength=size)
+        return total / np.bincount(self._pair_edge, minlength=size)
+
+    def cell_mean(self, values: np.ndarray) -> np.ndarray:
+        """Mean over the corners of each cell of values per node (N,), without nan, shape (C,)."""
+        cell, _, node = self._corner
+        known = ~np.isnan(values[node])
+        count = np.bincount(cell[known], minlength=len(self.cells))
+        total = np.bincount(cell[known], values[node][known], minlength=len(self.cells))
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+    def node_mean(self, values: np.ndarray) -> np.ndarray:
+        """Mean over the cells of each node of values per cell (C,), by their area, (N,)."""
+        return self.corner_sum(self.corner_areas * values[:, None]) / self.node_areas()
+
+    def node_areas(self) -> np.ndarray:
+        """Area of the sheet that belongs to each node [m2], shape (N,)."""
+        return self.corner_sum(self.corner_areas)
+
+    def conductances(self, scale: np.ndarray, track_scale: np.ndarray | float) -> Conductances:
+        """Conductances for h/µ times the factor on the permeability (C,) [m/(Pa s)].
+
+        track_scale : 1/µ of the resin in the channels [1/(Pa s)], one number or (E,).
+        """
+        size = len(self.edges)
+        pair = scale[self._pair_cell]
+        flow = np.bincount(self._pair_edge, pair * self._pair_flow, minlength=size)
+        moment = np.empty((size, 2, 2))
+        for end in (0, 1):
+            for axis in (0, 1):
+                moment[:, end, axis] = np.bincount(
+                    self._pair_edge, pair * self._pair_moment[:, end, axis], minlength=size
+                )
+        cell, _, node = self._corner
+        spread = np.stack(
+            [
+                np.bincount(node, scale[cell] * part, minlength=self.node_count)
+                for part in self._corner_spread.T
+            ],
+            axis=1,
+        )
+        if self._track_flow.any():
+            factor = np.broadcast_to(track_scale, size)
+            flow = flow + factor * self._track_flow
+            moment = moment + factor[:, None, None] * self._track_moment
+            spread = spread + np.mean(factor) * self._track_spread
+        return Conductances(flow, moment, spread)
+
+    def velocity(self, potential: np.ndarray, factor: np.ndarray) -> np.ndarray:
+        """Darcy velocity of the cells, -K/µ ∇u [m/s], shape (C, 3); nan where a node has no u.
+
+        factor : 1/µ times the factor on the permeability, shape (C,).
+        """
+        values = np.where(self.cells >= 0, potential[self.cells], 0.0)
+        slope = np.einsum("ca,cai->ci", values, self._mean_gradient)
+        flow = -factor[:, None] * np.einsum("cij,cj->ci", self._tensor, slope)
+        return np.einsum("ci,cij->cj", flow, self._axes)
+
+
+def _gradients(flat: np.ndarray, quadrilateral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradients (C, 4, 4, 2) of the shape functions at the integration points, weights (C, 4)."""
+    count = len(flat)
+    gradients = np.zeros((count, 4, 4, 2))
+    weights = np.zeros((count, 4))
+    for number, (x, y) in enumerate(_points()):
+        local = 0.25 * np.array(
+            [[-(1 - y), -(1 - x)], [1 - y, -(1 + x)], [1 + y, 1 + x], [-(1 + y), 1 - x]]
+        )
+        local = np.broadcast_to(local, (count, 4, 2)).copy()
+        # A triangle has one constant gradient, at the first point with all the weight.
+        local[~quadrilateral] = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+        jacobian = np.einsum("cai,cam->cim", flat, local)
+        size = jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0]
+        inverse = np.empty_like(jacobian)
+        inverse[:, 0, 0], inverse[:, 1, 1] = jacobian[:, 1, 1], jacobian[:, 0, 0]
+        inverse[:, 0, 1], inverse[:, 1, 0] = -jacobian[:, 0, 1], -jacobian[:, 1, 0]
+        inverse /= size[:, None, None]
+        gradients[:, number] = np.einsum("cam,cmi->cai", local, inverse)
+        share = 0.5 if number == 0 else 0.0
+        weights[:, number] = np.where(quadrilateral, size, share * size)
+    return gradients, weights
+
+
+def _corner_areas(weights: np.ndarray, quadrilateral: np.ndarray) -> np.ndarray:
+    areas = np.zeros_like(weights)
+    shape = np.array([
+        [0.25 * (1 - x) * (1 - y), 0.25 * (1 + x) * (1 - y),
+         0.25 * (1 + x) * (1 + y), 0.25 * (1 - x) * (1 + y)]
+        for x, y in _points()
+    ])  # fmt: skip
+    areas[quadrilateral] = weights[quadrilateral] @ shape
+    areas[~quadrilateral, :3] = weights[~quadrilateral, :1] / 3.0
+    return areas
+
+
+def _points() -> tuple[tuple[float, float], ...]:
+    return ((-_GAUSS, -_GAUSS), (_GAUSS, -_GAUSS), (_GAUSS, _GAUSS), (-_GAUSS, _GAUSS))

@@ -1,0 +1,30 @@
+"""How a filling is computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class FillingOptions:
+    """How a filling is computed.
+
+    Parameters
+    ----------
+    front_step : control volumes that the front may cross in a time step, of the mean speed.
+    largest_step : [s].
+    largest_compaction : of the thickness of any cell in a time step.
+    trapped_air : air that no vent reaches is compressed (ideal gas, isothermal; all pressures
+        absolute) instead of leaving at the vent's pressure.
+    air_pressure : of the air at the start where no vent is open [Pa].
+    stop_when_idle : a filling in which nothing moves any more stops; otherwise its time goes on.
+    """
+
+    front_step: float = 0.6
+    largest_step: float = np.inf
+    largest_compaction: float = 0.02
+    trapped_air: bool = False
+    air_pressure: float = 0.0
+    stop_when_idle: bool = True

@@ -1,0 +1,290 @@
+"""Pressure in the filled region: assembly, solution, and the flows that follow from it.
+
+Unknown is the potential u = p - ρ g·x of the full nodes. Each of them passes on what it receives,
+Σ_j T_ij (u_i - u_j) + Σ_k q_ik = b_i, with the flow q_ik into control volumes k that the front is
+in (:mod:`lcmchain.coupling.infiltration.front`) and a source b_i. The matrix is symmetric.
+
+Where all T_ik of a front volume are positive and the front has not passed its node (s_k < 1), every
+full neighbour feeds it by itself, q_ik = T_ik (u_i - u_v) / s_k: the same total for a straight
+front, and a matrix without positive off-diagonals. With T >= 0 everywhere (isotropic cells without
+obtuse angles) the pressure then lies between the least and the largest boundary pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from lcmchain.coupling.infiltration.front import Front, find_front
+from lcmchain.coupling.infiltration.network import Conductances, Network
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """What drives the flow at one time.
+
+    Parameters
+    ----------
+    fixed : pressure [Pa] of nodes that have one, nan elsewhere, (N,).
+    source : [m3/s] that enters each node, (N,).
+    tied : nodes of gates at a flow rate: rows, and the rate [m3/s] of all together.
+    contact : conductance [m3/(Pa s)] to a pressure outside, ``outside`` [Pa], (N,).
+    air : pressure at the front in each control volume [Pa], (N,).
+    height : ρ g·x [Pa], (N,).
+    pocket : number of the pocket of compressed air that a dry control volume belongs to, -1 where
+        the air has a given pressure, (N,).
+    compliance : of each pocket, volume per pressure and time step [m3/(Pa s)].
+    """
+
+    fixed: np.ndarray
+    source: np.ndarray
+    tied: tuple[tuple[np.ndarray, float], ...]
+    contact: np.ndarray
+    outside: np.ndarray
+    air: np.ndarray
+    height: np.ndarray
+    pocket: np.ndarray
+    compliance: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+class Flow(NamedTuple):
+    """Pressure and flows at one time.
+
+    potential (N,) : u [Pa]; at front volumes that of their closure, nan where it is dry.
+    pressure (N,) : [Pa], not below the air's at the front; the air's where it is dry.
+    front : where the front is; feed (P,) : flow [m3/s] along its feeding edges.
+    along (E,) : flow [m3/s] from the first to the second end of every edge, feeding ones included.
+    net (N,) : what full nodes give off beyond their source [m3/s]: the flow of gates and vents at
+        their nodes, round-off at others.
+    """
+
+    potential: np.ndarray
+    pressure: np.ndarray
+    front: Front
+    feed: np.ndarray
+    along: np.ndarray
+    net: np.ndarray
+
+    @property
+    def inflow(self) -> np.ndarray:
+        """Flow into each front volume [m3/s], (K,)."""
+        return np.bincount(self.front.member, self.feed, minlength=len(self.front.nodes))
+
+
+def solve_flow(
+    network: Network,
+    conductances: Conductances,
+    full: np.ndarray,
+    fill: np.ndarray,
+    boundary: Boundary,
+    held: np.ndarray,
+) -> Flow:
+    """Return the flow for full nodes (N,) and fill factors (N,).
+
+    held : pressure [Pa] (N,) that full regions keep which nothing drives (no gate, no front).
+    """
+    front = find_front(network, conductances, full, fill)
+    system = _System(network, conductances, full, front, boundary)
+    return system.solve(held)
+
+
+class _System:
+    """Entries of the matrix over nodes, then over unknowns."""
+
+    def __init__(
+        self,
+        network: Network,
+        conductances: Conductances,
+        full: np.ndarray,
+        front: Front,
+        boundary: Boundary,
+    ) -> None:
+        self.full, self.front, self.boundary = full, front, boundary
+        self.count = network.node_count
+        first, second = network.edges.T
+        inner = np.flatnonzero(full[first] & full[second])
+        self.inner, self.edge_count = inner, len(first)
+        self.edge_first = first
+        self.first, self.second = first[inner], second[inner]
+        self.flow = conductances.flow[inner]
+        self._close_front()
+
+    def _close_front(self) -> None:
+        """Potential of the air at the front, and how the front volumes share their inflow."""
+        front, boundary = self.front, self.boundary
+        nodes, distance = front.nodes, front.distance
+        below = front.mean(boundary.height)
+        self.air_height = below + distance * (boundary.height[nodes] - below)
+        self.pocket = boundary.pocket[nodes]
+        self.air = boundary.air[nodes] - self.air_height
+        negative = np.bincount(front.member, front.flow < 0.0, minlength=len(nodes)) > 0
+        self.apart = (distance < 1.0) & ~negative
+
+    def solve(self, held: np.ndarray) -> Flow:
+        unknown, known = self._unknowns(held)
+        size = unknown.max(initial=-1) + 1
+        pockets = np.arange(len(self.boundary.compliance)) + size
+        rows, columns, entries, right = self._entries()
+        row, column = unknown[rows], unknown[columns]
+        right = right - np.bincount(
+            rows[column < 0], (entries * known[columns])[column < 0], minlength=self.count
+        )
+        # Tied nodes have one pressure, so that their potentials differ by their height.
+        shift = np.where(unknown >= 0, known, 0.0)
+        right -= np.bincount(rows, entries * shift[columns] * (column >= 0), minlength=self.count)
+        kept = (row >= 0) & (column >= 0)
+        parts = [(row[kept], column[kept], entries[kept])]
+        total = np.bincount(unknown[unknown >= 0], right[unknown >= 0], minlength=size)
+        total = np.concatenate([total, np.zeros(len(pockets))])
+        if len(pockets):
+            self._add_pockets(unknown, known, pockets, parts, total)
+        solution = _solve_symmetric(parts, total)
+        potential = np.where(unknown >= 0, solution[np.maximum(unknown, 0)], 0.0) + known
+        if len(pockets):
+            inside = self.pocket >= 0
+            self.air[inside] = solution[pockets[self.pocket[inside]]] - self.air_height[inside]
+        return self._flow(np.where(self.full, potential, np.nan))
+
+    def _unknowns(self, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Number of the unknown of each node, -1 for none; what its potential is beyond that."""
+        boundary = self.boundary
+        fixed = self.full & ~np.isnan(boundary.fixed)
+        known = np.where(fixed, boundary.fixed - boundary.height, 0.0)
+        leader = np.arange(self.count)
+        free = self.full & ~fixed
+        for nodes, _ in boundary.tied:
+            tied = nodes[free[nodes]]
+            if len(tied):
+                leader[tied] = tied[0]
+                known[tied] = boundary.height[tied[0]] - boundary.height[tied]
+        for node, value in self._undriven(fixed, leader, held):
+            group = np.flatnonzero(free & (leader == node))
+            free[group] = False
+            known[group] += value
+        lead = free & (leader == np.arange(self.count))
+        number = np.full(self.count, -1)
+        number[lead] = np.arange(np.count_nonzero(lead))
+        return np.where(free, number[leader], -1), known
+
+    def _undriven(
+        self, fixed: np.ndarray, leader: np.ndarray, held: np.ndarray
+    ) -> list[tuple[int, float]]:
+        """One node of each full region without a given pressure, with what it keeps."""
+        following = np.flatnonzero(leader != np.arange(self.count))
+        linked = np.abs(self.flow) > 0.0
+        rows = np.concatenate([self.first[linked], following])
+        columns = np.concatenate([self.second[linked], leader[following]])
+        graph = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(self.count, self.count))
+        count, region = connected_components(graph, directed=False)
+        driven = np.zeros(count, dtype=bool)
+        driven[region[fixed]] = True
+        driven[region[self.front.source]] = True
+        driven[region[self.full & (self.boundary.contact != 0.0)]] = True
+        lost = np.flatnonzero(self.full & ~driven[region])
+        gates = [nodes for nodes, _ in self.boundary.tied]
+        at_gate = np.isin(lost, np.concatenate(gates)) if gates else np.zeros(len(lost), bool)
+        # A gate's node first: what the gate would bring then stays outside.
+        lost = lost[np.argsort(~at_gate, kind="stable")]
+        _, first = np.unique(region[lost], return_index=True)
+        nodes = leader[lost[first]]
+        return [(int(k), float(held[k] - self.boundary.height[k])) for k in nodes]
+
+    def _entries(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        front, boundary = self.front, self.boundary
+        i, j, flow = self.first, self.second, self.flow
+        source, member = front.source, front.member
+        distance = front.distance[member]
+        apart = self.apart[member]
+        to_air = np.where(self.pocket >= 0, -self.air_height, self.air)[member]
+        right = boundary.source + boundary.contact * (boundary.outside - boundary.height)
+        for nodes, rate in boundary.tied:
+            tied = nodes[self.full[nodes]]
+            right[tied[:1]] += rate
+        right += np.bincount(source, front.flow * to_air / distance, minlength=self.count)
+        own = np.where(apart, front.flow / distance, front.flow)
+        touched = np.flatnonzero(self.full & (boundary.contact != 0.0))
+        weight = np.where(self.apart, 0.0, (1.0 / front.distance - 1.0) / front.total)
+        fed = coo_matrix((front.flow, (member, source)), shape=(len(front.nodes), self.count))
+        fed = fed.tocsr()
+        shared = (fed.T @ fed.multiply(weight[:, None])).tocoo()
+        return (
+            np.concatenate([i, j, i, j, source, touched, shared.row]),
+            np.concatenate([i, j, j, i, source, touched, shared.col]),
+            np.concatenate([flow, flow, -flow, -flow, own, boundary.contact[touched], shared.data]),
+            right,
+        )
+
+    def _add_pockets(
+        self,
+        unknown: np.ndarray,
+        known: np.ndarray,
+        pockets: np.ndarray,
+        parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
+        total: np.ndarray,
+    ) -> None:
+        """Air that is compressed: what flows in over the step lifts its pressure."""
+        front, boundary = self.front, self.boundary
+        inside = self.pocket[front.member] >= 0
+        member, node = front.member[inside], front.source[inside]
+        number = pockets[self.pocket[member]]
+        share = front.flow[inside] / front.distance[member]
+        row = unknown[node]
+        free = row >= 0
+        for rows, columns in ((row, number), (number, row)):
+            parts.append((rows[free], columns[free], -share[free]))
+        parts.append((number, number, share))
+        parts.append((pockets, pockets, boundary.compliance))
+        size = len(total)
+        total += np.bincount(
+            number, share * (known[node] + self.air_height[member]), minlength=size
+        )
+        first = np.full(len(pockets), 0.0)
+        dry = boundary.pocket >= 0
+        first[boundary.pocket[dry]] = boundary.air[dry]
+        total[pockets] += boundary.compliance * first
+
+    def _flow(self, potential: np.ndarray) -> Flow:
+        front, boundary = self.front, self.boundary
+        nodes, member = front.nodes, front.member
+        mean = front.mean(potential)
+        potential[nodes] = mean - (mean - self.air) / front.distance
+        upstream = potential[front.source]
+        feed = np.where(
+            self.apart[member],
+            front.flow * (upstream - self.air[member]) / front.distance[member],
+            front.flow * (upstream - potential[nodes][member]),
+        )
+        between = self.flow * (potential[self.first] - potential[self.second])
+        along = np.zeros(self.edge_count)
+        along[self.inner] = between
+        along[front.edge] = np.where(self.edge_first[front.edge] == front.source, feed, -feed)
+        net = (
+            np.bincount(self.first, between, minlength=self.count)
+            - np.bincount(self.second, between, minlength=self.count)
+            + np.bincount(front.source, feed, minlength=self.count)
+        )
+        net = np.where(self.full, net - boundary.source, 0.0)
+        wet = ~np.isnan(potential)
+        pressure = np.where(wet, potential + boundary.height, boundary.air)
+        pressure[nodes] = np.maximum(pressure[nodes], self.air + self.air_height)
+        return Flow(potential, pressure, front, feed, along, net)
+
+
+def _solve_symmetric(
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], right: np.ndarray
+) -> np.ndarray:
+    if not len(right):
+        return np.zeros(1)
+    rows, columns, entries = (np.concatenate(column) for column in zip(*parts, strict=True))
+    matrix = csc_matrix(coo_matrix((entries, (rows, columns)), shape=(len(right), len(right))))
+    factors = splu(
+        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+    solution = factors.solve(right)
+    # One refinement: the balance of every node then holds to round-off.
+    return solution + factors.solve(right - matrix @ solution)

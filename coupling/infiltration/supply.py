@@ -1,0 +1,226 @@
+"""Gates and vents while the filling runs: which are open, what they prescribe, their first resin.
+
+A gate's nodes pass resin on when their control volumes are full. The resin enters from the gate's
+line: while the front is inside the gate's own control volumes their fill follows the closed
+solution of one-dimensional flow (F² grows linearly), or of radial flow around a hole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcmchain.coupling.infiltration.boundaries import Gate, Vent, value_at
+from lcmchain.coupling.infiltration.front import principal_spread
+from lcmchain.coupling.infiltration.network import Conductances, Network
+from lcmchain.coupling.infiltration.state import FillingState
+from lcmchain.errors import InputError
+
+
+@dataclass(frozen=True)
+class OpenGate:
+    """A gate that is open: its number, present pressure or rate, and whether it passes resin on.
+
+    ``contact`` is the conductance from the gate's hole to its node, nan without a radius; it is
+    negative where the hole is larger than the node's effective radius.
+    """
+
+    number: int
+    gate: Gate
+    pressure: float | None
+    rate: float | None
+    ready: bool
+    contact: float
+
+
+class Supply:
+    """Gates and vents of a filling."""
+
+    def __init__(self, gates: Sequence[Gate], vents: Sequence[Vent], node_count: int) -> None:
+        self.gates, self.vents = tuple(gates), tuple(vents)
+        owner: dict[int, str] = {}
+        for place in (*self.gates, *self.vents):
+            kind = "gate" if isinstance(place, Gate) else "vent"
+            arrival = np.concatenate(
+                [place.schedule.opens_on_arrival, place.schedule.closes_on_arrival]
+            )
+            for nodes in (place.nodes, arrival):
+                if len(nodes) and (nodes.min() < 0 or nodes.max() >= node_count):
+                    raise InputError(
+                        f'the {kind} "{place.name}" names node rows outside the mesh, which has '
+                        f"{node_count} nodes"
+                    )
+            for node in place.nodes.tolist():
+                if node in owner and not self._may_share(owner[node], place):
+                    raise InputError(
+                        f'node {node} belongs to "{owner[node]}" and to "{place.name}"; a node '
+                        "is part of one gate or vent"
+                    )
+                owner[node] = place.name
+
+    def _may_share(self, name: str, place: Gate | Vent) -> bool:
+        """A place may be a gate for some time and a vent for another."""
+        other = next(p for p in (*self.gates, *self.vents) if p.name == name)
+        return (
+            other.schedule.closes <= place.schedule.opens
+            or place.schedule.closes <= other.schedule.opens
+        )
+
+    def open_gates(
+        self, time: float, state: FillingState, network: Network, conductances: Conductances
+    ) -> list[OpenGate]:
+        """Return the gates that are open at a time [s]."""
+        found = []
+        for number, gate in enumerate(self.gates):
+            if not gate.schedule.is_open(time, state.fill_time):
+                continue
+            rate = None if gate.flow_rate is None else value_at(gate.flow_rate, time)
+            limit = None if gate.pressure is None else value_at(gate.pressure, time)
+            contact = np.nan
+            if gate.radius is not None:
+                contact = hole_conductance(network, conductances, int(gate.nodes[0]), gate.radius)
+            ready = bool(state.full[gate.nodes].all())
+            found.append(OpenGate(number, gate, limit, rate, ready, contact))
+        return found
+
+    def open_vents(self, time: float, state: FillingState) -> list[tuple[int, Vent, float]]:
+        """Return number, vent and pressure [Pa] of the vents that are open at a time [s]."""
+        return [
+            (number, vent, value_at(vent.pressure, time))
+            for number, vent in enumerate(self.vents)
+            if vent.schedule.is_open(time, state.fill_time)
+        ]
+
+    def bleeding(self, time: float, state: FillingState) -> np.ndarray:
+        """True at nodes of open vents that let resin out, shape (N,)."""
+        bleeds = np.zeros(len(state.full), dtype=bool)
+        for _, vent, _ in self.open_vents(time, state):
+            bleeds[vent.nodes] |= not vent.closes_when_wet
+        return bleeds
+
+    def next_switch(self, time: float) -> float:
+        """The next time [s] at which the clock opens or closes something."""
+        places = (*self.gates, *self.vents)
+        return min((place.schedule.next_switch(time) for place in places), default=np.inf)
+
+    def waits_for_clock(self, time: float) -> bool:
+        """Whether a gate will open later by the clock."""
+        return any(gate.schedule.opens > time for gate in self.gates)
+
+
+@dataclass(frozen=True)
+class Priming:
+    """First filling of a gate's own control volumes, by the closed solution.
+
+    nodes : rows that are not full yet; missing [m3] : what they lack, together.
+    duration : time to fill them from dry [s]; 0 for those that the gate floods at once.
+    squared : whether the fill grows with the root of time, or linearly.
+    """
+
+    number: int
+    nodes: np.ndarray
+    room: np.ndarray
+    filled: float
+    duration: float
+    squared: bool
+
+    @property
+    def left(self) -> float:
+        """Time until the nodes are full [s]."""
+        return self.duration * (1.0 - (self.filled**2 if self.squared else self.filled))
+
+    def volumes(self, step: float) -> np.ndarray:
+        """What enters each of the nodes in a time step [m3]."""
+        if step >= self.left * (1.0 - 1e-12):
+            return self.room
+        if self.squared:
+            reached = np.sqrt(self.filled**2 + step / self.duration)
+        else:
+            reached = self.filled + step / self.duration
+        return self.room * ((reached - self.filled) / (1.0 - self.filled))
+
+
+def prime(
+    opened: OpenGate,
+    network: Network,
+    conductances: Conductances,
+    pores: np.ndarray,
+    state: FillingState,
+) -> Priming:
+    """Return how a gate that is open, but not ready, fills its own control volumes."""
+    nodes = opened.gate.nodes[~state.full[opened.gate.nodes]]
+    room = np.maximum(pores - state.resin_volume, 0.0)[nodes]
+    whole = pores[nodes].sum()
+    filled = float(np.clip(1.0 - room.sum() / whole, 0.0, 1.0))
+    if opened.rate is not None:
+        duration = whole / opened.rate if opened.rate > 0.0 else np.inf
+        return Priming(opened.number, nodes, room, filled, duration, False)
+    assert opened.pressure is not None
+    drive = opened.pressure - float(np.max(state.air_pressure[nodes]))
+    if drive <= 0.0:
+        return Priming(opened.number, nodes, room, filled, np.inf, False)
+    if opened.gate.radius is not None:
+        node = int(nodes[0])
+        duration = _radial_time(network, conductances, node, opened.gate.radius, pores, drive)
+        return Priming(opened.number, nodes, room, filled, duration, False)
+    inside = np.zeros(network.node_count, dtype=bool)
+    inside[opened.gate.nodes] = True
+    first, second = network.edges.T
+    leaving = inside[first] != inside[second]
+    outward = max(float(conductances.flow[leaving].sum()), 0.0)
+    beyond = _share_beyond(network, inside)
+    volume = float((beyond * pores)[nodes].sum())
+    duration = volume / (4.0 * outward * drive) if outward > 0.0 else 0.0
+    return Priming(opened.number, nodes, room, filled, duration, True)
+
+
+def _share_beyond(network: Network, inside: np.ndarray) -> np.ndarray:
+    """Share of each control volume in cells that are not covered by the gate, (N,)."""
+    cells = network.cells
+    covered = (inside[cells] | (cells < 0)).all(axis=1)
+    outer = network.corner_sum(network.corner_areas * ~covered[:, None])
+    return outer / network.node_areas()
+
+
+def _radial_time(network, conductances, node, radius, pores, drive) -> float:
+    area = network.node_areas()[node]
+    reach = np.sqrt(area / np.pi)
+    if reach <= radius:
+        return 0.0
+    larger, smaller = principal_spread(conductances.spread[[node]])
+    mean = np.sqrt(larger * smaller)[0] / area
+    bracket = reach**2 * np.log(reach / radius) - 0.5 * (reach**2 - radius**2)
+    return float(pores[node] / area / (2.0 * mean * drive) * bracket)
+
+
+def hole_conductance(
+    network: Network, conductances: Conductances, node: int, radius: float
+) -> float:
+    """Conductance between a hole of a radius [m] around a node and the node [m3/(Pa s)].
+
+    The node's effective radius r_e is where the logarithmic field has the node's discrete
+    pressure: Σ T_j ln(ρ_j / r_e) = 2π κ over its neighbours at the distances ρ_j. After D. W.
+    Peaceman, SPE Journal 18 (1978) 183 and 23 (1983) 531 for anisotropic grids, here for any mesh.
+    """
+    first, second = network.edges.T
+    at = np.flatnonzero((first == node) | (second == node))
+    end = np.where(first[at] == node, 0, 1)
+    flow = conductances.flow[at]
+    safe = np.where(flow == 0.0, 1.0, flow)
+    away = network.edge_vectors(at, end)
+    area = network.node_areas()[node]
+    xx, yy, xy = conductances.spread[node] / area
+    mean = np.sqrt(xx * yy - xy * xy)
+    squared = (yy * away[:, 0] ** 2 - 2.0 * xy * away[:, 0] * away[:, 1] + xx * away[:, 1] ** 2)
+    distance = np.sqrt(squared / mean)
+    kept = (safe == flow) & (distance > 0.0)
+    total = flow[kept].sum()
+    effective = (np.sum(flow[kept] * np.log(distance[kept])) - 2.0 * np.pi * mean) / total
+    larger, smaller = principal_spread(conductances.spread[[node]])
+    ratio = (larger[0] / smaller[0]) ** 0.25
+    hole = np.log(0.5 * radius * (ratio + 1.0 / ratio))
+    if effective == hole:
+        return np.inf
+    return float(2.0 * np.pi * mean / (effective - hole))

@@ -1,0 +1,487 @@
+"""One time step of a filling: pressure, front, transport.
+
+The flow is quasi-static. A step takes the flow at its start, moves the front with it as far as it
+gets, takes the flow there, and moves the front from the start with the mean of both (Heun). Both
+flows are those through one interface, that between the volumes that are full at the start and the
+others; what a volume receives beyond its pores goes on to its neighbours
+(:mod:`lcmchain.coupling.infiltration.overflow`), so that the front may cross many control volumes
+in a step and every step conserves resin to round-off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lcmchain.coupling.infiltration.air import Air, find_air, new_dry_spots
+from lcmchain.coupling.infiltration.carried import carry
+from lcmchain.coupling.infiltration.network import Conductances
+from lcmchain.coupling.infiltration.outcome import idle_outcome
+from lcmchain.coupling.infiltration.overflow import FULL, Passed, Stuck, pass_on
+from lcmchain.coupling.infiltration.pressure import Boundary, Flow, solve_flow
+from lcmchain.coupling.infiltration.state import FillingState
+from lcmchain.coupling.infiltration.supply import OpenGate, Priming, prime
+from lcmchain.errors import SimulationError
+
+if TYPE_CHECKING:
+    from lcmchain.coupling.infiltration.filling import Filling
+
+MOST_CUTS = 60
+# Of the pore volume, over all that is left of the time: less is no flow.
+NO_FLOW = 1e-10
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What holds at the start of a step and is kept over it."""
+
+    state: FillingState
+    conductances: Conductances
+    pores: np.ndarray
+    gates: list[OpenGate]
+    primings: list[Priming]
+    bleeds: np.ndarray
+    vent_pressure: np.ndarray
+    air: Air
+    excess: np.ndarray
+    pore_rate: np.ndarray
+
+
+class Stage(NamedTuple):
+    """Flow at the start or end of a step, and how it is driven."""
+
+    flow: Flow
+    gate_pressure: np.ndarray
+    gate_rate: np.ndarray
+    bled: np.ndarray
+
+
+class TimeStep:
+    """Takes the time steps of a filling."""
+
+    def __init__(self, filling: Filling) -> None:
+        self.filling = filling
+        self._kept: tuple[Situation, Stage] | None = None
+        self._moments: tuple[float, ...] = ()
+
+    def forget(self) -> None:
+        """The state was changed from outside."""
+        self._kept = None
+
+    def take(self, until: float) -> tuple[str, str] | None:
+        """Take a step towards a time [s]; return outcome and message if nothing moves any more."""
+        filling = self.filling
+        state = filling.state
+        situation, stage, step = self._begin(until)
+        moves = self._moves(situation, stage, until)
+        switch = filling.supply.next_switch(state.time)
+        self._moments = (until, switch) if np.isfinite(switch) else (until,)
+        if not moves:
+            if switch < until and filling.supply.waits_for_clock(state.time):
+                state.time = switch
+                self.forget()
+                return None
+            return idle_outcome(filling, situation, stage)
+        for _ in range(MOST_CUTS):
+            share = self._try(situation, stage, step)
+            if share >= 1.0:
+                return None
+            step *= share
+        raise SimulationError(
+            f"no time step succeeds at {state.time:.6g} s: resin finds no room next to where it "
+            f"is pressed to ({_place(filling, stage)})"
+        )
+
+    def refresh(self) -> None:
+        """Compute the pressure of the present state."""
+        state = self.filling.state
+        if self._kept is None:
+            situation = self._situation(state)
+            self._kept = situation, self._stage(situation, state, state.next_step or 1.0, 0.0)
+        _, stage = self._kept
+        state.pressure = stage.flow.pressure
+        state.gate_pressure, state.gate_rate = stage.gate_pressure, stage.gate_rate
+
+    def _situation(self, state: FillingState) -> Situation:
+        filling = self.filling
+        medium, supply = filling.medium, filling.supply
+        fluidity = filling.liquid.fluidity(medium, state)
+        conductances = medium.conductances(state.thickness, fluidity)
+        pores = medium.pores(state.thickness)
+        vents = supply.open_vents(state.time, state)
+        compressed = filling.options.trapped_air
+        air = find_air(medium.network.edges, state, pores, vents, compressed)
+        dry = air.region >= 0
+        state.air_pressure = state.air_pressure.copy()
+        state.air_pressure[dry] = air.pressure[air.region[dry]]
+        gates = supply.open_gates(state.time, state, medium.network, conductances)
+        primings = [
+            prime(gate, medium.network, conductances, pores, state)
+            for gate in gates
+            if not gate.ready
+        ]
+        vent_pressure = np.full(len(pores), np.nan)
+        for _, vent, pressure in vents:
+            if not vent.closes_when_wet:
+                vent_pressure[vent.nodes] = pressure
+        excess = np.where(state.full, state.resin_volume - pores, 0.0)
+        excess[np.abs(excess) < 2.0 * (1.0 - FULL) * pores] = 0.0
+        return Situation(
+            state, conductances, pores, gates, primings, ~np.isnan(vent_pressure), vent_pressure,
+            air, excess, medium.pore_rate(state.thickness_rate),
+        )  # fmt: skip
+
+    def _begin(self, until: float) -> tuple[Situation, Stage, float]:
+        """Flow at the start, and the size of the step."""
+        filling = self.filling
+        state, options = filling.state, filling.options
+        if self._kept is None:
+            situation = self._situation(state)
+        else:
+            situation = self._kept[0]
+        limit = min(
+            until - state.time,
+            options.largest_step,
+            filling.supply.next_switch(state.time) - state.time,
+            *(priming.left for priming in situation.primings if priming.left > 0.0),
+        )
+        if state.thickness_rate.any():
+            fastest = np.max(np.abs(state.thickness_rate) / state.thickness)
+            limit = min(limit, options.largest_compaction / fastest)
+        timed = bool(situation.excess.any() or len(situation.air.volume) and options.trapped_air)
+        if self._kept is not None and not timed:
+            stage = self._kept[1]
+            return situation, stage, min(limit, self._wish(stage, situation))
+        step = min(limit, state.next_step) if timed and state.next_step > 0.0 else limit
+        for _ in range(MOST_CUTS):
+            stage = self._stage(situation, state, step, 0.0)
+            wish = self._wish(stage, situation)
+            if not timed or wish >= 0.999 * step:
+                break
+            step = max(wish, 0.2 * step)
+        return situation, stage, min(step, wish)
+
+    def _wish(self, stage: Stage, situation: Situation) -> float:
+        """Step in which the front crosses as many control volumes as the options say."""
+        inflow = np.maximum(stage.flow.inflow, 0.0)
+        squared = float(inflow @ inflow)
+        if squared == 0.0:
+            return np.inf
+        crossing = float(inflow @ situation.pores[stage.flow.front.nodes]) / squared
+        return self.filling.options.front_step * crossing
+
+    def _moves(self, situation: Situation, stage: Stage, until: float) -> bool:
+        left = until - situation.state.time
+        if any(np.isfinite(p.duration) and len(p.nodes) for p in situation.primings):
+            return True
+        if situation.pore_rate.any() or situation.excess.any():
+            return True
+        turnover = np.abs(stage.flow.inflow).sum() + np.abs(stage.bled).sum()
+        return bool(turnover * left > NO_FLOW * situation.pores.sum())
+
+    def _try(self, situation: Situation, stage: Stage, step: float) -> float:
+        """Take a step of this size; if it is too large, return the share of it to try next."""
+        state, pores_end = situation.state, self._pores_at(situation, step)
+        first = self._moved(situation, stage.flow.along, pores_end, step)
+        if isinstance(first, Stuck):
+            return first.share
+        ahead = self._predicted(situation, first, pores_end, step)
+        conductances = self._conductances_at(situation, ahead)
+        second = self._stage(replace(situation, conductances=conductances), ahead, step, step)
+        along = 0.5 * (stage.flow.along + second.flow.along)
+        last = self._moved(situation, along, pores_end, step)
+        if isinstance(last, Stuck):
+            return last.share
+        self._check_balance(situation, stage)
+        self._finish(situation, (stage, second), last, along, pores_end, step)
+        state.next_step = step
+        return 1.0
+
+    def _pores_at(self, situation: Situation, step: float) -> np.ndarray:
+        state = situation.state
+        if not state.thickness_rate.any():
+            return situation.pores
+        return self.filling.medium.pores(state.thickness + step * state.thickness_rate)
+
+    def _conductances_at(self, situation: Situation, ahead: FillingState) -> Conductances:
+        state, filling = situation.state, self.filling
+        if not state.thickness_rate.any():
+            return situation.conductances
+        fluidity = filling.liquid.fluidity(filling.medium, state)
+        return filling.medium.conductances(ahead.thickness, fluidity)
+
+    def _moved(
+        self, situation: Situation, along: np.ndarray, pores_end: np.ndarray, step: float
+    ) -> tuple[Passed, np.ndarray, np.ndarray] | Stuck:
+        """Volumes after a step with these flows; what each one received, and from gates."""
+        state, network = situation.state, self.filling.medium.network
+        first, second = network.edges.T
+        forth = state.full[first] & ~state.full[second]
+        back = state.full[second] & ~state.full[first]
+        count = len(state.full)
+        rate = np.bincount(second[forth], along[forth], minlength=count)
+        rate -= np.bincount(first[back], along[back], minlength=count)
+        primed = np.zeros(count)
+        for priming in situation.primings:
+            primed[priming.nodes] += priming.volumes(step)
+        received = step * rate + primed
+        squeezed = pores_end - situation.pores - situation.excess
+        volume = state.resin_volume + np.where(state.full, squeezed, received)
+        volume[state.full] = np.minimum(volume, pores_end)[state.full]
+        passed = pass_on(
+            network.edges, situation.conductances.flow, state.resin_volume, volume, pores_end,
+            rate + primed / step, situation.bleeds, state.full,
+        )  # fmt: skip
+        if isinstance(passed, Stuck):
+            return passed
+        return passed, received, primed
+
+    def _predicted(
+        self,
+        situation: Situation,
+        moved: tuple[Passed, np.ndarray, np.ndarray],
+        pores_end: np.ndarray,
+        step: float,
+    ) -> FillingState:
+        state = situation.state
+        volume = moved[0].volume
+        full = volume >= FULL * pores_end
+        # Where the last air goes, the front stays: behind it the flow would stop within the step.
+        first, second = self.filling.medium.network.edges.T
+        count = len(full)
+        open_ends = np.bincount(first, ~full[second], minlength=count)
+        open_ends += np.bincount(second, ~full[first], minlength=count)
+        full &= state.full | (open_ends > 0)
+        return replace(
+            state,
+            resin_volume=volume,
+            full=full,
+            fill=np.minimum(volume / pores_end, 1.0),
+            thickness=state.thickness + step * state.thickness_rate,
+        )
+
+    def _stage(
+        self, situation: Situation, state: FillingState, step: float, later: float
+    ) -> Stage:
+        """Flow of a state; ``later`` is how much later than the situation [s] it is."""
+        gates = situation.gates
+        limited = [gate.rate is None for gate in gates]
+        shut = np.zeros(len(state.full), dtype=bool)
+        for _ in range(2 * len(gates) + 4):
+            flow = self._solve(situation, state, step, limited, shut)
+            pressure, rate = self._at_gates(situation, flow)
+            changed = False
+            for k, gate in enumerate(gates):
+                if not gate.ready or gate.rate is None or gate.pressure is None:
+                    continue
+                if not limited[k] and pressure[gate.number] > gate.pressure * (1.0 + 1e-9):
+                    limited[k] = changed = True
+            drawn = situation.bleeds & (flow.net > 1e-9 * np.abs(flow.along).max(initial=0.0))
+            drawn &= state.full & ~shut
+            if drawn.any():
+                shut |= drawn
+                changed = True
+            if not changed:
+                break
+        bled = np.where(situation.bleeds & state.full & ~shut, -flow.net, 0.0)
+        return Stage(flow, pressure, rate, bled)
+
+    def _solve(
+        self,
+        situation: Situation,
+        state: FillingState,
+        step: float,
+        limited: list[bool],
+        shut: np.ndarray,
+    ) -> Flow:
+        filling, count = self.filling, len(state.full)
+        network = filling.medium.network
+        fixed = np.where(state.full & ~shut, situation.vent_pressure, np.nan)
+        contact, outside = np.zeros(count), np.zeros(count)
+        source = np.where(state.full, -situation.pore_rate + situation.excess / step, 0.0)
+        tied = []
+        for gate, at_pressure in zip(situation.gates, limited, strict=True):
+            if not gate.ready:
+                continue
+            nodes = gate.gate.nodes
+            if not at_pressure:
+                tied.append((nodes, float(gate.rate or 0.0)))
+            elif np.isfinite(gate.contact):
+                contact[nodes], outside[nodes] = gate.contact, gate.pressure
+            else:
+                fixed[nodes] = gate.pressure
+        pocket, compliance = self._pockets(situation, step)
+        boundary = Boundary(
+            fixed, source, tuple(tied), contact, outside, situation.state.air_pressure,
+            filling.height(filling.medium.mesh.points), pocket, compliance,
+        )  # fmt: skip
+        return solve_flow(
+            network, situation.conductances, state.full, state.fill, boundary, state.pressure
+        )
+
+    def _pockets(self, situation: Situation, step: float) -> tuple[np.ndarray, np.ndarray]:
+        air = situation.air
+        if not self.filling.options.trapped_air or air.vented.all():
+            return np.full(len(air.region), -1), np.zeros(0)
+        closed = np.flatnonzero(~air.vented)
+        number = np.full(len(air.vented), -1)
+        number[closed] = np.arange(len(closed))
+        pocket = np.where(air.region >= 0, np.append(number, -1)[air.region], -1)
+        return pocket, air.volume[closed] / (air.pressure[closed] * step)
+
+    def _at_gates(self, situation: Situation, flow: Flow) -> tuple[np.ndarray, np.ndarray]:
+        """Pressure [Pa] and flow rate [m3/s] of all gates, nan for those that are closed."""
+        count = len(self.filling.supply.gates)
+        pressure, rate = np.full(count, np.nan), np.full(count, np.nan)
+        for gate in situation.gates:
+            if gate.ready:
+                nodes = gate.gate.nodes
+                rate[gate.number] = flow.net[nodes].sum()
+                pressure[gate.number] = flow.pressure[nodes[0]]
+                if np.isfinite(gate.contact):
+                    pressure[gate.number] += rate[gate.number] / gate.contact
+        return pressure, rate
+
+    def _check_balance(self, situation: Situation, stage: Stage) -> None:
+        """What full nodes give off beyond their source comes from gates and vents alone."""
+        net = np.abs(stage.flow.net)
+        for gate in situation.gates:
+            net[gate.gate.nodes] = 0.0
+        net[situation.bleeds] = 0.0
+        scale = np.abs(stage.flow.along).max(initial=0.0)
+        worst = int(np.argmax(net))
+        if net[worst] > 1e-6 * scale and net[worst] > 0.0:
+            place = ", ".join(f"{x:.6g}" for x in self.filling.mesh.points[worst])
+            raise SimulationError(
+                f"at {situation.state.time:.6g} s resin is squeezed or drawn around node {worst} "
+                f"at ({place}) m, and has no way in or out; open a gate or vent there"
+            )
+
+    def _finish(
+        self,
+        situation: Situation,
+        stages: tuple[Stage, Stage],
+        moved: tuple[Passed, np.ndarray, np.ndarray],
+        along: np.ndarray,
+        pores_end: np.ndarray,
+        step: float,
+    ) -> None:
+        """Write what a step has brought into the state."""
+        filling, state = self.filling, situation.state
+        passed, received, primed = moved
+        volume, full = passed.volume, passed.volume >= FULL * pores_end
+        self._count_boundaries(situation, stages, passed, primed, step)
+        self._note_arrivals(situation, stages, passed, received, pores_end, step)
+        if filling.liquid.changes:
+            self._carry(situation, passed, primed, along, volume, step)
+            filling.liquid.rest(filling.medium, replace(state, resin_volume=volume), step)
+        state.resin_volume, state.full = volume, full
+        state.fill = np.minimum(volume / pores_end, 1.0)
+        state.thickness = state.thickness + step * state.thickness_rate
+        state.pressure = stages[1].flow.pressure
+        state.gate_pressure, state.gate_rate = stages[1].gate_pressure, stages[1].gate_rate
+        state.time = self._snapped(state.time + step)
+        state.step_count += 1
+        self._kept = None
+        vents = filling.supply.open_vents(state.time, state)
+        air = find_air(
+            filling.medium.network.edges, state, pores_end, vents, filling.options.trapped_air
+        )
+        state.enclosed, spots = new_dry_spots(air, filling.medium, state, pores_end)
+        state.dry_spots = (*state.dry_spots, *spots)
+
+    def _snapped(self, time: float) -> float:
+        """The time, or the moment that the step was meant to reach if it is that to round-off."""
+        for moment in self._moments:
+            if abs(time - moment) <= 1e-12 * abs(moment):
+                return moment
+        return time
+
+    def _count_boundaries(
+        self,
+        situation: Situation,
+        stages: tuple[Stage, Stage],
+        passed: Passed,
+        primed: np.ndarray,
+        step: float,
+    ) -> None:
+        state, supply = situation.state, self.filling.supply
+        state.injected, state.vented = state.injected.copy(), state.vented.copy()
+        for gate in situation.gates:
+            nodes = gate.gate.nodes
+            if gate.ready:
+                mean = 0.5 * (stages[0].flow.net[nodes].sum() + stages[1].flow.net[nodes].sum())
+                state.injected[gate.number] += step * mean
+            else:
+                state.injected[gate.number] += primed[nodes].sum()
+        was_full = state.full
+        bled = 0.5 * step * (stages[0].bled + np.where(was_full, stages[1].bled, 0.0))
+        for number, vent, _ in supply.open_vents(state.time, state):
+            state.vented[number] += (bled + passed.vented)[vent.nodes].sum()
+
+    def _note_arrivals(
+        self,
+        situation: Situation,
+        stages: tuple[Stage, Stage],
+        passed: Passed,
+        received: np.ndarray,
+        pores_end: np.ndarray,
+        step: float,
+    ) -> None:
+        """When the front passed the nodes, from the fill factor at which it does."""
+        state = situation.state
+        threshold = np.full(len(pores_end), 0.5)
+        for stage in (stages[1], stages[0]):
+            threshold[stage.flow.front.nodes] = stage.flow.front.passed()
+        handed = np.bincount(passed.target, passed.moved, minlength=len(pores_end))
+        reached = (state.resin_volume + received + handed) / pores_end
+        new = np.isnan(state.fill_time) & (reached >= threshold * FULL)
+        rate = np.where(passed.rate > 0.0, passed.rate, np.inf)
+        late = np.maximum(reached - threshold, 0.0) * pores_end / rate
+        end = state.time + step
+        state.fill_time = np.where(new, np.clip(end - late, state.time, end), state.fill_time)
+
+    def _carry(
+        self,
+        situation: Situation,
+        passed: Passed,
+        primed: np.ndarray,
+        along: np.ndarray,
+        volume: np.ndarray,
+        step: float,
+    ) -> None:
+        filling, state = self.filling, situation.state
+        first, second = filling.medium.network.edges.T
+        known = state.full[first] | state.full[second]
+        source = np.concatenate([first[known], passed.source])
+        target = np.concatenate([second[known], passed.target])
+        moved = np.concatenate([step * along[known], passed.moved])
+        entered = primed + np.where(state.full, 0.0, 0.0)
+        balance = np.zeros(len(volume))
+        np.add.at(balance, target, moved)
+        np.subtract.at(balance, source, moved)
+        gates = np.zeros(len(volume), dtype=bool)
+        for gate in situation.gates:
+            gates[gate.gate.nodes] = gate.ready
+        missing = volume - state.resin_volume - balance
+        entered = entered + np.where(gates & state.full, np.maximum(missing, 0.0), 0.0)
+        now = state.time
+        for name, inlet in (
+            ("cure", filling.liquid.resin.initial_cure),
+            ("temperature", filling.liquid.inlet_temperature(now)),
+        ):
+            value = getattr(state, name)
+            carried = carry(
+                value, state.resin_volume, volume, source, target, moved, entered, inlet
+            )
+            setattr(state, name, carried)
+
+
+def _place(filling: Filling, stage: Stage) -> str:
+    front = stage.flow.front.nodes
+    if not len(front):
+        return "no front"
+    node = front[np.argmax(stage.flow.inflow)]
+    return "near (" + ", ".join(f"{x:.6g}" for x in filling.mesh.points[node]) + ") m"
