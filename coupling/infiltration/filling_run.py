@@ -74,19 +74,13 @@ class FillingRun:
             outcome, message = self.filling.advance(until, self._after_step)
             if outcome != "reached":
                 break
-            if self.record.frame_time[-1] < self.filling.time:
-                self.record.add_frame(self.filling)
         return outcome, message
 
     def _after_step(self, filling: Filling) -> None:
         self.record.add_step(filling, self._node_area)
         share = filling.filled_share
-        case = self.setup.case
-        if case.frame_interval is None:
-            # the next saved share lies behind the one that the last frame reached
-            step = 1.0 / (case.frames - 1)
-            if np.floor(share / step + 1e-9) > np.floor(self._saved_share() / step + 1e-9):
-                self.record.add_frame(filling)
+        if self._is_frame(share):
+            self.record.add_frame(filling)
         self.tell(share, f"filling, {filling.time:.4g} s")
         if self._stop.is_set():
             self._save()
@@ -100,6 +94,17 @@ class FillingRun:
             )
         if time.perf_counter() - self._saved > CHECKPOINT_INTERVAL:
             self._save()
+
+    def _is_frame(self, share: float) -> bool:
+        """Whether the filling has come to a share or a time that is to be saved."""
+        case = self.setup.case
+        if case.frame_interval is not None:
+            now, last = self.filling.time, self.record.frame_time[-1]
+            step, slack = case.frame_interval, 1e-12 * now / case.frame_interval
+        else:
+            now, last = share, self._saved_share()
+            step, slack = 1.0 / (case.frames - 1), 1e-9
+        return bool(np.floor(now / step + slack) > np.floor(last / step + slack))
 
     def _saved_share(self) -> float:
         """Filled share in the last saved state."""

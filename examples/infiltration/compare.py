@@ -133,12 +133,12 @@ def draw(path: Path, found: dict[str, FilledPart]) -> None:
         axes[2].set_title("front at the same times", color=FAINT, loc="left")
         draw_segments(axes[2], points[rim], FROM_ABOVE, INK, 0.9)
         times = np.array([0.1, 0.25, 0.5, 0.75]) * np.nanmax(formed.fill_time)
-        for one, colour, style in ((formed, SERIES[1], "-"), (flat, SERIES[0], (0, (4, 2)))):
+        for one, colour in ((formed, SERIES[1]), (flat, SERIES[0])):
             corners, at, _ = triangles_around_centres(points, cells, one.fill_time)
             lines = contours(corners, at, np.concatenate([[0.0], times, [2.0 * times[-1]]])).lines
-            draw_segments(axes[2], lines, FROM_ABOVE, colour, 1.5, linestyles=style)
+            draw_segments(axes[2], lines, FROM_ABOVE, colour, 1.5)
             label = "formed" if one is formed else "undeformed"
-            axes[2].plot([], [], color=colour, ls=style, label=label)
+            axes[2].plot([], [], color=colour, label=label)
         axes[2].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.15)
         for axis in axes:
             fit_axis(axis, points[:, :2], 0.04)

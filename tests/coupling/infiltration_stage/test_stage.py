@@ -241,7 +241,7 @@ def test_a_flow_rate_needs_ever_more_pressure_and_stops_at_its_limit(kit):
     assert filled.history.gate_pressure[late, 0] == pytest.approx(exact[late], rel=0.1)
     limited = kit.case(HEAD, gate + 'pressure_limit = "1 bar"', VENT)
     slower = fill(read_formed_part(kit.forming()), limited)
-    assert slower.history.gate_pressure[1:].max() <= 1e5 * (1.0 + 1e-9)
+    assert np.nanmax(slower.history.gate_pressure) <= 1e5 * (1.0 + 1e-9)
     assert slower.state.time > 110.0
 
 
@@ -258,7 +258,7 @@ def test_regions_change_what_they_say(kit):
     dense = fill(part, kit.case(HEAD, GATE, VENT, everywhere + "fibre_volume_fraction = 0.75"))
     assert dense.state.time == pytest.approx(0.5 * exact.state.time, rel=1e-6)
     half = everywhere.replace("-1 -1 -1 mm", "-1 29 -1 mm") + "permeability_factor = 0.1"
-    half = fill(part, kit.case(HEAD, GATE, VENT, half))
+    half = fill(part, kit.case(HEAD.replace("500 s", "1 h"), GATE, VENT, half))
     ends = np.flatnonzero(half.setup.mesh.points[:, 0] == LENGTH)
     y = half.setup.mesh.points[ends, 1]
     assert half.fill_time[ends[np.argmin(y)]] < half.fill_time[ends[np.argmax(y)]]
