@@ -12,6 +12,7 @@ import typer
 from lcmchain.atomic import replacing
 from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
+from lcmchain.commands.fill import fill
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
 from lcmchain.commands.map import map_fields
@@ -145,6 +146,7 @@ def schema(
 
 
 app.command("map")(map_fields)
+app.command()(fill)
 app.command()(structure)
 
 

@@ -70,7 +70,7 @@ class FormingRun:
         else:
             self.snapshots = [self.simulation.snapshot()]
         times = np.linspace(0.0, process.time, process.frames)
-        with _stop_requests() as self._stop:
+        with stop_requests() as self._stop:
             for frame_time in times[len(self.snapshots) :]:
                 self.simulation.advance_to(float(frame_time), self._after_chunk)
                 snapshot = self.simulation.snapshot()
@@ -109,7 +109,7 @@ class FormingRun:
 
 
 @contextmanager
-def _stop_requests() -> Iterator[threading.Event]:
+def stop_requests() -> Iterator[threading.Event]:
     """Turn Ctrl-C and SIGTERM into an event that is looked at between chunks of steps."""
     event = threading.Event()
     if threading.current_thread() is not threading.main_thread():

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from lcmchain.provenance import provenance
 from lcmchain.results import COMPLETE, RUNNING, ResultsFolder
 from lcmchain.run_account import RunAccount, state_after
 from lcmchain.run_files import expected_files, input_files, require_free_names
-from lcmchain.scene import MappingTarget, Scene
+from lcmchain.scene import Infiltration, MappingTarget, Scene
 from lcmchain.scene.output import NO_FILM
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
@@ -78,7 +79,7 @@ def run(
     with ResultsFolder.locked(folder, input_files(scene)) as results:
         results.require_apart(expected_files(scene))
         account = RunAccount(folder, scene.process.time, progress)
-        job = _Job(scene, results, thread_count, account)
+        job = _Job(scene, results, thread_count, account, resume=resume)
         checkpoint = read_checkpoint(folder, job.fingerprint) if resume else None
         job.build()
         results.begin(resume=resume)
@@ -96,10 +97,16 @@ class _Job:
     """The stages of one run."""
 
     def __init__(
-        self, scene: Scene, results: ResultsFolder, threads: int, account: RunAccount
+        self,
+        scene: Scene,
+        results: ResultsFolder,
+        threads: int,
+        account: RunAccount,
+        *,
+        resume: bool,
     ) -> None:
         self.scene, self.folder, self.results = scene, results.path, results
-        self.threads = threads
+        self.threads, self.resume = threads, resume
         self.account, self.tell, self.summary = account, account.tell, account.summary
         self.fingerprint = run_fingerprint(scene)
         self.result: Result
@@ -162,33 +169,22 @@ class _Job:
             )
 
     def map_fields(self) -> None:
-        """Map onto every mesh of the scene, and keep the summary up to date.
+        """Map onto every mesh of the scene, analyse and fill there; keep the summary up to date.
 
         Raises
         ------
         MappingError : after all have been tried.
         """
-        failures = []
+        failures: list[str] = []
         for target in self.scene.mapping:
-            from lcmchain.mapping import MappingOptions, map_forming
-
-            self.tell(self.scene.process.time, f"mapping {target.name}")
-            try:
-                report = map_forming(
-                    self.folder / "forming.nc",
-                    self.scene.source.directory / target.mesh,
-                    MappingOptions(**target.options(), picture=self.scene.output.pictures),
-                    name=target.name,
-                    out_dir=self.folder,
-                )
-                self.summary["mapping"][target.name] = report.as_dict()
+            with self._noting(failures, "mapping", target.name):
+                self._map(target)
                 self._analyse(target)
-            except OutputError:
-                raise  # a full disk is no fault of the mesh
-            except LcmchainError as error:
-                failures.append(f'mapping "{target.name}" failed: {error}')
-                self.summary["mapping"].setdefault(target.name, {"error": str(error)})
-            self.account.set_state(RUNNING)
+        for name, (case, onto) in self.scene.infiltrations.items():
+            if onto is not None and "error" in self.summary["mapping"][name]:
+                continue
+            with self._noting(failures, "infiltration", name):
+                self._fill("forming.nc" if onto is None else f"{name}.nc", name, case)
         if failures:
             raise MappingError(
                 f"{'. '.join(failures)}. The forming results in {self.folder} are complete; mend "
@@ -196,6 +192,31 @@ class _Job:
                 "without forming again",
                 self.result,
             )
+
+    @contextmanager
+    def _noting(self, failures: list[str], stage: str, name: str) -> Iterator[None]:
+        """Note what goes wrong with one mesh, so that the others are still tried."""
+        try:
+            yield
+        except (OutputError, UnfinishedRun):
+            raise  # a full disk, or Ctrl-C, is no fault of the mesh
+        except LcmchainError as error:
+            failures.append(f'{stage} "{name}" failed: {error}')
+            self.summary.setdefault(stage, {}).setdefault(name, {"error": str(error)})
+        self.account.set_state(RUNNING)
+
+    def _map(self, target: MappingTarget) -> None:
+        from lcmchain.mapping import MappingOptions, map_forming
+
+        self.tell(self.scene.process.time, f"mapping {target.name}")
+        report = map_forming(
+            self.folder / "forming.nc",
+            self.scene.source.directory / target.mesh,
+            MappingOptions(**target.options(), picture=self.scene.output.pictures),
+            name=target.name,
+            out_dir=self.folder,
+        )
+        self.summary["mapping"][target.name] = report.as_dict()
 
     def _analyse(self, target: MappingTarget) -> None:
         """Analyse the structure of a mapped part where the scene asks for it."""
@@ -214,6 +235,32 @@ class _Job:
             options=SolverOptions(threads=self.threads, picture=self.scene.output.pictures),
         )
         self.summary.setdefault("structure", {})[target.name] = report.as_dict()
+
+    def _fill(self, source: str, name: str, case: Infiltration) -> None:
+        """Fill a part as the scene says; an interrupted filling goes on from its checkpoint."""
+        from lcmchain.coupling.infiltration.stage import FillOptions, fill_part
+
+        output = self.scene.output
+        options = FillOptions(
+            picture=output.pictures,
+            vtu=output.vtu,
+            directory=self.scene.source.directory,
+            resume=None if self.resume else False,
+        )
+        try:
+            report = fill_part(
+                self.folder / source,
+                case,
+                name=name,
+                out_dir=self.folder,
+                options=options,
+                tell=lambda share, text: self.account.tell(share, f"{name}: {text}", total=1.0),
+            )
+        except UnfinishedRun as error:
+            error.result = self.result
+            error.where = f"The forming results in {self.folder} are complete"
+            raise
+        self.summary.setdefault("infiltration", {})[name] = report.as_dict()
 
     def complete(self) -> None:
         """Write the report, and say that everything is there."""
@@ -298,6 +345,10 @@ def _require_readable_targets(scene: Scene) -> None:
             from lcmchain.mapping.structure import require_places
 
             require_places(mesh, target.structure)
+        if target.infiltration is not None:
+            from lcmchain.coupling.infiltration.setup import require_places as require_flow_places
+
+            require_flow_places(mesh, target.infiltration)
 
 
 def _build_simulation(scene: Scene) -> tuple[Simulation, list[str]]:

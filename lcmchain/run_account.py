@@ -37,10 +37,10 @@ class RunAccount:
         self._log: Callable[[str], None] = ignore
         self._listeners: list[Progress] = [progress or ignore]
 
-    def tell(self, time: float, text: str) -> None:
-        """Report a stage, and the process time [s] that it has come to."""
+    def tell(self, time: float, text: str, *, total: float | None = None) -> None:
+        """Report a stage, and the process time [s] that it has come to, or how much of a total."""
         for listener in self._listeners:
-            listener(time, self.process_time, text)
+            listener(time, self.process_time if total is None else total, text)
 
     @contextlib.contextmanager
     def kept(self, on_failure: Callable[[str], None]) -> Iterator[None]:

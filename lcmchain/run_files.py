@@ -18,6 +18,11 @@ STRUCTURAL_ENDINGS = tuple(
     for ending in (".inp", "_mesh.inp", "_sections.inp", ".nc", ".vtu", ".png", ".json", ".frd",
                    ".dat", ".log")
 )  # fmt: skip
+FILLING_ENDINGS = tuple(
+    f"_filling{ending}"
+    for ending in (".nc", ".vtu", ".pvd", ".json", "_time.png", "_pressure.png", "_curves.png",
+                   "_checkpoint.npz")
+)  # fmt: skip
 
 
 def input_files(scene: Scene) -> list[Path]:
@@ -46,7 +51,15 @@ def expected_files(scene: Scene) -> list[str]:
         if target.structure is not None
         for end in STRUCTURAL_ENDINGS
     ]
-    return [*OWN_FILES, *mapped, *analysed]
+    filled = [
+        f"{name}{end}"
+        for name, (case, _) in scene.infiltrations.items()
+        for end in (
+            *FILLING_ENDINGS,
+            *([f"_filling.{case.animation}"] if case.animation != "none" else []),
+        )
+    ]
+    return [*OWN_FILES, *mapped, *analysed, *filled]
 
 
 def require_free_names(scene: Scene) -> None:

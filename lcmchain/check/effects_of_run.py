@@ -5,7 +5,7 @@ from __future__ import annotations
 from lcmchain.effects.audit import effects_of
 from lcmchain.effects.effect import Effect
 from lcmchain.model import Model
-from lcmchain.scene import Scene, Structure
+from lcmchain.scene import Infiltration, Scene, Structure
 
 
 def run_effects(scene: Scene, model: Model) -> list[Effect]:
@@ -27,8 +27,25 @@ def _stages(scene: Scene) -> list[Effect]:
         for target in scene.mapping
         if target.structure is not None
     ]
+    for name, (case, _) in scene.infiltrations.items():
+        found.append(Effect(f"infiltration of {name}", True, _infiltration_text(case)))
     law = scene.permeability.law if scene.permeability else "no [permeability] entry"
     return [*found, Effect("permeability", scene.permeability is not None, law)]
+
+
+def _infiltration_text(case: Infiltration) -> str:
+    """Say what flows from where to where, and what else is simulated."""
+    parts = [
+        *(f"gate {gate.name}: {gate.in_words}" for gate in case.gates),
+        *(f"vent {vent.name}: {vent.in_words}" for vent in case.vents),
+        *(f"region {region.name}: {region.in_words}" for region in case.regions),
+        *(f"race track {t.name}: {1e3 * t.width:.3g} mm, {t.in_words}" for t in case.race_tracks),
+        *(f"wetted {place.name}: {place.in_words}" for place in case.wetted),
+        *(["gravity"] if case.gravity is not None else []),
+        *(["trapped air is compressed"] if case.trapped_air else []),
+        f"at most {case.time:g} s",
+    ]
+    return "; ".join(parts)
 
 
 def _structure_text(structure: Structure) -> str:

@@ -42,6 +42,7 @@ def _print_table(summary: Mapping) -> None:
 
 def summary_rows(summary: Mapping) -> Iterator[Number]:
     """Yield what matters first in a ``summary.json``, in words."""
+    from lcmchain.report.fillings import filling_in_words
     from lcmchain.report.numbers import Number, key_numbers
 
     if summary.get("state", COMPLETE) != COMPLETE:
@@ -54,6 +55,9 @@ def summary_rows(summary: Mapping) -> Iterator[Number]:
     for name, report in summary.get("structure", {}).items():
         cells = f"{report['cell_count']:,} {'/'.join(report['elements'])} elements"
         yield Number(f"Structure {name}", cells, ", ".join(_structure_text(report)))
+    for name, report in summary.get("infiltration", {}).items():
+        cells = "failed" if "error" in report else f"{report['cell_count']:,} cells"
+        yield Number(f"Infiltration {name}", cells, filling_in_words(report))
 
 
 def _structure_text(report: Mapping) -> Iterator[str]:

@@ -23,6 +23,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "membrane-shell",
         "mapping",
         "structure",
+        "infiltration",
         "formats",
         "fmu",
         "verify",

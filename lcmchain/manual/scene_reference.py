@@ -33,6 +33,7 @@ COLUMNS = ("key", "value", "default", "meaning")
 def scene_page() -> str:
     """Return the page as Markdown."""
     parts = [HEAD, "## Top level\n", _table(Scene)]
+    places: dict[type[BaseModel], str] = {}
     for key, model_field in Scene.model_fields.items():
         forms = _models_of(model_field.annotation)
         if not forms:
@@ -40,6 +41,12 @@ def scene_page() -> str:
         is_list = get_origin(_bare(model_field.annotation)) is tuple
         path = f"[[{key}]]" if is_list else f"[{key}]"
         parts.append(f"## {path}\n")
+        if forms[0] in places:
+            parts.append(f"The same entries as in {places[forms[0]]}.\n")
+            continue
+        for inner_key, inner in (e for form in forms for e in form.model_fields.items()):
+            for model in _models_of(inner.annotation):
+                places.setdefault(model, f"[{key}.{inner_key}]")
         parts += _forms(path, forms, model_field, 3, set())
     return "\n".join(parts)
 

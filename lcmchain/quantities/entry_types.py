@@ -19,6 +19,7 @@ from lcmchain.quantities.units import (
     DENSITY,
     DIFFUSIVITY,
     DYNAMIC_VISCOSITY,
+    FLOW_RATE,
     FORCE,
     LENGTH,
     MASS,
@@ -375,6 +376,7 @@ LengthOrZero = Annotated[float, Quantity(LENGTH, NOT_NEGATIVE)]
 TimeOrZero = Annotated[float, Quantity(TIME, NOT_NEGATIVE)]
 PositiveTime = Annotated[float, Quantity(TIME, POSITIVE)]
 PositiveMass = Annotated[float, Quantity(MASS, POSITIVE)]
+FlowRate = Annotated[float, Quantity(FLOW_RATE)]
 Force = Annotated[float, Quantity(FORCE)]
 Pressure = Annotated[float, Quantity(PRESSURE)]
 Acceleration = Annotated[float, Quantity(ACCELERATION)]

@@ -75,6 +75,9 @@ PENALTY = Dimension(
 )
 RATE = Dimension("rate", "1/s", "50 1/s", ("1/s", "1/ms", "Hz"), 1e-12, 1e15)
 ACCELERATION = Dimension("acceleration", "m/s^2", "9.81 m/s^2", ("m/s^2", "mm/s^2"), 1e-12, 1e12)
+FLOW_RATE = Dimension(
+    "flow rate", "m^3/s", "5 ml/s", ("ml/s", "cm^3/s", "ml/min", "l/min", "m^3/s"), 1e-18, 1e6
+)
 TEMPERATURE = Dimension("temperature", "K", "60 degC", ("degC", "K", "degF"), 1.0, 1e4)
 MOLAR_ENERGY = Dimension(
     "molar energy", "J/mol", "50 kJ/mol", ("kJ/mol", "J/mol", "kcal/mol"), 1e-6, 1e9

@@ -53,7 +53,15 @@ def draw_animation(
     count = sheet.sizes[sheet[field].dims[0]]
     seconds = max(DURATION / count, LEAST)
     with replacing(path) as temporary:
-        (_write_gif if path.suffix == ".gif" else _write_mp4)(temporary, images, seconds)
+        write_film(temporary, images, seconds)
+
+
+def write_film(path: Path, images: Iterator[np.ndarray], seconds: float) -> None:
+    """Write pixels (height, width, 3), each shown for so long [s], as GIF or MP4 by the suffix.
+
+    MP4 takes them WIDTH times HEIGHT inches at DPI.
+    """
+    (_write_gif if path.suffix == ".gif" else _write_mp4)(path, images, seconds)
 
 
 def _images(sheet, history, shown: Shown, tools, report) -> Iterator[np.ndarray]:

@@ -22,10 +22,20 @@ CAPTIONS: dict[str, str] = {
     "energy.png": "Energy balance, and kinetic energy and balance error as ratios",
 }
 
+#: Captions of the pictures of an infiltration, by what their names end in.
+OF_FILLINGS = {
+    "_filling_time": "Infiltration: lines of equal fill time, with gates, vents and dry spots",
+    "_filling_pressure": "Infiltration: pressure of the resin at the end of the flow",
+    "_filling_curves": "Infiltration: pressure and flow rate of the gates, volumes of resin",
+}
+
 
 def caption_of(file_name: str) -> str:
     """Return the caption of a picture, of any other file its name in words."""
     stem = file_name.rpartition("/")[2].rpartition(".")[0]
     if stem.startswith("animation"):
         return "Forming from the start to the end; colours and view are the same in all frames"
+    for ending, caption in OF_FILLINGS.items():
+        if stem.endswith(ending):
+            return f"{caption} ({stem.removesuffix(ending)})"
     return CAPTIONS.get(f"{stem}.png", stem.replace("_", " ").replace("-", " "))

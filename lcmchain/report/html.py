@@ -17,6 +17,7 @@ from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.report.captions import CAPTIONS, caption_of
 from lcmchain.report.curves import curve_data
 from lcmchain.report.field_view import view_data
+from lcmchain.report.fillings import dry_spot_rows, filling_rows
 from lcmchain.report.grades import GRADES, worst_grade
 from lcmchain.report.mapping_errors import in_words
 from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table
@@ -111,6 +112,10 @@ def _content(
         "given": scene.source.given,
         "defaulted": scene.source.defaulted,
         "mappings": [(name, _mapping_rows(r)) for name, r in summary.get("mapping", {}).items()],
+        "fillings": [
+            (name, list(filling_rows(r)), list(dry_spot_rows(r)))
+            for name, r in summary.get("infiltration", {}).items()
+        ],
         "provenance": list(_provenance_rows(summary.get("provenance", {}))),
         "scene_text": scene.source.text,
     }

@@ -143,6 +143,10 @@ def grouped_warnings(summary: Mapping[str, Any]) -> list[tuple[str, list[tuple[s
     stages = [("Forming", summary.get("warnings", []))]
     for name, report in summary.get("mapping", {}).items():
         stages.append((f"Mapping to {name}", report.get("warnings", [])))
+    for name, report in summary.get("structure", {}).items():
+        stages.append((f"Structural analysis of {name}", report.get("warnings", [])))
+    for name, report in summary.get("infiltration", {}).items():
+        stages.append((f"Infiltration of {name}", report.get("warnings", [])))
     return [
         (stage, [(text, texts.count(text)) for text in dict.fromkeys(texts)])
         for stage, texts in stages

@@ -89,7 +89,8 @@ def draw_facets(
 
 def _as_facets(corners: np.ndarray) -> list[int]:
     """Ends of a segment as the corners of a facet without area."""
-    return [0, 1, 1, 0] if corners.shape[1] == 4 else [0, 1, 1]
+    sides = corners.shape[1]
+    return [0, *[1] * (sides - 2), 0] if sides > 3 else [0, 1, 1]
 
 
 def draw_mesh(

@@ -41,8 +41,12 @@ def read_summary(folder: Path) -> dict:
 
 
 def all_warnings(summary: Mapping) -> list[str]:
-    """Return the warnings of forming, of every mapping and of every structural analysis."""
-    later = [*summary["mapping"].items(), *summary.get("structure", {}).items()]
+    """Return the warnings of forming, of every mapping and of every later stage."""
+    later = [
+        *summary["mapping"].items(),
+        *summary.get("structure", {}).items(),
+        *summary.get("infiltration", {}).items(),
+    ]
     return [
         *summary["warnings"],
         *(f"{name}: {text}" for name, report in later for text in report.get("warnings", ())),

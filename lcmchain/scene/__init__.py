@@ -12,6 +12,8 @@ from lcmchain.materials.st_venant_kirchhoff import (
     StiffnessMaterial,
 )
 from lcmchain.mesh.blank import Blank
+from lcmchain.scene.infiltration import Infiltration
+from lcmchain.scene.infiltration_file import infiltration_from_text, read_infiltration
 from lcmchain.scene.json_schema import scene_json_schema
 from lcmchain.scene.mapping_target import MappingTarget
 from lcmchain.scene.output import Output
@@ -30,6 +32,7 @@ __all__ = [
     "Element",
     "FabricMaterial",
     "FabricWithSetMaterial",
+    "Infiltration",
     "IsotropicMaterial",
     "MappingTarget",
     "MembraneShellElement",
@@ -42,6 +45,8 @@ __all__ = [
     "StiffnessMaterial",
     "Structure",
     "Tool",
+    "infiltration_from_text",
+    "read_infiltration",
     "read_scene",
     "read_structure",
     "scene_from_text",

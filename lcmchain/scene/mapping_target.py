@@ -22,6 +22,7 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.structure import Structure
 
 
@@ -72,13 +73,22 @@ class MappingTarget(SceneModel):
         '"structure" only.',
     )
 
+    infiltration: Annotated[Infiltration | None, AbsentMeans("none")] = Field(
+        default=None,
+        description="Infiltration of this mesh, from the mapped fields; kind = "
+        '"infiltration" only.',
+    )
+
     @model_validator(mode="after")
-    def _check_structure(self) -> Self:
-        if self.structure is not None and self.kind != "structure":
-            raise wrong(f'needs kind = "structure", but kind is "{self.kind}"', field="structure")
+    def _check_stages(self) -> Self:
+        for stage in ("structure", "infiltration"):
+            if getattr(self, stage) is not None and self.kind != stage:
+                raise wrong(f'needs kind = "{stage}", but kind is "{self.kind}"', field=stage)
         return self
 
     def options(self) -> dict[str, Any]:
         """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
-        same = self.model_dump(exclude={"name", "mesh", "registration", "structure"})
+        same = self.model_dump(
+            exclude={"name", "mesh", "registration", "structure", "infiltration"}
+        )
         return {**same, "register": self.registration}

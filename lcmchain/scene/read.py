@@ -253,11 +253,16 @@ def _preset_values(scene: Scene) -> dict[str, Any]:
     name = getattr(scene.material, "preset", None)
     if name:
         values["material"] = {**PRESETS[name], "preset": name}
-    if any(target.structure is not None for target in scene.mapping):
-        values["mapping"] = [
-            {} if target.structure is None else {"structure": target.structure.preset_values()}
-            for target in scene.mapping
-        ]
+    if scene.infiltration is not None:
+        values["infiltration"] = scene.infiltration.preset_values()
+    values["mapping"] = [
+        {
+            stage: table.preset_values()
+            for stage in ("structure", "infiltration")
+            if (table := getattr(target, stage)) is not None
+        }
+        for target in scene.mapping
+    ]
     return values
 
 

@@ -21,6 +21,7 @@ from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
 from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.mapping_target import MappingTarget
 from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, Output
 from lcmchain.scene.permeability import Permeability
@@ -30,6 +31,9 @@ from lcmchain.tools.tool import Tool
 
 #: Text that takes back an optional table, for overrides: TOML has no null.
 NONE = "none"
+
+#: Name of the files of an infiltration of the formed sheet itself.
+SHEET_NAME = "sheet"
 
 #: Most tools and meshes to map onto, far above any use: each costs time in every step or file.
 MOST_TOOLS = 200
@@ -99,6 +103,11 @@ class Scene(SceneModel):
         default=None,
         description="Law that turns fibre volume fraction and directions into permeability.",
     )
+    infiltration: Annotated[Infiltration | None, AbsentMeans(NONE)] = Field(
+        default=None,
+        description="Infiltration of the formed sheet on its own faces; on another mesh it stands "
+        "in its [[mapping]] entry.",
+    )
 
     _source: SceneSource | None = PrivateAttr(default=None)
 
@@ -127,7 +136,7 @@ class Scene(SceneModel):
             return {"type": Element.model_fields["type"].default, **value}
         return value
 
-    @field_validator("permeability", mode="before")
+    @field_validator("permeability", "infiltration", mode="before")
     @classmethod
     def _allow_none(cls, value: Any) -> Any:
         return None if value == NONE else value
@@ -179,6 +188,7 @@ class Scene(SceneModel):
                 'layer of nodes; use element = "solid-shell"',
                 field="pressure",
             )
+        self._check_infiltrations()
         share = getattr(self.element, "fibre_hourglass", None)
         if share not in (None, 1.0) and not self.material.has_fibres:
             raise wrong(
@@ -196,6 +206,52 @@ class Scene(SceneModel):
                 field="material.thickness",
             )
         return self
+
+    @property
+    def infiltrations(self) -> dict[str, tuple[Infiltration, MappingTarget | None]]:
+        """Infiltrations by the name of their files, each with its mesh, None for the sheet."""
+        found: dict[str, tuple[Infiltration, MappingTarget | None]] = {}
+        if self.infiltration is not None:
+            found[SHEET_NAME] = self.infiltration, None
+        for target in self.mapping:
+            if target.infiltration is not None:
+                found[target.name] = target.infiltration, target
+        return found
+
+    def _check_infiltrations(self) -> None:
+        """Refuse an infiltration that the formed sheet has nothing for."""
+        keys = [("infiltration", self.infiltration)]
+        keys += [
+            (f'mapping[{index}] "{target.name}".infiltration', target.infiltration)
+            for index, target in enumerate(self.mapping)
+        ]
+        for key, case in keys:
+            if case is None:
+                continue
+            if not self.element.has_thickness:
+                raise wrong(
+                    f'needs the thickness, which element = "{self.element.type}" does not '
+                    'predict; use element = "solid-shell"',
+                    field=key,
+                )
+            if self.material.fibre_density is None:
+                raise wrong(
+                    "is missing, but infiltration needs the fibre volume fraction; give "
+                    'fibre_density = "1810 kg/m^3"',
+                    field="material.fibre_density",
+                )
+            if self.permeability is None and case.permeability is None:
+                raise wrong(
+                    "is missing, but infiltration needs it; give [permeability] with "
+                    'law = "gebart" and fibre_radius = "3.5 um", or a permeability in '
+                    f"[{key.partition('[')[0]}{'.infiltration' if '[' in key else ''}]",
+                    field="permeability",
+                )
+        if self.infiltration is not None and SHEET_NAME in [t.name for t in self.mapping]:
+            raise wrong(
+                f'has the name "{SHEET_NAME}", that of the files of [infiltration]; choose another',
+                field="mapping",
+            )
 
     def _law_of_no_use(self) -> str:
         """Say that the elements do not know the law, and what does."""

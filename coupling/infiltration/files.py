@@ -1,0 +1,178 @@
+"""Files of a filling: netCDF (UGRID), VTU and a time series for ParaView."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import xarray as xr
+
+from lcmchain import __version__
+from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
+from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.fields.ugrid import CONVENTIONS, ROOT, TIME, Variable
+from lcmchain.fields.vtu import frame_file, write_frame_list, write_mesh
+
+#: Groups of the netCDF file beside the root.
+HISTORY, DRY_SPOTS = "/history", "/dry_spots"
+SAMPLE = "history_time"
+
+#: Values (F, N), (F, C, 3) or (N,) by the name of the field.
+Values = dict[str, np.ndarray]
+
+
+def filling_values(filled: FilledPart) -> Values:
+    """Return the fields of all saved states by name; cure and temperature where they matter."""
+    density = filled.setup.resin_density
+    values = {
+        "resin_pressure": filled.pressure,
+        "fill_factor": filled.fill,
+        "fill_time": filled.fill_time,
+        "resin_mass": density * filled.resin_volume,
+        "darcy_velocity": filled.velocity,
+    }
+    if np.nanmax(filled.cure, initial=0.0) > 0.0:
+        values["degree_of_cure"] = filled.cure
+    if np.isfinite(filled.temperature).any() and np.nanmax(filled.temperature) > 0.0:
+        values["resin_temperature"] = filled.temperature
+    return values
+
+
+def filling_groups(filled: FilledPart, attributes: Mapping[str, Any]) -> dict[str, xr.Dataset]:
+    """Return the groups of the netCDF file: the part with its fields, histories, dry spots."""
+    part, mesh = filled.setup.part, filled.setup.part.mesh
+    dataset = part.dataset.assign_coords({TIME: _saved_times(filled.time)})
+    for name, values in filling_values(filled).items():
+        field = FILLING_FIELDS[name]
+        for axis, variable in enumerate(field.variables):
+            own = values[..., axis] if field.is_vector else values
+            told: dict[str, Any] = {**field.attributes(variable), "_FillValue": np.nan}
+            place = mesh.on_cells if field.location == "face" else mesh.on_nodes
+            dataset[variable] = place(np.ascontiguousarray(own), told)
+    for kind, places in (("gate", filled.setup.gates), ("vent", filled.setup.vents)):
+        for place_ in places:
+            marks = np.zeros(len(part.target.points), dtype=np.int8)
+            marks[place_.nodes] = 1
+            about: dict[str, Any] = {
+                "long_name": f"{kind} {place_.name}", "units": "1", "set_name": place_.name,
+                "flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "outside member",
+            }  # fmt: skip
+            dataset[f"{kind}_{place_.name.replace('-', '_')}"] = mesh.on_nodes(marks, about)
+    now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    history = f"{now} filled by lcmchain {__version__}\n{part.dataset.attrs.get('history', '')}"
+    dataset.attrs |= {
+        **attributes,
+        "Conventions": CONVENTIONS,
+        "history": history.strip(),
+        "source": f"lcmchain {__version__}, infiltration",
+        "filling_outcome": filled.outcome,
+        "filling_message": filled.message,
+    }
+    groups = {ROOT: dataset, HISTORY: _history(filled)}
+    if filled.dry_spots:
+        groups[DRY_SPOTS] = _dry_spots(filled)
+    return groups
+
+
+def write_series(path: Path | str, filled: FilledPart) -> None:
+    """Write every saved state as VTU, and the PVD file that lists them at their times."""
+    for frame in range(len(filled.time)):
+        write_vtu(frame_file(path, frame), filled, frame)
+    write_frame_list(path, filled.time)
+
+
+def write_vtu(path: Path | str, filled: FilledPart, frame: int = -1) -> None:
+    """Write one saved state as VTU, with what the cells are made of; vectors as such.
+
+    Values that are not known, as the fill time of dry nodes, are not a number.
+    """
+    part = filled.setup.part
+    target = part.target
+    ends = np.cumsum([len(cells) for _, cells in target.blocks])[:-1]
+    on_cells = {
+        name: part.cell(name) for name in ("thickness", "fibre_volume_fraction", "permeability_1",
+                                           "permeability_2", "shear_angle")
+        if name in part.dataset
+    }  # fmt: skip
+    on_points: dict[str, np.ndarray] = {}
+    for name, values in filling_values(filled).items():
+        field = FILLING_FIELDS[name]
+        own = values if name == "fill_time" else values[frame]
+        if field.location == "face":
+            on_cells[name] = own
+        else:
+            on_points[name] = own
+    on_cells["cell_id"], on_points["node_id"] = target.cell_ids, target.node_ids
+    write_mesh(
+        path,
+        meshio.Mesh(
+            target.points,
+            [(name, cells) for name, cells in target.blocks],
+            point_data=on_points,
+            cell_data={name: np.split(values, ends) for name, values in on_cells.items()},
+        ),
+    )
+
+
+def _saved_times(time: np.ndarray) -> Variable:
+    about = {
+        "units": "s", "long_name": "time since the start of the filling",
+        "standard_name": "time", "axis": "T",
+    }  # fmt: skip
+    return (TIME,), np.asarray(time, dtype=float), about
+
+
+def _history(filled: FilledPart) -> xr.Dataset:
+    history, setup = filled.history, filled.setup
+    sums = {
+        "filled_share": (history.filled_share, "1", "resin over pore volume"),
+        "stored_volume": (history.stored, "m3", "resin in the part"),
+        "balance_error": (
+            history.balance_error, "m3", "what entered and did not leave, less what is stored"
+        ),
+        "wet_area": (history.wet_area, "m2", "area of the part that resin covers"),
+    }  # fmt: skip
+    variables: dict[str, Variable] = {
+        name: ((SAMPLE,), values, {"units": units, "long_name": words})
+        for name, (values, units, words) in sums.items()
+    }
+    for name, values, units, words in (
+        ("gate_pressure", history.gate_pressure, "Pa", "pressure of the gate"),
+        ("gate_flow_rate", history.gate_rate, "m3 s-1", "flow rate of the gate, nan while closed"),
+        ("injected_volume", history.injected, "m3", "resin that has entered through the gate"),
+    ):
+        variables[name] = ((SAMPLE, "gate"), values, {"units": units, "long_name": words})
+    about = {"units": "m3", "long_name": "resin that has left through the vent"}
+    variables["vented_volume"] = ((SAMPLE, "vent"), history.vented, about)
+    for kind, places in (("gate", setup.gates), ("vent", setup.vents)):
+        names = np.array([place.name for place in places], dtype=str)
+        variables[kind] = ((kind,), names, {"long_name": f"name of the {kind}"})
+    time = {"units": "s", "long_name": "time at the end of the step", "standard_name": "time"}
+    variables[SAMPLE] = ((SAMPLE,), history.time, time)
+    dataset = xr.Dataset(variables, attrs={"Conventions": "CF-1.11"})
+    return dataset.set_coords([SAMPLE, "gate", "vent"])
+
+
+def _dry_spots(filled: FilledPart) -> xr.Dataset:
+    names, spots = zip(*filled.dry_spots, strict=True)
+    columns = {
+        "time": ([s.time for s in spots], "s", "when the front closed around it"),
+        "area": ([s.area for s in spots], "m2", "area that was dry then"),
+        "pore_volume": ([s.volume for s in spots], "m3", "volume of the pores that were dry then"),
+        **{
+            axis: ([s.place[k] for s in spots], "m", f"{axis} of the centre of its dry pores")
+            for k, axis in enumerate("xyz")
+        },
+    }
+    variables: dict[str, Variable] = {
+        f"dry_spot_{name}": (
+            ("dry_spot",), np.array(values, dtype=float), {"units": units, "long_name": words}
+        )
+        for name, (values, units, words) in columns.items()
+    }  # fmt: skip
+    variables["dry_spot"] = (("dry_spot",), np.array(names, dtype=str), {"long_name": "name"})
+    return xr.Dataset(variables, attrs={"Conventions": "CF-1.11"}).set_coords(["dry_spot"])

@@ -1,0 +1,126 @@
+"""A filling advanced to its end, with saved states, histories, checkpoints and a way to stop it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from lcmchain.coupling.infiltration.checkpoint import read_checkpoint, write_checkpoint
+from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
+from lcmchain.coupling.infiltration.setup import FillingSetup
+from lcmchain.errors import SimulationInterrupted
+from lcmchain.forming_run import stop_requests
+
+#: A checkpoint is written after this time of computing [s].
+CHECKPOINT_INTERVAL = 30.0
+
+#: Told how much is filled (of one) and a text.
+Tell = Callable[[float, str], None]
+
+
+class FillingRun:
+    """Advances a filling and keeps what it finds.
+
+    Parameters
+    ----------
+    checkpoint : file that is written on the way, None for none.
+    fingerprint : of what decides the numbers.
+    tell : called after every step with the filled share and a text.
+    """
+
+    def __init__(
+        self, setup: FillingSetup, checkpoint: Path | None, fingerprint: dict[str, str], tell: Tell
+    ) -> None:
+        self.setup, self.checkpoint, self.fingerprint = setup, checkpoint, fingerprint
+        self.tell = tell
+        self.filling = setup.filling()
+        self.record = FillingRecord.empty()
+        self._node_area = _node_areas(setup)
+
+    def complete(self, *, resume: bool = False) -> FilledPart:
+        """Advance to the end and return what was found.
+
+        Raises
+        ------
+        InputError : ``resume`` without a checkpoint of this filling.
+        SimulationInterrupted : the user stopped it; a checkpoint was left.
+        """
+        if resume and self.checkpoint is not None:
+            state, self.record = read_checkpoint(self.checkpoint, self.fingerprint)
+            self.filling.restore(state)
+        else:
+            self.record.add_frame(self.filling)
+            self.record.add_step(self.filling, self._node_area)
+        self._saved = time.perf_counter()
+        with stop_requests() as self._stop:
+            outcome, message = self._advance()
+        if self.record.frame_time[-1] < self.filling.time:
+            self.record.add_frame(self.filling)
+        return FilledPart.of_record(self.setup, self.record, self.filling.save(), outcome, message)
+
+    def _advance(self) -> tuple[str, str]:
+        case = self.setup.case
+        interval = case.frame_interval
+        if interval is None:
+            return self.filling.advance(case.time, self._after_step)
+        outcome, message = "reached", ""
+        while self.filling.time < case.time:
+            number = int(np.floor(self.filling.time / interval * (1.0 + 1e-12))) + 1
+            until = min(number * interval, case.time)
+            outcome, message = self.filling.advance(until, self._after_step)
+            if outcome != "reached":
+                break
+        return outcome, message
+
+    def _after_step(self, filling: Filling) -> None:
+        self.record.add_step(filling, self._node_area)
+        share = filling.filled_share
+        if self._is_frame(share):
+            self.record.add_frame(filling)
+        self.tell(share, f"filling, {filling.time:.4g} s")
+        if self._stop.is_set():
+            self._save()
+            raise SimulationInterrupted(
+                f"stopped at {filling.time:.4g} s with {share:.1%} filled"
+                + (
+                    ""
+                    if self.checkpoint is None
+                    else "; the same command with --resume goes on from here"
+                )
+            )
+        if time.perf_counter() - self._saved > CHECKPOINT_INTERVAL:
+            self._save()
+
+    def _is_frame(self, share: float) -> bool:
+        """Whether the filling has come to a share or a time that is to be saved."""
+        case = self.setup.case
+        if case.frame_interval is not None:
+            now, last = self.filling.time, self.record.frame_time[-1]
+            step, slack = case.frame_interval, 1e-12 * now / case.frame_interval
+        else:
+            now, last = share, self._saved_share()
+            step, slack = 1.0 / (case.frames - 1), 1e-9
+        return bool(np.floor(now / step + slack) > np.floor(last / step + slack))
+
+    def _saved_share(self) -> float:
+        """Filled share in the last saved state."""
+        number = int(np.searchsorted(self.record.time, self.record.frame_time[-1]))
+        return self.record.filled_share[min(number, len(self.record.time) - 1)]
+
+    def _save(self) -> None:
+        if self.checkpoint is None:
+            return
+        write_checkpoint(self.checkpoint, self.fingerprint, self.filling.save(), self.record)
+        self._saved = time.perf_counter()
+
+
+def _node_areas(setup: FillingSetup) -> np.ndarray:
+    """Area of the mesh that belongs to each node [m2], (N,): equal parts of its cells."""
+    cells = setup.mesh.cells
+    there = cells >= 0
+    part = np.where(there, (setup.mesh.areas / there.sum(axis=1))[:, None], 0.0)
+    return np.bincount(cells[there], weights=part[there], minlength=setup.mesh.node_count)

@@ -1,0 +1,327 @@
+"""The formed part that resin flows through: a mesh with its sets, and the fields of its cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.coupling.infiltration.places import place_text
+from lcmchain.coupling.permeability import principal_permeabilities
+from lcmchain.errors import InputError
+from lcmchain.fields.table import FIELDS
+from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
+from lcmchain.mapping.files import compact
+from lcmchain.mapping.first_few import first_few
+from lcmchain.mapping.sheet import FIBRE_FAMILIES, file_sha256, read_sheet
+from lcmchain.mapping.structure.formed import mapped_state
+from lcmchain.mapping.structure.stage import is_mapped, open_mapped
+from lcmchain.mapping.target import TargetMesh
+from lcmchain.results import require_complete
+from lcmchain.scene.permeability import Permeability
+
+#: Fields that no infiltration can do without.
+NEEDED = ("thickness", "fibre_volume_fraction")
+PERMEABILITIES = ("permeability_1", "permeability_2", "permeability_3")
+AXES = tuple(f"permeability_direction_{k}_{a}" for k in (1, 2, 3) for a in "xyz")
+
+
+@dataclass(frozen=True)
+class FormedPart:
+    """Mesh and fields of a formed part.
+
+    Parameters
+    ----------
+    target : triangles and quadrilaterals, with sets, parts and numbers.
+    dataset : UGRID dataset of one state on this mesh; its fields are those that the results repeat.
+    file : that it was read from, for messages. warnings : what a user should know of it.
+    """
+
+    target: TargetMesh
+    dataset: xr.Dataset
+    file: str
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def mesh(self) -> UgridMesh:
+        """The mesh in the dataset."""
+        return UgridMesh("target" if is_mapped(self.dataset) else "sheet")
+
+    def cell(self, name: str) -> np.ndarray:
+        """Values of a field of the cells, shape (C,).
+
+        Raises
+        ------
+        InputError : there is no such field.
+        """
+        if name not in self.dataset:
+            raise InputError(f"there is no {name}; {_remedy(name)}", file=self.file)
+        return np.asarray(self.dataset[name].values, dtype=float)
+
+    def number(self, cell: int) -> int:
+        """Number of a cell in the user's file."""
+        return int(self.target.cell_ids[cell])
+
+    def place(self, cell: int) -> str:
+        """Number and centroid of a cell, for messages."""
+        return f"cell {self.number(cell)} at {place_text(self.target.centroids[cell])}"
+
+
+def read_formed_part(
+    path: Path | str, *, frame: int = -1, allow_incomplete: bool = False
+) -> FormedPart:
+    """Read a mapped file, or a forming result, of which the sheet's own faces are then filled.
+
+    Raises
+    ------
+    InputError : it is neither, its run was not complete (unless allowed), a stack of sheets that
+        are meshes of their own, or a field is missing that infiltration needs.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError("is a folder; name the forming.nc or the mapped file in it", file=path)
+    if not path.is_file():
+        raise InputError("there is no such file", file=path)
+    dataset = open_mapped(path)
+    if is_mapped(dataset):
+        part = _mapped_part(mapped_state(dataset), str(path))
+    else:
+        part = _sheet_part(path, frame)
+    unfinished = require_complete(
+        part.dataset.attrs.get("state"), file=path, allowed=allow_incomplete
+    )
+    for name in NEEDED:
+        part.cell(name)
+    attributes = part.dataset.attrs | {"source_file": path.name, "source_sha256": file_sha256(path)}
+    return replace(
+        part,
+        dataset=part.dataset.assign_attrs(attributes),
+        warnings=(*part.warnings, *unfinished),
+    )
+
+
+def with_permeability(
+    part: FormedPart, law: Permeability | None, directory: Path | None = None
+) -> FormedPart:
+    """Return the part with the permeabilities of a law; without one it must have them.
+
+    Where the law does not hold they are not a number: a region may give what is missing.
+
+    Parameters
+    ----------
+    directory : folder to which a file that the law names is relative.
+
+    Raises
+    ------
+    InputError : there is neither a law nor a permeability.
+    """
+    if law is None:
+        if any(name not in part.dataset for name in (*PERMEABILITIES[:2], *AXES[:6])):
+            raise InputError(
+                "there is no permeability: form with a [permeability] law in the scene, or give "
+                "one in the table of the infiltration, such as "
+                'permeability = { law = "gebart", fibre_radius = "3.5 um" }',
+                file=part.file,
+            )
+        return part
+    families = [
+        np.stack([part.cell(f"{family}_{axis}") for axis in "xyz"], axis=1)
+        for family in FIBRE_FAMILIES
+    ]
+    found = principal_permeabilities(
+        law,
+        part.cell("fibre_volume_fraction"),
+        *families,
+        out_of_range="nan",
+        directory=directory,
+    )
+    dataset = part.dataset.copy()
+    for number in (1, 2, 3):
+        field = FIELDS[f"permeability_{number}"]
+        about = field.attributes(field.name)
+        about["long_name"] = f"{field.long_name} ({law.law})"
+        dataset[field.name] = part.mesh.on_cells(getattr(found, f"k{number}"), _open(about))
+        axes = FIELDS[f"permeability_direction_{number}"]
+        for axis, values in zip("xyz", getattr(found, f"direction_{number}").T, strict=True):
+            name = f"{axes.name}_{axis}"
+            dataset[name] = part.mesh.on_cells(
+                np.ascontiguousarray(values), _open(axes.attributes(name))
+            )
+    return replace(part, dataset=dataset)
+
+
+def require_permeable(part: FormedPart) -> None:
+    """Refuse cells through which nothing can flow.
+
+    Raises
+    ------
+    InputError : a cell without thickness (unmapped), with no pores, or whose permeability is
+        unknown, zero or negative; names the first cells and where the worst one lies.
+    """
+    thickness, fraction = (part.cell(name) for name in NEEDED)
+    remedy = (
+        "trim the mesh to the sheet, or map with a larger maximum distance",
+        "the compaction law lets the textile become denser than its fibres: check it, the areal "
+        "mass and the fibre density, or give a [[regions]] entry there",
+        "the fibre volume fraction is out of the range of the permeability law: use another law "
+        "or packing (hexagonal reaches 0.907), or a [[regions]] entry with a "
+        "fibre_volume_fraction there",
+        "nothing can flow there; check the law, or the file that it comes from",
+    )
+    smaller = part.cell("permeability_2")
+    larger = part.cell("permeability_1")
+    _refuse(part, ~(np.isfinite(thickness) & np.isfinite(fraction)), "have no thickness: no sheet "
+            "lies near them", fraction, "", remedy[0])  # fmt: skip
+    _refuse(part, thickness <= 0.0, "have a thickness that is not positive", thickness, "m",
+            remedy[0])  # fmt: skip
+    _refuse(part, fraction >= 1.0, "have a fibre volume fraction of one or more, so no pores",
+            -fraction, "", remedy[1])  # fmt: skip
+    _refuse(part, fraction < 0.0, "have a negative fibre volume fraction", fraction, "", remedy[1])
+    _refuse(part, ~(np.isfinite(smaller) & np.isfinite(larger)), "have no permeability",
+            -fraction, "fibre volume fraction", remedy[2])  # fmt: skip
+    _refuse(part, np.minimum(smaller, larger) <= 0.0, "have a permeability of zero or less",
+            np.minimum(smaller, larger), "m2", remedy[3])  # fmt: skip
+
+
+def _refuse(
+    part: FormedPart, bad: np.ndarray, what: str, order: np.ndarray, unit: str, remedy: str
+) -> None:
+    """Raise an error about bad cells, of which the worst has the lowest value of ``order``."""
+    cells = np.flatnonzero(bad)
+    if len(cells) == 0:
+        return
+    known = np.where(np.isfinite(order[cells]), order[cells], np.inf)
+    worst = int(cells[np.argmin(known)])
+    value = ""
+    if np.isfinite(order[worst]):
+        number = abs(order[worst]) if unit in ("", "fibre volume fraction") else order[worst]
+        value = f" with {f'{unit} ' if unit.startswith('fibre') else ''}{number:.4g}"
+        value += f" {unit}" if unit in ("m", "m2") else ""
+    raise InputError(
+        f"{len(cells)} of {part.target.cell_count} cells {what} "
+        f"({first_few(part.target.cell_ids[cells])}; the worst is {part.place(worst)}{value}); "
+        f"{remedy}",
+        file=part.file,
+    )
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+def _mapped_part(dataset: xr.Dataset, file: str) -> FormedPart:
+    topology = dataset["target"].attrs
+    if int(topology["topology_dimension"]) != 2:
+        raise InputError(
+            "the fields are mapped onto solids; infiltration takes a mesh of triangles and "
+            "quadrilaterals: map onto the mid-surface",
+            file=file,
+        )
+    names = str(topology["node_coordinates"]).split()
+    by_axis = {str(dataset[name].attrs["axis"]): name for name in names}
+    points = np.stack([dataset[by_axis[axis]].values for axis in "XYZ"], axis=1).astype(float)
+    corners = np.asarray(dataset[str(topology["face_node_connectivity"])].values, dtype=np.int64)
+    ids = {
+        name: np.asarray(dataset[name].values, dtype=np.int64)
+        for name in ("cell_id", "node_id")
+        if name in dataset
+    }
+    target = TargetMesh(
+        points,
+        _blocks(corners),
+        {},
+        cell_ids=ids.get("cell_id", np.empty(0, dtype=np.int64)),
+        node_ids=ids.get("node_id", np.empty(0, dtype=np.int64)),
+        cell_sets=_sets(dataset, "cell_set_"),
+        node_sets=_sets(dataset, "node_set_"),
+        parts=_parts(dataset),
+    )
+    return FormedPart(target, _one_state(dataset), file)
+
+
+def _blocks(corners: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:
+    """Runs of cells of one type."""
+    count = (corners >= 0).sum(axis=1)
+    blocks, first = [], 0
+    for sides, run in groupby(count.tolist()):
+        last = first + len(list(run))
+        name = "triangle" if sides == 3 else "quad"
+        blocks.append((name, corners[first:last, :sides]))
+        first = last
+    return tuple(blocks)
+
+
+def _sets(dataset: xr.Dataset, kind: str) -> dict[str, np.ndarray]:
+    return {
+        str(variable.attrs["set_name"]): np.flatnonzero(variable.values == 1)
+        for name, variable in dataset.data_vars.items()
+        if str(name).startswith(kind) and "set_name" in variable.attrs
+    }
+
+
+def _parts(dataset: xr.Dataset) -> dict[str, np.ndarray]:
+    if "part" not in dataset or "part_names" not in dataset["part"].attrs:
+        return {}
+    names = str(dataset["part"].attrs["part_names"]).split("\n")
+    numbers = dataset["part"].values
+    return {name: np.flatnonzero(numbers == k) for k, name in enumerate(names, start=1)}
+
+
+def _sheet_part(path: Path, frame: int) -> FormedPart:
+    """The faces of a forming result's own sheet."""
+    sheet = read_sheet(path, frame=frame)
+    if sheet.is_stack:
+        raise InputError(
+            f"the result has {len(sheet.ply_names)} sheets, each with faces of its own; map them "
+            "onto one mesh first (lcmchain map, or --mesh), which adds up their thickness",
+            file=path,
+        )
+    # one block of each shape, and no node without a face
+    order = np.argsort(sheet.surface.faces[:, 3] < 0, kind="stable")
+    used, faces = compact(sheet.surface.faces[order])
+    target = TargetMesh(
+        sheet.surface.points[used], _blocks(faces), {}, cell_ids=order + 1, node_ids=used + 1
+    )
+    mesh = UgridMesh("sheet")
+    variables: dict[str, Variable] = {
+        **mesh.topology(target.corners, long_name="formed sheet"),
+        **mesh.node_positions(target.points),
+    }
+    fields = dict(sheet.scalars)
+    for stem, vectors in sheet.directions.items():
+        fields |= {f"{stem}_{axis}": values for axis, values in zip("xyz", vectors.T)}
+    if sheet.permeability is not None:
+        for number in range(3):
+            fields[PERMEABILITIES[number]] = sheet.permeability.values[:, number]
+            for axis in range(3):
+                fields[AXES[3 * number + axis]] = sheet.permeability.axes[:, number, axis]
+    for name, values in fields.items():
+        about = {"long_name": name, "units": "1", **sheet.attributes.get(name, {})}
+        variables[name] = mesh.on_cells(np.ascontiguousarray(values[order]), _open(about))
+    attributes = dict(sheet.provenance)
+    if sheet.time is not None:
+        attributes["forming_time_s"] = sheet.time
+    return FormedPart(target, mesh.dataset(variables, attributes), str(path))
+
+
+def _one_state(dataset: xr.Dataset) -> xr.Dataset:
+    """The dataset without the time of forming, which is none of the filling."""
+    if TIME not in dataset.variables:
+        return dataset
+    time = float(dataset[TIME].values)
+    return dataset.drop_vars(TIME).assign_attrs(forming_time_s=time)
+
+
+def _open(about: dict) -> dict:
+    """Attributes of a field that has gaps."""
+    return about | {"_FillValue": np.nan}
+
+
+def _remedy(name: str) -> str:
+    if name == "thickness":
+        return 'form the sheet with element = "solid-shell", which predicts it'
+    if name == "fibre_volume_fraction":
+        return "give material.fibre_density and material.areal_mass in the scene, and form again"
+    return "form again with this version, or map a whole forming result"

@@ -1,0 +1,260 @@
+"""Pictures of a filling: isochrones of the front and the pressure, on the formed part."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib
+import numpy as np
+
+from lcmchain.coupling.infiltration.contours import contours, triangles_around_centres
+from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.report.renderer import (
+    axes_at,
+    draw_facets,
+    draw_segments,
+    draw_triad,
+    fit_axis,
+    label_axes,
+)
+from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save
+from lcmchain.report.transparent import DepthBuffer, divided_segments
+from lcmchain.report.view import (
+    FROM_ABOVE,
+    View,
+    boundary_edges,
+    brightness,
+    hangs_down,
+    oblique,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+GATE_COLOUR, VENT_COLOUR, DRY_COLOUR = "#d5008f", "#1769aa", (0.87, 0.87, 0.87)
+WIDTHS = (5.4, 3.9)  # of the panels [in]
+BANDS = 14
+TIME_COLOURS, PRESSURE_COLOURS = "viridis_r", "YlOrRd"
+#: Last place taken of each colour map: marks have to be seen upon it.
+DARKEST = {TIME_COLOURS: 0.94, PRESSURE_COLOURS: 0.82}
+#: Dry spots that are named, the largest first.
+MOST_NAMED = 6
+
+
+def draw_fill_time(path: Path | str, filled: FilledPart, title: str) -> None:
+    """Draw how the front moved: bands and lines of equal fill time, gates, vents, dry spots."""
+    last = np.nanmax(filled.fill_time) if np.isfinite(filled.fill_time).any() else 0.0
+    factor, unit = (1.0, "s") if last < 600.0 else (1.0 / 60.0, "min")
+    values = factor * filled.fill_time
+    share = 100.0 * filled.history.filled_share[-1]
+    subtitle = f"{title}  ·  {share:.4g} % filled after {factor * filled.time[-1]:.4g} {unit}"
+    _draw(path, filled, values, f"Fill time [{unit}]", TIME_COLOURS, subtitle, lowest=0.0)
+
+
+def draw_pressure(path: Path | str, filled: FilledPart, title: str) -> None:
+    """Draw the pressure in the resin at the last saved state in which it flows."""
+    flows = np.linalg.norm(filled.velocity, axis=2).max(axis=1) > 0.0
+    frame = int(np.flatnonzero(flows)[-1]) if flows.any() else len(filled.time) - 1
+    wet = filled.fill[frame] > 0.0
+    values = np.where(wet, 1e-5 * filled.pressure[frame], np.nan)
+    subtitle = f"{title}  ·  t = {filled.time[frame]:.4g} s"
+    _draw(path, filled, values, "Pressure [bar]", PRESSURE_COLOURS, subtitle, named_dry=False)
+
+
+def _draw(
+    path: Path | str,
+    filled: FilledPart,
+    values: np.ndarray,
+    label: str,
+    colour_map: str,
+    subtitle: str,
+    *,
+    lowest: float | None = None,
+    named_dry: bool = True,
+) -> None:
+    points = 1e3 * filled.setup.part.target.points
+    cells = filled.setup.part.target.corners
+    rim = boundary_edges(np.where(cells < 0, cells[:, 2:3], cells))
+    view = oblique(from_below=len(rim) > 0 and hangs_down(points, rim))
+    used = points[np.unique(cells[cells >= 0])]
+    aspects = [
+        span[1] / max(span[0], 1e-12)
+        for span in (np.ptp(v.on_screen(used), axis=0) for v in (view, FROM_ABOVE))
+    ]
+    levels = nice_levels(values, lowest)
+    with matplotlib.rc_context(RC):
+        panel = float(max(np.clip(w * a, 1.6, 5.6) for w, a in zip(WIDTHS, aspects)))
+        figure = new_figure(11.4, panel + 1.6)
+        left = axes_at(figure, 0.2, 0.35, WIDTHS[0], panel + 0.2)
+        right = axes_at(figure, 6.2, 0.5, WIDTHS[1], panel)
+        bar = axes_at(figure, 10.4, 0.5 + 0.12 * panel, 0.16, 0.76 * panel)
+        for axis, seen, shaded in ((left, view, True), (right, FROM_ABOVE, False)):
+            paint_contours(axis, points, cells, values, levels, colour_map, seen, rim, shaded)
+            fit_axis(axis, seen.on_screen(used), 0.05)
+            mark_places(axis, filled, seen, dry=named_dry, legend=axis is right)
+        left.set_axis_off()
+        draw_triad(left, view)
+        side = "below" if view.up[2] < 0.0 else "above"
+        figure.text(
+            0.3 / 11.4, (0.5 + panel) / (panel + 1.6), f"formed part, from {side}", color=FAINT,
+            fontsize=9, va="bottom",
+        )  # fmt: skip
+        right.set_title("from above", color=FAINT, loc="left")
+        label_axes(right, "x [mm]", "y [mm]")
+        draw_level_bar(figure, bar, levels, colour_map, label, bool(np.isnan(values[cells]).any()))
+        headline(figure, label, subtitle)
+        save(figure, path)
+
+
+def nice_levels(values: np.ndarray, lowest: float | None = None) -> np.ndarray:
+    """Return about a dozen round levels that hold all values."""
+    from matplotlib.ticker import MaxNLocator
+
+    known = values[np.isfinite(values)]
+    low, high = (0.0, 1.0) if len(known) == 0 else (float(known.min()), float(known.max()))
+    if lowest is not None:
+        low = lowest
+    if high - low <= 1e-6 * max(abs(high), 1e-12):
+        high = low + max(abs(low), 1e-12)
+    return np.asarray(MaxNLocator(BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+
+
+def band_colours(levels: np.ndarray, colour_map: str) -> np.ndarray:
+    """Return the colours of the bands between levels, shape (B, 4)."""
+    count = len(levels) - 1
+    return matplotlib.colormaps[colour_map](np.linspace(0.04, DARKEST[colour_map], count))
+
+
+def paint_contours(
+    axis: Axes,
+    points: np.ndarray,
+    cells: np.ndarray,
+    values: np.ndarray,
+    levels: np.ndarray,
+    colour_map: str,
+    view: View,
+    rim: np.ndarray,
+    shaded: bool,
+) -> None:
+    """Paint bands of a node field and the lines between them, from back to front."""
+    corners, at, _ = triangles_around_centres(points, cells, values)
+    found = contours(corners, at, levels)
+    light = brightness(corners, view) if shaded else np.ones(len(corners))
+    wet = band_colours(levels, colour_map)[found.band][:, :3] * light[found.triangle, None]
+    dry = np.array(DRY_COLOUR) * light[found.empty_triangle, None]
+    empty = found.empty[:, [0, 1, 2, 2, 2]]
+    draw_facets(
+        axis, np.concatenate([found.polygons, empty]), view, np.concatenate([wet, dry]),
+        rim=points[rim], shaded=False, edge_darkness=1.0, edge_width=0.3,
+    )  # fmt: skip
+    if len(found.lines):
+        whole = np.where(cells < 0, cells[:, 2:3], cells)
+        hidden = _hidden(DepthBuffer(points[whole], view), found.lines.mean(axis=1), view,
+                         _facet_size(points, whole))  # fmt: skip
+        draw_segments(axis, found.lines[~hidden], view, INK, 0.55, zorder=4.0, capstyle="round")
+
+
+def mark_places(
+    axis: Axes, filled: FilledPart, view: View, *, dry: bool = True, legend: bool = True
+) -> None:
+    """Mark gates, vents and dry spots where the part does not hide them."""
+    points = 1e3 * filled.setup.part.target.points
+    cells = filled.setup.part.target.corners
+    whole = np.where(cells < 0, cells[:, 2:3], cells)
+    buffer = DepthBuffer(points[whole], view)
+    size = _facet_size(points, whole)
+    for places, colour, marker in (
+        (filled.setup.gates, GATE_COLOUR, "v"), (filled.setup.vents, VENT_COLOUR, "o")
+    ):  # fmt: skip
+        for place in places:
+            _mark(axis, place.name, place.nodes, points, whole, view, buffer, size, colour, marker)
+    if dry:
+        for name, spot in filled.dry_spots[:MOST_NAMED]:
+            at = points[spot.nodes]  # the centre of a pocket on a curved part lies off it
+            at = at[np.argmin(np.linalg.norm(at - 1e3 * np.array(spot.place), axis=1))]
+            if not _hidden(buffer, at[None], view, size)[0]:
+                text = f"{name}: {1e4 * spot.area:.3g} cm²"
+                _label(axis, view.on_screen(at), text, INK, "x")
+    if legend:
+        kinds = (("gate", GATE_COLOUR), ("vent", VENT_COLOUR))
+        for word, colour in kinds:
+            axis.plot([], [], color=colour, lw=2.2, label=word)
+        axis.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.15, ncols=len(kinds)
+        )
+
+
+def _mark(axis, name, nodes, points, whole, view, buffer, size, colour, marker) -> None:
+    """Draw a line where a place is one, else a mark at its middle; its name beside."""
+    from matplotlib.collections import LineCollection
+
+    inside = np.zeros(len(points), dtype=bool)
+    inside[nodes] = True
+    edges = boundary_edges(whole)
+    edges = edges[inside[edges].all(axis=1)] if len(edges) else edges
+    if len(edges) >= 0.5 * len(nodes) and len(edges) > 1:
+        parts = divided_segments(points[edges], size)
+        seen = ~_hidden(buffer, parts.mean(axis=1), view, size)
+        axis.add_collection(
+            LineCollection(
+                view.on_screen(parts[seen]), colors=colour, linewidths=2.2, zorder=5,
+                capstyle="round",
+            )
+        )  # fmt: skip
+        if seen.any():  # the name where the line is nearest to the viewer
+            near = parts[seen].mean(axis=1)
+            at = near[np.argmax(near @ view.towards - near @ view.up)]
+            _label(axis, view.on_screen(at), name, colour, None)
+        return
+    middle = points[nodes].mean(axis=0)
+    nearest = points[nodes[np.argmin(np.linalg.norm(points[nodes] - middle, axis=1))]]
+    seen = ~_hidden(buffer, points[nodes], view, size)
+    if len(nodes) > 1 and seen.any():
+        axis.plot(*view.on_screen(points[nodes[seen]]).T, ".", color=colour, ms=3.0, zorder=5)
+    if not _hidden(buffer, nearest[None], view, size)[0]:
+        _label(axis, view.on_screen(nearest), name, colour, marker)
+
+
+def _facet_size(points: np.ndarray, whole: np.ndarray) -> float:
+    return float(np.median(np.linalg.norm(points[whole[:, 1]] - points[whole[:, 0]], axis=1)))
+
+
+def _hidden(buffer: DepthBuffer, places: np.ndarray, view: View, size: float) -> np.ndarray:
+    return buffer.hides(places, places @ view.towards + 0.5 * size)
+
+
+def _label(axis, place, text: str, colour: str, marker: str | None) -> None:
+    from matplotlib.patheffects import withStroke
+
+    if marker is not None:
+        edge = {"mec": "white", "mew": 0.7} if marker != "x" else {"mew": 1.4}
+        axis.plot(*place, marker, color=colour, ms=6.0, zorder=6, **edge)
+    right = place[0] > 0.5 * sum(axis.get_xlim())
+    axis.annotate(
+        text, place, (-5 if right else 5, 5), textcoords="offset points", fontsize=8,
+        color=colour, zorder=7, ha="right" if right else "left",
+        path_effects=[withStroke(linewidth=2.0, foreground="white")],
+    )  # fmt: skip
+
+
+def draw_level_bar(
+    figure: Figure, axis: Axes, levels: np.ndarray, colour_map: str, label: str, has_dry: bool
+) -> None:
+    """Fill an axis with the bar of bands, and name the colour of what is dry."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.patches import Patch
+
+    colours = ScalarMappable(
+        BoundaryNorm(levels, len(levels) - 1), ListedColormap(band_colours(levels, colour_map))
+    )
+    bar = figure.colorbar(colours, cax=axis, ticks=levels)
+    bar.outline.set_linewidth(0.6)
+    bar.set_label(label[:1].lower() + label[1:], labelpad=6)
+    if has_dry:
+        axis.legend(
+            handles=[Patch(fc=DRY_COLOUR, ec="0.5", lw=0.6, label="dry")], loc="upper left",
+            bbox_to_anchor=(-0.6, -0.04), borderaxespad=0.0,
+        )  # fmt: skip

@@ -1,0 +1,142 @@
+"""What a filling did, in numbers and in words."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lcmchain.atomic import replacing
+from lcmchain.coupling.infiltration.places import place_text
+from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.report.fillings import filling_in_words, time_in_words
+
+#: Dry spots that are told one by one, the largest first.
+MOST_SPOTS = 20
+#: Pockets smaller than this share of all pores are noise of the front on the mesh.
+NOTABLE = 1e-3
+
+
+@dataclass
+class FillingReport:
+    """Result of one filling; SI units.
+
+    ``outcome`` is "filled", "reached" (the time of the scene), "gelled", "no_source" or "trapped",
+    with ``message`` in words; ``time`` is that of its end. ``balance_error`` is the largest
+    difference of entered, vented and stored resin, relative to what entered.
+    """
+
+    name: str
+    source: str
+    cell_count: int
+    node_count: int
+    outcome: str
+    message: str
+    time: float
+    filled_share: float
+    fill_time_last: float | None
+    pore_volume: float
+    resin_volume: float
+    resin_mass: float
+    pressure_max: float
+    balance_error: float
+    step_count: int
+    gates: dict[str, dict[str, float]]
+    vents: dict[str, dict[str, float]]
+    dry_spots: list[dict[str, Any]]
+    wall_s: float = 0.0
+    warnings: list[str] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
+
+    def as_dict(self) -> dict:
+        """Plain values, ready for JSON."""
+        return asdict(self)
+
+    def save(self, path: Path | str) -> None:
+        """Write as JSON, complete or not at all."""
+        with replacing(path) as temporary:
+            temporary.write_text(json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
+
+    def summary(self) -> str:
+        """One sentence for the terminal."""
+        return f"{self.name}: {self.cell_count:,} cells, {filling_in_words(self.as_dict())}"
+
+
+def filling_report(name: str, filled: FilledPart) -> FillingReport:
+    """Gather the numbers of a filling and the warnings that follow from them."""
+    history, setup, state = filled.history, filled.setup, filled.state
+    pores = float((setup.mesh.areas * setup.preform.thickness * setup.preform.porosity).sum())
+    entered = float(history.injected[-1].sum() + history.stored[0])
+    fill_time = filled.fill_time[np.isfinite(filled.fill_time)]
+    report = FillingReport(
+        name=name,
+        source=setup.part.file,
+        cell_count=setup.mesh.cell_count,
+        node_count=setup.mesh.node_count,
+        outcome=filled.outcome,
+        message=filled.message,
+        time=float(state.time),
+        filled_share=float(history.filled_share[-1]),
+        fill_time_last=float(fill_time.max()) if len(fill_time) else None,
+        pore_volume=pores,
+        resin_volume=float(history.stored[-1]),
+        resin_mass=float(setup.resin_density * history.stored[-1]),
+        pressure_max=float(filled.pressure.max()),
+        balance_error=float(np.abs(history.balance_error).max() / max(entered, 1e-300)),
+        step_count=int(state.step_count),
+        gates={
+            gate.name: {
+                "injected_volume": float(history.injected[-1, number]),
+                "pressure_max": _largest(history.gate_pressure[:, number]),
+                "flow_rate_max": _largest(history.gate_rate[:, number]),
+            }
+            for number, gate in enumerate(setup.gates)
+        },
+        vents={
+            vent.name: {"vented_volume": float(history.vented[-1, number])}
+            for number, vent in enumerate(setup.vents)
+        },
+        dry_spots=[
+            {
+                "name": spot_name,
+                "place": [float(x) for x in spot.place],
+                "area": float(spot.area),
+                "pore_volume": float(spot.volume),
+                "time": float(spot.time),
+            }
+            for spot_name, spot in filled.dry_spots[:MOST_SPOTS]
+        ],
+        warnings=[*setup.warnings, *_warnings(filled, pores)],
+    )
+    return report
+
+
+def _warnings(filled: FilledPart, pores: float):
+    """Yield what an engineer has to know of how it ended."""
+    if filled.outcome != "filled":
+        dry = ~np.isfinite(filled.fill_time)
+        where = ""
+        if dry.any():
+            points = filled.setup.mesh.points
+            middle = points[dry].mean(axis=0)
+            at = points[dry][np.argmin(np.linalg.norm(points[dry] - middle, axis=1))]
+            where = f"; the dry part is around {place_text(at)}"
+        share = filled.history.filled_share[-1]
+        yield f"only {share:.1%} of the pores are filled: {filled.message or filled.outcome}{where}"
+    spots = [(name, spot) for name, spot in filled.dry_spots if spot.volume > NOTABLE * pores]
+    for name, spot in spots[:3]:
+        yield (
+            f"{name}: the front closes around {1e4 * spot.area:.3g} cm² at "
+            f"{place_text(spot.place)} after {time_in_words(spot.time)}, and the air there has no "
+            "way to a vent; put a vent there, or move the gates"
+        )
+    if len(spots) > 3:
+        yield f"{len(spots) - 3} further dry spots, in the report"
+
+
+def _largest(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else 0.0

@@ -1,0 +1,166 @@
+"""What a filling has found: saved states and histories, as plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.setup import FillingSetup
+from lcmchain.coupling.infiltration.state import DrySpot, FillingState
+
+
+@dataclass
+class FillingRecord:
+    """What is kept while a filling runs: frames now and then, histories of every step.
+
+    Every entry is a list of arrays or numbers, one for each frame or step.
+    """
+
+    frame_time: list[float]
+    fill: list[np.ndarray]
+    pressure: list[np.ndarray]
+    resin_volume: list[np.ndarray]
+    velocity: list[np.ndarray]
+    cure: list[np.ndarray]
+    temperature: list[np.ndarray]
+    time: list[float]
+    filled_share: list[float]
+    stored: list[float]
+    balance_error: list[float]
+    wet_area: list[float]
+    gate_pressure: list[np.ndarray]
+    gate_rate: list[np.ndarray]
+    injected: list[np.ndarray]
+    vented: list[np.ndarray]
+
+    @classmethod
+    def empty(cls) -> FillingRecord:
+        """Return a record with nothing in it."""
+        return cls(*([] for _ in range(16)))
+
+    def add_frame(self, filling: Filling) -> None:
+        """Keep the fields of the present state."""
+        frame = filling.frame()
+        self.frame_time.append(frame.time)
+        for name in ("fill", "pressure", "velocity", "cure", "temperature"):
+            getattr(self, name).append(np.array(getattr(frame, name)))
+        self.resin_volume.append(filling.state.resin_volume.copy())
+
+    def add_step(self, filling: Filling, node_area: np.ndarray) -> None:
+        """Keep the sums of the present state; ``node_area`` [m2] is that of each node, (N,)."""
+        state = filling.state
+        self.time.append(state.time)
+        self.filled_share.append(filling.filled_share)
+        self.stored.append(state.stored)
+        self.balance_error.append(state.balance_error)
+        self.wet_area.append(float(node_area @ state.fill))
+        self.gate_pressure.append(state.gate_pressure.copy())
+        self.gate_rate.append(state.gate_rate.copy())
+        self.injected.append(state.injected.copy())
+        self.vented.append(state.vented.copy())
+
+
+@dataclass(frozen=True)
+class FillingHistory:
+    """Sums at the end of every step, the start among them.
+
+    Parameters
+    ----------
+    time : [s], (H,). filled_share : resin over pore volume, (H,). stored : resin [m3], (H,).
+    balance_error : what entered and did not leave, less what is stored [m3], (H,).
+    wet_area : of the part that resin covers [m2], (H,).
+    gate_pressure, gate_rate, injected : [Pa], [m3/s], [m3], each (H, G). vented : [m3], (H, V).
+    """
+
+    time: np.ndarray
+    filled_share: np.ndarray
+    stored: np.ndarray
+    balance_error: np.ndarray
+    wet_area: np.ndarray
+    gate_pressure: np.ndarray
+    gate_rate: np.ndarray
+    injected: np.ndarray
+    vented: np.ndarray
+
+
+@dataclass(frozen=True)
+class FilledPart:
+    """A formed part and how it fills.
+
+    Parameters
+    ----------
+    setup : the part, its places and material.
+    time : of the saved states [s], (F,). fill : (F, N). pressure : [Pa], (F, N).
+    resin_volume : of the control volumes [m3], (F, N). velocity : of Darcy [m/s], (F, C, 3).
+    cure, temperature : (F, N), [K].
+    state : the last one. outcome, message : why it ended (:class:`FillingResult`).
+    """
+
+    setup: FillingSetup
+    time: np.ndarray
+    fill: np.ndarray
+    pressure: np.ndarray
+    resin_volume: np.ndarray
+    velocity: np.ndarray
+    cure: np.ndarray
+    temperature: np.ndarray
+    history: FillingHistory
+    state: FillingState
+    outcome: str
+    message: str
+
+    @classmethod
+    def of_record(
+        cls, setup: FillingSetup, record: FillingRecord, state: FillingState, outcome: str,
+        message: str,
+    ) -> FilledPart:  # fmt: skip
+        """Gather what a filling has left."""
+        gates, vents = len(setup.gates), len(setup.vents)
+        history = FillingHistory(
+            time=np.array(record.time),
+            filled_share=np.array(record.filled_share),
+            stored=np.array(record.stored),
+            balance_error=np.array(record.balance_error),
+            wet_area=np.array(record.wet_area),
+            gate_pressure=_rows(record.gate_pressure, gates),
+            gate_rate=_rows(record.gate_rate, gates),
+            injected=_rows(record.injected, gates),
+            vented=_rows(record.vented, vents),
+        )
+        return cls(
+            setup=setup,
+            time=np.array(record.frame_time),
+            fill=np.stack(record.fill),
+            pressure=np.stack(record.pressure),
+            resin_volume=np.stack(record.resin_volume),
+            velocity=np.stack(record.velocity),
+            cure=np.stack(record.cure),
+            temperature=np.stack(record.temperature),
+            history=history,
+            state=state,
+            outcome=outcome,
+            message=message,
+        )
+
+    @property
+    def is_filled(self) -> bool:
+        """Whether nothing is left to fill."""
+        return self.outcome == "filled"
+
+    @property
+    def fill_time(self) -> np.ndarray:
+        """When the front passed each node [s], nan where it is dry, (N,)."""
+        return self.state.fill_time
+
+    @property
+    def dry_spots(self) -> list[tuple[str, DrySpot]]:
+        """Pockets of air that the front closed around, the largest first, with names."""
+        spots = sorted(self.state.dry_spots, key=lambda spot: (-spot.volume, spot.time))
+        return [(f"dry {number}", spot) for number, spot in enumerate(spots, start=1)]
+
+
+def _rows(values: Sequence[np.ndarray], count: int) -> np.ndarray:
+    return np.array(values, dtype=float).reshape(len(values), count)

@@ -1,0 +1,270 @@
+"""From a formed part and the words of a scene to what the filling computes with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Schedule, TimeTable, Vent
+from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
+from lcmchain.coupling.infiltration.formed_part import (
+    PERMEABILITIES,
+    FormedPart,
+    require_permeable,
+    with_permeability,
+)
+from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.places import Places, place_text
+from lcmchain.coupling.infiltration.preform import Preform
+from lcmchain.coupling.infiltration.resin.build import resin_of, temperature_of
+from lcmchain.errors import InputError
+from lcmchain.mapping.target import TargetMesh
+from lcmchain.scene import infiltration as scene
+from lcmchain.scene.flow_places import NamedPlace, Where
+
+
+@dataclass(frozen=True)
+class FillingSetup:
+    """A part as it is to be filled.
+
+    Parameters
+    ----------
+    part : with the thickness, fibre volume fraction and permeability of the regions.
+    mesh, preform, gates, vents, race_tracks : what the filling computes with.
+    wetted : rows of nodes that are full at the start.
+    warnings : what a user should know before.
+    """
+
+    part: FormedPart
+    case: scene.Infiltration
+    mesh: FlowMesh
+    preform: Preform
+    gates: tuple[Gate, ...]
+    vents: tuple[Vent, ...]
+    race_tracks: tuple[RaceTrack, ...]
+    wetted: np.ndarray
+    warnings: tuple[str, ...]
+
+    @property
+    def resin_density(self) -> float:
+        """Density of the resin [kg/m3]."""
+        return self.case.resin.density
+
+    def filling(self) -> Filling:
+        """Return the filling at its start."""
+        gravity = None if self.case.gravity is None else np.array(self.case.gravity)
+        return Filling(
+            self.mesh,
+            self.preform,
+            resin_of(self.case.resin),
+            self.gates,
+            self.vents,
+            temperature=temperature_of(self.case.resin),
+            gravity=gravity,
+            wetted=self.wetted if len(self.wetted) else None,
+            edges=self.race_tracks,
+            options=FillingOptions(trapped_air=self.case.trapped_air),
+        )
+
+
+def set_up(
+    part: FormedPart, case: scene.Infiltration, directory: Path | None = None
+) -> FillingSetup:
+    """Find the places of a scene on a part, and give the cells their material.
+
+    Parameters
+    ----------
+    directory : folder to which file names in the case are relative.
+
+    Raises
+    ------
+    InputError : a place that is not on the mesh, a place that is gate and vent, cells through which
+        nothing can flow, or a piece of the mesh that no resin can reach.
+    """
+    mesh = FlowMesh.from_target(part.target)
+    places = _places(mesh, part.target)
+    part = _with_regions(part, case, places, directory)
+    require_permeable(part)
+    preform = Preform.from_mapped(part.dataset)
+    gates = tuple(_gate(gate, places, key) for key, gate in _keyed("gates", case.gates))
+    vents = tuple(
+        _vent(vent, case.vent_pressure, places, key) for key, vent in _keyed("vents", case.vents)
+    )
+    _require_apart(gates, vents, places)
+    wetted = [places.nodes(place, key) for key, place in _keyed("wetted", case.wetted)]
+    wet = np.unique(np.concatenate(wetted)) if wetted else np.empty(0, dtype=np.int64)
+    tracks = tuple(
+        _race_track(track, preform.thickness, places, key)
+        for key, track in _keyed("race_tracks", case.race_tracks)
+    )
+    _require_reached(mesh, gates, vents, wet, places)
+    warnings = (*part.warnings, *mesh.warnings(), *_doubts(case, gates, places))
+    return FillingSetup(part, case, mesh, preform, gates, vents, tracks, wet, warnings)
+
+
+def require_places(target: TargetMesh, case: scene.Infiltration) -> None:
+    """Refuse an infiltration whose places are not on a mesh, before anything is computed.
+
+    Raises
+    ------
+    InputError : as of :func:`set_up`.
+    """
+    mesh = FlowMesh.from_target(target)
+    places = _places(mesh, target)
+    gates = tuple(_gate(gate, places, key) for key, gate in _keyed("gates", case.gates))
+    vents = tuple(
+        _vent(vent, case.vent_pressure, places, key) for key, vent in _keyed("vents", case.vents)
+    )
+    _require_apart(gates, vents, places)
+    for key, place in _keyed("wetted", case.wetted):
+        places.nodes(place, key)
+    for key, place in _keyed("race_tracks", case.race_tracks):
+        places.edges(place, key)
+    for key, place in _keyed("regions", case.regions):
+        places.cells_of(place, key)
+
+
+def _places(mesh: FlowMesh, target: TargetMesh) -> Places:
+    """The places of a mesh, with the numbers of the user's file."""
+    used = np.unique(target.corners[target.corners >= 0])
+    return Places(
+        mesh.points, mesh.cells, mesh.node_sets, mesh.cell_sets, target.node_ids[used],
+        target.cell_ids,
+    )  # fmt: skip
+
+
+def _keyed(table: str, entries: Sequence[NamedPlace]):
+    """Pairs of the key in the scene and the entry."""
+    return [(f'{table}[{k}] "{entry.name}"', entry) for k, entry in enumerate(entries)]
+
+
+def _with_regions(
+    part: FormedPart, case: scene.Infiltration, places: Places, directory: Path | None
+) -> FormedPart:
+    """Give the cells of regions their thickness, fibre volume fraction and permeability."""
+    cells = [places.cells_of(region, key) for key, region in _keyed("regions", case.regions)]
+    dataset = part.dataset.copy()
+    for name in ("thickness", "fibre_volume_fraction"):
+        values = part.cell(name).copy()
+        for region, rows in zip(case.regions, cells, strict=True):
+            given = getattr(region, name)
+            if given is not None:
+                values[rows] = given
+        dataset[name] = dataset[name].copy(data=values)
+    part = with_permeability(replace(part, dataset=dataset), case.permeability, directory)
+    dataset = part.dataset.copy()
+    for name in PERMEABILITIES:
+        if name in dataset:
+            values = part.cell(name).copy()
+            for region, rows in zip(case.regions, cells, strict=True):
+                values[rows] *= region.permeability_factor
+            dataset[name] = dataset[name].copy(data=values)
+    return replace(part, dataset=dataset)
+
+
+def _schedule(opening, places: Places, key: str) -> Schedule:
+    def rows(where: Where | None, name: str) -> np.ndarray:
+        empty = np.empty(0, dtype=np.int64)
+        return empty if where is None else places.nodes(where, f"{key}.{name}")
+
+    return Schedule(
+        opening.opens,
+        np.inf if opening.closes is None else opening.closes,
+        rows(opening.opens_on_arrival, "opens_on_arrival"),
+        rows(opening.closes_on_arrival, "closes_on_arrival"),
+    )
+
+
+def _gate(gate: scene.Gate, places: Places, key: str) -> Gate:
+    nodes = places.nodes(gate, key)
+
+    def over_time(values: tuple[float, ...] | None) -> float | TimeTable | None:
+        if values is None or gate.times is None:
+            return None if values is None else values[0]
+        return TimeTable(np.array(gate.times), np.array(values))
+
+    pressure = over_time(gate.pressure) if gate.flow_rate is None else gate.pressure_limit
+    alone = gate.radius if gate.point is not None and len(nodes) == 1 else None
+    return Gate(
+        gate.name, nodes, pressure, over_time(gate.flow_rate), _schedule(gate, places, key), alone
+    )
+
+
+def _vent(vent: scene.Vent, least: float, places: Places, key: str) -> Vent:
+    pressure = least if vent.pressure is None else vent.pressure
+    return Vent(
+        vent.name, places.nodes(vent, key), pressure, _schedule(vent, places, key), not vent.bleeds
+    )
+
+
+def _race_track(
+    track: scene.RaceTrack, thickness: np.ndarray, places: Places, key: str
+) -> RaceTrack:
+    """A slit of the given width, as high as the cells beside it are thick: w³ h / 12 in it."""
+    edges = places.edges(track, key)
+    height = np.bincount(
+        places.cells[places.cells >= 0],
+        weights=np.repeat(thickness, (places.cells >= 0).sum(axis=1)),
+        minlength=len(places.points),
+    ) / np.maximum(np.bincount(places.cells[places.cells >= 0], minlength=len(places.points)), 1)
+    h = height[edges].mean(axis=1)
+    smaller, larger = np.minimum(h, track.width), np.maximum(h, track.width)
+    return RaceTrack(track.name, edges, smaller**3 * larger / 12.0, track.width * h)
+
+
+def _require_apart(gates: Sequence[Gate], vents: Sequence[Vent], places: Places) -> None:
+    for number, gate in enumerate(gates):
+        others: list[Gate | Vent] = [*gates[number + 1 :], *vents]
+        for other in others:
+            shared = np.intersect1d(gate.nodes, other.nodes)
+            if len(shared):
+                raise InputError(
+                    f"shares {len(shared)} nodes with "
+                    f'{"the vent" if isinstance(other, Vent) else "the gate"} "{other.name}" '
+                    f"(node {places.node_number(shared[0])} at "
+                    f"{place_text(places.points[shared[0]])}); a node is one of them",
+                    key=f'gates[{number}] "{gate.name}"',
+                )
+
+
+def _require_reached(
+    mesh: FlowMesh, gates: Sequence[Gate], vents: Sequence[Vent], wet: np.ndarray, places: Places
+) -> None:
+    """Refuse pieces of the mesh that no resin enters, or that no air can leave."""
+    piece = mesh.part_of_node
+    count = int(piece.max()) + 1
+    if count == 1:
+        return
+    sources = np.unique(piece[np.concatenate([wet, *(gate.nodes for gate in gates)])])
+    leaves = np.unique(piece[np.concatenate([vent.nodes for vent in vents])])
+    of_cell = piece[mesh.cells[:, 0]]
+    for what, found, remedy in (
+        ("gate or wetted place, so that they can never fill", sources, "a gate"),
+        ("vent, so that their air cannot leave", leaves, "a vent"),
+    ):
+        missing = np.setdiff1d(np.arange(count), found)
+        if len(missing):
+            cells = np.flatnonzero(np.isin(of_cell, missing))
+            first = int(cells[0])
+            raise InputError(
+                f"the mesh has {count} pieces that do not hang together, and {len(missing)} of "
+                f"them have no {what} ({len(cells)} cells, the first is cell "
+                f"{places.cell_number(first)} at {place_text(places.centroids[first])}); give "
+                f"each piece {remedy}, or join the nodes where the pieces meet"
+            )
+
+
+def _doubts(case: scene.Infiltration, gates: Sequence[Gate], places: Places):
+    """Yield what is computed, but perhaps not meant."""
+    for gate in gates:
+        if len(gate.nodes) == 1 and gate.radius is None and gate.flow_rate is None:
+            yield (
+                f'the gate "{gate.name}" is one node with a pressure: as large as a hole of about '
+                f"{1e3 * 0.2 * places.edge_length:.2g} mm radius on this mesh; give its radius, "
+                "or name a set, for an answer that does not depend on the mesh"
+            )
+    if case.gravity is not None and not np.any(case.gravity):
+        yield "gravity is zero; leave it out"

@@ -1,0 +1,72 @@
+"""Infiltrations in words: how each ended, for the terminal and the report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def filling_in_words(report: Mapping[str, Any]) -> str:
+    """Say how a filling of ``summary.json`` ended; why it failed where it did."""
+    if "error" in report:
+        return str(report["error"])
+    end, share = time_in_words(report["time"]), f"{report['filled_share']:.1%}"
+    text = {
+        "filled": f"filled after {end}",
+        "reached": f"{share} filled after {end}",
+        "gelled": f"{share} filled when the resin gelled after {end}",
+        "trapped": f"{share} filled, the rest is trapped air, after {end}",
+        "no_source": f"{share} filled when the last gate closed after {end}",
+    }.get(report["outcome"], f"{share} filled after {end} ({report['outcome']})")
+    text += f", {1e3 * report['resin_mass']:.4g} g of resin in the part"
+    vented = sum(vent["vented_volume"] for vent in report["vents"].values())
+    if vented > 0.0:
+        text += f", {1e6 * vented:.3g} ml vented"
+    count = len(report["dry_spots"])
+    if count:
+        text += f", {count} dry spot{'s' if count > 1 else ''} on the way"
+    return text
+
+
+def filling_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield names and values of what a filling did, or of why it failed."""
+    if "error" in report:
+        yield "failed", str(report["error"])
+        return
+    yield "end", filling_in_words(report)
+    if report["message"]:
+        yield "why it ended", report["message"]
+    yield "mesh", f"{report['cell_count']:,} cells, {report['node_count']:,} nodes"
+    yield "pore volume", f"{1e6 * report['pore_volume']:.4g} ml"
+    for name, gate in report["gates"].items():
+        yield (
+            f"gate {name}",
+            f"{1e6 * gate['injected_volume']:.4g} ml, up to {1e-5 * gate['pressure_max']:.4g} bar "
+            f"and {1e6 * gate['flow_rate_max']:.4g} ml/s",
+        )
+    for name, vent in report["vents"].items():
+        yield f"vent {name}", f"{1e6 * vent['vented_volume']:.4g} ml of resin left"
+    yield "largest pressure", f"{1e-5 * report['pressure_max']:.4g} bar"
+    yield (
+        "balance of the resin",
+        f"injected, stored and vented differ by {report['balance_error']:.1e} at most",
+    )
+    yield "steps", f"{report['step_count']:,} in {report['wall_s']:.3g} s of computing"
+    yield "files", ", ".join(report["files"].values())
+
+
+def dry_spot_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Yield name, place, area, pore volume and time of every dry spot."""
+    for spot in report.get("dry_spots", ()):
+        yield (
+            spot["name"],
+            ", ".join(f"{1e3 * x:.1f}" for x in spot["place"]),
+            f"{1e4 * spot['area']:.3g}",
+            f"{1e6 * spot['pore_volume']:.3g}",
+            time_in_words(spot["time"]),
+        )
+
+
+def time_in_words(time: float) -> str:
+    """Write a time of a filling [s]."""
+    return f"{time:.4g} s" if time < 600.0 else f"{time / 60.0:.4g} min"

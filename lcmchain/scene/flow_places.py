@@ -1,0 +1,97 @@
+"""Scene entries for places of the mesh that resin flows in: sets, points, boxes, boundaries."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    Name,
+    Position,
+    PositiveLength,
+    Row,
+    Switch,
+    Text,
+    wrong,
+)
+from lcmchain.quantities.scene_model import SceneModel
+
+Corners = Annotated[
+    tuple[Position, Position],
+    Row('["0 0 -1 mm", "20 20 1 mm"]', count=2, entries="points", units=False),
+]
+
+
+class Where(SceneModel):
+    """A place of the mesh: one of ``set``, ``point``, ``box``, ``rim`` and ``loop``."""
+
+    set: Annotated[Annotated[str, Text("GATE")] | None, AbsentMeans("")] = Field(
+        default=None,
+        description="Name of a node set, a cell set or a part of the mesh file.",
+    )
+    point: Annotated[Position | None, AbsentMeans("")] = Field(
+        default=None, description="The node nearest to a point, or all within radius of it."
+    )
+    radius: Annotated[PositiveLength | None, AbsentMeans("")] = Field(
+        default=None, description="Distance from the point within which all nodes are taken."
+    )
+    box: Annotated[Corners | None, AbsentMeans("")] = Field(
+        default=None, description="Nodes (of a region: cells) in a box, by two opposite corners."
+    )
+    rim: Switch = Field(
+        default=False, description="Nodes on the longest closed boundary of the mesh."
+    )
+    loop: Annotated[Position | None, AbsentMeans("")] = Field(
+        default=None,
+        description="Nodes on the closed boundary that passes nearest to this point, as of a hole.",
+    )
+
+    @property
+    def ways(self) -> list[str]:
+        """Ways in which the place is given."""
+        given = [way for way in ("set", "point", "box", "loop") if getattr(self, way) is not None]
+        return [*given, *(["rim"] if self.rim else [])]
+
+    @property
+    def in_words(self) -> str:
+        """What the place is, for the check of a scene."""
+        if self.set is not None:
+            return f'set "{self.set}"'
+        if self.point is not None:
+            around = "node nearest to" if self.radius is None else f"{_mm(self.radius)} mm around"
+            return f"{around} {_place(self.point)}"
+        if self.box is not None:
+            return f"box from {_place(self.box[0])} to {_place(self.box[1])}"
+        if self.loop is not None:
+            return f"boundary next to {_place(self.loop)}"
+        return "rim" if self.rim else "everywhere"
+
+    @model_validator(mode="after")
+    def _check_way(self) -> Self:
+        self.require_ways()
+        return self
+
+    def require_ways(self) -> None:
+        """Refuse what is no place, or more than one."""
+        ways = self.ways
+        if len(ways) != 1:
+            found = " and ".join(ways) or "none"
+            raise wrong(f"needs one of set, point, box, loop and rim = true, but has {found}")
+        if self.radius is not None and self.point is None:
+            raise wrong("belongs to point, which is not given", field="radius")
+
+
+class NamedPlace(Where):
+    """A place with a name, for messages and files."""
+
+    name: Annotated[str, Name("gate")] = Field(description="Name, for messages and files.")
+
+
+def _place(point: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(_mm(value) for value in point) + ") mm"
+
+
+def _mm(value: float) -> str:
+    return f"{1e3 * value + 0.0:.4g}"

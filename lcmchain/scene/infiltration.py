@@ -1,0 +1,312 @@
+"""Scene tables of infiltration: resin, gates, vents, regions, and when it ends.
+
+They stand here and not in the package that computes the flow: that package is built on the core,
+which holds the scene and never imports what is built on it.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from lcmchain.quantities.entry_types import (
+    POSITIVE,
+    AbsentMeans,
+    Acceleration,
+    FlowRate,
+    Number,
+    PositiveLength,
+    PositiveTime,
+    Pressure,
+    Range,
+    Row,
+    Switch,
+    TimeOrZero,
+    wrong,
+)
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.units import split_row
+from lcmchain.scene.flow_places import NamedPlace, Where
+from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.resin import Resin
+
+MOST_PLACES = 200
+
+_Arrival = Annotated[Where | None, AbsentMeans("")]
+
+
+class _Opening(NamedPlace):
+    """A place where resin or air passes the boundary, and when it is open."""
+
+    opens: TimeOrZero = Field(default="0 s", description="Time from which on it may be open.")  # type: ignore[assignment]
+    closes: Annotated[PositiveTime | None, AbsentMeans("never")] = Field(
+        default=None, description="Time at which it closes for good."
+    )
+    opens_on_arrival: _Arrival = Field(
+        default=None, description="It stays closed until the front arrives at this place."
+    )
+    closes_on_arrival: _Arrival = Field(
+        default=None, description="It closes for good when the front arrives at this place."
+    )
+
+    @property
+    def when(self) -> str:
+        """When it is open, for the check of a scene."""
+        parts = [f"from {self.opens:g} s"] if self.opens > 0.0 else []
+        if self.closes is not None:
+            parts.append(f"until {self.closes:g} s")
+        if self.opens_on_arrival is not None:
+            parts.append(f"once the front is at {self.opens_on_arrival.in_words}")
+        if self.closes_on_arrival is not None:
+            parts.append(f"until the front is at {self.closes_on_arrival.in_words}")
+        return ", ".join(parts)
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        if self.closes is not None and self.closes <= self.opens:
+            raise wrong(
+                f"is {self.closes:g} s, but it opens at {self.opens:g} s only", field="closes"
+            )
+        return self
+
+
+class Gate(_Opening):
+    """Where resin enters, at a pressure or a flow rate."""
+
+    pressure: Annotated[
+        Annotated[tuple[Pressure, ...], Row('"0.3 MPa"', minimum_count=1)] | None, AbsentMeans("")
+    ] = Field(default=None, description="Pressure of the resin, or one for each of times.")
+    flow_rate: Annotated[
+        Annotated[tuple[FlowRate, ...], Row('"5 ml/s"', minimum_count=1)] | None, AbsentMeans("")
+    ] = Field(default=None, description="Flow rate of the whole gate, or one for each of times.")
+    times: Annotated[
+        Annotated[tuple[TimeOrZero, ...], Row('"0 10 60 s"', minimum_count=2)] | None,
+        AbsentMeans(""),
+    ] = Field(
+        default=None,
+        description="Times of the pressures or flow rates, which are linear between them and "
+        "constant before and after.",
+    )
+    pressure_limit: Annotated[Pressure | None, AbsentMeans("none")] = Field(
+        default=None,
+        description="Highest pressure of a flow rate, as of the pump: it holds from there on.",
+    )
+
+    @field_validator("pressure", "flow_rate", mode="before")
+    @classmethod
+    def _take_one(cls, value: Any) -> Any:
+        """Take one value as a row of one."""
+        is_row = isinstance(value, str) and split_row(value) is not None
+        return (value,) if isinstance(value, str | int | float) and not is_row else value
+
+    @property
+    def in_words(self) -> str:
+        """Place, value and times, for the check of a scene."""
+        return f"{_text(self)} at {super().in_words}" + (f", {self.when}" if self.when else "")
+
+    @model_validator(mode="after")
+    def _check_values(self) -> Self:
+        given = [name for name in ("pressure", "flow_rate") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise wrong(
+                f"needs one of pressure and flow_rate, but has {' and '.join(given) or 'none'}"
+            )
+        kind = given[0]
+        values = getattr(self, kind)
+        count = 1 if self.times is None else len(self.times)
+        if len(values) != count:
+            wanted = "one value" if self.times is None else f"{count} values, as times has"
+            raise wrong(f"needs {wanted}, but has {len(values)}", field=kind)
+        if self.times is not None and any(b <= a for a, b in pairwise(self.times)):
+            raise wrong("must increase from one to the next", field="times")
+        if kind == "flow_rate" and (min(values) < 0.0 or max(values) <= 0.0):
+            raise wrong("must not be negative, and above zero at some time", field="flow_rate")
+        if kind == "pressure" and self.pressure_limit is not None:
+            raise wrong("belongs to a flow_rate, which is not given", field="pressure_limit")
+        return self
+
+
+class Vent(_Opening):
+    """Where air leaves, and resin once the front has come."""
+
+    pressure: Annotated[Pressure | None, AbsentMeans("vent_pressure")] = Field(
+        default=None, description="Pressure there."
+    )
+    bleeds: Switch = Field(
+        default=False,
+        description="Resin leaves there once the front has come; without it each node closes then.",
+    )
+
+    @property
+    def in_words(self) -> str:
+        """Place and times, for the check of a scene."""
+        return super().in_words + (f", {self.when}" if self.when else "")
+
+
+class Region(NamedPlace):
+    """Cells whose thickness, fibre volume fraction or permeability is another than the mapped."""
+
+    thickness: Annotated[PositiveLength | None, AbsentMeans("as mapped")] = Field(
+        default=None, description="Thickness; the fibre volume fraction stays unless it is given."
+    )
+    fibre_volume_fraction: Annotated[
+        Annotated[float, Number(0.5, Range(0.0, 1.0, (1.0,)))] | None, AbsentMeans("as mapped")
+    ] = Field(
+        default=None,
+        description="Share of the fibres in the volume; with a permeability law in this table the "
+        "permeability follows it.",
+    )
+    permeability_factor: Annotated[float, Number(1.0, POSITIVE)] = Field(
+        default=1.0, description="Factor of all permeabilities."
+    )
+
+    @model_validator(mode="after")
+    def _check_place(self) -> Self:
+        if self.rim or self.loop is not None:
+            raise wrong("takes cells: name a set, a box or a point with its radius")
+        if self.point is not None and self.radius is None:
+            raise wrong("needs the radius around the point within which cells lie", field="radius")
+        changes = self.thickness, self.fibre_volume_fraction
+        if changes == (None, None) and self.permeability_factor == 1.0:
+            raise wrong("changes nothing; give thickness, fibre_volume_fraction or a factor")
+        return self
+
+
+class RaceTrack(NamedPlace):
+    """An open channel along edges of the mesh, such as a gap between the preform and the mould."""
+
+    width: PositiveLength = Field(
+        description="Width of the channel, which is as high as the preform is thick."
+    )
+
+    @model_validator(mode="after")
+    def _check_place(self) -> Self:
+        if self.point is not None:
+            raise wrong("runs along edges: name a set, a box, loop or rim = true", field="point")
+        return self
+
+
+class WettedPlace(NamedPlace):
+    """Where the preform is full of resin from the start."""
+
+
+class Infiltration(SceneModel):
+    """Infiltration of the formed part: Darcy flow of resin with a moving front."""
+
+    resin: Resin = Field(description="The resin that flows.")
+    time: PositiveTime = Field(description="Time at which the filling ends at the latest.")
+    gates: Annotated[
+        tuple[Gate, ...],
+        Row("[[gates]] ...", entries="tables", units=False, maximum_count=MOST_PLACES),
+    ] = ()
+    vents: Annotated[
+        tuple[Vent, ...],
+        Row("[[vents]] ...", entries="tables", units=False, maximum_count=MOST_PLACES),
+    ] = ()
+    vent_pressure: Pressure = Field(
+        default="0 MPa",  # type: ignore[assignment]
+        description="Pressure of the vents and of the air in the dry preform, the least there is; "
+        "all pressures are gauge, or all absolute.",
+    )
+    permeability: Annotated[Permeability | None, AbsentMeans("of the forming result")] = Field(
+        default=None,
+        description="Law for the mapped fibre volume fraction and directions, in place of the "
+        "permeabilities of the forming result.",
+    )
+    regions: Annotated[
+        tuple[Region, ...],
+        Row("[[regions]] ...", entries="tables", units=False, maximum_count=MOST_PLACES),
+    ] = ()
+    race_tracks: Annotated[
+        tuple[RaceTrack, ...],
+        Row("[[race_tracks]] ...", entries="tables", units=False, maximum_count=MOST_PLACES),
+    ] = ()
+    wetted: Annotated[
+        tuple[WettedPlace, ...],
+        Row("[[wetted]] ...", entries="tables", units=False, maximum_count=MOST_PLACES),
+    ] = ()
+    gravity: Annotated[
+        Annotated[
+            tuple[Acceleration, Acceleration, Acceleration],
+            Row('["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]', count=3),
+        ]
+        | None,
+        AbsentMeans("none"),
+    ] = Field(default=None, description="Acceleration of gravity on the resin.")
+    trapped_air: Switch = Field(
+        default=False,
+        description="Air that the front has enclosed is compressed; without it such air vanishes "
+        "at the pressure of the vents. Needs absolute pressures.",
+    )
+    frames: Annotated[int, Number(21, Range(2, 10_000), whole=True)] = Field(
+        default=21, description="Saved states, at equal shares of the filled pore volume."
+    )
+    frame_interval: Annotated[PositiveTime | None, AbsentMeans("")] = Field(
+        default=None, description="Time between saved states, in place of frames."
+    )
+    animation: Literal["none", "gif", "mp4"] = Field(
+        default="none", description="Film of the front; mp4 needs lcmchain[video]."
+    )
+
+    def preset_values(self) -> dict[str, Any]:
+        """Return the entries of the presets of the resin, with their names."""
+        return {"resin": {key: v for key, v in self.resin.preset_values().items() if v}}
+
+    @field_validator("gates", "vents", "regions", "race_tracks", "wetted")
+    @classmethod
+    def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
+        names = [item.name for item in items]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise wrong(
+                    f'has the name "{name}" twice, at [{names.index(name)}] and [{index}]; '
+                    "give each its own name"
+                )
+        return items
+
+    @model_validator(mode="after")
+    def _check_scene(self) -> Self:
+        names = {gate.name for gate in self.gates}
+        both = next((vent.name for vent in self.vents if vent.name in names), None)
+        if both is not None:
+            raise wrong(f'has the name "{both}" of a gate; give it another', field="vents")
+        if not self.gates and not self.wetted:
+            raise wrong("is missing: no resin enters; give [[gates]]", field="gates")
+        if not self.vents:
+            raise wrong(
+                "is missing: the air has nowhere to go, and the front would stop; give [[vents]], "
+                "for example one with rim = true",
+                field="vents",
+            )
+        least = min(
+            [self.vent_pressure, *(v.pressure for v in self.vents if v.pressure is not None)]
+        )
+        for index, gate in enumerate(self.gates):
+            if gate.pressure is not None and max(gate.pressure) <= least:
+                raise wrong(
+                    f"is {max(gate.pressure):g} Pa at most, not above that of the vents "
+                    f"({least:g} Pa): no resin would flow",
+                    field=f'gates[{index}] "{gate.name}".pressure',
+                )
+        if self.trapped_air and least <= 0.0:
+            raise wrong(
+                f"compresses the air from the pressure of the vents, which is {least:g} Pa; give "
+                'absolute pressures, such as vent_pressure = "1 bar"',
+                field="trapped_air",
+            )
+        count = 0.0 if self.frame_interval is None else self.time / self.frame_interval
+        if count > 10_000:
+            raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
+        return self
+
+
+def _text(gate: Gate) -> str:
+    """Say pressures or flow rates."""
+    if gate.pressure is not None:
+        values, unit, factor = gate.pressure, "bar", 1e-5
+    else:
+        values, unit, factor = gate.flow_rate or (), "ml/s", 1e6
+    low, high = factor * min(values), factor * max(values)
+    return f"{high:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
