@@ -214,17 +214,6 @@ def limited_gradients(stencil: GradientStencil, values: np.ndarray) -> np.ndarra
     return gradients
 
 
-def normal_gradients(stencil: GradientStencil, normals: np.ndarray) -> np.ndarray:
-    """Gradients of the unit normals [1/m], not limited, shape (3, F, 2): the sheet's curvature.
-
-    normals : wound alike within a connected piece, shape (F, 3).
-    """
-    gradients = np.empty((3, len(normals), 2))
-    for component, gradient in zip(normals.T, gradients, strict=True):
-        _fit_gradients(stencil, np.ascontiguousarray(component), gradient)
-    return gradients
-
-
 def limited_tensor_gradients(
     stencil: GradientStencil,
     components: np.ndarray,

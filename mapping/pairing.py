@@ -81,7 +81,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         surface, target, cells, found, maximum_distance
     )
     coverage = _coverage(surface, cells, found, covered)
-    content, moved = even_shares(surface, cells.normals, found, content, coverage * cells.areas)
+    content, moved = even_shares(found, content, surface.areas, coverage * cells.areas)
     average = found.area / np.where(covered > 0.0, covered, 1.0)[found.cell]
     weights = found.cell, found.face, average, found.place, content
     if len(alone):

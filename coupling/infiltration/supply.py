@@ -213,7 +213,7 @@ def hole_conductance(
     area = network.node_areas()[node]
     xx, yy, xy = conductances.spread[node] / area
     mean = np.sqrt(xx * yy - xy * xy)
-    squared = (yy * away[:, 0] ** 2 - 2.0 * xy * away[:, 0] * away[:, 1] + xx * away[:, 1] ** 2)
+    squared = yy * away[:, 0] ** 2 - 2.0 * xy * away[:, 0] * away[:, 1] + xx * away[:, 1] ** 2
     distance = np.sqrt(squared / mean)
     kept = (safe == flow) & (distance > 0.0)
     total = flow[kept].sum()

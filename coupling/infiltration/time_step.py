@@ -262,9 +262,7 @@ class TimeStep:
             thickness=state.thickness + step * state.thickness_rate,
         )
 
-    def _stage(
-        self, situation: Situation, state: FillingState, step: float, later: float
-    ) -> Stage:
+    def _stage(self, situation: Situation, state: FillingState, step: float, later: float) -> Stage:
         """Flow of a state; ``later`` is how much later than the situation [s] it is."""
         gates = situation.gates
         limited = [gate.rate is None for gate in gates]

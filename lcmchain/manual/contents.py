@@ -30,7 +30,16 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "bench",
         "python",
     ),
-    "Theory": ("element", "materials", "resin", "departures", "contact", "time-integration", "coupling", "pore-pressure"),
+    "Theory": (
+        "element",
+        "materials",
+        "resin",
+        "departures",
+        "contact",
+        "time-integration",
+        "coupling",
+        "pore-pressure",
+    ),
     "Evidence": (
         "hemisphere",
         "convergence-table",
