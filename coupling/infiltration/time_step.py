@@ -239,7 +239,8 @@ class TimeStep:
         forth = state.full[first] & ~state.full[second]
         back = state.full[second] & ~state.full[first]
         count = len(state.full)
-        rate = np.bincount(second[forth], along[forth], minlength=count)
+        rate = np.zeros(count)  # the count of no edges at all has no decimals
+        rate += np.bincount(second[forth], along[forth], minlength=count)
         rate -= np.bincount(first[back], along[back], minlength=count)
         primed = np.zeros(count)
         for priming in situation.primings:
