@@ -10,6 +10,7 @@ from lcmchain.coupling.iteration.interface import (
     Tolerance,
     fixed_stress_exchanges,
 )
+from lcmchain.coupling.iteration.ports import Port
 from lcmchain.coupling.iteration.schemes import (
     Scheme,
     aitken,
@@ -19,7 +20,7 @@ from lcmchain.coupling.iteration.schemes import (
     iqn_mvj,
     jacobi,
 )
-from lcmchain.coupling.iteration.system import CoupledSystem, Port
+from lcmchain.coupling.iteration.system import CoupledSystem
 from lcmchain.coupling.iteration.windows import WindowControl
 
 __all__ = [

@@ -25,7 +25,7 @@ class Window:
     """What is known before a window: its number, its attempt, its end and the fields.
 
     ``begin`` and ``predicted`` hold one array per exchange, at its begin and extrapolated to its
-    end; ``start`` the saved states of the parts.
+    end; ``start`` the saved states of the parts, empty where nothing returns to them.
     """
 
     number: int
@@ -71,7 +71,8 @@ class Iteration:
         scheme, sweep = self.scheme, self.sweep
         acceleration = scheme.acceleration
         self._begin(window.size)
-        inputs, before = window.predicted, window.predicted
+        inputs = window.predicted if scheme.explicit else self._bounded(window.predicted)
+        before = inputs
         sizes = [0.0] * len(sweep.exchanges)
         first: list[float] = []  # residuals of the first iteration
         for iteration in range(1, scheme.most_iterations + 1):
@@ -97,7 +98,8 @@ class Iteration:
 
     def undo(self, window: Window) -> None:
         """Return to the begin of a window and forget what it taught."""
-        self.sweep.restore(window.start)
+        if window.start:
+            self.sweep.restore(window.start)
         if self.scheme.acceleration is not None:
             self.scheme.acceleration.drop_window()
 
@@ -165,9 +167,18 @@ class Iteration:
         for i in self.sweep.unknown:
             part = proposed[at : at + answers[i].size]
             at += answers[i].size
-            relaxation = self.sweep.exchanges[i].relaxation
-            following[i] = inputs[i] + relaxation * (part - inputs[i])
-        return following
+            exchange = self.sweep.exchanges[i]
+            following[i] = inputs[i] + exchange.relaxation * (part - inputs[i])
+        return self._bounded(following)
+
+    def _bounded(self, fields: list[Values]) -> list[Values]:
+        """Return the fields with the unknowns among them within their bounds."""
+        bounded = list(fields)
+        for i in self.sweep.unknown:
+            bounds = self.sweep.exchanges[i].bounds
+            if bounds is not None:
+                bounded[i] = np.clip(fields[i], *bounds)
+        return bounded
 
     def _packed(self, fields: list[Values]) -> Values:
         return np.concatenate([fields[i] for i in self.sweep.unknown])

@@ -242,11 +242,13 @@ def coupled_column(
     direction: Direction = "pressure_from_fluid",
     slope_factor: float = 1.0,
     relative: float = 1e-6,
+    bounds: tuple[float, float] | None = None,
     **options: Any,
 ) -> CoupledSystem:
     """Return the column as a system of the parts ``solid`` and ``fluid``; see :data:`Direction`.
 
-    ``relative`` is the tolerance of both fields; ``options`` go to :class:`CoupledSystem`.
+    ``relative`` is the tolerance of both fields, ``bounds`` those of the pressure [Pa]; ``options``
+    go to :class:`CoupledSystem`.
     """
     tolerance = Tolerance(relative)
     parts: dict[str, CoupledPart]
@@ -254,7 +256,7 @@ def coupled_column(
         parts = {"fluid": OutflowColumn(column), "solid": SqueezedColumn(column)}
         exchanges = [
             Exchange("fluid", "solid", VOLUME_RATE, within="held", tolerance=tolerance),
-            Exchange("solid", "fluid", PORE_PRESSURE, tolerance=tolerance),
+            Exchange("solid", "fluid", PORE_PRESSURE, tolerance=tolerance, bounds=bounds),
         ]
     else:
         parts = {"solid": SolidColumn(column, slope_factor), "fluid": FluidColumn(column)}
@@ -267,7 +269,7 @@ def coupled_column(
                 within="held",
                 tolerance=tolerance,
             ),
-            Exchange("fluid", "solid", PORE_PRESSURE, tolerance=tolerance),
+            Exchange("fluid", "solid", PORE_PRESSURE, tolerance=tolerance, bounds=bounds),
         ]
         if direction == "fixed_stress":
             exchanges += fixed_stress_exchanges("solid", "fluid")

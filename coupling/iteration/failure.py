@@ -54,9 +54,11 @@ def not_converged(
         f"the coupling {diverged} ({scheme}) in {iterations} iterations of the window of "
         f"{size:g} s from {time:g} s: {exchange.name} still changes by {judgement.residual:.3g} "
         f"where {judgement.limit:.3g} is allowed ({excess(worst):.3g} times), most at value "
-        f"{judgement.worst}{place} by {judgement.worst_residual:.3g}.{also} Remedies: smaller "
-        "windows (WindowControl(smallest=...)), IQN-ILS in place of a relaxation, the fixed-stress "
-        "split between solid and fluid, or more iterations"
+        f"{judgement.worst}{place} by {judgement.worst_residual:.3g}.{also} Likely cause: the "
+        "parts answer to each other more strongly than the scheme can follow. Remedies: IQN-ILS in "
+        "place of a relaxation, the fixed-stress split between solid and fluid, more iterations; "
+        "smaller windows (WindowControl(smallest=...)) where the fields answer to each other the "
+        "less the shorter a window is, which the pressure of an incompressible fluid does not"
     )
     return NotConverged(
         message,

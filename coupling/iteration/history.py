@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.atomic import replacing
+from lcmchain.fields.ugrid import write_netcdf
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,7 +79,7 @@ class History:
 
     @property
     def mean_iterations(self) -> float:
-        """Return the evaluations of the parts per window that stands; failed attempts count."""
+        """Return the iterations per window that stands; those of failed attempts count."""
         windows = len(self.accepted)
         total = sum(window.iterations for window in self.windows)
         return total / windows if windows else math.nan
@@ -161,8 +161,5 @@ class History:
         InputError : the path cannot be written.
         OutputError : writing failed on the way.
         """
-        path = Path(path)
-        dataset = self.dataset()
-        with replacing(path) as temporary:
-            dataset.to_netcdf(temporary, engine="netcdf4")
-        return path
+        write_netcdf(path, {"/": self.dataset()})
+        return Path(path)

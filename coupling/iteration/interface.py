@@ -32,7 +32,8 @@ THICKNESS_RATE_SLOPE = "thickness_rate_slope"  # [m/(s Pa)] per cell
 class CoupledPart(Protocol):
     """A simulation that advances in time, exchanges fields and can go back to a saved state.
 
-    A Python object, an FMU and a coupled system all satisfy it.
+    A Python object, an FMU and a coupled system all satisfy it. Explicit schemes with windows of
+    constant size never save or restore.
     """
 
     @property
@@ -171,6 +172,8 @@ class Exchange:
     scale : size of the field in its unit, which weighs it against others in a quasi-Newton
         scheme; None takes the largest size so far.
     relaxation : factor 0..1 on top of the scheme's own relaxation, for this field.
+    bounds : (least, largest) value that the iteration may try, in the unit of the field: a pressure
+        is not below the vent's, for example. What the source answers is not touched.
     iterated : False for a field that only accompanies another one (a slope, a reference) and is
         no unknown; it must lead forward in a serial scheme.
     of_window : what the target gets of the source's sub-steps: the ``end`` value, or the ``mean``,
@@ -188,6 +191,7 @@ class Exchange:
     judged: Literal["unknown", "always"] = "unknown"
     scale: float | None = None
     relaxation: float = 1.0
+    bounds: tuple[float, float] | None = None
     iterated: bool = True
     of_window: Literal["end", "mean"] = "end"
     within: Literal["linear", "held"] = "linear"
@@ -198,6 +202,10 @@ class Exchange:
         if not (0.0 < self.relaxation <= 1.0):
             raise InputError(
                 f"the relaxation of {self.name} must lie in 0..1, not {self.relaxation:g}"
+            )
+        if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
+            raise InputError(
+                f"the bounds of {self.name} must rise, not {self.bounds[0]:g} to {self.bounds[1]:g}"
             )
         if self.judged not in ("unknown", "always"):
             raise InputError(f'judged of {self.name} must be "unknown" or "always"')

@@ -15,6 +15,29 @@ Vector = NDArray[np.float64]
 Columns = list[tuple[Vector, Vector]]  # (change of the residual, change of the answer)
 
 
+#: Rows that are factorised at a time. The same for every number of threads, so that results are.
+BLOCK = 2048
+
+
+def triangular_factor(vectors: list[Vector], weights: Vector) -> NDArray[np.float64]:
+    """Return R (min(n, m), m) of the QR factorisation of the weighted vectors, m of them, (n,).
+
+    By blocks of rows, whose factors are factorised once more: fast for long vectors, and what the
+    linear algebra library does with its threads does not change the order of the sums.
+    """
+    parts: list[NDArray[np.float64]] = []
+    for at in range(0, weights.size, BLOCK):
+        rows = np.stack([vector[at : at + BLOCK] for vector in vectors], axis=1)
+        parts.append(_factor(rows * weights[at : at + BLOCK, None]))
+    while len(parts) > 1:
+        parts = [_factor(np.concatenate(parts[at : at + 8])) for at in range(0, len(parts), 8)]
+    return parts[0]
+
+
+def _factor(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=np.float64)
+
+
 def filtered_qr(columns: list[Vector], limit: float) -> tuple[Vector, Vector, list[int]]:
     """Return Q (n, m), R (m, m) and the numbers of the columns that are kept, in their order.
 
@@ -63,7 +86,7 @@ class QuasiNewton:
     filter_limit : see :func:`filtered_qr`.
     """
 
-    relaxation: float = 0.1
+    relaxation: float = 0.01
     windows_reused: int = 20
     most_columns: int = 80
     filter_limit: float = 1e-3
@@ -90,14 +113,15 @@ class QuasiNewton:
         self._learn(x, answer)
         residual = answer - x
         columns = self._columns()
-        matrix, triangle, kept = filtered_qr([weights * v for v, _ in columns], self.filter_limit)
+        # Angles between the columns are those between the columns of their triangular factor.
+        short = triangular_factor([*(v for v, _ in columns), residual], weights).T
+        basis, triangle, kept = filtered_qr(list(short[:-1]), self.filter_limit)
         self.rank = len(kept)
         if not kept:
             self.factor = self.relaxation
             return x + self.relaxation * residual
         self.factor = math.nan
-        right = matrix.T @ (weights * residual)
-        shares = -np.linalg.solve(triangle, right)
+        shares = -np.linalg.solve(triangle, basis.T @ short[-1])
         step = np.zeros_like(x)
         for share, number in zip(shares, kept):
             step += share * columns[number][1]
@@ -180,10 +204,10 @@ class MultiVectorQuasiNewton(QuasiNewton):
         self._learn(x, answer)
         self._weights, self.factor = weights.copy(), math.nan
         residual = answer - x
-        step = -(self._matrix @ residual)
+        step = -np.einsum("ij,j->i", self._matrix, residual)
         change, kept = self._present_change()
         self.rank = len(kept)
-        return answer + step + (0.0 if change is None else -(change @ residual))
+        return answer + step + (0.0 if change is None else -np.einsum("ij,j->i", change, residual))
 
     def end_window(self, x: Vector, answer: Vector) -> None:
         """Take the window's columns into the matrix."""

@@ -87,7 +87,7 @@ class ConstantRelaxation:
 
 @dataclass
 class AitkenRelaxation:
-    """Relaxation whose factor follows the last two residuals (Kuettler, Wall 2008, eq. 44).
+    """Relaxation whose factor follows the last two residuals (Kuettler, Wall 2008).
 
     A window begins with the last factor of the one before, at most ``initial`` in size.
     """
@@ -112,10 +112,10 @@ class AitkenRelaxation:
             factor = math.copysign(min(abs(self._last), self.initial), self._last)
         else:
             change = weights * (residual - self._residual)
-            square = float(change @ change)
+            square = float(np.sum(change * change))
             factor = self.factor
             if square > 0.0:
-                factor *= -float((weights * self._residual) @ change) / square
+                factor *= -float(np.sum(weights * self._residual * change)) / square
         # A factor of zero would stop the iteration where it stands.
         self.factor = factor if factor != 0.0 else self.initial
         self._residual = residual

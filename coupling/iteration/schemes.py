@@ -71,7 +71,7 @@ def aitken(initial: float = 0.5, *, order: Order = "serial", most_iterations: in
 def iqn_ils(
     *,
     order: Order = "serial",
-    relaxation: float = 0.1,
+    relaxation: float = 0.01,
     windows_reused: int = 20,
     most_columns: int = 80,
     filter_limit: float = 1e-3,
@@ -85,7 +85,7 @@ def iqn_ils(
 def iqn_mvj(
     *,
     order: Order = "serial",
-    relaxation: float = 0.1,
+    relaxation: float = 0.01,
     filter_limit: float = 1e-3,
     most_iterations: int = 50,
 ) -> Scheme:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +23,7 @@ from lcmchain.coupling.iteration.history import (
     WindowRecord,
 )
 from lcmchain.coupling.iteration.interface import CoupledPart, Exchange, Fields, PartFailed
+from lcmchain.coupling.iteration.ports import Port, find_port
 from lcmchain.coupling.iteration.predictor import Predictor
 from lcmchain.coupling.iteration.schemes import Scheme
 from lcmchain.coupling.iteration.sweep import Sweep
@@ -33,18 +33,6 @@ from lcmchain.errors import InputError, SimulationError
 log = logging.getLogger(__name__)
 
 Values = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Port:
-    """An input or output of a part that the system offers under a name of its own.
-
-    ``of_step``: an output is the value at the ``end`` of the system's step or its ``mean``.
-    """
-
-    part: str
-    field: str
-    of_step: Literal["end", "mean"] = "end"
 
 
 class CoupledSystem:
@@ -109,6 +97,8 @@ class CoupledSystem:
         self._predictor = Predictor(prediction)
         self._iteration = Iteration(self._sweep, scheme, self.history)
         self._window_number = 0
+        # An explicit scheme with constant windows takes parts that cannot save their state.
+        self._can_return = not scheme.explicit or control.least < control.size
         self._means: Fields = {}  # of the outputs that are means over the system's step
         times = {name: part.time for name, part in self.parts.items()}
         if len(set(times.values())) > 1:
@@ -134,22 +124,38 @@ class CoupledSystem:
         """
         if not (step > 0.0 and math.isfinite(step)):
             raise InputError(f"a step must be positive, not {step:g} s")
+        self.advance_to(self._time + step)
+
+    def advance_to(
+        self, end: float, on_window: Callable[[CoupledSystem], None] | None = None
+    ) -> None:
+        """Go on until ``end`` [s]; ``on_window`` is called after every window that stands.
+
+        There the system may be saved: restored, and advanced to the same end, it goes on
+        bit-identically. What ``on_window`` raises ends the run between two windows.
+
+        Raises
+        ------
+        SimulationError : as :meth:`advance`.
+        """
         if not self._predictor.started:
             self._predictor.accept(self._time, self._sweep.present())
             self._iteration.start(self._predictor.latest)
-        begin, end = self._time, self._time + step
+        begin = self._time
         sums: Fields = {}
         while self._time < end:
             size = self._windows.within(end - self._time)
             used = self._window(size, end)
             for name, values in self._sweep.means.items():
                 sums[name] = sums.get(name, 0.0) + values * used
+            if on_window is not None:
+                on_window(self)
         self._means = {name: total / (end - begin) for name, total in sums.items()}
 
     def set_fields(self, fields: Mapping[str, Values]) -> None:
         """Set inputs of parts from outside: names of ports, or ``"part.field"``."""
         for name, values in fields.items():
-            port = self._port(name, self.inputs, "input")
+            port = find_port(name, self.inputs, self.parts, "input")
             if (port.part, port.field) in self._sweep.targets:
                 raise InputError(f'the input "{name}" is set by an exchange')
             self.parts[port.part].set_fields({port.field: values})
@@ -158,7 +164,7 @@ class CoupledSystem:
         """Return outputs of parts: names of ports, or ``"part.field"``."""
         found: Fields = {}
         for name in names:
-            port = self._port(name, self.outputs, "output")
+            port = find_port(name, self.outputs, self.parts, "output")
             key = f"{port.part}.{port.field}"
             if port.of_step == "mean" and key in self._means:
                 found[name] = self._means[key].copy()
@@ -169,7 +175,7 @@ class CoupledSystem:
     def places(self, name: str) -> Values | None:
         """Return the positions (n, 3) of a field's values where the part knows them."""
         known = {**self.inputs, **self.outputs}
-        port = self._port(name, known, "field")
+        port = find_port(name, known, self.parts, "field")
         return self._sweep.places(port.part, port.field)
 
     def save(self) -> Any:
@@ -198,7 +204,7 @@ class CoupledSystem:
 
     def _window(self, size: float, latest: float) -> float:
         """Go through one window, shorter and shorter ones if it fails; return the size."""
-        start, attempt = self._sweep.save(), 0
+        start, attempt = self._sweep.save() if self._can_return else {}, 0
         while True:
             # The last window ends where it should, not a rounding error beside it.
             end = latest if size >= latest - self._time else self._time + size
@@ -213,10 +219,10 @@ class CoupledSystem:
             )
             tried, error = self._try(window)
             # What was extrapolated over a jump may be what failed, so hold before halving.
-            if attempt == 0 and error is not None and self._predictor.extrapolates:
-                shorter: float | None = size
-            else:
-                shorter = self._windows.shorter(size)
+            shorter = self._windows.shorter(size) if self._can_return else None
+            extrapolated = attempt == 0 and self._predictor.extrapolates
+            if error is not None and extrapolated and self._can_return:
+                shorter = size
             outcome = self._outcome(tried, error, shorter is not None)
             self._record(window, tried, outcome, error)
             if tried is not None and outcome in STANDING:
@@ -300,12 +306,3 @@ class CoupledSystem:
                 "" if error is None else str(error),
             )
         )
-
-    def _port(self, name: str, ports: Mapping[str, Port], kind: str) -> Port:
-        if name in ports:
-            return ports[name]
-        part, _, field = name.partition(".")
-        if part in self.parts and field:
-            return Port(part, field)
-        known = ", ".join([*ports, *(f"{part}.<field>" for part in self.parts)])
-        raise InputError(f'the coupled system has no {kind} "{name}"; there are {known}')

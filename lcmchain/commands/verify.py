@@ -1,4 +1,4 @@
-"""``lcmchain verify``: cases by which element and solver are judged, as tables."""
+"""``lcmchain verify``: cases by which element, solver and coupling are judged, as tables."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ import typer
 from lcmchain.commands.terminal import console, progress_bar, say
 from lcmchain.errors import SimulationError
 
-verify_app = typer.Typer(
-    no_args_is_help=True, help="Judge element and solver by cases: benchmarks, hard cases."
-)
+verify_app = typer.Typer(no_args_is_help=True, help="Judge element, solver and coupling by cases.")
 
 MarkdownFile = Annotated[
     Path | None,
@@ -48,6 +46,7 @@ def verify_hard_cases(
     out: MarkdownFile = None,
 ) -> None:
     """Run the hard cases and print criterion, result and margin of each."""
+    import lcmchain.coupling.hard_cases  # noqa: F401  puts those of the coupling on the list
     from lcmchain.verification.hard_cases import run_cases
 
     with progress_bar() as progress:
@@ -57,6 +56,19 @@ def verify_hard_cases(
     if report.failed:
         names = ", ".join(sorted({result.name for result in report.failed}))
         raise SimulationError(f"criteria do not hold in: {names}")
+
+
+@verify_app.command("coupling")
+def verify_coupling(out: MarkdownFile = None) -> None:
+    """Compare the coupling schemes over stiffness and permeability: iterations, divergence."""
+    from rich.markdown import Markdown
+
+    from lcmchain.coupling.iteration.study import study_schemes
+
+    with progress_bar() as progress:
+        study = study_schemes(progress=progress)
+    console().print(Markdown(study.markdown()))
+    _write_markdown(out, study.markdown())
 
 
 def _write_markdown(out: Path | None, text: str) -> None:

@@ -36,6 +36,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "contact",
         "pore-pressure",
         "time-integration",
+        "coupling",
     ),
     "Evidence": (
         "hemisphere",
@@ -43,6 +44,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "verification",
         "benchmark-table",
         "hard-case-table",
+        "coupling-table",
         "speed",
         "limits",
     ),

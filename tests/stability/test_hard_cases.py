@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+import lcmchain.coupling.hard_cases  # noqa: F401  puts those of the coupling on the list
 from lcmchain.cli import main
 from lcmchain.errors import InputError
 from lcmchain.verification.hard_cases import CASES, CaseResult, Report, run_cases
@@ -19,7 +20,8 @@ DEMANDED = {
     "bias_extension", "fibre_to_shear_stiffness", "compaction_between_plates",
     "step_follows_compaction", "pinched", "pinched_shut", "fillets", "release",
     "chatter_on_an_edge", "wrinkling_strip", "fast_punch", "perturbed_mesh", "coarse_mesh",
-    "published_compaction", "fine_mesh",
+    "published_compaction", "fine_mesh", "consolidation", "staggered_coupling", "undrained_column",
+    "hardening_column", "coupling_that_fails",
 }  # fmt: skip
 
 

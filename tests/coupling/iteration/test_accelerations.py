@@ -1,5 +1,9 @@
 """Relaxation and quasi-Newton steps on vectors, without parts."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +13,7 @@ from lcmchain.coupling.iteration.quasi_newton import (
     MultiVectorQuasiNewton,
     QuasiNewton,
     filtered_qr,
+    triangular_factor,
 )
 from lcmchain.coupling.iteration.relaxation import AitkenRelaxation, ConstantRelaxation
 from lcmchain.errors import InputError
@@ -56,6 +61,44 @@ def test_filter_gives_up_the_later_of_two_like_columns():
     assert filtered_qr([new, old], 1e-5)[2] == [0, 1]
 
 
+@pytest.mark.parametrize(("size", "count"), [(3, 5), (50, 4), (5000, 7), (40_000, 3)])
+def test_factor_by_blocks_is_that_of_the_whole(size, count):
+    rng = np.random.default_rng(7)
+    vectors = [rng.normal(size=size) for _ in range(count)]
+    weights = rng.uniform(0.5, 2.0, size)
+    found = triangular_factor(vectors, weights)
+    matrix = np.stack(vectors, axis=1) * weights[:, None]
+    assert found.shape == (min(size, count), count)
+    assert found.T @ found == pytest.approx(matrix.T @ matrix, rel=1e-10, abs=1e-10 * size)
+
+
+def test_a_step_does_not_depend_on_the_number_of_threads():
+    """Of the linear algebra library, which is told it when it is loaded."""
+    code = """
+import hashlib, numpy as np
+from lcmchain.coupling.iteration.quasi_newton import QuasiNewton
+from lcmchain.coupling.iteration.relaxation import AitkenRelaxation
+rng = np.random.default_rng(0)
+for one in (QuasiNewton(), AitkenRelaxation()):
+    one.begin_window()
+    x = np.zeros(60_000)
+    for _ in range(5):
+        x = one.propose(x, np.roll(x, 1) * -3.0 + rng.normal(size=x.size), np.ones(x.size))
+    print(hashlib.sha256(x.tobytes()).hexdigest())
+"""
+    found = [
+        subprocess.run(
+            [sys.executable, "-P", "-c", code],
+            env={**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for threads in ("1", "2")
+    ]
+    assert found[0] == found[1] and len(found[0].split()) == 2
+
+
 def test_filter_of_columns_of_zeros_is_empty():
     basis, triangle, kept = filtered_qr([np.zeros(3), np.zeros(3)], 1e-3)
     assert (basis.shape, triangle.shape, kept) == ((3, 0), (0, 0), [])
@@ -97,6 +140,23 @@ def test_forgotten_attempt_leaves_the_earlier_windows():
     newton.drop_window()
     _, count = iterate(newton, answer, np.ones(3), tolerance=1e-9)
     assert count == 2
+
+
+def test_newest_columns_come_first():
+    """Of two that nearly agree the older is left out: the map may have changed since."""
+    newton = QuasiNewton(filter_limit=0.1, windows_reused=0)
+    newton.begin_window()
+    x = np.zeros(2)
+    for answer in ([1.0, 0.0], [2.0, 0.0]):
+        x = newton.propose(x, np.array(answer), np.ones(2))
+    following = newton.propose(x, np.array([5.0, 0.01]), np.ones(2))
+    old_residual = np.array([2.0, 0.0]) - 0.01 * np.array([1.0, 0.0])
+    residual = np.array([5.0, 0.01]) - x
+    change = residual - old_residual
+    share = -(change @ residual) / (change @ change)
+    expected = np.array([5.0, 0.01]) + share * (np.array([5.0, 0.01]) - np.array([2.0, 0.0]))
+    assert newton.rank == 1
+    assert following == pytest.approx(expected, rel=1e-12)
 
 
 def test_aitken_finds_the_factor_of_one_unknown_in_two_steps():

@@ -1,5 +1,6 @@
 """Terzaghi's consolidation as two coupled parts, against the series and between the schemes."""
 
+import contextlib
 import math
 
 import numpy as np
@@ -216,6 +217,35 @@ def test_fixed_stress_with_too_small_a_slope_diverges():
     )
     with pytest.raises((NotConverged, PartFailed)):
         system.advance(window)
+
+
+def test_bounds_of_the_pressure_keep_a_hardening_law_in_its_range():
+    """Without them the first guesses lie far above the load, from where a law may not come back."""
+    column = Column(modulus=1e5, hardening=8.0, permeability=1e-14)
+
+    def tried(system, windows):
+        seen = []
+        give = system.parts["solid"].set_fields
+
+        def look(given):
+            seen.append(given["pore_pressure"].max() / column.load)
+            assert given["pore_pressure"].min() >= 0.0 or bounds is None
+            give(given)
+
+        system.parts["solid"].set_fields = look
+        with contextlib.suppress(NotConverged):
+            system.advance(windows)
+        return max(seen)
+
+    bounds = None
+    assert tried(coupled_column(column, iqn_ils(), 1.0), 1.0) > 10.0
+    bounds = (0.0, 1.1 * column.load)
+    system = coupled_column(column, iqn_ils(), 1.0, bounds=bounds)
+    assert tried(system, 5.0) == pytest.approx(1.1, rel=1e-15)
+    assert system.time == 5.0
+    split = coupled_column(column, fixed_point(), 1.0, direction="fixed_stress")
+    split.advance(5.0)
+    assert pressure(system) == pytest.approx(pressure(split), abs=1e-5 * column.load)
 
 
 def test_fixed_stress_adds_nothing_to_the_converged_answer():

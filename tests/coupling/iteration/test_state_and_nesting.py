@@ -63,6 +63,31 @@ def test_going_on_from_a_saved_state_is_bit_identical(scheme):
     assert_identical(resumed, whole)
 
 
+def test_a_run_that_was_stopped_between_two_windows_goes_on_bit_identical():
+    """Where windows still change their size, and not at the end of a step."""
+
+    class Stopped(Exception):
+        pass
+
+    kept = []
+
+    def stop(system):
+        if len(system.history.accepted) == 9:
+            kept.append(pickle.dumps(system.save()))
+            raise Stopped
+
+    whole, stopped, resumed = (column(iqn_ils) for _ in range(3))
+    whole.advance(1.1)
+    with pytest.raises(Stopped):
+        stopped.advance_to(1.1, stop)
+    assert 0.0 < stopped.time < 1.1
+    resumed.restore(pickle.loads(kept[0]))
+    seen = []
+    resumed.advance_to(1.1, lambda system: seen.append(system.time))
+    assert_identical(resumed, whole)
+    assert seen[-1] == 1.1 and len(seen) == len(whole.history.accepted) - 9
+
+
 def test_restoring_undoes_everything_any_number_of_times():
     system = column(iqn_ils)
     system.advance(0.3)

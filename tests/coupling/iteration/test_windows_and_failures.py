@@ -189,6 +189,17 @@ def test_windows_fill_a_step_evenly_and_end_where_it_ends():
     assert system.time == 1.7
 
 
+def test_differences_are_dropped_when_the_window_changes():
+    """The first proposal in a window of another size is a relaxation again."""
+    system = coupled_column(Column(), iqn_ils(), 1.0)
+    system.advance(3.0)
+    system.advance(0.5)
+    first = {}
+    for record in system.history.iterations:
+        first.setdefault(record.window, record)
+    assert [first[window].rank > 0 for window in range(4)] == [False, True, True, False]
+
+
 def test_a_missed_coupling_residual_rejects_the_window():
     control = WindowControl(0.5, smallest=0.01, largest=0.5, residual=0.05)
     column = Column()
@@ -342,6 +353,7 @@ def test_wrong_tolerances_are_refused(given):
         {"of_window": "sum"},
         {"within": "cubic"},
         {"judged": "never"},
+        {"bounds": (1.0, 1.0)},
     ],
 )
 def test_wrong_exchanges_are_refused(given):
@@ -356,3 +368,21 @@ def test_wrong_exchanges_are_refused(given):
 def test_wrong_window_controls_are_refused(given):
     with pytest.raises(InputError):
         WindowControl(**given)
+
+
+def test_explicit_schemes_with_constant_windows_take_parts_that_cannot_save():
+    def refuse(*_):
+        raise NotImplementedError("no state")
+
+    system = rods(0.5, gauss_seidel(), window=0.5)
+    for part in system.parts.values():
+        part.save = part.restore = refuse
+    system.advance(2.0)
+    assert system.time == 2.0
+    system.parts["a"].refuses = lambda step, x: "broken"
+    with pytest.raises(PartFailed, match="broken"):
+        system.advance(1.0)
+    with pytest.raises(NotImplementedError):
+        implicit = rods(0.5, fixed_point(), window=0.5)
+        implicit.parts["a"].save = refuse
+        implicit.advance(0.5)
