@@ -87,7 +87,7 @@ class ConstantRelaxation:
 
 @dataclass
 class AitkenRelaxation:
-    """Relaxation whose factor follows the last two residuals (Kuettler, Wall 2008, eq. 44).
+    """Relaxation whose factor follows the last two residuals (Kuettler, Wall 2008).
 
     A window begins with the last factor of the one before, at most ``initial`` in size.
     """

@@ -21,7 +21,7 @@ from lcmchain.coupling.iteration.interface import (
     Fields,
     PartFailed,
 )
-from lcmchain.coupling.solids.fields import checked, chosen
+from lcmchain.coupling.solids.fields import POINTS, checked, chosen
 from lcmchain.effects.pore_pressure import volumes_and_rates
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.model import build_model
@@ -242,8 +242,8 @@ class ExplicitForming:
         """Return outputs at the present time; rates are means over the last step, 0 before it.
 
         ``volume`` [m³], ``thickness`` (volume over area) [m], ``area`` [m²] with their ``_rate``;
-        ``pore_pressure`` [Pa]; for the fixed-stress split ``volume_rate_slope`` (an estimate, see
-        :meth:`compliance`) and ``reference_pressure``.
+        ``pore_pressure`` [Pa]; ``points`` (3 N,) [m]; for the fixed-stress split
+        ``volume_rate_slope`` (an estimate, see :meth:`compliance`) and ``reference_pressure``.
 
         Raises
         ------
@@ -256,6 +256,7 @@ class ExplicitForming:
         }  # fmt: skip
         pressure = self.present_pressure()
         found = {PORE_PRESSURE: pressure, REFERENCE_PRESSURE: pressure, **now}
+        found[POINTS] = self.points().ravel()
         for name, value in now.items():
             change = value - before[name]
             found[f"{name}_rate"] = change / self._step if self._step else np.zeros_like(value)

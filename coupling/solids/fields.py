@@ -9,6 +9,9 @@ import numpy as np
 from lcmchain.coupling.iteration.interface import Fields
 from lcmchain.errors import InputError
 
+#: Positions of the mid-surface's nodes (3 N,) [m], x y z of one node after the other.
+POINTS = "points"
+
 
 def checked(name: str, values: np.ndarray, count: int) -> np.ndarray:
     """Return a copy of the values of a field (count,).

@@ -21,7 +21,8 @@ def scene_warnings(scene: Scene) -> list[str]:
     moved = process.gravity or bool(scene.pressure)
     if not moved and not any(tool.motion.moves for tool in scene.tools):
         found.append(
-            "nothing moves: no tool is driven, there is no [[pressure]] and process.gravity is false"
+            "nothing moves: no tool is driven, there is no [[pressure]], and process.gravity is "
+            "false"
         )
     for tool in scene.tools:
         found += tool.motion.remarks(tool.name, process.time)
