@@ -376,7 +376,9 @@ class TimeStep:
         self._note_arrivals(situation, stages, passed, received, pores_end, step)
         if filling.liquid.changes:
             self._carry(situation, passed, primed, along, volume, step)
-            filling.liquid.rest(filling.medium, replace(state, resin_volume=volume), step)
+            resting = replace(state, resin_volume=volume)
+            filling.liquid.rest(filling.medium, resting, step)
+            state.cure, state.temperature = resting.cure, resting.temperature
         state.resin_volume, state.full = volume, full
         state.fill = np.minimum(volume / pores_end, 1.0)
         state.thickness = state.thickness + step * state.thickness_rate
