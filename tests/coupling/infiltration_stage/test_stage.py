@@ -317,13 +317,16 @@ def test_a_resin_that_gels_stops_the_front_and_says_so(kit, tmp_path):
     report = fill_part(
         kit.forming(), kit.case(head, GATE, VENT), name="a", out_dir=tmp_path, options=PLAIN
     )
-    assert report.outcome == "gelled" and report.filled_share < 0.9
-    # half of the resin has reacted after ln 2 / 0.02 = 35 s
-    assert 30.0 < report.time < 60.0
-    assert any("of the pores are filled" in warning for warning in report.warnings)
-    assert "gelled" in report.summary()
+    # half of the resin has reacted after ln 2 / 0.02 = 35 s: the front is no farther than then
+    assert report.outcome != "filled"
+    assert report.filled_share < 1.05 * np.sqrt(35.0 / FILL_TIME)
+    assert report.fill_time_last < 40.0
+    share, gelled = report.warnings
+    assert "of the pores are filled" in share
+    assert "the resin has gelled (cure above 0.5) at the front, as at (" in gelled
     with xr.open_dataset(tmp_path / "a_filling.nc") as found:
-        assert found["degree_of_cure"].values[-1].max() == pytest.approx(0.5, abs=0.05)
+        assert found["degree_of_cure"].values[-1].max() > 0.5
+        assert found["resin_temperature"].values.max() == pytest.approx(333.15)
 
 
 WRONG = {
