@@ -69,7 +69,7 @@ class FillingReport:
 def filling_report(name: str, filled: FilledPart) -> FillingReport:
     """Gather the numbers of a filling and the warnings that follow from them."""
     history, setup, state = filled.history, filled.setup, filled.state
-    pores = float((setup.mesh.areas * setup.preform.thickness * setup.preform.porosity).sum())
+    pores = filled.pore_volume
     entered = float(history.injected[-1].sum() + history.stored[0])
     fill_time = filled.fill_time[np.isfinite(filled.fill_time)]
     report = FillingReport(

@@ -151,6 +151,12 @@ class FilledPart:
         return self.outcome == "filled"
 
     @property
+    def pore_volume(self) -> float:
+        """Volume of all pores [m3]."""
+        preform = self.setup.preform
+        return float((self.setup.mesh.areas * preform.thickness * preform.porosity).sum())
+
+    @property
     def fill_time(self) -> np.ndarray:
         """When the front passed each node [s], nan where it is dry, (N,)."""
         return self.state.fill_time
