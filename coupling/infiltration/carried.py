@@ -15,7 +15,7 @@ def carry(
     target: np.ndarray,
     moved: np.ndarray,
     entered: np.ndarray,
-    inlet: float,
+    inlet: np.ndarray,
 ) -> np.ndarray:
     """Carry a value per resin volume over a time step: upwind, implicit, conservative.
 
@@ -27,7 +27,8 @@ def carry(
     value : of the resin in each control volume, (N,); what stands where there is none is ignored.
     before, after : resin volumes [m3], (N,).
     source, target, moved : rows and volumes [m3] of all transfers between control volumes.
-    entered : volume [m3] that came from outside into each control volume, with the value ``inlet``.
+    entered : volume [m3] that came from outside into each control volume, with the value ``inlet``,
+        (N,).
 
     Returns
     -------

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Vent
+from lcmchain.coupling.infiltration.film_supply import Film, FilmSupply
 from lcmchain.coupling.infiltration.liquid import Liquid
 from lcmchain.coupling.infiltration.medium import Medium, check_thickness
 from lcmchain.coupling.infiltration.mesh import FlowMesh
@@ -34,8 +35,7 @@ class Filling:
     temperature : of the resin; needed where viscosity or cure depend on it.
     gravity : acceleration [m/s2], shape (3,); needs a resin with a density.
     wetted : fill factors at the start, shape (N,), or rows of nodes that are full.
-    film : thickness of resin that lies on the sheet [m], (N,), or an object with such a
-        ``thickness`` and a ``pressure`` on it [Pa] (number or table over time).
+    film : resin that lies on the sheet and what presses on it.
     edges : race tracks.
 
     Raises
@@ -54,7 +54,7 @@ class Filling:
         temperature: Any | None = None,
         gravity: np.ndarray | None = None,
         wetted: np.ndarray | None = None,
-        film: Any | None = None,
+        film: Film | None = None,
         edges: Sequence[RaceTrack] = (),
         options: FillingOptions | None = None,
     ) -> None:
@@ -65,6 +65,7 @@ class Filling:
         self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
         if self.gravity.any() and not self.liquid.resin.density > 0.0:
             raise InputError("gravity needs a resin with a density", key="resin.density")
+        self.film = None if film is None else FilmSupply(film)
         self.state = self._start(wetted)
         self._check_sources()
         self._steps = TimeStep(self)
@@ -90,11 +91,13 @@ class Filling:
             time=0.0, step_count=0, next_step=0.0, resin_volume=volume, full=full, fill=fill,
             pressure=air.copy(), air_pressure=air, fill_time=np.where(fill >= 0.5, 0.0, np.nan),
             cure=np.full(count, self.liquid.resin.initial_cure), temperature=temperature,
-            film=np.zeros(count), impregnated=np.zeros(count), thickness=thickness,
+            film=np.zeros(count) if self.film is None else self.film.start(count),
+            impregnated=np.zeros(count), thickness=thickness,
             thickness_rate=np.zeros(mesh.cell_count), points=mesh.points.copy(),
             injected=np.zeros(gates), vented=np.zeros(len(self.supply.vents)),
             gate_pressure=np.full(gates, np.nan), gate_rate=np.full(gates, np.nan),
             started_volume=float(volume.sum()), enclosed=np.zeros(count, dtype=bool),
+            film_cure=float(self.liquid.resin.initial_cure),
         )  # fmt: skip
 
     def _check_sources(self) -> None:

@@ -10,6 +10,11 @@ from lcmchain.coupling.infiltration.medium import Medium
 from lcmchain.coupling.infiltration.state import FillingState
 from lcmchain.errors import InputError
 
+# A time step is at most as long as the logarithm of the viscosity needs to grow by this, but at
+# least this share of the time since the start: close to the gel point the first goes to zero.
+_THICKENING, _LEAST_SHARE = 0.2, 5e-4
+_LITTLE_CURE = 1e-4
+
 
 class _Newtonian:
     """A resin of constant viscosity [Pa s], where only a number was given."""
@@ -66,22 +71,55 @@ class Liquid:
         mean = medium.network.cell_mean(np.where(wet, viscosity, np.nan))
         return 1.0 / np.where(np.isnan(mean), fresh, mean)
 
+    def node_viscosity(self, state: FillingState) -> np.ndarray:
+        """Viscosity [Pa s] at the nodes, (N,): of the resin there, or of the film that enters."""
+        wet = state.resin_volume > 0.0
+        cure = np.where(wet, np.maximum(state.cure, state.film_cure), state.film_cure)
+        return np.asarray(self.resin.viscosity(state.temperature, cure), dtype=float)
+
+    def longest_step(self, state: FillingState) -> float:
+        """Time step [s] in which curing resin thickens by a fifth at most, or little time passes.
+
+        The flow of a step is that of the viscosity at its start.
+        """
+        wet = state.resin_volume > 0.0
+        flowing = wet & (state.cure < self.resin.gel_cure)
+        if not self.resin.reacts or not flowing.any():
+            return np.inf
+        temperature, cure = state.temperature[flowing], state.cure[flowing]
+        rate = self.resin.cure_rate(temperature, cure)
+        viscosity = self.resin.viscosity(temperature, cure)
+        # The slope of the logarithm grows towards the gel point: look ahead by a little cure.
+        ahead = self.resin.viscosity(temperature, np.minimum(cure + _LITTLE_CURE, 1.0))
+        with np.errstate(invalid="ignore"):
+            slope = rate * (np.log(ahead) - np.log(viscosity)) / _LITTLE_CURE
+        fastest = float(np.max(slope, initial=0.0))
+        least = _LEAST_SHARE * state.time
+        return max(_THICKENING / fastest, least) if fastest > 0.0 else np.inf
+
     def gelled(self, state: FillingState) -> np.ndarray:
         """Whether the resin in each control volume has gelled, (N,)."""
         if not np.isfinite(self.resin.gel_cure):
             return np.zeros(len(state.cure), dtype=bool)
         return (state.cure >= self.resin.gel_cure) & (state.resin_volume > 0.0)
 
-    def rest(self, medium: Medium, state: FillingState, step: float) -> None:
-        """Let temperature and cure go on where the resin is, over a step [s] from the state's."""
+    def rest(self, medium: Medium, state: FillingState, wet: np.ndarray, step: float) -> None:
+        """Let temperature and cure go on where the resin is, over a step [s] from the state's.
+
+        The film stays at the temperature of the resin that enters.
+        """
         thickness = medium.network.node_mean(state.thickness)
         start = state.temperature
         end = start
         if self.temperature is not None:
             end = self.temperature.advance(start, thickness, state.time, step)
         if self.resin.reacts:
-            wet = state.resin_volume > 0.0
             aged = self.resin.advance_cure(state.cure[wet], start[wet], step, end[wet])
             state.cure = state.cure.copy()
             state.cure[wet] = np.clip(aged, 0.0, 1.0)
+            before, after = (
+                np.array([self.inlet_temperature(time)]) for time in (state.time, state.time + step)
+            )
+            lying = self.resin.advance_cure(np.array([state.film_cure]), before, step, after)
+            state.film_cure = float(lying[0])
         state.temperature = end

@@ -53,6 +53,7 @@ class FillingState:
         vent, (V,).
     gate_pressure, gate_rate : [Pa], [m3/s] of each gate in the last step, (G,); nan if closed.
     started_volume : resin in the sheet at the start [m3]; from_film: entered from the film.
+    film_cure : cure of the film.
     enclosed : whether the node is in a pocket of air that no open vent reaches.
     dry_spots : in the order of their closing.
     """
@@ -79,6 +80,7 @@ class FillingState:
     gate_rate: np.ndarray
     started_volume: float
     from_film: float = 0.0
+    film_cure: float = 0.0
     enclosed: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     dry_spots: tuple[DrySpot, ...] = ()
 

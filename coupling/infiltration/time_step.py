@@ -17,6 +17,7 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.air import Air, find_air, new_dry_spots
 from lcmchain.coupling.infiltration.carried import carry
+from lcmchain.coupling.infiltration.film_supply import FilmFlow
 from lcmchain.coupling.infiltration.network import Conductances
 from lcmchain.coupling.infiltration.outcome import idle_outcome
 from lcmchain.coupling.infiltration.overflow import FULL, Passed, Stuck, pass_on
@@ -47,6 +48,7 @@ class Situation:
     air: Air
     excess: np.ndarray
     pore_rate: np.ndarray
+    film: FilmFlow | None = None
 
 
 class Stage(NamedTuple):
@@ -56,6 +58,7 @@ class Stage(NamedTuple):
     gate_pressure: np.ndarray
     gate_rate: np.ndarray
     bled: np.ndarray
+    film_rate: np.ndarray
 
 
 class TimeStep:
@@ -126,12 +129,25 @@ class TimeStep:
         for _, vent, pressure in vents:
             if not vent.closes_when_wet:
                 vent_pressure[vent.nodes] = pressure
+        film = None if filling.film is None else self._film(state, pores, gates)
+        if film is not None and film.sinking is not None:
+            primings.append(film.sinking)
         excess = np.where(state.full, state.resin_volume - pores, 0.0)
         excess[np.abs(excess) < 2.0 * (1.0 - FULL) * pores] = 0.0
         return Situation(
             state, conductances, pores, gates, primings, ~np.isnan(vent_pressure), vent_pressure,
-            air, excess, medium.pore_rate(state.thickness_rate),
+            air, excess, medium.pore_rate(state.thickness_rate), film,
         )  # fmt: skip
+
+    def _film(
+        self, state: FillingState, pores: np.ndarray, gates: list[OpenGate]
+    ) -> FilmFlow | None:
+        filling = self.filling
+        viscosity = filling.liquid.node_viscosity(state)
+        under_gates = np.zeros(len(pores), dtype=bool)
+        for gate in gates:
+            under_gates[gate.gate.nodes] = True
+        return filling.film.at(state, filling.medium, pores, viscosity, under_gates)
 
     def _begin(self, until: float) -> tuple[Situation, Stage, float]:
         """Flow at the start, and the size of the step."""
@@ -145,16 +161,18 @@ class TimeStep:
             until - state.time,
             options.largest_step,
             filling.supply.next_switch(state.time) - state.time,
+            filling.liquid.longest_step(state),
             *(priming.left for priming in situation.primings if priming.left > 0.0),
         )
         if state.thickness_rate.any():
             fastest = np.max(np.abs(state.thickness_rate) / state.thickness)
             limit = min(limit, options.largest_compaction / fastest)
         timed = bool(situation.excess.any() or len(situation.air.volume) and options.trapped_air)
+        timed |= situation.film is not None and len(situation.film.fed) > 0
         if self._kept is not None and not timed:
             stage = self._kept[1]
             return situation, stage, min(limit, self._wish(stage, situation))
-        step = min(limit, state.next_step) if timed and state.next_step > 0.0 else limit
+        step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
         for _ in range(MOST_CUTS):
             stage = self._stage(situation, state, step, 0.0)
             wish = self._wish(stage, situation)
@@ -262,15 +280,15 @@ class TimeStep:
             thickness=state.thickness + step * state.thickness_rate,
         )
 
-    def _stage(
-        self, situation: Situation, state: FillingState, step: float, later: float
-    ) -> Stage:
+    def _stage(self, situation: Situation, state: FillingState, step: float, later: float) -> Stage:
         """Flow of a state; ``later`` is how much later than the situation [s] it is."""
         gates = situation.gates
         limited = [gate.rate is None for gate in gates]
         shut = np.zeros(len(state.full), dtype=bool)
-        for _ in range(2 * len(gates) + 4):
-            flow = self._solve(situation, state, step, limited, shut)
+        film = situation.film
+        spent = np.zeros(0 if film is None else len(film.fed), dtype=bool)
+        for _ in range(2 * len(gates) + 12):
+            flow = self._solve(situation, state, step, limited, shut, spent)
             pressure, rate = self._at_gates(situation, flow)
             changed = False
             for k, gate in enumerate(gates):
@@ -283,10 +301,15 @@ class TimeStep:
             if drawn.any():
                 shut |= drawn
                 changed = True
+            if film is not None:
+                over = film.overdrawn(flow.net, step, spent)
+                changed |= bool((over & ~spent).any())
+                spent = over
             if not changed:
                 break
         bled = np.where(situation.bleeds & state.full & ~shut, -flow.net, 0.0)
-        return Stage(flow, pressure, rate, bled)
+        drawn_from_film = np.zeros(0) if film is None else film.rate(flow.net, step, spent)
+        return Stage(flow, pressure, rate, bled, drawn_from_film)
 
     def _solve(
         self,
@@ -295,6 +318,7 @@ class TimeStep:
         step: float,
         limited: list[bool],
         shut: np.ndarray,
+        spent: np.ndarray,
     ) -> Flow:
         filling, count = self.filling, len(state.full)
         network = filling.medium.network
@@ -312,6 +336,8 @@ class TimeStep:
                 contact[nodes], outside[nodes] = gate.contact, gate.pressure
             else:
                 fixed[nodes] = gate.pressure
+        if situation.film is not None:
+            situation.film.drive(contact, outside, source, step, spent)
         pocket, compliance = self._pockets(situation, step)
         boundary = Boundary(
             fixed, source, tuple(tied), contact, outside, situation.state.air_pressure,
@@ -350,6 +376,8 @@ class TimeStep:
         for gate in situation.gates:
             net[gate.gate.nodes] = 0.0
         net[situation.bleeds] = 0.0
+        if situation.film is not None:
+            net[situation.film.fed] = 0.0
         scale = np.abs(stage.flow.along).max(initial=0.0)
         worst = int(np.argmax(net))
         if net[worst] > 1e-6 * scale and net[worst] > 0.0:
@@ -374,11 +402,11 @@ class TimeStep:
         volume, full = passed.volume, passed.volume >= FULL * pores_end
         self._count_boundaries(situation, stages, passed, primed, step)
         self._note_arrivals(situation, stages, passed, received, pores_end, step)
+        if situation.film is not None:
+            self._take_film(situation.film, stages, primed, step)
         if filling.liquid.changes:
             self._carry(situation, passed, primed, along, volume, step)
-            resting = replace(state, resin_volume=volume)
-            filling.liquid.rest(filling.medium, resting, step)
-            state.cure, state.temperature = resting.cure, resting.temperature
+            filling.liquid.rest(filling.medium, state, volume > 0.0, step)
         state.resin_volume, state.full = volume, full
         state.fill = np.minimum(volume / pores_end, 1.0)
         state.thickness = state.thickness + step * state.thickness_rate
@@ -400,6 +428,22 @@ class TimeStep:
             if abs(time - moment) <= 1e-12 * abs(moment):
                 return moment
         return time
+
+    def _take_film(
+        self,
+        film: FilmFlow,
+        stages: tuple[Stage, Stage],
+        primed: np.ndarray,
+        step: float,
+    ) -> None:
+        """Take from the film what has entered the sheet."""
+        state = self.filling.state
+        taken = np.zeros(len(state.film))
+        taken[film.fed] = 0.5 * step * (stages[0].film_rate + stages[1].film_rate)
+        if film.sinking is not None:
+            taken[film.sinking.nodes] = primed[film.sinking.nodes]
+        state.film = np.maximum(state.film - taken / self.filling.medium.node_area, 0.0)
+        state.from_film += float(taken.sum())
 
     def _count_boundaries(
         self,
@@ -467,13 +511,16 @@ class TimeStep:
         gates = np.zeros(len(volume), dtype=bool)
         for gate in situation.gates:
             gates[gate.gate.nodes] = gate.ready
+        if situation.film is not None:
+            gates[situation.film.fed] = True
         missing = volume - state.resin_volume - balance
         entered = entered + np.where(gates & state.full, np.maximum(missing, 0.0), 0.0)
         now = state.time
-        for name, inlet in (
-            ("cure", filling.liquid.resin.initial_cure),
-            ("temperature", filling.liquid.inlet_temperature(now)),
-        ):
+        cure = np.full(len(volume), filling.liquid.resin.initial_cure)
+        if situation.film is not None:
+            cure[situation.film.nodes] = state.film_cure
+        temperature = np.full(len(volume), filling.liquid.inlet_temperature(now))
+        for name, inlet in (("cure", cure), ("temperature", temperature)):
             value = getattr(state, name)
             carried = carry(
                 value, state.resin_volume, volume, source, target, moved, entered, inlet

@@ -1,0 +1,174 @@
+"""A resin film that feeds a filling: it sinks into the sheet, then supplies the flow along it.
+
+Columns that are not full take resin as :func:`~lcmchain.coupling.infiltration.film.impregnate`
+says; a column that the flow along the sheet has partly filled counts as impregnated to the same
+share of its thickness. Columns that are full take resin from the film above as the pressure in the
+sheet draws it, and no more in a time step than lies there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lcmchain.coupling.infiltration.boundaries import TimeTable, value_at
+from lcmchain.coupling.infiltration.film import film_conductance, impregnate
+from lcmchain.errors import InputError
+
+if TYPE_CHECKING:
+    from lcmchain.coupling.infiltration.medium import Medium
+    from lcmchain.coupling.infiltration.state import FillingState
+
+# Of the pores below: less resin than this on top is none.
+NO_FILM = 1e-12
+# A time step ends when columns are through, but not before this share of the slowest one's time.
+LEAST_SHARE = 0.05
+
+
+@dataclass(frozen=True)
+class Film:
+    """Resin on top of the sheet at the start, and what presses on it.
+
+    Parameters
+    ----------
+    thickness : [m], one number or (N,).
+    pressure : on the film [Pa], absolute or gauge as those of gates and vents; or a table.
+    capillary_pressure : that draws the resin into dry textile [Pa].
+
+    Raises
+    ------
+    InputError : a thickness that is negative or not a number.
+    """
+
+    thickness: np.ndarray | float
+    pressure: float | TimeTable
+    capillary_pressure: float = 0.0
+
+    def __post_init__(self) -> None:
+        thickness = np.asarray(self.thickness, dtype=float)
+        if not np.all(thickness >= 0.0) or not np.all(np.isfinite(thickness)):
+            raise InputError("the thickness of the film must not be negative", key="film.thickness")
+        if not np.isfinite(self.capillary_pressure):
+            raise InputError("is not a number", key="film.capillary_pressure")
+
+
+@dataclass(frozen=True)
+class FilmSinking:
+    """What sinks into columns that are not full, over a time step; like the priming of a gate."""
+
+    nodes: np.ndarray
+    area: np.ndarray
+    columns: dict[str, Any]
+    left: float
+    duration: float
+
+    def volumes(self, step: float) -> np.ndarray:
+        """What enters each of the nodes in a time step [m3]."""
+        return impregnate(**self.columns, step=step).passed * self.area
+
+
+@dataclass(frozen=True)
+class FilmFlow:
+    """The film at the start of a time step.
+
+    Parameters
+    ----------
+    fed : rows of full nodes below the film; conductance [m3/(Pa s)] from the film to them;
+        available : resin above them [m3].
+    pressure : of the film [Pa].
+    sinking : into columns that are not full, if there are any.
+    """
+
+    fed: np.ndarray
+    conductance: np.ndarray
+    available: np.ndarray
+    pressure: float
+    sinking: FilmSinking | None
+
+    @property
+    def nodes(self) -> np.ndarray:
+        """Rows of the nodes that take resin from the film."""
+        return self.fed if self.sinking is None else np.append(self.fed, self.sinking.nodes)
+
+    def drive(
+        self, contact: np.ndarray, outside: np.ndarray, source: np.ndarray, step: float,
+        spent: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Add conductance and pressure of the film; where it is spent within the step, its rate."""
+        kept = self.fed[~spent]
+        contact[kept], outside[kept] = self.conductance[~spent], self.pressure
+        source[self.fed[spent]] += self.available[spent] / step
+
+    def overdrawn(self, net: np.ndarray, step: float, spent: np.ndarray) -> np.ndarray:
+        """Which of the fed nodes would take more than lies above them, (K,)."""
+        return spent | (net[self.fed] * step > self.available)
+
+    def rate(self, net: np.ndarray, step: float, spent: np.ndarray) -> np.ndarray:
+        """What the fed nodes take from the film [m3/s], (K,); negative where it flows back."""
+        return np.where(spent, self.available / step, net[self.fed])
+
+
+class FilmSupply:
+    """The film of a filling; its thickness is part of the state."""
+
+    def __init__(self, film: Film) -> None:
+        self.film = film
+
+    def start(self, count: int) -> np.ndarray:
+        """Thickness of the film on the nodes at the start [m], (N,)."""
+        return np.array(np.broadcast_to(np.asarray(self.film.thickness, dtype=float), (count,)))
+
+    def at(
+        self, state: FillingState, medium: Medium, pores: np.ndarray, viscosity: np.ndarray,
+        excluded: np.ndarray,
+    ) -> FilmFlow | None:  # fmt: skip
+        """The film at the start of a time step; None where nothing is left of it.
+
+        Parameters
+        ----------
+        pores : [m3]; viscosity : of the resin at the nodes [Pa s], (N,).
+        excluded : nodes that take nothing from the film, as those of gates, (N,).
+
+        Raises
+        ------
+        InputError : the preform has no permeability through the thickness.
+        """
+        area = medium.node_area
+        lies = (state.film * area > NO_FILM * pores) & ~excluded
+        if not lies.any():
+            return None
+        through = medium.preform.through_permeability
+        if through is None:
+            raise InputError(
+                "a film needs the permeability through the thickness of the preform",
+                key="film",
+            )
+        thickness = medium.network.node_mean(state.thickness)
+        permeability = medium.network.node_mean(through * medium.factor(state.thickness))
+        pressure = value_at(self.film.pressure, state.time)
+        fed = np.flatnonzero(lies & state.full & np.isfinite(viscosity))
+        conductance = area[fed] * film_conductance(
+            thickness[fed], permeability[fed], viscosity[fed]
+        )
+        drive = pressure - state.air_pressure + self.film.capillary_pressure
+        dry = np.flatnonzero(lies & ~state.full & (drive > 0.0) & np.isfinite(viscosity))
+        porosity = pores / (area * thickness)
+        columns = {
+            "depth": state.fill[dry] * thickness[dry], "film": state.film[dry],
+            "thickness": thickness[dry], "porosity": porosity[dry],
+            "permeability": permeability[dry], "viscosity": viscosity[dry],
+            "pressure": drive[dry],
+        }  # fmt: skip
+        sinking = None
+        if len(dry):
+            supply = columns["depth"] + state.film[dry] / porosity[dry]
+            end = np.minimum(columns["thickness"], supply)
+            time = (
+                columns["porosity"] * columns["viscosity"] * (end**2 - columns["depth"] ** 2)
+                / (2.0 * columns["permeability"] * columns["pressure"])
+            )  # fmt: skip
+            left = float(max(time.min(), LEAST_SHARE * time.max()))
+            sinking = FilmSinking(dry, area[dry], columns, left, float(time.max()))
+        return FilmFlow(fed, conductance, (state.film * area)[fed], pressure, sinking)

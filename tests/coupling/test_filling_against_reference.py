@@ -1,0 +1,100 @@
+"""The filling of a dome against a reference that shares neither method nor code with it."""
+
+import numpy as np
+import pytest
+
+from lcmchain.coupling.infiltration.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.preform import Preform
+
+MU, DP = 0.1, 1e5
+
+
+def dome(count):
+    """A square of quadrilaterals drawn into a dome, with a fabric that shears and packs over it.
+
+    Points (N, 3), cells (C, 4), thickness (C,), porosity (C,), permeability (C, 3, 3).
+    """
+    s = np.linspace(-1.0, 1.0, count + 1)
+    x, y = (0.15 * part for part in np.meshgrid(s, s))
+    z = 0.06 * np.exp(-(x**2 + y**2) / 0.07**2)
+    points = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
+    node = np.arange(x.size).reshape(x.shape)
+    cells = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], axis=-1)
+    cells = cells.reshape(-1, 4)
+    corner = points[cells]
+    first = corner[:, 1] + corner[:, 2] - corner[:, 0] - corner[:, 3]
+    second = corner[:, 3] + corner[:, 2] - corner[:, 0] - corner[:, 1]
+    first, second = (v / np.linalg.norm(v, axis=1)[:, None] for v in (first, second))
+    packed = 1.0 / np.linalg.norm(np.cross(first, second), axis=1)
+    centre = corner.mean(axis=1)
+    fraction = 0.45 * packed * (1.0 + 0.1 * np.sin(20.0 * centre[:, 0]))
+    size = 6e-11 * (fraction / 0.5) ** -4
+    tensor = np.einsum("c,ci,cj->cij", size, first, first)
+    tensor += np.einsum("c,ci,cj->cij", 0.4 * size, second, second)
+    thickness = 2e-3 * (1.0 + 0.2 * centre[:, 1] / 0.15)
+    return points, cells, thickness, 1.0 - fraction, tensor
+
+
+def both(reference, count, gate_of, vents_of):
+    points, cells, thickness, porosity, tensor = dome(count)
+    gate = gate_of(points)
+    run = Filling(
+        FlowMesh(points, cells), Preform(thickness, porosity, tensor), MU,
+        [Gate("gate", gate, pressure=DP)], [Vent("vent", vents_of(points))],
+    )  # fmt: skip
+    cut, triangles, owner = reference.triangles_of(points, cells)
+    model = reference.HeleShaw(
+        cut, triangles, thickness[owner], porosity[owner], tensor[owner], MU, DP, gate
+    )
+    return run, model
+
+
+def rim(points):
+    return np.flatnonzero(np.abs(points[:, :2]).max(axis=1) > 0.15 - 1e-9)
+
+
+def middle(points):
+    return np.flatnonzero(np.hypot(points[:, 0], points[:, 1]) < 0.0301)
+
+
+def top(points):
+    return np.argmin(np.hypot(points[:, 0], points[:, 1]))[None]
+
+
+def left(points):
+    return np.flatnonzero(points[:, 0] < -0.15 + 1e-9)
+
+
+def right(points):
+    return np.flatnonzero(points[:, 0] > 0.15 - 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("gate", "vents"), [(left, right), (middle, rim), (rim, top)], ids=["edge", "centre", "rim"]
+)
+def test_the_dome_fills_in_the_time_of_the_reference(reference, gate, vents):
+    run, model = both(reference, 30, gate, vents)
+    outcome, _ = run.advance(10.0 * model.fill_time)
+    assert outcome == "filled"
+    assert run.time == pytest.approx(model.fill_time, rel=0.02)
+
+
+def test_the_wet_volume_is_that_of_the_reference_on_the_way(reference):
+    run, model = both(reference, 24, left, right)
+    for share in (0.1, 0.3, 0.6):
+        run.advance(share * model.fill_time)
+        assert run.state.stored == pytest.approx(
+            model.wet_volume(share * model.fill_time), rel=0.02
+        )
+
+
+def test_the_places_that_are_wet_are_those_of_the_reference(reference):
+    run, model = both(reference, 24, left, right)
+    time = 0.4 * model.fill_time
+    run.advance(time)
+    fill = model.fill(time)
+    inner = model.sides.max(axis=1) < run.mesh.node_count  # sides of the cells themselves
+    own = run.state.fill[model.sides[inner]].mean(axis=1)
+    assert np.mean(np.abs(own - fill[inner])) < 0.03
