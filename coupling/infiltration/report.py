@@ -70,7 +70,7 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
     """Gather the numbers of a filling and the warnings that follow from them."""
     history, setup, state = filled.history, filled.setup, filled.state
     pores = filled.pore_volume
-    entered = float(history.injected[-1].sum() + history.stored[0])
+    entered = float(history.injected[-1].sum() + history.stored[0] + state.from_film)
     fill_time = filled.fill_time[np.isfinite(filled.fill_time)]
     report = FillingReport(
         name=name,
