@@ -30,8 +30,8 @@ LEAST_SHARE = 0.02
 LEAST_WIDTH = 0.5
 # A node whose cells turn by half a circle, give or take this angle, lies on a straight rim.
 CORNER = np.radians(35.0)
-# The front comes from within if the flow is steeper than this against the rim.
-STEEP = 1.5
+# The front comes from within if, for flow along the rim, r would be larger than this.
+STEEP = 2.0
 
 
 class Front(NamedTuple):
@@ -88,7 +88,7 @@ def find_front(
     moment = np.stack(
         [np.bincount(fed, moment[:, axis], minlength=count)[nodes] for axis in (0, 1)], axis=1
     )
-    section = _section_along_flow(network, nodes, moment, conductances.spread[nodes])
+    section = _section_along_flow(network, nodes, total[nodes], moment, conductances.spread[nodes])
     limit = LEAST_WIDTH + 1.5 * (1.0 - strength[nodes] / all_around[nodes])
     ratio = total[nodes] / np.where(section > 1e-3 * total[nodes], section, 1e-3 * total[nodes])
     ratio = np.clip(ratio, LEAST_WIDTH, limit)
@@ -111,7 +111,11 @@ def principal_spread(spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _section_along_flow(
-    network: Network, nodes: np.ndarray, moment: np.ndarray, spread: np.ndarray
+    network: Network,
+    nodes: np.ndarray,
+    total: np.ndarray,
+    moment: np.ndarray,
+    spread: np.ndarray,
 ) -> np.ndarray:
     """(n · G)² / (n · S n) with the direction n of the flow: S⁻¹ G inside the sheet.
 
@@ -122,15 +126,16 @@ def _section_along_flow(
     inward = network.unfolding.inward[nodes]
     angle = network.unfolding.angle[nodes]
     along = np.stack([-inward[:, 1], inward[:, 0]], axis=1)
-    across, forth = _dot(moment, inward), _dot(moment, along)
-    straight = np.abs(across) > STEEP * np.abs(forth)
-    way = np.where(straight[:, None], inward, along)
+    ahead, towards = _section(moment, spread, along), _section(moment, spread, inward)
+    wall = np.abs(angle - np.pi) < CORNER
+    section = np.where(wall, np.where(total < STEEP * ahead, ahead, towards), section)
+    return np.where(angle <= np.pi - CORNER, np.inf, section)
+
+
+def _section(moment: np.ndarray, spread: np.ndarray, way: np.ndarray) -> np.ndarray:
     xx, yy, xy = spread.T
     conducted = xx * way[:, 0] ** 2 + 2.0 * xy * way[:, 0] * way[:, 1] + yy * way[:, 1] ** 2
-    wall = np.abs(angle - np.pi) < CORNER
-    with np.errstate(divide="ignore", invalid="ignore"):
-        section = np.where(wall, _dot(moment, way) ** 2 / conducted, section)
-    return np.where(angle <= np.pi - CORNER, np.inf, section)
+    return _dot(moment, way) ** 2 / np.where(conducted > 0.0, conducted, np.inf)
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -118,7 +118,9 @@ class Network:
                     f"(first: nodes {ends[lost[0], 0]} and {ends[lost[0], 1]})"
                 )
             length = np.linalg.norm(mesh.points[ends[:, 1]] - mesh.points[ends[:, 0]], axis=1)
-            np.add.at(self._track_flow, edge, np.broadcast_to(track.conductance, len(edge)) / length)
+            np.add.at(
+                self._track_flow, edge, np.broadcast_to(track.conductance, len(edge)) / length
+            )
             half = 0.5 * np.broadcast_to(track.section, len(edge)) * length
             for end in (0, 1):
                 np.add.at(self.track_volume, ends[:, end], half)
@@ -127,9 +129,17 @@ class Network:
         direction[self._pair_edge] = self._pair_between
         self._direction = direction
         self._track_moment = self._track_flow[:, None, None] * direction
-        spread = 0.5 * self._track_flow[:, None, None] * np.stack(
-            [direction[..., 0] ** 2, direction[..., 1] ** 2, direction[..., 0] * direction[..., 1]],
-            axis=2,
+        spread = (
+            0.5
+            * self._track_flow[:, None, None]
+            * np.stack(
+                [
+                    direction[..., 0] ** 2,
+                    direction[..., 1] ** 2,
+                    direction[..., 0] * direction[..., 1],
+                ],
+                axis=2,
+            )
         )
         self._track_spread = np.zeros((self.node_count, 3))
         for end in (0, 1):

@@ -110,9 +110,7 @@ def _shares(flow: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
     total = np.bincount(owner, positive, minlength=count)
     number = np.bincount(owner, minlength=count)
     conducts = total[owner] > 0.0
-    return np.where(
-        conducts, positive / np.where(conducts, total[owner], 1.0), 1.0 / number[owner]
-    )
+    return np.where(conducts, positive / np.where(conducts, total[owner], 1.0), 1.0 / number[owner])
 
 
 def _draw(edges, flow, volume, records) -> bool:

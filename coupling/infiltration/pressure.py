@@ -122,7 +122,9 @@ class _System:
         self.air_height = below + distance * (boundary.height[nodes] - below)
         self.pocket = boundary.pocket[nodes]
         self.air = boundary.air[nodes] - self.air_height
-        negative = np.bincount(front.member, front.flow < 0.0, minlength=len(nodes)) > 0
+        # Conductances that vanish have the sign of their round-off.
+        below_zero = front.flow < -1e-9 * front.total[front.member]
+        negative = np.bincount(front.member, below_zero, minlength=len(nodes)) > 0
         self.apart = (distance < 1.0) & ~negative
 
     def solve(self, held: np.ndarray) -> Flow:

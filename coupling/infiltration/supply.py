@@ -8,11 +8,11 @@ solution of one-dimensional flow (F² grows linearly), or of radial flow around 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent, value_at
+from lcmchain.coupling.infiltration.boundaries import Gate, TimeTable, Vent, value_at
 from lcmchain.coupling.infiltration.front import principal_spread
 from lcmchain.coupling.infiltration.network import Conductances, Network
 from lcmchain.coupling.infiltration.state import FillingState
@@ -85,6 +85,19 @@ class Supply:
             found.append(OpenGate(number, gate, limit, rate, ready, contact))
         return found
 
+    def at_time(self, gates: list[OpenGate], time: float) -> list[OpenGate]:
+        """Return the same gates with their pressure and rate at another time [s]."""
+        return [
+            replace(
+                opened,
+                pressure=None if opened.gate.pressure is None
+                else value_at(opened.gate.pressure, time),
+                rate=None if opened.gate.flow_rate is None
+                else value_at(opened.gate.flow_rate, time),
+            )
+            for opened in gates
+        ]  # fmt: skip
+
     def open_vents(self, time: float, state: FillingState) -> list[tuple[int, Vent, float]]:
         """Return number, vent and pressure [Pa] of the vents that are open at a time [s]."""
         return [
@@ -100,14 +113,37 @@ class Supply:
             bleeds[vent.nodes] |= not vent.closes_when_wet
         return bleeds
 
-    def next_switch(self, time: float) -> float:
-        """The next time [s] at which the clock opens or closes something."""
+    @property
+    def watched(self) -> np.ndarray:
+        """Nodes whose arrival opens or closes something."""
         places = (*self.gates, *self.vents)
-        return min((place.schedule.next_switch(time) for place in places), default=np.inf)
+        rows = [place.schedule.opens_on_arrival for place in places]
+        rows += [place.schedule.closes_on_arrival for place in places]
+        return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *rows]))
+
+    @property
+    def _tables(self) -> list[TimeTable]:
+        quantities = [gate.pressure for gate in self.gates]
+        quantities += [gate.flow_rate for gate in self.gates]
+        quantities += [vent.pressure for vent in self.vents]
+        return [quantity for quantity in quantities if isinstance(quantity, TimeTable)]
+
+    def next_switch(self, time: float) -> float:
+        """The next time [s] at which the clock opens or closes something, or a table bends."""
+        places = (*self.gates, *self.vents)
+        bends = [t for table in self._tables for t in table.times.tolist() if t > time]
+        return min(*(place.schedule.next_switch(time) for place in places), *bends, np.inf, np.inf)
 
     def waits_for_clock(self, time: float) -> bool:
-        """Whether a gate will open later by the clock."""
-        return any(gate.schedule.opens > time for gate in self.gates)
+        """Whether a gate will open later by the clock, or a table still changes."""
+        changing = any(table.times[-1] > time for table in self._tables)
+        return changing or any(gate.schedule.opens > time for gate in self.gates)
+
+    def next_look(self, time: float) -> float:
+        """When to look again [s] while nothing moves: tables are followed in small steps."""
+        switch = self.next_switch(time)
+        within = any(table.times[0] <= time < table.times[-1] for table in self._tables)
+        return time + (switch - time) / 200.0 if within else switch
 
 
 @dataclass(frozen=True)
@@ -213,7 +249,7 @@ def hole_conductance(
     area = network.node_areas()[node]
     xx, yy, xy = conductances.spread[node] / area
     mean = np.sqrt(xx * yy - xy * xy)
-    squared = (yy * away[:, 0] ** 2 - 2.0 * xy * away[:, 0] * away[:, 1] + xx * away[:, 1] ** 2)
+    squared = yy * away[:, 0] ** 2 - 2.0 * xy * away[:, 0] * away[:, 1] + xx * away[:, 1] ** 2
     distance = np.sqrt(squared / mean)
     kept = (safe == flow) & (distance > 0.0)
     total = flow[kept].sum()

@@ -82,8 +82,8 @@ class TimeStep:
         switch = filling.supply.next_switch(state.time)
         self._moments = (until, switch) if np.isfinite(switch) else (until,)
         if not moves:
-            if switch < until and filling.supply.waits_for_clock(state.time):
-                state.time = switch
+            if filling.supply.waits_for_clock(state.time):
+                state.time = min(filling.supply.next_look(state.time), until)
                 self.forget()
                 return None
             return idle_outcome(filling, situation, stage)
@@ -102,7 +102,7 @@ class TimeStep:
         state = self.filling.state
         if self._kept is None:
             situation = self._situation(state)
-            self._kept = situation, self._stage(situation, state, state.next_step or 1.0, 0.0)
+            self._kept = situation, self._stage(situation, state, state.next_step or 1.0)
         _, stage = self._kept
         state.pressure = stage.flow.pressure
         state.gate_pressure, state.gate_rate = stage.gate_pressure, stage.gate_rate
@@ -174,7 +174,7 @@ class TimeStep:
             return situation, stage, min(limit, self._wish(stage, situation))
         step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
         for _ in range(MOST_CUTS):
-            stage = self._stage(situation, state, step, 0.0)
+            stage = self._stage(situation, state, step)
             wish = self._wish(stage, situation)
             if not timed or wish >= 0.999 * step:
                 break
@@ -207,13 +207,19 @@ class TimeStep:
             return first.share
         ahead = self._predicted(situation, first, pores_end, step)
         conductances = self._conductances_at(situation, ahead)
-        second = self._stage(replace(situation, conductances=conductances), ahead, step, step)
+        later = self.filling.supply.at_time(situation.gates, state.time + step)
+        there = replace(situation, conductances=conductances, gates=later)
+        second = self._stage(there, ahead, step)
         along = 0.5 * (stage.flow.along + second.flow.along)
         last = self._moved(situation, along, pores_end, step)
         if isinstance(last, Stuck):
             return last.share
         self._check_balance(situation, stage)
-        self._finish(situation, (stage, second), last, along, pores_end, step)
+        fill_time = self._arrivals(situation, (stage, second), last, pores_end, step)
+        early = self._before_trigger(state, fill_time, step)
+        if early < 1.0:
+            return early
+        self._finish(situation, (stage, second), last, fill_time, along, pores_end, step)
         state.next_step = step
         return 1.0
 
@@ -239,7 +245,8 @@ class TimeStep:
         forth = state.full[first] & ~state.full[second]
         back = state.full[second] & ~state.full[first]
         count = len(state.full)
-        rate = np.bincount(second[forth], along[forth], minlength=count)
+        rate = np.zeros(count)  # the count of no edges at all has no decimals
+        rate += np.bincount(second[forth], along[forth], minlength=count)
         rate -= np.bincount(first[back], along[back], minlength=count)
         primed = np.zeros(count)
         for priming in situation.primings:
@@ -280,8 +287,8 @@ class TimeStep:
             thickness=state.thickness + step * state.thickness_rate,
         )
 
-    def _stage(self, situation: Situation, state: FillingState, step: float, later: float) -> Stage:
-        """Flow of a state; ``later`` is how much later than the situation [s] it is."""
+    def _stage(self, situation: Situation, state: FillingState, step: float) -> Stage:
+        """Flow of a state, with gates at their rate unless that needs more than their pressure."""
         gates = situation.gates
         limited = [gate.rate is None for gate in gates]
         shut = np.zeros(len(state.full), dtype=bool)
@@ -392,16 +399,17 @@ class TimeStep:
         situation: Situation,
         stages: tuple[Stage, Stage],
         moved: tuple[Passed, np.ndarray, np.ndarray],
+        fill_time: np.ndarray,
         along: np.ndarray,
         pores_end: np.ndarray,
         step: float,
     ) -> None:
         """Write what a step has brought into the state."""
         filling, state = self.filling, situation.state
-        passed, received, primed = moved
+        passed, _, primed = moved
         volume, full = passed.volume, passed.volume >= FULL * pores_end
         self._count_boundaries(situation, stages, passed, primed, step)
-        self._note_arrivals(situation, stages, passed, received, pores_end, step)
+        state.fill_time = fill_time
         if situation.film is not None:
             self._take_film(situation.film, stages, primed, step)
         if filling.liquid.changes:
@@ -467,17 +475,26 @@ class TimeStep:
         for number, vent, _ in supply.open_vents(state.time, state):
             state.vented[number] += (bled + passed.vented)[vent.nodes].sum()
 
-    def _note_arrivals(
+    def _before_trigger(self, state: FillingState, fill_time: np.ndarray, step: float) -> float:
+        """Share of the step after which the front reaches a node that opens or closes a place."""
+        watched = self.filling.supply.watched
+        new = watched[np.isnan(state.fill_time[watched]) & ~np.isnan(fill_time[watched])]
+        if not len(new):
+            return 1.0
+        share = (float(fill_time[new].min()) - state.time) / step
+        return 1.0 if share > 0.98 else max(share, 0.02) * (1.0 + 1e-6)
+
+    def _arrivals(
         self,
         situation: Situation,
         stages: tuple[Stage, Stage],
-        passed: Passed,
-        received: np.ndarray,
+        moved: tuple[Passed, np.ndarray, np.ndarray],
         pores_end: np.ndarray,
         step: float,
-    ) -> None:
-        """When the front passed the nodes, from the fill factor at which it does."""
+    ) -> np.ndarray:
+        """When the front passed the nodes [s], from the fill factor at which it does."""
         state = situation.state
+        passed, received, _ = moved
         threshold = np.full(len(pores_end), 0.5)
         for stage in (stages[1], stages[0]):
             threshold[stage.flow.front.nodes] = stage.flow.front.passed()
@@ -487,7 +504,7 @@ class TimeStep:
         rate = np.where(passed.rate > 0.0, passed.rate, np.inf)
         late = np.maximum(reached - threshold, 0.0) * pores_end / rate
         end = state.time + step
-        state.fill_time = np.where(new, np.clip(end - late, state.time, end), state.fill_time)
+        return np.where(new, np.clip(end - late, state.time, end), state.fill_time)
 
     def _carry(
         self,

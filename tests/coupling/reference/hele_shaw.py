@@ -66,15 +66,32 @@ class HeleShaw:
         gradient = np.cross(normal[:, None], opposite) / (twice**2)[:, None, None]
         tensor = np.broadcast_to(self.permeability, (count, 3, 3)) / self.viscosity
         area = 0.5 * twice * np.broadcast_to(self.thickness, (count,))
-        # the element's functions are 1 - 2 times the barycentric coordinates
-        local = 4.0 * np.einsum("t,tki,tij,tlj->tkl", area, gradient, tensor, gradient)
-        row = np.repeat(side, 3, axis=1).ravel()
-        self.stiffness = coo_matrix(
-            (local.ravel(), (row, np.tile(side, 3).ravel())), shape=(len(self.sides),) * 2
-        ).tocsr()
-        pores = area * np.broadcast_to(self.porosity, (count,)) / 3.0
-        self.volume = np.bincount(side.ravel(), np.repeat(pores, 3), minlength=len(self.sides))
+        self._local = np.einsum("t,tki,tij,tlj->tkl", area, gradient, tensor, gradient)
+        self._pores = area * np.broadcast_to(self.porosity, (count,)) / 3.0
+        # the functions of the sides are 1 - 2 times the barycentric coordinates
+        self.stiffness, self.volume = self._assembled(side, len(self.sides), 4.0)
         self.gate = np.isin(self.sides, self.gate_nodes).all(axis=1)
+
+    def _assembled(
+        self, rows: np.ndarray, count: int, factor: float
+    ) -> tuple[csr_matrix, np.ndarray]:
+        """Return stiffness and pore volumes over unknowns (T, 3) of the triangles."""
+        row, column = np.repeat(rows, 3, axis=1).ravel(), np.tile(rows, 3).ravel()
+        entries = (factor * self._local.ravel(), (row, column))
+        stiffness = coo_matrix(entries, shape=(count, count)).tocsr()
+        return stiffness, np.bincount(rows.ravel(), np.repeat(self._pores, 3), minlength=count)
+
+    @property
+    def nodal_fill_time(self) -> float:
+        """The fill time [s] with linear elements that have their unknowns in the corners.
+
+        They resist the flow too little where it is singular and those of the sides too much, so
+        that the truth lies between both.
+        """
+        stiffness, volume = self._assembled(self.triangles, len(self.points), 1.0)
+        free = np.setdiff1d(np.unique(self.triangles), self.gate_nodes)
+        found = spsolve(stiffness[free][:, free].tocsc(), volume[free])
+        return float(found.max() / self.pressure)
 
     @property
     def torsion(self) -> np.ndarray:
@@ -134,3 +151,24 @@ def triangles_of(
     triangles = np.concatenate([cells[others, :3], *cut])
     owner = np.concatenate([others, np.tile(quads, 4)])
     return np.concatenate([points, points[cells[quads]].mean(axis=1)]), triangles, owner
+
+
+def refined(
+    points: np.ndarray, triangles: np.ndarray, gate_nodes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cut every triangle into four; those of triangle t are t, T + t, 2 T + t and 3 T + t.
+
+    Returns points, triangles, and the gate's nodes with the middles between two of them.
+    """
+    pairs = np.sort(triangles[:, [[1, 2], [2, 0], [0, 1]]], axis=2)
+    sides, side = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
+    middle = len(points) + side.reshape(len(triangles), 3)
+    a, b, c = triangles.T
+    ma, mb, mc = middle.T
+    parts = [(a, mc, mb), (mc, b, ma), (mb, ma, c), (ma, mb, mc)]
+    between = len(points) + np.flatnonzero(np.isin(sides, gate_nodes).all(axis=1))
+    return (
+        np.concatenate([points, points[sides].mean(axis=1)]),
+        np.concatenate([np.column_stack(part) for part in parts]),
+        np.concatenate([gate_nodes, between]),
+    )
