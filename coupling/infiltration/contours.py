@@ -43,7 +43,8 @@ def contours(corners: np.ndarray, values: np.ndarray, levels: np.ndarray) -> Con
     order = np.argsort(values[rows], axis=1, kind="stable")
     v = np.take_along_axis(values[rows], order, axis=1)
     p = np.take_along_axis(corners[rows], order[:, :, None], axis=1)
-    span = max(float(np.ptp(v)), 1e-300) if len(v) else 1.0
+    # what a constant field varies by is round-off, which must not become a slope
+    span = max(float(np.ptp(v)), 1e-3 * float(np.abs(v).max()), 1e-300) if len(v) else 1.0
     v = v + _FLAT * span * np.arange(3)  # ascending even where the field is constant
 
     polygons, band, triangle, lines = [], [], [], []

@@ -27,6 +27,13 @@ _FIELDS = (
     ),
     Field("resin_temperature", "K", "temperature of the resin", NODE, "of the resin at the node"),
     Field(
+        "resin_film",
+        "m",
+        "thickness of the resin film",
+        NODE,
+        "of the resin that lies on the preform",
+    ),
+    Field(
         "darcy_velocity", "m s-1", "Darcy velocity", FACE,
         "volume of resin per time and area of the cross-section, - K grad p / viscosity, in the "
         "plane of the face: the resin itself is faster by one over the porosity",

@@ -26,7 +26,7 @@ Values = dict[str, np.ndarray]
 
 
 def filling_values(filled: FilledPart) -> Values:
-    """Return the fields of all saved states by name; cure and temperature where they matter."""
+    """Return the fields of all saved states by name; cure, temperature and film where they are."""
     density = filled.setup.resin_density
     values = {
         "resin_pressure": filled.pressure,
@@ -39,6 +39,8 @@ def filling_values(filled: FilledPart) -> Values:
         values["degree_of_cure"] = filled.cure
     if np.isfinite(filled.temperature).any() and np.nanmax(filled.temperature) > 0.0:
         values["resin_temperature"] = filled.temperature
+    if filled.setup.film is not None:
+        values["resin_film"] = filled.film
     return values
 
 

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 GATE_COLOUR, VENT_COLOUR, DRY_COLOUR = "#d5008f", "#1769aa", (0.87, 0.87, 0.87)
 WIDTHS = (5.4, 3.9)  # of the panels [in]
 BANDS = 14
+#: Filled share up to which the pressure of a part that fills is drawn.
+NEARLY_FULL = 0.96
 TIME_COLOURS, PRESSURE_COLOURS = "viridis_r", "YlOrRd"
 #: Last place taken of each colour map: marks have to be seen upon it.
 DARKEST = {TIME_COLOURS: 0.94, PRESSURE_COLOURS: 0.82}
@@ -54,12 +56,16 @@ def draw_fill_time(path: Path | str, filled: FilledPart, title: str) -> None:
 
 
 def draw_pressure(path: Path | str, filled: FilledPart, title: str) -> None:
-    """Draw the pressure in the resin at the last saved state in which it flows."""
-    flows = np.linalg.norm(filled.velocity, axis=2).max(axis=1) > 0.0
-    frame = int(np.flatnonzero(flows)[-1]) if flows.any() else len(filled.time) - 1
+    """Draw the pressure in the resin shortly before the part is full, or at the end.
+
+    In the last moment all flow is to the last dry place, which says nothing of the mould.
+    """
+    share = filled.resin_volume.sum(axis=1) / float(filled.pore_volume)
+    before = np.flatnonzero((share > 0.0) & (share <= NEARLY_FULL))
+    frame = int(before[-1]) if filled.is_filled and len(before) else len(filled.time) - 1
     wet = filled.fill[frame] > 0.0
     values = np.where(wet, 1e-5 * filled.pressure[frame], np.nan)
-    subtitle = f"{title}  ·  t = {filled.time[frame]:.4g} s"
+    subtitle = f"{title}  ·  t = {filled.time[frame]:.4g} s, {share[frame]:.0%} filled"
     _draw(path, filled, values, "Pressure [bar]", PRESSURE_COLOURS, subtitle, named_dry=False)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -68,8 +69,8 @@ class FillingReport:
 def filling_report(name: str, filled: FilledPart) -> FillingReport:
     """Gather the numbers of a filling and the warnings that follow from them."""
     history, setup, state = filled.history, filled.setup, filled.state
-    pores = float((setup.mesh.areas * setup.preform.thickness * setup.preform.porosity).sum())
-    entered = float(history.injected[-1].sum() + history.stored[0])
+    pores = filled.pore_volume
+    entered = float(history.injected[-1].sum() + history.stored[0] + state.from_film)
     fill_time = filled.fill_time[np.isfinite(filled.fill_time)]
     report = FillingReport(
         name=name,
@@ -114,7 +115,7 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
     return report
 
 
-def _warnings(filled: FilledPart, pores: float):
+def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:
     """Yield what an engineer has to know of how it ended."""
     if filled.outcome != "filled":
         dry = ~np.isfinite(filled.fill_time)
@@ -126,6 +127,7 @@ def _warnings(filled: FilledPart, pores: float):
             where = f"; the dry part is around {place_text(at)}"
         share = filled.history.filled_share[-1]
         yield f"only {share:.1%} of the pores are filled: {filled.message or filled.outcome}{where}"
+    yield from _gelled(filled)
     spots = [(name, spot) for name, spot in filled.dry_spots if spot.volume > NOTABLE * pores]
     for name, spot in spots[:3]:
         yield (
@@ -135,6 +137,26 @@ def _warnings(filled: FilledPart, pores: float):
         )
     if len(spots) > 3:
         yield f"{len(spots) - 3} further dry spots, in the report"
+
+
+def _gelled(filled: FilledPart) -> Iterator[str]:
+    """Yield where resin at the front has gelled, so that it no longer moves there."""
+    gel, state, mesh = filled.setup.case.resin.gel_cure, filled.state, filled.setup.mesh
+    if gel is None or filled.is_filled:
+        return
+    stiff = (state.cure >= gel) & (state.resin_volume > 0.0)
+    dry = ~np.isfinite(state.fill_time)
+    ends = mesh.edges
+    at_front = np.concatenate([
+        ends[stiff[ends[:, 0]] & dry[ends[:, 1]], 0], ends[stiff[ends[:, 1]] & dry[ends[:, 0]], 1]
+    ])  # fmt: skip
+    if len(at_front):
+        places = mesh.points[np.unique(at_front)]
+        yield (
+            f"the resin has gelled (cure above {gel:g}) at the front, as at "
+            f"{place_text(places[len(places) // 2])}, and does not move there any more; use more "
+            "pressure or gates, a lower temperature, or a slower resin"
+        )
 
 
 def _largest(values: np.ndarray) -> float:

@@ -26,6 +26,7 @@ class FillingRecord:
     velocity: list[np.ndarray]
     cure: list[np.ndarray]
     temperature: list[np.ndarray]
+    film: list[np.ndarray]
     time: list[float]
     filled_share: list[float]
     stored: list[float]
@@ -39,13 +40,13 @@ class FillingRecord:
     @classmethod
     def empty(cls) -> FillingRecord:
         """Return a record with nothing in it."""
-        return cls(*([] for _ in range(16)))
+        return cls(*([] for _ in range(17)))
 
     def add_frame(self, filling: Filling) -> None:
         """Keep the fields of the present state."""
         frame = filling.frame()
         self.frame_time.append(frame.time)
-        for name in ("fill", "pressure", "velocity", "cure", "temperature"):
+        for name in ("fill", "pressure", "velocity", "cure", "temperature", "film"):
             getattr(self, name).append(np.array(getattr(frame, name)))
         self.resin_volume.append(filling.state.resin_volume.copy())
 
@@ -95,7 +96,7 @@ class FilledPart:
     setup : the part, its places and material.
     time : of the saved states [s], (F,). fill : (F, N). pressure : [Pa], (F, N).
     resin_volume : of the control volumes [m3], (F, N). velocity : of Darcy [m/s], (F, C, 3).
-    cure, temperature : (F, N), [K].
+    cure, temperature, film : of the resin, [K], and on the sheet [m], (F, N).
     state : the last one. outcome, message : why it ended (:class:`FillingResult`).
     """
 
@@ -107,6 +108,7 @@ class FilledPart:
     velocity: np.ndarray
     cure: np.ndarray
     temperature: np.ndarray
+    film: np.ndarray
     history: FillingHistory
     state: FillingState
     outcome: str
@@ -139,6 +141,7 @@ class FilledPart:
             velocity=np.stack(record.velocity),
             cure=np.stack(record.cure),
             temperature=np.stack(record.temperature),
+            film=np.stack(record.film),
             history=history,
             state=state,
             outcome=outcome,
@@ -149,6 +152,12 @@ class FilledPart:
     def is_filled(self) -> bool:
         """Whether nothing is left to fill."""
         return self.outcome == "filled"
+
+    @property
+    def pore_volume(self) -> float:
+        """Volume of all pores [m3]."""
+        preform = self.setup.preform
+        return float((self.setup.mesh.areas * preform.thickness * preform.porosity).sum())
 
     @property
     def fill_time(self) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Schedule, TimeTable, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
+from lcmchain.coupling.infiltration.film_supply import Film
 from lcmchain.coupling.infiltration.formed_part import (
     PERMEABILITIES,
     FormedPart,
@@ -34,7 +35,7 @@ class FillingSetup:
     ----------
     part : with the thickness, fibre volume fraction and permeability of the regions.
     mesh, preform, gates, vents, race_tracks : what the filling computes with.
-    wetted : rows of nodes that are full at the start.
+    wetted : rows of nodes that are full at the start. film : resin on top, if there is any.
     warnings : what a user should know before.
     """
 
@@ -46,6 +47,7 @@ class FillingSetup:
     vents: tuple[Vent, ...]
     race_tracks: tuple[RaceTrack, ...]
     wetted: np.ndarray
+    film: Film | None
     warnings: tuple[str, ...]
 
     @property
@@ -65,6 +67,7 @@ class FillingSetup:
             temperature=temperature_of(self.case.resin),
             gravity=gravity,
             wetted=self.wetted if len(self.wetted) else None,
+            film=self.film,
             edges=self.race_tracks,
             options=FillingOptions(trapped_air=self.case.trapped_air),
         )
@@ -100,9 +103,13 @@ def set_up(
         _race_track(track, preform.thickness, places, key)
         for key, track in _keyed("race_tracks", case.race_tracks)
     )
-    _require_reached(mesh, gates, vents, wet, places)
+    film = _film(case.film, places)
+    lies = np.empty(0, dtype=np.int64)
+    if film is not None:
+        lies = np.flatnonzero(np.asarray(film.thickness) > 0.0)
+    _require_reached(mesh, gates, vents, np.union1d(wet, lies), places)
     warnings = (*part.warnings, *mesh.warnings(), *_doubts(case, gates, places))
-    return FillingSetup(part, case, mesh, preform, gates, vents, tracks, wet, warnings)
+    return FillingSetup(part, case, mesh, preform, gates, vents, tracks, wet, film, warnings)
 
 
 def require_places(target: TargetMesh, case: scene.Infiltration) -> None:
@@ -198,6 +205,20 @@ def _vent(vent: scene.Vent, least: float, places: Places, key: str) -> Vent:
     return Vent(
         vent.name, places.nodes(vent, key), pressure, _schedule(vent, places, key), not vent.bleeds
     )
+
+
+def _film(film: scene.ResinFilm | None, places: Places) -> Film | None:
+    """The film that lies on the nodes of a place, or on all."""
+    if film is None:
+        return None
+    thickness = np.zeros(len(places.points))
+    thickness[slice(None) if film.over is None else places.nodes(film.over, "film.over")] = (
+        film.thickness
+    )
+    pressure: float | TimeTable = film.pressure[0]
+    if film.times is not None:
+        pressure = TimeTable(np.array(film.times), np.array(film.pressure))
+    return Film(thickness, pressure, film.capillary_pressure)
 
 
 def _race_track(

@@ -32,6 +32,8 @@ FILES = {
     "netcdf": ".nc", "vtu": ".vtu", "series": ".pvd", "report": ".json",
     "fill_time": "_time.png", "pressure": "_pressure.png", "curves": "_curves.png",
 }  # fmt: skip
+#: What a mapping adds to the title of a result.
+OF_MAPPING = ": forming fields on the"
 PICTURES = ("fill_time", "pressure", "curves")
 
 
@@ -162,6 +164,7 @@ def _write(
     share = report.filled_share
     tell(share, "writing the filling")
     of_part = str(filled.setup.part.dataset.attrs.get("title", ""))
+    of_part = of_part.partition(OF_MAPPING)[0]
     title = f"{of_part}: {report.name}".lstrip(": ")
     about = {"title": f"{title}: infiltration", "filling_warnings": "\n".join(report.warnings)}
     write_netcdf(files["netcdf"], filling_groups(filled, about))

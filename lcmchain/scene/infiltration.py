@@ -97,9 +97,7 @@ class Gate(_Opening):
     @field_validator("pressure", "flow_rate", mode="before")
     @classmethod
     def _take_one(cls, value: Any) -> Any:
-        """Take one value as a row of one."""
-        is_row = isinstance(value, str) and split_row(value) is not None
-        return (value,) if isinstance(value, str | int | float) and not is_row else value
+        return _as_row(value)
 
     @property
     def in_words(self) -> str:
@@ -115,12 +113,7 @@ class Gate(_Opening):
             )
         kind = given[0]
         values = getattr(self, kind)
-        count = 1 if self.times is None else len(self.times)
-        if len(values) != count:
-            wanted = "one value" if self.times is None else f"{count} values, as times has"
-            raise wrong(f"needs {wanted}, but has {len(values)}", field=kind)
-        if self.times is not None and any(b <= a for a, b in pairwise(self.times)):
-            raise wrong("must increase from one to the next", field="times")
+        _require_times(kind, values, self.times)
         if kind == "flow_rate" and (min(values) < 0.0 or max(values) <= 0.0):
             raise wrong("must not be negative, and above zero at some time", field="flow_rate")
         if kind == "pressure" and self.pressure_limit is not None:
@@ -192,6 +185,40 @@ class WettedPlace(NamedPlace):
     """Where the preform is full of resin from the start."""
 
 
+class ResinFilm(SceneModel):
+    """Resin that lies on the preform at the start and is pressed into it, as in wet moulding."""
+
+    thickness: PositiveLength = Field(description="Thickness of the film.")
+    over: _Arrival = Field(default=None, description="Where it lies; without it on the whole part.")
+    pressure: Annotated[tuple[Pressure, ...], Row('"0.5 MPa"', minimum_count=1)] = Field(
+        description="Pressure on the film, or one for each of times."
+    )
+    times: Annotated[
+        Annotated[tuple[TimeOrZero, ...], Row('"0 10 60 s"', minimum_count=2)] | None,
+        AbsentMeans(""),
+    ] = Field(default=None, description="Times of the pressures, which are linear between them.")
+    capillary_pressure: Pressure = Field(
+        default="0 MPa",  # type: ignore[assignment]
+        description="Pressure that draws the resin into dry textile.",
+    )
+
+    @field_validator("pressure", mode="before")
+    @classmethod
+    def _take_one(cls, value: Any) -> Any:
+        return _as_row(value)
+
+    @model_validator(mode="after")
+    def _check_values(self) -> Self:
+        _require_times("pressure", self.pressure, self.times)
+        return self
+
+    @property
+    def in_words(self) -> str:
+        """Thickness and place, for the check of a scene."""
+        where = "the whole part" if self.over is None else self.over.in_words
+        return f"{1e3 * self.thickness:.3g} mm on {where}"
+
+
 class Infiltration(SceneModel):
     """Infiltration of the formed part: Darcy flow of resin with a moving front."""
 
@@ -227,6 +254,9 @@ class Infiltration(SceneModel):
         tuple[WettedPlace, ...],
         Row("[[wetted]] ...", entries="tables", units=False, maximum_count=MOST_PLACES),
     ] = ()
+    film: Annotated[ResinFilm | None, AbsentMeans("none")] = Field(
+        default=None, description="Resin that lies on the preform at the start."
+    )
     gravity: Annotated[
         Annotated[
             tuple[Acceleration, Acceleration, Acceleration],
@@ -272,7 +302,7 @@ class Infiltration(SceneModel):
         both = next((vent.name for vent in self.vents if vent.name in names), None)
         if both is not None:
             raise wrong(f'has the name "{both}" of a gate; give it another', field="vents")
-        if not self.gates and not self.wetted:
+        if not self.gates and not self.wetted and self.film is None:
             raise wrong("is missing: no resin enters; give [[gates]]", field="gates")
         if not self.vents:
             raise wrong(
@@ -300,6 +330,22 @@ class Infiltration(SceneModel):
         if count > 10_000:
             raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
         return self
+
+
+def _as_row(value: Any) -> Any:
+    """Take one value as a row of one."""
+    is_row = isinstance(value, str) and split_row(value) is not None
+    return (value,) if isinstance(value, str | int | float) and not is_row else value
+
+
+def _require_times(kind: str, values: tuple[float, ...], times: tuple[float, ...] | None) -> None:
+    """Refuse values over time that are not as many as their times, or times that fall."""
+    count = 1 if times is None else len(times)
+    if len(values) != count:
+        wanted = "one value" if times is None else f"{count} values, as times has"
+        raise wrong(f"needs {wanted}, but has {len(values)}", field=kind)
+    if times is not None and any(b <= a for a, b in pairwise(times)):
+        raise wrong("must increase from one to the next", field="times")
 
 
 def _text(gate: Gate) -> str:

@@ -46,3 +46,12 @@ def test_quadrilaterals_are_divided_around_their_centre():
     assert np.bincount(owner).tolist() == [4, 1]
     assert areas(corners).sum() == pytest.approx(1.5)
     assert values == pytest.approx(corners[..., 0])
+
+
+@pytest.mark.parametrize("value", [0.0, 3.0, 1e5])
+def test_a_constant_field_is_one_band(value):
+    corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+    with np.errstate(all="raise"):
+        found = contours(corners, np.full((1, 3), value), value + np.array([-2.0, -1.0, 1.0]))
+    assert areas(found.polygons)[found.band == 1].sum() == pytest.approx(0.5, rel=1e-6)
+    assert np.isfinite(found.polygons).all() and len(found.lines) == 0
