@@ -227,7 +227,7 @@ class TimeStep:
         forth = state.full[first] & ~state.full[second]
         back = state.full[second] & ~state.full[first]
         count = len(state.full)
-        rate = np.bincount(second[forth], along[forth], minlength=count)
+        rate = np.zeros(count) + np.bincount(second[forth], along[forth], minlength=count)
         rate -= np.bincount(first[back], along[back], minlength=count)
         primed = np.zeros(count)
         for priming in situation.primings:
