@@ -17,7 +17,7 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.air import Air, find_air, new_dry_spots
 from lcmchain.coupling.infiltration.carried import carry
-from lcmchain.coupling.infiltration.film_supply import FilmFlow
+from lcmchain.coupling.infiltration.film_supply import FilmFlow, FilmSinking, FilmSupply
 from lcmchain.coupling.infiltration.network import Conductances
 from lcmchain.coupling.infiltration.outcome import idle_outcome
 from lcmchain.coupling.infiltration.overflow import FULL, Passed, Stuck, pass_on
@@ -42,7 +42,7 @@ class Situation:
     conductances: Conductances
     pores: np.ndarray
     gates: list[OpenGate]
-    primings: list[Priming]
+    primings: list[Priming | FilmSinking]
     bleeds: np.ndarray
     vent_pressure: np.ndarray
     air: Air
@@ -120,7 +120,7 @@ class TimeStep:
         state.air_pressure = state.air_pressure.copy()
         state.air_pressure[dry] = air.pressure[air.region[dry]]
         gates = supply.open_gates(state.time, state, medium.network, conductances)
-        primings = [
+        primings: list[Priming | FilmSinking] = [
             prime(gate, medium.network, conductances, pores, state)
             for gate in gates
             if not gate.ready
@@ -129,7 +129,7 @@ class TimeStep:
         for _, vent, pressure in vents:
             if not vent.closes_when_wet:
                 vent_pressure[vent.nodes] = pressure
-        film = None if filling.film is None else self._film(state, pores, gates)
+        film = None if filling.film is None else self._film(filling.film, state, pores, gates)
         if film is not None and film.sinking is not None:
             primings.append(film.sinking)
         excess = np.where(state.full, state.resin_volume - pores, 0.0)
@@ -140,14 +140,14 @@ class TimeStep:
         )  # fmt: skip
 
     def _film(
-        self, state: FillingState, pores: np.ndarray, gates: list[OpenGate]
+        self, film: FilmSupply, state: FillingState, pores: np.ndarray, gates: list[OpenGate]
     ) -> FilmFlow | None:
         filling = self.filling
         viscosity = filling.liquid.node_viscosity(state)
         under_gates = np.zeros(len(pores), dtype=bool)
         for gate in gates:
             under_gates[gate.gate.nodes] = True
-        return filling.film.at(state, filling.medium, pores, viscosity, under_gates)
+        return film.at(state, filling.medium, pores, viscosity, under_gates)
 
     def _begin(self, until: float) -> tuple[Situation, Stage, float]:
         """Flow at the start, and the size of the step."""
