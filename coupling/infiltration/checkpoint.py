@@ -17,33 +17,37 @@ from typing import Any
 import numpy as np
 
 from lcmchain.atomic import replacing
+from lcmchain.coupling.filling_part import SavedFilling
 from lcmchain.coupling.infiltration.results import FillingRecord
 from lcmchain.coupling.infiltration.state import DrySpot, FillingState
+from lcmchain.coupling.iteration.history import IterationRecord, WindowRecord
+from lcmchain.coupling.iteration.saved_tree import flattened, restored
+from lcmchain.coupling.solids.local import SavedCompaction
 from lcmchain.errors import InputError
 
-FORMAT = 1
+FORMAT = 2
+#: Records that a saved state is made of.
+RECORDS = {
+    record.__name__: record
+    for record in (
+        FillingState, DrySpot, SavedFilling, SavedCompaction, IterationRecord, WindowRecord
+    )
+}  # fmt: skip
 _FIRST_WORDS = b"lcmchain filling"
 
 
 def write_checkpoint(
-    path: Path, fingerprint: dict[str, str], state: FillingState, record: FillingRecord
+    path: Path, fingerprint: dict[str, str], state: Any, record: FillingRecord
 ) -> None:
     """Write state and record, whole or not at all.
 
     fingerprint : hashes of what decides the numbers, by what they are of.
+    state : what a filling, or the mould that closes on it, saves.
     """
-    arrays: dict[str, Any] = {}
-    header: dict[str, Any] = {"fingerprint": fingerprint, "state": {}}
-    for entry in fields(FillingState):
-        value = getattr(state, entry.name)
-        if isinstance(value, np.ndarray):
-            arrays[f"state_{entry.name}"] = value
-        elif entry.name != "dry_spots":
-            header["state"][entry.name] = value
-    header["dry_spot_count"] = len(state.dry_spots)
-    for number, spot in enumerate(state.dry_spots):
-        for entry in fields(DrySpot):
-            arrays[f"spot_{number}_{entry.name}"] = np.asarray(getattr(spot, entry.name))
+    tree, kept = flattened(state)
+    header: dict[str, Any] = {"fingerprint": fingerprint, "state": tree}
+    arrays: dict[str, Any] = {f"state_{number}": array for number, array in enumerate(kept)}
+    header["array_count"] = len(kept)
     for entry in fields(FillingRecord):
         arrays[f"record_{entry.name}"] = np.array(getattr(record, entry.name))
     content = io.BytesIO()
@@ -57,7 +61,7 @@ def write_checkpoint(
         os.fsync(file.fileno())
 
 
-def read_checkpoint(path: Path, fingerprint: dict[str, str]) -> tuple[FillingState, FillingRecord]:
+def read_checkpoint(path: Path, fingerprint: dict[str, str]) -> tuple[Any, FillingRecord]:
     """Read the checkpoint of the filling with this fingerprint.
 
     Raises
@@ -74,18 +78,12 @@ def read_checkpoint(path: Path, fingerprint: dict[str, str]) -> tuple[FillingSta
                 "without --resume, or into another folder",
                 file=path,
             )
-        values = dict(header["state"])
-        for entry in fields(FillingState):
-            if f"state_{entry.name}" in data:
-                values[entry.name] = data[f"state_{entry.name}"]
-        spots = tuple(
-            DrySpot(**{e.name: _plain(data[f"spot_{number}_{e.name}"]) for e in fields(DrySpot)})
-            for number in range(header["dry_spot_count"])
-        )
+        kept = [data[f"state_{number}"] for number in range(header["array_count"])]
+        state = restored(header["state"], kept, RECORDS)
         record = FillingRecord(
             **{e.name: _listed(data[f"record_{e.name}"]) for e in fields(FillingRecord)}
         )
-    return FillingState(**values, dry_spots=spots), record
+    return state, record
 
 
 def _verified(path: Path) -> bytes:
@@ -107,10 +105,6 @@ def _verified(path: Path) -> bytes:
             file=path,
         )
     return body
-
-
-def _plain(value: np.ndarray) -> Any:
-    return float(value) if value.ndim == 0 else value
 
 
 def _listed(values: np.ndarray) -> list:

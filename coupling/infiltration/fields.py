@@ -39,6 +39,14 @@ _FIELDS = (
         "plane of the face: the resin itself is faster by one over the porosity",
         is_vector=True,
     ),
+    Field(
+        "pressed_thickness", "m", "thickness under what presses on the part", FACE,
+        "of the part between closing tools or under a bag",
+    ),
+    Field(
+        "pressed_fibre_volume_fraction", "1", "fibre volume fraction under what presses", FACE,
+        "of the part between closing tools or under a bag",
+    ),
 )  # fmt: skip
 
 #: Fields of an infiltration by name.

@@ -18,7 +18,7 @@ from lcmchain.fields.ugrid import CONVENTIONS, ROOT, TIME, Variable
 from lcmchain.fields.vtu import frame_file, write_frame_list, write_mesh
 
 #: Groups of the netCDF file beside the root.
-HISTORY, DRY_SPOTS = "/history", "/dry_spots"
+HISTORY, DRY_SPOTS, COUPLING = "/history", "/dry_spots", "/coupling"
 SAMPLE = "history_time"
 
 #: Values (F, N), (F, C, 3) or (N,) by the name of the field.
@@ -41,6 +41,9 @@ def filling_values(filled: FilledPart) -> Values:
         values["resin_temperature"] = filled.temperature
     if filled.setup.film is not None:
         values["resin_film"] = filled.film
+    if filled.is_pressed:
+        values["pressed_thickness"] = filled.thickness
+        values["pressed_fibre_volume_fraction"] = filled.fibre_volume_fraction
     return values
 
 
@@ -75,6 +78,8 @@ def filling_groups(filled: FilledPart, attributes: Mapping[str, Any]) -> dict[st
         "filling_message": filled.message,
     }
     groups = {ROOT: dataset, HISTORY: _history(filled)}
+    if filled.coupling is not None:
+        groups[COUPLING] = filled.coupling.dataset()
     if filled.dry_spots:
         groups[DRY_SPOTS] = _dry_spots(filled)
     return groups
@@ -148,6 +153,13 @@ def _history(filled: FilledPart) -> xr.Dataset:
         ("injected_volume", history.injected, "m3", "resin that has entered through the gate"),
     ):
         variables[name] = ((SAMPLE, "gate"), values, {"units": units, "long_name": words})
+    for column, name, words in zip(
+        history.force.T,
+        ("press_force", "fibre_force", "resin_force"),
+        ("of what presses on the part", "of it that the fibres bear", "of it that the resin bears"),
+        strict=False,
+    ):
+        variables[name] = ((SAMPLE,), column, {"units": "N", "long_name": f"force {words}"})
     about = {"units": "m3", "long_name": "resin that has left through the vent"}
     variables["vented_volume"] = ((SAMPLE, "vent"), history.vented, about)
     for kind, places in (("gate", setup.gates), ("vent", setup.vents)):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lcmchain.coupling.closing.mould import Mould
 from lcmchain.coupling.infiltration.checkpoint import read_checkpoint, write_checkpoint
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
@@ -38,6 +39,9 @@ class FillingRun:
         self.setup, self.checkpoint, self.fingerprint = setup, checkpoint, fingerprint
         self.tell = tell
         self.filling = setup.filling()
+        self.mould = self._mould()
+        #: What is advanced and saved: the filling, or the mould that closes on it.
+        self.mover: Filling | Mould = self.mould or self.filling
         self.record = FillingRecord.empty()
         self._node_area = _node_areas(setup)
 
@@ -51,33 +55,46 @@ class FillingRun:
         """
         if resume and self.checkpoint is not None:
             state, self.record = read_checkpoint(self.checkpoint, self.fingerprint)
-            self.filling.restore(state)
+            self.mover.restore(state)
         else:
             self.record.add_frame(self.filling)
-            self.record.add_step(self.filling, self._node_area)
+            self.record.add_step(self.filling, self._node_area, self._force())
         self._saved = time.perf_counter()
         with stop_requests() as self._stop:
             outcome, message = self._advance()
         if self.record.frame_time[-1] < self.filling.time:
             self.record.add_frame(self.filling)
-        return FilledPart.of_record(self.setup, self.record, self.filling.save(), outcome, message)
+        history = None if self.mould is None else self.mould.history
+        return FilledPart.of_record(
+            self.setup, self.record, self.filling.save(), outcome, message, history
+        )
+
+    def _mould(self) -> Mould | None:
+        """What closes on the part, if something does."""
+        setup = self.setup
+        if setup.case.closure is None:
+            return None
+        return Mould(setup.part, self.filling, setup.case.closure, setup.case.time)
+
+    def _force(self) -> tuple[float, ...]:
+        return () if self.mould is None else self.mould.force
 
     def _advance(self) -> tuple[str, str]:
         case = self.setup.case
         interval = case.frame_interval
         if interval is None:
-            return self.filling.advance(case.time, self._after_step)
+            return self.mover.advance(case.time, self._after_step)
         outcome, message = "reached", ""
         while self.filling.time < case.time:
             number = int(np.floor(self.filling.time / interval * (1.0 + 1e-12))) + 1
             until = min(number * interval, case.time)
-            outcome, message = self.filling.advance(until, self._after_step)
-            if outcome != "reached":
+            outcome, message = self.mover.advance(until, self._after_step)
+            if outcome != "reached" and self.mould is None:
                 break
         return outcome, message
 
     def _after_step(self, filling: Filling) -> None:
-        self.record.add_step(filling, self._node_area)
+        self.record.add_step(filling, self._node_area, self._force())
         share = filling.filled_share
         if self._is_frame(share):
             self.record.add_frame(filling)
@@ -114,7 +131,7 @@ class FillingRun:
     def _save(self) -> None:
         if self.checkpoint is None:
             return
-        write_checkpoint(self.checkpoint, self.fingerprint, self.filling.save(), self.record)
+        write_checkpoint(self.checkpoint, self.fingerprint, self.mover.save(), self.record)
         self._saved = time.perf_counter()
 
 

@@ -27,7 +27,9 @@ class FillingReport:
 
     ``outcome`` is "filled", "reached" (the time of the scene), "gelled", "no_source" or "trapped",
     with ``message`` in words; ``time`` is that of its end. ``balance_error`` is the largest
-    difference of entered, vented and stored resin, relative to what entered.
+    difference of entered, vented and stored resin, relative to what entered. ``closing`` is of what
+    presses on the part: the largest force [N] and its parts at that time, thicknesses at the end,
+    windows of the coupling and their iterations; None in a mould that does not move.
     """
 
     name: str
@@ -45,6 +47,7 @@ class FillingReport:
     pressure_max: float
     balance_error: float
     step_count: int
+    closing: dict[str, float] | None
     gates: dict[str, dict[str, float]]
     vents: dict[str, dict[str, float]]
     dry_spots: list[dict[str, Any]]
@@ -88,6 +91,7 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
         pressure_max=float(filled.pressure.max()),
         balance_error=float(np.abs(history.balance_error).max() / max(entered, 1e-300)),
         step_count=int(state.step_count),
+        closing=_closing(filled),
         gates={
             gate.name: {
                 "injected_volume": float(history.injected[-1, number]),
@@ -113,6 +117,25 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
         warnings=[*setup.warnings, *_warnings(filled, pores)],
     )
     return report
+
+
+def _closing(filled: FilledPart) -> dict[str, float] | None:
+    """Numbers of what presses on the part."""
+    if filled.coupling is None:
+        return None
+    force, thickness = filled.history.force, filled.thickness[-1]
+    most = int(np.argmax(force[:, 0]))
+    return {
+        "force_max": float(force[most, 0]),
+        "fibre_force_then": float(force[most, 1]),
+        "resin_force_then": float(force[most, 2]),
+        "force_end": float(force[-1, 0]),
+        "thickness_min": float(thickness.min()),
+        "thickness_max": float(thickness.max()),
+        "window_count": len(filled.coupling.accepted),
+        "iterations_per_window": float(filled.coupling.mean_iterations),
+        "restarts": filled.coupling.restarts,
+    }
 
 
 def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:

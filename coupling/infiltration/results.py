@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.setup import FillingSetup
 from lcmchain.coupling.infiltration.state import DrySpot, FillingState
+from lcmchain.coupling.iteration import History
 
 
 @dataclass
@@ -27,6 +28,7 @@ class FillingRecord:
     cure: list[np.ndarray]
     temperature: list[np.ndarray]
     film: list[np.ndarray]
+    thickness: list[np.ndarray]
     time: list[float]
     filled_share: list[float]
     stored: list[float]
@@ -36,11 +38,12 @@ class FillingRecord:
     gate_rate: list[np.ndarray]
     injected: list[np.ndarray]
     vented: list[np.ndarray]
+    force: list[np.ndarray]
 
     @classmethod
     def empty(cls) -> FillingRecord:
         """Return a record with nothing in it."""
-        return cls(*([] for _ in range(17)))
+        return cls(*([] for _ in fields(cls)))
 
     def add_frame(self, filling: Filling) -> None:
         """Keep the fields of the present state."""
@@ -49,9 +52,16 @@ class FillingRecord:
         for name in ("fill", "pressure", "velocity", "cure", "temperature", "film"):
             getattr(self, name).append(np.array(getattr(frame, name)))
         self.resin_volume.append(filling.state.resin_volume.copy())
+        self.thickness.append(filling.state.thickness.copy())
 
-    def add_step(self, filling: Filling, node_area: np.ndarray) -> None:
-        """Keep the sums of the present state; ``node_area`` [m2] is that of each node, (N,)."""
+    def add_step(
+        self, filling: Filling, node_area: np.ndarray, force: Sequence[float] = ()
+    ) -> None:
+        """Keep the sums of the present state.
+
+        node_area : [m2] of each node, (N,). force : of what presses on the part [N]: total, fibres,
+        resin; none where nothing does.
+        """
         state = filling.state
         self.time.append(state.time)
         self.filled_share.append(filling.filled_share)
@@ -62,6 +72,7 @@ class FillingRecord:
         self.gate_rate.append(state.gate_rate.copy())
         self.injected.append(state.injected.copy())
         self.vented.append(state.vented.copy())
+        self.force.append(np.array(force, dtype=float))
 
 
 @dataclass(frozen=True)
@@ -74,6 +85,8 @@ class FillingHistory:
     balance_error : what entered and did not leave, less what is stored [m3], (H,).
     wet_area : of the part that resin covers [m2], (H,).
     gate_pressure, gate_rate, injected : [Pa], [m3/s], [m3], each (H, G). vented : [m3], (H, V).
+    force : of what presses on the part [N]: total, fibres, resin, (H, 3); (H, 0) in a mould that
+        does not move.
     """
 
     time: np.ndarray
@@ -85,6 +98,7 @@ class FillingHistory:
     gate_rate: np.ndarray
     injected: np.ndarray
     vented: np.ndarray
+    force: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -97,6 +111,8 @@ class FilledPart:
     time : of the saved states [s], (F,). fill : (F, N). pressure : [Pa], (F, N).
     resin_volume : of the control volumes [m3], (F, N). velocity : of Darcy [m/s], (F, C, 3).
     cure, temperature, film : of the resin, [K], and on the sheet [m], (F, N).
+    thickness : of the cells [m], (F, C).
+    coupling : how textile and resin were brought to agree, where something presses on the part.
     state : the last one. outcome, message : why it ended (:class:`FillingResult`).
     """
 
@@ -109,15 +125,17 @@ class FilledPart:
     cure: np.ndarray
     temperature: np.ndarray
     film: np.ndarray
+    thickness: np.ndarray
     history: FillingHistory
     state: FillingState
     outcome: str
     message: str
+    coupling: History | None = None
 
     @classmethod
     def of_record(
         cls, setup: FillingSetup, record: FillingRecord, state: FillingState, outcome: str,
-        message: str,
+        message: str, coupling: History | None = None,
     ) -> FilledPart:  # fmt: skip
         """Gather what a filling has left."""
         gates, vents = len(setup.gates), len(setup.vents)
@@ -131,6 +149,7 @@ class FilledPart:
             gate_rate=_rows(record.gate_rate, gates),
             injected=_rows(record.injected, gates),
             vented=_rows(record.vented, vents),
+            force=np.array(record.force, dtype=float).reshape(len(record.time), -1),
         )
         return cls(
             setup=setup,
@@ -142,10 +161,12 @@ class FilledPart:
             cure=np.stack(record.cure),
             temperature=np.stack(record.temperature),
             film=np.stack(record.film),
+            thickness=np.stack(record.thickness),
             history=history,
             state=state,
             outcome=outcome,
             message=message,
+            coupling=coupling,
         )
 
     @property
@@ -155,9 +176,21 @@ class FilledPart:
 
     @property
     def pore_volume(self) -> float:
-        """Volume of all pores [m3]."""
+        """Volume of all pores in the end [m3]."""
         preform = self.setup.preform
-        return float((self.setup.mesh.areas * preform.thickness * preform.porosity).sum())
+        fibres = preform.thickness * (1.0 - preform.porosity)
+        return float(self.setup.mesh.areas @ (self.thickness[-1] - fibres))
+
+    @property
+    def is_pressed(self) -> bool:
+        """Whether something presses on the part, so that its thickness changes."""
+        return self.setup.case.closure is not None
+
+    @property
+    def fibre_volume_fraction(self) -> np.ndarray:
+        """Of the cells in the saved states, (F, C)."""
+        preform = self.setup.preform
+        return preform.thickness * (1.0 - preform.porosity) / self.thickness
 
     @property
     def fill_time(self) -> np.ndarray:

@@ -75,6 +75,26 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class ClosingGap:
+    """Rigid tools that close to a gap at a constant speed, from the thickest cell on.
+
+    A cell keeps its thickness until the tool arrives.
+
+    start : thickness of the cells before (C,) [m]. end : gap at last [m].
+    duration : until then [s].
+    """
+
+    start: np.ndarray
+    end: float
+    duration: float
+
+    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+        highest = max(float(self.start.max()), self.end)
+        gap = highest + (self.end - highest) * min(time / self.duration, 1.0)
+        return Closed(np.minimum(self.start, gap), np.zeros_like(pore))
+
+
+@dataclass(frozen=True)
 class Press:
     """A rigid tool under a force: one gap for all cells, sum A (sigma(h) + p) = F.
 

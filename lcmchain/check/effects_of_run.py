@@ -42,6 +42,7 @@ def _infiltration_text(case: Infiltration) -> str:
         *(f"race track {t.name}: {1e3 * t.width:.3g} mm, {t.in_words}" for t in case.race_tracks),
         *(f"wetted {place.name}: {place.in_words}" for place in case.wetted),
         *([f"resin film: {case.film.in_words}"] if case.film is not None else []),
+        *([case.closure.in_words] if case.closure is not None else []),
         *(["gravity"] if case.gravity is not None else []),
         *(["trapped air is compressed"] if case.trapped_air else []),
         f"at most {case.time:g} s",

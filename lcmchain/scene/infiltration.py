@@ -6,7 +6,6 @@ which holds the scene and never imports what is built on it.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -27,8 +26,9 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.quantities.units import split_row
+from lcmchain.scene.closure import Closure
 from lcmchain.scene.flow_places import NamedPlace, Where
+from lcmchain.scene.flow_values import as_row, require_times
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.resin import Resin
 
@@ -97,7 +97,7 @@ class Gate(_Opening):
     @field_validator("pressure", "flow_rate", mode="before")
     @classmethod
     def _take_one(cls, value: Any) -> Any:
-        return _as_row(value)
+        return as_row(value)
 
     @property
     def in_words(self) -> str:
@@ -113,7 +113,7 @@ class Gate(_Opening):
             )
         kind = given[0]
         values = getattr(self, kind)
-        _require_times(kind, values, self.times)
+        require_times(kind, values, self.times)
         if kind == "flow_rate" and (min(values) < 0.0 or max(values) <= 0.0):
             raise wrong("must not be negative, and above zero at some time", field="flow_rate")
         if kind == "pressure" and self.pressure_limit is not None:
@@ -205,11 +205,11 @@ class ResinFilm(SceneModel):
     @field_validator("pressure", mode="before")
     @classmethod
     def _take_one(cls, value: Any) -> Any:
-        return _as_row(value)
+        return as_row(value)
 
     @model_validator(mode="after")
     def _check_values(self) -> Self:
-        _require_times("pressure", self.pressure, self.times)
+        require_times("pressure", self.pressure, self.times)
         return self
 
     @property
@@ -257,6 +257,11 @@ class Infiltration(SceneModel):
     film: Annotated[ResinFilm | None, AbsentMeans("none")] = Field(
         default=None, description="Resin that lies on the preform at the start."
     )
+    closure: Annotated[Closure | None, AbsentMeans("a mould that does not move")] = Field(
+        default=None,
+        description="What presses on the part while resin flows: the thickness of every cell then "
+        "follows from it, the pore pressure and the textile's compaction law.",
+    )
     gravity: Annotated[
         Annotated[
             tuple[Acceleration, Acceleration, Acceleration],
@@ -302,6 +307,8 @@ class Infiltration(SceneModel):
         both = next((vent.name for vent in self.vents if vent.name in names), None)
         if both is not None:
             raise wrong(f'has the name "{both}" of a gate; give it another', field="vents")
+        if self.closure is not None and self.trapped_air:
+            raise wrong("cannot be combined with trapped_air yet; leave it out", field="closure")
         if not self.gates and not self.wetted and self.film is None:
             raise wrong("is missing: no resin enters; give [[gates]]", field="gates")
         if not self.vents:
@@ -330,22 +337,6 @@ class Infiltration(SceneModel):
         if count > 10_000:
             raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
         return self
-
-
-def _as_row(value: Any) -> Any:
-    """Take one value as a row of one."""
-    is_row = isinstance(value, str) and split_row(value) is not None
-    return (value,) if isinstance(value, str | int | float) and not is_row else value
-
-
-def _require_times(kind: str, values: tuple[float, ...], times: tuple[float, ...] | None) -> None:
-    """Refuse values over time that are not as many as their times, or times that fall."""
-    count = 1 if times is None else len(times)
-    if len(values) != count:
-        wanted = "one value" if times is None else f"{count} values, as times has"
-        raise wrong(f"needs {wanted}, but has {len(values)}", field=kind)
-    if times is not None and any(b <= a for a, b in pairwise(times)):
-        raise wrong("must increase from one to the next", field="times")
 
 
 def _text(gate: Gate) -> str:

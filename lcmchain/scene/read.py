@@ -26,6 +26,9 @@ from lcmchain.text_files import decode_text
 LONGEST_PROBLEM = 400
 LONGEST_LIST = 1800
 
+#: What stands before an override in the text of a scene that results hold.
+OVERRIDE = "# --set "
+
 
 def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     """Read and validate a scene file.
@@ -106,7 +109,7 @@ def scene_from_text(
     full_text = text
     if overrides:
         full_text = text.rstrip("\n") + "\n\n# Overrides:\n"
-        full_text += "".join(f"# --set {' '.join(item.splitlines())}\n" for item in overrides)
+        full_text += "".join(f"{OVERRIDE}{' '.join(item.splitlines())}\n" for item in overrides)
     given, defaulted = _used_values(scene, data)
     scene._source = SceneSource(
         path=path,

@@ -1,0 +1,1 @@
+"""A part that is pressed together while resin flows: bag, closing tools, press."""

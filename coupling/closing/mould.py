@@ -1,0 +1,173 @@
+"""A mould that closes on a part while resin flows: textile and resin, brought to agree.
+
+Every cell is compressed along its normal by what presses on it, and lies still in its plane, as
+between rigid tools or under a bag: Terzaghi's total pressure is borne by fibres and resin. The
+cells squeeze the resin that flows between them (:class:`FillingPart`); its pressure lifts them
+(:class:`LocalCompaction`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lcmchain.coupling.closing.textile import compaction_of
+from lcmchain.coupling.filling_part import FillingPart
+from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.formed_part import FormedPart
+from lcmchain.coupling.iteration import (
+    CoupledSystem,
+    Exchange,
+    History,
+    Tolerance,
+    WindowControl,
+    gauss_seidel,
+    iqn_ils,
+)
+from lcmchain.coupling.iteration.interface import PORE_PRESSURE, VOLUME_RATE
+from lcmchain.coupling.solids import closures
+from lcmchain.coupling.solids.local import LocalCompaction
+from lcmchain.scene import closure as scene
+
+#: Windows of a filling where its scene does not say; they may become so much shorter and longer.
+WINDOWS = 200
+SHORTEST = 1e-4
+LONGEST = 4.0
+
+
+class ClosingForce(NamedTuple):
+    """What presses on all cells along the direction of closing [N]: fibres, resin, and both."""
+
+    total: float
+    fibres: float
+    resin: float
+
+
+class Mould:
+    """A filling whose part is pressed together; stands in for the filling where it advances.
+
+    Parameters
+    ----------
+    part : that the resin flows through.
+    filling : at its start; its thickness is set to what the closure makes of it.
+    case : closure of the scene. time : when the filling ends [s].
+
+    Raises
+    ------
+    InputError : the part does not say what textile it is.
+    SimulationError : the textile cannot bear what presses on it.
+    """
+
+    def __init__(
+        self, part: FormedPart, filling: Filling, case: scene.Closure, time: float
+    ) -> None:
+        law = compaction_of(part)
+        mesh = filling.mesh
+        formed = filling.state.thickness.copy()
+        self._across = _seen_across(filling, getattr(case, "direction", None))
+        outside = closure_of(case, formed, self._across)
+        fluid = FillingPart(filling)
+        pressure = fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE]
+        solid = LocalCompaction(
+            law, outside, mesh.areas, pore_pressure=pressure, centres=mesh.centroids
+        )
+        filling.set_thickness(solid.thickness)
+        self.filling, self.solid, self.law = filling, solid, law
+        self._fluid = fluid
+        self._system = _coupled(solid, fluid, case, time)
+
+    @property
+    def history(self) -> History:
+        """How the windows converged."""
+        return self._system.history
+
+    @property
+    def force(self) -> ClosingForce:
+        """What presses on the part now."""
+        pressure = self._fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE]
+        seen = self._across * self.solid.area
+        fibres = float(seen @ self.law.pressure(self.solid.thickness))
+        resin = float(seen @ pressure)
+        return ClosingForce(fibres + resin, fibres, resin)
+
+    def advance(
+        self, until: float, on_step: Callable[[Filling], None] | None = None
+    ) -> tuple[str, str]:
+        """Go on to a time [s]; return outcome and message as :meth:`Filling.advance` does.
+
+        ``on_step`` is called after every window.
+
+        Raises
+        ------
+        NotConverged : textile and resin do not agree in the shortest window.
+        SimulationError : a part cannot do its step.
+        """
+
+        def after_window(system: CoupledSystem) -> None:
+            if on_step is not None:
+                on_step(self.filling)
+
+        self._system.advance_to(until, after_window)
+        if self.filling.state.full.all():
+            return "filled", f"all pores are full, and {until:.6g} s are reached"
+        return "reached", f"{until:.6g} s are reached"
+
+    def save(self) -> Any:
+        """Return a copy of the whole state."""
+        return self._system.save()
+
+    def restore(self, saved: Any) -> None:
+        """Go back to a saved state; going on from it is bit-identical."""
+        self._system.restore(saved)
+
+
+def closure_of(case: scene.Closure, formed: np.ndarray, across: np.ndarray) -> closures.Closure:
+    """Return what presses on cells of a formed thickness (C,) [m].
+
+    across : share of a cell's area that the direction of closing sees, (C,).
+    """
+    if isinstance(case, scene.Bag):
+        return closures.Bag(_over_time(case.pressure, case.times))
+    if isinstance(case, scene.Press):
+        return closures.Press(_over_time(case.force, case.times), across=across)
+    return closures.ClosingGap(formed, case.thickness, case.closing_time)
+
+
+def _over_time(
+    values: tuple[float, ...], times: tuple[float, ...] | None
+) -> float | Callable[[float], float]:
+    if times is None:
+        return values[0]
+    return lambda time: float(np.interp(time, times, values))
+
+
+def _seen_across(filling: Filling, direction: tuple[float, float, float] | None) -> np.ndarray:
+    """Share of each cell's area that a direction sees, |n·d|; all of it along the normals."""
+    if direction is None:
+        return np.ones(filling.mesh.cell_count)
+    unit = np.array(direction) / np.linalg.norm(direction)
+    return np.abs(filling.mesh.normals @ unit)
+
+
+def _coupled(
+    solid: LocalCompaction, fluid: FillingPart, case: scene.Closure, time: float
+) -> CoupledSystem:
+    """Textile and resin; where the gap is given, no iteration can change the thickness."""
+    first = min(time / WINDOWS if case.window is None else case.window, time)
+    iterates = not isinstance(case, scene.Gap)
+    exchanges = [
+        Exchange("solid", "fluid", VOLUME_RATE, of_window="mean", within="held",
+                 tolerance=Tolerance(10.0 * case.tolerance)),
+        Exchange("fluid", "solid", PORE_PRESSURE, tolerance=Tolerance(case.tolerance)),
+    ]  # fmt: skip
+    window = WindowControl(first)
+    if iterates:
+        window = WindowControl(
+            first, smallest=SHORTEST * first, largest=LONGEST * first, few_iterations=8
+        )
+    scheme = iqn_ils(relaxation=0.3) if iterates else gauss_seidel()
+    return CoupledSystem(
+        {"solid": solid, "fluid": fluid}, exchanges, scheme, window=window, prediction=0
+    )

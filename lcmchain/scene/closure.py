@@ -1,0 +1,128 @@
+"""Scene tables of what presses on a part while resin flows: a bag, tools at a gap, a press.
+
+They stand here and not in the package that computes it, which is built on the core.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from lcmchain.quantities.entry_types import (
+    POSITIVE,
+    AbsentMeans,
+    Direction,
+    Force,
+    Number,
+    PositiveLength,
+    PositiveTime,
+    Pressure,
+    Row,
+    TimeOrZero,
+    wrong,
+)
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.flow_values import as_row, require_times
+
+_Times = Annotated[
+    Annotated[tuple[TimeOrZero, ...], Row('"0 10 60 s"', minimum_count=2)] | None, AbsentMeans("")
+]
+
+
+class _Closure(SceneModel):
+    """What presses, and how it is coupled with the resin."""
+
+    window: Annotated[PositiveTime | None, AbsentMeans("a two-hundredth of the filling's time")] = (
+        Field(
+            default=None,
+            description="First time window in which resin and textile are brought to agree; "
+            "windows that need many iterations become shorter, others longer.",
+        )
+    )
+    tolerance: Annotated[float, Number(1e-4, POSITIVE)] = Field(
+        default=1e-4,
+        description="Change of the pore pressures in the last iteration of a window, relative to "
+        "them.",
+    )
+
+
+class Bag(_Closure):
+    """A bag or diaphragm: each cell bears its pressure."""
+
+    kind: Literal["bag"]
+    pressure: Annotated[tuple[Pressure, ...], Row('"1 bar"', minimum_count=1)] = Field(
+        description="Pressure on the bag, or one for each of times, in the system of the vents'."
+    )
+    times: _Times = Field(
+        default=None, description="Times of the pressures, which are linear between them."
+    )
+
+    @field_validator("pressure", mode="before")
+    @classmethod
+    def _take_one(cls, value: Any) -> Any:
+        return as_row(value)
+
+    @model_validator(mode="after")
+    def _check_values(self) -> Self:
+        require_times("pressure", self.pressure, self.times)
+        return self
+
+    @property
+    def in_words(self) -> str:
+        """What presses, for the check of a scene."""
+        return f"a bag at {1e-5 * min(self.pressure):.4g} to {1e-5 * max(self.pressure):.4g} bar"
+
+
+class Gap(_Closure):
+    """Rigid tools that close from the largest formed thickness down to a gap."""
+
+    kind: Literal["gap"]
+    thickness: PositiveLength = Field(description="Gap of the closed tools.")
+    closing_time: PositiveTime = Field(
+        description="Time in which they close, at a constant speed from the thickest cell on; a "
+        "cell keeps its thickness until the tool arrives."
+    )
+    direction: Annotated[Direction | None, AbsentMeans("normal to each cell")] = Field(
+        default=None, description="Direction of closing, for the force of the press."
+    )
+
+    @property
+    def in_words(self) -> str:
+        """What presses, for the check of a scene."""
+        return f"tools that close to {1e3 * self.thickness:.4g} mm in {self.closing_time:g} s"
+
+
+class Press(_Closure):
+    """A rigid tool under a force."""
+
+    kind: Literal["press"]
+    force: Annotated[tuple[Force, ...], Row('"10 kN"', minimum_count=1)] = Field(
+        description="Force of the press, or one for each of times."
+    )
+    times: _Times = Field(
+        default=None, description="Times of the forces, which are linear between them."
+    )
+    direction: Annotated[Direction | None, AbsentMeans("normal to each cell")] = Field(
+        default=None, description="Direction of closing."
+    )
+
+    @field_validator("force", mode="before")
+    @classmethod
+    def _take_one(cls, value: Any) -> Any:
+        return as_row(value)
+
+    @model_validator(mode="after")
+    def _check_values(self) -> Self:
+        require_times("force", self.force, self.times)
+        if min(self.force) < 0.0 or max(self.force) == 0.0:
+            raise wrong("presses, so it must not be negative, nor zero for ever", field="force")
+        return self
+
+    @property
+    def in_words(self) -> str:
+        """What presses, for the check of a scene."""
+        return f"a press with {min(self.force):.4g} to {max(self.force):.4g} N"
+
+
+Closure = Annotated[Bag | Gap | Press, Field(discriminator="kind")]
