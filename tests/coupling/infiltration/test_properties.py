@@ -58,7 +58,9 @@ def test_pressure_lies_between_vent_and_gate_on_meshes_without_obtuse_angles(see
     """All conductances are positive there, and the matrix has the signs of an M-matrix."""
     random = np.random.default_rng(seed)
     mesh = plate(columns, 8, 0.04 * columns, 0.3, triangles=True)
-    preform = Preform(0.003, 0.5, 1e-10 * random.uniform(0.1, 1.0, mesh.cell_count)[:, None, None] * np.eye(3))
+    preform = Preform(
+        0.003, 0.5, 1e-10 * random.uniform(0.1, 1.0, mesh.cell_count)[:, None, None] * np.eye(3)
+    )
     chosen = random.choice(mesh.node_count, 3, replace=False)
     pressures = random.uniform(0.5e5, 2e5, 2)
     filling = Filling(
@@ -124,7 +126,7 @@ def test_gravity_in_a_vertical_strip():
         [Gate("foot", flat.node_sets["left"], pressure=1000.0 * 9.81 * 0.2)],
         [Vent("top", flat.node_sets["right"])], gravity=np.array([0.0, 0.0, -9.81]),
     )  # fmt: skip
-    filling.advance(1e6)
+    filling.advance(500.0)
     height = filling.state.stored / (0.1 * 0.003 * 0.5)
     assert height == pytest.approx(0.2, rel=1e-2)
 
@@ -184,7 +186,12 @@ def test_bad_input_is_named():
         Filling(mesh, preform, 0.1, [Gate("in", [99], pressure=1.0)], [vent])
     with pytest.raises(InputError, match='"in" and to "out"'):
         Filling(mesh, preform, 0.1, [gate], [Vent("out", [0])])
-    for bad in ({"permeability": 0.0}, {"permeability": -1e-10}, {"porosity": 0.0}, {"thickness": 0.0}):
+    for bad in (
+        {"permeability": 0.0},
+        {"permeability": -1e-10},
+        {"porosity": 0.0},
+        {"thickness": 0.0},
+    ):
         given = {"thickness": 0.003, "porosity": 0.5, "permeability": 1e-10} | bad
         with pytest.raises(InputError, match=f"preform.{next(iter(bad))}"):
             Preform(**given)
@@ -205,7 +212,13 @@ def test_part_of_the_mesh_without_a_source_is_an_error():
         np.concatenate([one.cells, np.where(one.cells < 0, -1, one.cells + 15)]),
     )
     with pytest.raises(InputError, match="can never fill"):
-        Filling(both, Preform(0.003, 0.5, 1e-10), 0.1, [Gate("in", [0], pressure=1.0)], [Vent("out", [14])])
+        Filling(
+            both,
+            Preform(0.003, 0.5, 1e-10),
+            0.1,
+            [Gate("in", [0], pressure=1.0)],
+            [Vent("out", [14])],
+        )
 
 
 def test_meshes_with_gaps_are_noticed():
