@@ -29,7 +29,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "bench",
         "python",
     ),
-    "Theory": ("element", "materials", "departures", "contact", "time-integration"),
+    "Theory": ("element", "materials", "departures", "contact", "time-integration", "filling"),
     "Evidence": (
         "hemisphere",
         "convergence-table",

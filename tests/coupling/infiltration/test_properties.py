@@ -33,7 +33,8 @@ def test_conserves_and_stays_within_bounds(seed, ratio, angle, gates, rate, blee
     chosen = random.choice(mesh.node_count, gates + 1, replace=False)
     drive = {"flow_rate": 1e-7} if rate else {"pressure": 1e5}
     filling = Filling(
-        mesh, preform, 0.1, [Gate(f"gate {k}", [node], **drive) for k, node in enumerate(chosen[1:])],
+        mesh, preform, 0.1,
+        [Gate(f"gate {k}", [node], **drive) for k, node in enumerate(chosen[1:])],
         [Vent("vent", chosen[:1], closes_when_wet=not bleeds)],
     )  # fmt: skip
     pores = filling.pores
