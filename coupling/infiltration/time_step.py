@@ -154,7 +154,7 @@ class TimeStep:
         if self._kept is not None and not timed:
             stage = self._kept[1]
             return situation, stage, min(limit, self._wish(stage, situation))
-        step = min(limit, state.next_step) if timed and state.next_step > 0.0 else limit
+        step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
         for _ in range(MOST_CUTS):
             stage = self._stage(situation, state, step)
             wish = self._wish(stage, situation)
