@@ -278,7 +278,8 @@ class TimeStep:
         count = len(full)
         open_ends = np.bincount(first, ~full[second], minlength=count)
         open_ends += np.bincount(second, ~full[first], minlength=count)
-        full &= state.full | (open_ends > 0)
+        # Full volumes stay so, for the balance over the interface that the step began with.
+        full = state.full | (full & (open_ends > 0))
         return replace(
             state,
             resin_volume=volume,

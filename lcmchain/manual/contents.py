@@ -30,16 +30,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "bench",
         "python",
     ),
-    "Theory": (
-        "element",
-        "materials",
-        "resin",
-        "departures",
-        "contact",
-        "time-integration",
-        "coupling",
-        "pore-pressure",
-    ),
+    "Theory": ("element", "materials", "resin", "departures", "contact", "time-integration", "coupling", "pore-pressure", "filling"),
     "Evidence": (
         "hemisphere",
         "convergence-table",
