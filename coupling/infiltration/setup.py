@@ -14,10 +14,10 @@ from lcmchain.coupling.infiltration.film_supply import Film
 from lcmchain.coupling.infiltration.formed_part import (
     PERMEABILITIES,
     FormedPart,
-    require_permeable,
     with_permeability,
 )
 from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.permeable import require_permeable
 from lcmchain.coupling.infiltration.places import Places, place_text
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.resin.build import resin_of, temperature_of

@@ -23,7 +23,7 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.flow_values import as_row, require_times
+from lcmchain.scene.gates import as_row, require_times
 
 _Times = Annotated[
     Annotated[tuple[TimeOrZero, ...], Row('"0 10 60 s"', minimum_count=2)] | None, AbsentMeans("")

@@ -258,7 +258,7 @@ def _preset_values(scene: Scene) -> dict[str, Any]:
         values["material"] = {**PRESETS[name], "preset": name}
     if scene.infiltration is not None:
         values["infiltration"] = scene.infiltration.preset_values()
-    values["mapping"] = [
+    stages = [
         {
             stage: table.preset_values()
             for stage in ("structure", "infiltration")
@@ -266,6 +266,8 @@ def _preset_values(scene: Scene) -> dict[str, Any]:
         }
         for target in scene.mapping
     ]
+    if any(stages):
+        values["mapping"] = stages
     return values
 
 
