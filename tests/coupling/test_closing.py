@@ -1,0 +1,178 @@
+"""A part that is pressed together while it fills: bag, closing tools, press; through the stage."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from lcmchain.coupling.closing.mould import Mould
+from lcmchain.coupling.closing.textile import compaction_of
+from lcmchain.coupling.infiltration.formed_part import read_formed_part
+from lcmchain.coupling.infiltration.setup import set_up
+from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file, fill, fill_part
+from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
+from lcmchain.fields.ugrid import UgridMesh, write_netcdf
+from lcmchain.scene import infiltration_from_text
+
+LENGTH, WIDTH, COLUMNS, VISCOSITY = 0.2, 0.04, 20, 0.1
+SCENE = """
+process = { time = "1 ms" }
+blank = { size = ["30 mm", "20 mm"], edge_length = "5 mm" }
+material = { preset = "MD600" }
+mapping = [{ name = "gone", mesh = "gone.vtu", kind = "structure" }]
+
+# Overrides:
+# --set material.thickness="1.1 mm"
+"""
+THICKNESS, AREAL_MASS, FIBRE_DENSITY = 1.1e-3, 0.6, 1810.0
+FRACTION = AREAL_MASS / (FIBRE_DENSITY * THICKNESS)
+HEAD = """
+time = "2000 s"
+frames = 6
+resin = { law = "constant", viscosity = "0.1 Pa*s", density = "1100 kg/m^3" }
+"""
+LAW = """
+[permeability]
+law = "kozeny_carman"
+fibre_radius = "30 um"
+k_along = 1.0
+k_across = 1.0
+"""
+LEFT = '[[gates]]\nname = "left"\nbox = ["-1 -1 -1 mm", "1 41 1 mm"]\npressure = "0.9 bar"\n'
+RIGHT = '[[vents]]\nname = "right"\nbox = ["199 -1 -1 mm", "201 41 1 mm"]\n'
+BOTH = '[[vents]]\nname = "{0}"\nbox = ["{1} -1 -1 mm", "{2} 41 1 mm"]\nbleeds = true\n'
+ENDS = BOTH.format("left", -1, 1) + BOTH.format("right", 199, 201)
+WET = '[[wetted]]\nname = "all"\nbox = ["-1 -1 -1 mm", "201 41 1 mm"]\n'
+PLAIN = FillOptions(picture=False, vtu=False)
+
+
+@pytest.fixture
+def source(tmp_path):
+    """A flat strip of the fabric, as a forming result."""
+    x, y = np.linspace(0.0, LENGTH, COLUMNS + 1), np.linspace(0.0, WIDTH, 3)
+    points = np.stack([c.ravel() for c in np.meshgrid(x, y, indexing="ij")], axis=1)
+    points = np.hstack([points, np.zeros((len(points), 1))])
+    node = np.arange(len(points)).reshape(COLUMNS + 1, 3)
+    quads = np.stack(
+        [c.ravel() for c in (node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:])], axis=1
+    )
+    mesh = UgridMesh("sheet")
+    variables = {**mesh.topology(quads, long_name="sheet"), **mesh.node_positions(points)}
+    values = {"thickness": THICKNESS, "fibre_volume_fraction": FRACTION,
+              "areal_fibre_mass": AREAL_MASS, "shear_angle": 0.0}  # fmt: skip
+    for number in (1, 2):
+        for axis, name in enumerate("xyz"):
+            values[f"fibre_direction_{number}_{name}"] = float(axis == number - 1)
+    units = {"thickness": "m", "areal_fibre_mass": "kg m-2", "shear_angle": "rad"}
+    for name, value in values.items():
+        about = {"units": units.get(name, "1"), "long_name": name}
+        variables[name] = mesh.on_cells(np.full(len(quads), value), about)
+    attributes = {"Conventions": "CF-1.11 UGRID-1.0", "title": "strip", "state": "complete",
+                  "scene": SCENE}  # fmt: skip
+    path = tmp_path / "forming.nc"
+    write_netcdf(path, {"/": mesh.dataset(variables, attributes)})
+    return path
+
+
+def case(*parts):
+    return infiltration_from_text("\n".join(parts))
+
+
+def permeability(thickness):
+    v = AREAL_MASS / (FIBRE_DENSITY * thickness)
+    return (30e-6) ** 2 / 4.0 * (1.0 - v) ** 3 / v**2
+
+
+def test_the_textile_is_that_of_the_scene_with_its_overrides(source):
+    law = compaction_of(read_formed_part(source))
+    np.testing.assert_allclose(law.thickness, THICKNESS)
+    np.testing.assert_allclose(law.area_stretch, 1.0, rtol=1e-3)
+
+
+def test_closing_plates_squeeze_the_resin_out_of_both_ends(source):
+    """F/width = 2 mu |dh/dt| L³ / (3 K h), L half the length, and the fibres' force."""
+    closing = (
+        '[closure]\nkind = "gap"\nthickness = "0.8 mm"\nclosing_time = "2000 s"\nwindow = "20 s"'
+    )
+    filled = fill(read_formed_part(source), case(HEAD, ENDS, WET, closing, LAW))
+    speed = (THICKNESS - 0.8e-3) / 2000.0
+    time, (total, fibres, resin) = filled.history.time, filled.history.force.T
+    late = time > 1000.0
+    h = THICKNESS - speed * time[late]
+    half = 0.5 * LENGTH
+    expected = 2.0 * VISCOSITY * speed * half**3 / (3.0 * permeability(h) * h) * WIDTH
+    np.testing.assert_allclose(resin[late], expected, rtol=0.02)
+    np.testing.assert_allclose(total, fibres + resin, rtol=1e-12)
+    law = compaction_of(read_formed_part(source))
+    alone = law.pressure(np.full(law.thickness.size, 0.8e-3)).mean() * LENGTH * WIDTH
+    assert fibres[-1] == pytest.approx(alone, rel=1e-9)
+    np.testing.assert_allclose(filled.thickness[-1], 0.8e-3, rtol=1e-12)
+    # What the pores have lost has left through the ends.
+    lost = LENGTH * WIDTH * (THICKNESS - 0.8e-3)
+    assert filled.history.vented[-1].sum() == pytest.approx(lost, rel=1e-9)
+    assert np.abs(filled.history.balance_error).max() < 1e-10 * filled.history.stored[0]
+
+
+@pytest.mark.parametrize("kind", ["bag", "press"])
+def test_resin_lifts_a_part_until_the_pressures_balance(source, kind):
+    """At the end of an infusion the resin is at the gate's pressure everywhere."""
+    area = LENGTH * WIDTH
+    closing = {
+        "bag": '[closure]\nkind = "bag"\npressure = "1 bar"',
+        "press": f'[closure]\nkind = "press"\nforce = "{1e5 * area} N"',
+    }[kind]
+    long = HEAD.replace("2000 s", "20000 s")
+    filled = fill(read_formed_part(source), case(long, LEFT, RIGHT, closing, LAW))
+    assert filled.is_filled and filled.coupling is not None
+    law = compaction_of(read_formed_part(source))
+    dry = law.thickness_under(np.full(law.thickness.size, 1e5))
+    wet = law.thickness_under(np.full(law.thickness.size, 1e4))
+    assert wet.min() > 1.1 * dry.max()
+    np.testing.assert_allclose(filled.thickness[0], dry, rtol=1e-9)
+    np.testing.assert_allclose(filled.thickness[-1], wet, rtol=2e-3)
+    np.testing.assert_allclose(filled.history.force[:, 0], 1e5 * area, rtol=2e-3)
+    assert np.abs(filled.history.balance_error).max() < 1e-10 * filled.history.stored[-1]
+    assert filled.coupling.mean_iterations < 12.0
+
+
+def test_going_on_from_a_checkpoint_is_bit_identical(source, tmp_path):
+    closing = '[closure]\nkind = "bag"\npressure = "1 bar"'
+    the_case = case(HEAD, LEFT, RIGHT, closing, LAW)
+    whole = fill(read_formed_part(source), the_case)
+
+    def tell(share, text):
+        if 0.4 < share < 1.0:
+            import os
+            import signal
+
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(SimulationInterrupted):
+        fill_part(source, the_case, name="a", out_dir=tmp_path, options=PLAIN, tell=tell)
+    assert checkpoint_file(tmp_path, "a").exists()
+    resume = FillOptions(picture=False, vtu=False, resume=True)
+    report = fill_part(source, the_case, name="a", out_dir=tmp_path, options=resume)
+    assert report.closing["window_count"] == len(whole.coupling.accepted)
+    with xr.open_dataset(tmp_path / "a_filling.nc") as found:
+        np.testing.assert_array_equal(found["resin_pressure"].values, whole.pressure)
+        np.testing.assert_array_equal(found["pressed_thickness"].values, whole.thickness)
+    with xr.open_dataset(tmp_path / "a_filling.nc", group="/history") as history:
+        np.testing.assert_array_equal(history["press_force"].values, whole.history.force[:, 0])
+    with xr.open_dataset(tmp_path / "a_filling.nc", group="/coupling") as coupling:
+        assert coupling.sizes["window"] >= report.closing["window_count"]
+
+
+def test_what_cannot_be_pressed_is_said(source):
+    part = read_formed_part(source)
+    closing = '[closure]\nkind = "bag"\npressure = "1 bar"'
+    part.dataset.attrs.pop("scene")
+    with pytest.raises(InputError, match="does not hold the scene"):
+        fill(part, case(HEAD, LEFT, RIGHT, closing, LAW))
+    hard = '[closure]\nkind = "gap"\nthickness = "0.3 mm"\nclosing_time = "100 s"'
+    with pytest.raises(SimulationError):
+        fill(read_formed_part(source), case(HEAD, ENDS, WET, hard, LAW))
+    with pytest.raises(InputError, match="closing_time"):
+        case(HEAD, ENDS, WET, '[closure]\nkind = "gap"\nthickness = "0.3 mm"', LAW)
+    setup = set_up(read_formed_part(source), case(HEAD, LEFT, RIGHT, closing, LAW))
+    assert isinstance(Mould(setup.part, setup.filling(), setup.case.closure, 1.0), Mould)
