@@ -22,6 +22,7 @@ from scipy.sparse.linalg import splu
 
 from lcmchain.coupling.infiltration.front import Front, find_front
 from lcmchain.coupling.infiltration.network import Conductances, Network
+from lcmchain.errors import SimulationError
 
 
 @dataclass(frozen=True)
@@ -283,10 +284,24 @@ def _solve_symmetric(
     if not len(right):
         return np.zeros(1)
     rows, columns, entries = (np.concatenate(column) for column in zip(*parts, strict=True))
+    if not (np.isfinite(entries).all() and np.isfinite(right).all()):
+        raise SimulationError(
+            "the pressure of the resin has no finite equations: its sources are out of all measure, "
+            "as where a thickness changes too fast"
+        )
     matrix = csc_matrix(coo_matrix((entries, (rows, columns)), shape=(len(right), len(right))))
-    factors = splu(
-        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    try:
+        factors = splu(
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError as error:
+        raise SimulationError(
+            f"the equations of the resin's pressure cannot be solved ({error}): some of it is "
+            "neither at a gate or vent nor at the front"
+        ) from None
     solution = factors.solve(right)
     # One refinement: the balance of every node then holds to round-off.
     return solution + factors.solve(right - matrix @ solution)

@@ -174,6 +174,11 @@ class TimeStep:
             return situation, stage, min(limit, self._wish(stage, situation))
         step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
         for _ in range(MOST_CUTS):
+            if not step > 0.0:
+                raise SimulationError(
+                    f"no time step is short enough at {state.time:.6g} s: the thickness or the "
+                    "pressure changes too fast"
+                )
             stage = self._stage(situation, state, step)
             wish = self._wish(stage, situation)
             if not timed or wish >= 0.999 * step:
@@ -416,6 +421,8 @@ class TimeStep:
         if filling.liquid.changes:
             self._carry(situation, passed, primed, along, volume, step)
             filling.liquid.rest(filling.medium, state, volume > 0.0, step)
+        if filling.options.trapped_air:
+            state.air_pressure = _compressed(situation.air, state.air_pressure, pores_end - volume)
         state.resin_volume, state.full = volume, full
         state.fill = np.minimum(volume / pores_end, 1.0)
         state.thickness = state.thickness + step * state.thickness_rate
@@ -544,6 +551,19 @@ class TimeStep:
                 value, state.resin_volume, volume, source, target, moved, entered, inlet
             )
             setattr(state, name, carried)
+
+
+def _compressed(air: Air, pressure: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """Air pressure (N,) after a step: pressure times volume of each closed region stays."""
+    dry = air.region >= 0
+    size = len(air.volume)
+    left = np.bincount(air.region[dry], np.maximum(room[dry], 0.0), minlength=size)
+    # Of the air that the step would squeeze to nothing a thousandth of its volume is left.
+    raised = air.pressure * air.volume / np.maximum(left, 1e-3 * air.volume)
+    values = np.where(air.vented, air.pressure, raised)
+    after = pressure.copy()
+    after[dry] = values[air.region[dry]]
+    return after
 
 
 def _place(filling: Filling, stage: Stage) -> str:

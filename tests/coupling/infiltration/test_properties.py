@@ -147,7 +147,7 @@ def test_trapped_air_is_compressed():
         [Gate("inlet", mesh.node_sets["left"], pressure=4e5)], [],
         options=FillingOptions(trapped_air=True, air_pressure=1e5, largest_step=5.0),
     )  # fmt: skip
-    outcome, _ = filling.advance(1e4)
+    filling.advance(300.0)
     assert filling.filled_share == pytest.approx(0.75, rel=1e-3)
     assert filling.state.air_pressure[~filling.state.full] == pytest.approx(4e5, rel=1e-3)
 

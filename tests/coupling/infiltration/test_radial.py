@@ -104,6 +104,7 @@ def ellipse(filling, centre, share=0.95):
     return np.sqrt(values[1] / values[0]), np.arctan2(vectors[1, 0], vectors[0, 0]) % np.pi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
 def test_ellipse_of_an_orthotropic_sheet(degrees):
     angle = np.radians(degrees)
