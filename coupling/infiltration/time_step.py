@@ -168,11 +168,13 @@ class TimeStep:
             fastest = np.max(np.abs(state.thickness_rate) / state.thickness)
             limit = min(limit, options.largest_compaction / fastest)
         timed = bool(situation.excess.any() or len(situation.air.volume) and options.trapped_air)
-        timed |= situation.film is not None and len(situation.film.fed) > 0
+        fed = situation.film is not None and len(situation.film.fed) > 0
+        timed |= fed
         if self._kept is not None and not timed:
             stage = self._kept[1]
             return situation, stage, min(limit, self._wish(stage, situation))
-        step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
+        last = 2.0 * state.next_step if fed else state.next_step
+        step = min(limit, last) if timed and last > 0.0 else limit
         for _ in range(MOST_CUTS):
             stage = self._stage(situation, state, step)
             wish = self._wish(stage, situation)
@@ -245,8 +247,7 @@ class TimeStep:
         forth = state.full[first] & ~state.full[second]
         back = state.full[second] & ~state.full[first]
         count = len(state.full)
-        rate = np.zeros(count)  # the count of no edges at all has no decimals
-        rate += np.bincount(second[forth], along[forth], minlength=count)
+        rate = np.zeros(count) + np.bincount(second[forth], along[forth], minlength=count)
         rate -= np.bincount(first[back], along[back], minlength=count)
         primed = np.zeros(count)
         for priming in situation.primings:
