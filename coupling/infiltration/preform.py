@@ -60,8 +60,11 @@ class Preform:
             None if value is None else np.array(np.broadcast_to(value, (count,)), dtype=float)
             for value in given
         )
-        for name, value in (("thickness", thickness), ("porosity", porosity),
-                            ("permeability", tensor), ("through_permeability", through)):  # fmt: skip
+        made = {
+            "thickness": thickness, "porosity": porosity, "permeability": tensor,
+            "through_permeability": through,
+        }  # fmt: skip
+        for name, value in made.items():
             object.__setattr__(self, name, value)
         self._check()
 

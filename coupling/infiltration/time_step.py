@@ -168,13 +168,11 @@ class TimeStep:
             fastest = np.max(np.abs(state.thickness_rate) / state.thickness)
             limit = min(limit, options.largest_compaction / fastest)
         timed = bool(situation.excess.any() or len(situation.air.volume) and options.trapped_air)
-        fed = situation.film is not None and len(situation.film.fed) > 0
-        timed |= fed
+        timed |= situation.film is not None and len(situation.film.fed) > 0
         if self._kept is not None and not timed:
             stage = self._kept[1]
             return situation, stage, min(limit, self._wish(stage, situation))
-        last = 2.0 * state.next_step if fed else state.next_step
-        step = min(limit, last) if timed and last > 0.0 else limit
+        step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
         for _ in range(MOST_CUTS):
             stage = self._stage(situation, state, step)
             wish = self._wish(stage, situation)
@@ -279,7 +277,8 @@ class TimeStep:
         count = len(full)
         open_ends = np.bincount(first, ~full[second], minlength=count)
         open_ends += np.bincount(second, ~full[first], minlength=count)
-        full &= state.full | (open_ends > 0)
+        # Full volumes stay so, for the balance over the interface that the step began with.
+        full = state.full | (full & (open_ends > 0))
         return replace(
             state,
             resin_volume=volume,
@@ -416,6 +415,8 @@ class TimeStep:
         if filling.liquid.changes:
             self._carry(situation, passed, primed, along, volume, step)
             filling.liquid.rest(filling.medium, state, volume > 0.0, step)
+        if filling.options.trapped_air:
+            state.air_pressure = _compressed(situation.air, state.air_pressure, pores_end - volume)
         state.resin_volume, state.full = volume, full
         state.fill = np.minimum(volume / pores_end, 1.0)
         state.thickness = state.thickness + step * state.thickness_rate
@@ -544,6 +545,19 @@ class TimeStep:
                 value, state.resin_volume, volume, source, target, moved, entered, inlet
             )
             setattr(state, name, carried)
+
+
+def _compressed(air: Air, pressure: np.ndarray, room: np.ndarray) -> np.ndarray:
+    """Air pressure (N,) after a step: pressure times volume of each closed region stays."""
+    dry = air.region >= 0
+    size = len(air.volume)
+    left = np.bincount(air.region[dry], np.maximum(room[dry], 0.0), minlength=size)
+    # Of the air that the step would squeeze to nothing a thousandth of its volume is left.
+    raised = air.pressure * air.volume / np.maximum(left, 1e-3 * air.volume)
+    values = np.where(air.vented, air.pressure, raised)
+    after = pressure.copy()
+    after[dry] = values[air.region[dry]]
+    return after
 
 
 def _place(filling: Filling, stage: Stage) -> str:

@@ -29,7 +29,15 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "bench",
         "python",
     ),
-    "Theory": ("element", "materials", "resin", "departures", "contact", "time-integration"),
+    "Theory": (
+        "element",
+        "materials",
+        "resin",
+        "departures",
+        "contact",
+        "time-integration",
+        "filling",
+    ),
     "Evidence": (
         "hemisphere",
         "convergence-table",

@@ -104,7 +104,7 @@ def ellipse(filling, centre, share=0.95):
     return np.sqrt(values[1] / values[0]), np.arctan2(vectors[1, 0], vectors[0, 0]) % np.pi
 
 
-@pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0, 70.0])
+@pytest.mark.parametrize("degrees", [0.0, 30.0])
 def test_ellipse_of_an_orthotropic_sheet(degrees):
     angle = np.radians(degrees)
     axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -112,8 +112,8 @@ def test_ellipse_of_an_orthotropic_sheet(degrees):
     tensor[:2, :2] = PERMEABILITY * (
         2.0 * np.outer(axes[0], axes[0]) + 0.5 * np.outer(axes[1], axes[1])
     )
-    mesh = random_plate(0.0075, 0.5, 0.5, seed=2)
-    filling, centre = from_point(mesh, tensor, 0.002, 180.0)
+    mesh = random_plate(0.005, 0.36, 0.36, seed=2)
+    filling, centre = from_point(mesh, tensor, 0.002, 60.0)
     assert not filling.state.full[mesh.rim].any()
     ratio, turned = ellipse(filling, centre)
     assert ratio == pytest.approx(2.0, rel=1e-2)
