@@ -286,8 +286,8 @@ def _solve_symmetric(
     rows, columns, entries = (np.concatenate(column) for column in zip(*parts, strict=True))
     if not (np.isfinite(entries).all() and np.isfinite(right).all()):
         raise SimulationError(
-            "the pressure of the resin has no finite equations: its sources are out of all measure, "
-            "as where a thickness changes too fast"
+            "the pressure of the resin has no finite equations: its sources are out of all "
+            "measure, as where a thickness changes too fast"
         )
     matrix = csc_matrix(coo_matrix((entries, (rows, columns)), shape=(len(right), len(right))))
     try:

@@ -30,7 +30,17 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "bench",
         "python",
     ),
-    "Theory": ("element", "materials", "resin", "departures", "contact", "time-integration", "coupling", "pore-pressure", "filling"),
+    "Theory": (
+        "element",
+        "materials",
+        "resin",
+        "departures",
+        "contact",
+        "time-integration",
+        "coupling",
+        "pore-pressure",
+        "filling",
+    ),
     "Evidence": (
         "hemisphere",
         "convergence-table",
