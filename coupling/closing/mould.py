@@ -23,6 +23,7 @@ from lcmchain.coupling.iteration import (
     History,
     Tolerance,
     WindowControl,
+    fixed_stress_exchanges,
     gauss_seidel,
     iqn_ils,
 )
@@ -154,20 +155,27 @@ def _seen_across(filling: Filling, direction: tuple[float, float, float] | None)
 def _coupled(
     solid: LocalCompaction, fluid: FillingPart, case: scene.Closure, time: float
 ) -> CoupledSystem:
-    """Textile and resin; where the gap is given, no iteration can change the thickness."""
+    """Textile and resin; where the gap is given, no iteration can change the thickness.
+
+    Under a bag every cell answers to its own pressure, and the resin takes that answer into its
+    equations (fixed-stress split). Under a press all cells have one gap, to which the pressure of
+    none matters much: the quasi-Newton iteration finds it by itself.
+    """
     first = min(time / WINDOWS if case.window is None else case.window, time)
-    iterates = not isinstance(case, scene.Gap)
     exchanges = [
         Exchange("solid", "fluid", VOLUME_RATE, of_window="mean", within="held",
                  tolerance=Tolerance(10.0 * case.tolerance)),
         Exchange("fluid", "solid", PORE_PRESSURE, tolerance=Tolerance(case.tolerance)),
     ]  # fmt: skip
-    window = WindowControl(first)
-    if iterates:
+    window, scheme = WindowControl(first), gauss_seidel()
+    if not isinstance(case, scene.Gap):
         window = WindowControl(
             first, smallest=SHORTEST * first, largest=LONGEST * first, few_iterations=8
         )
-    scheme = iqn_ils(relaxation=0.3) if iterates else gauss_seidel()
+        split = isinstance(case, scene.Bag)
+        scheme = iqn_ils(relaxation=1.0 if split else 0.3)
+        if split:
+            exchanges += fixed_stress_exchanges("solid", "fluid")
     return CoupledSystem(
         {"solid": solid, "fluid": fluid}, exchanges, scheme, window=window, prediction=0
     )

@@ -93,7 +93,8 @@ class Filling:
             cure=np.full(count, self.liquid.resin.initial_cure), temperature=temperature,
             film=np.zeros(count) if self.film is None else self.film.start(count),
             impregnated=np.zeros(count), thickness=thickness,
-            thickness_rate=np.zeros(mesh.cell_count), points=mesh.points.copy(),
+            thickness_rate=np.zeros(mesh.cell_count), lift=np.zeros(mesh.cell_count),
+            lift_reference=np.zeros(mesh.cell_count), points=mesh.points.copy(),
             injected=np.zeros(gates), vented=np.zeros(len(self.supply.vents)),
             gate_pressure=np.full(gates, np.nan), gate_rate=np.full(gates, np.nan),
             started_volume=float(volume.sum()), enclosed=np.zeros(count, dtype=bool),
@@ -211,12 +212,21 @@ class Filling:
         self.state = saved.copy()
         self._steps.forget()
 
-    def set_thickness(self, thickness: np.ndarray, rate: np.ndarray | None = None) -> None:
+    def set_thickness(
+        self,
+        thickness: np.ndarray,
+        rate: np.ndarray | None = None,
+        lift: np.ndarray | None = None,
+        reference: np.ndarray | None = None,
+    ) -> None:
         """Move the preform: thickness [m] and its rate [m/s], shape (C,) or one number.
 
         The thickness goes on linearly with its rate while the filling advances. Fibres keep their
         volume per cell; porosity and permeability follow. If the thickness jumps, the resin that
         no longer has room flows in the next time step.
+
+        lift : what the pressure of the resin adds to the rate, per pressure above ``reference``
+            [Pa], [m/(s Pa)], not negative; (C,).
 
         Raises
         ------
@@ -228,6 +238,11 @@ class Filling:
         self.state.thickness = thickness
         given = np.zeros(count) if rate is None else rate
         self.state.thickness_rate = check_thickness(given, count, "thickness rate")
+        none = np.zeros(count)
+        self.state.lift = check_thickness(none if lift is None else lift, count, "lift")
+        self.state.lift_reference = check_thickness(
+            none if reference is None else reference, count, "reference pressure"
+        )
         self._steps.forget()
 
     def set_points(self, points: np.ndarray) -> None:

@@ -10,6 +10,8 @@ from lcmchain.coupling.infiltration.boundaries import RaceTrack
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.network import Conductances, Network
 from lcmchain.coupling.infiltration.preform import Preform
+from lcmchain.coupling.infiltration.pressure import Lift
+from lcmchain.coupling.infiltration.state import FillingState
 from lcmchain.errors import InputError, SimulationError
 
 
@@ -61,6 +63,18 @@ class Medium:
     def pore_rate(self, thickness_rate: np.ndarray) -> np.ndarray:
         """Rate of the pore volume of the control volumes [m3/s], (N,)."""
         return self.network.corner_sum(self.network.corner_areas * thickness_rate[:, None])
+
+    def lift(self, state: FillingState) -> Lift | None:
+        """Cells that the pressure of their resin thickens, if there are any."""
+        cells = np.flatnonzero(state.lift)
+        if not len(cells):
+            return None
+        areas = self.network.corner_areas[cells]
+        total = areas.sum(axis=1)
+        return Lift(
+            cells, self.mesh.cells[cells], areas / total[:, None], total * state.lift[cells],
+            state.lift_reference[cells],
+        )  # fmt: skip
 
     def conductances(self, thickness: np.ndarray, fluidity: np.ndarray) -> Conductances:
         """Conductances for a thickness [m] and 1/viscosity [1/(Pa s)] of the cells, each (C,)."""

@@ -8,6 +8,8 @@ import numpy as np
 
 #: Fill factor from which a control volume counts as full. What it lacks then it never gets.
 FULL = 1.0 - 1e-8
+#: Least share of a time step that is tried next.
+LEAST_SHARE = 1e-6
 
 
 class Passed(NamedTuple):
@@ -39,6 +41,7 @@ def pass_on(
     before: np.ndarray,
     volume: np.ndarray,
     pores: np.ndarray,
+    pores_before: np.ndarray,
     rate: np.ndarray,
     bleeds: np.ndarray,
     full: np.ndarray,
@@ -51,7 +54,8 @@ def pass_on(
     Parameters
     ----------
     edges (E, 2), flow (E,) : conductances.
-    before, volume : before and after the step, (N,); pores, rate : (N,), see :class:`Passed`.
+    before, volume : of resin before and after the step, (N,). pores, pores_before : after and
+        before it, (N,). rate : (N,), see :class:`Passed`.
     bleeds : nodes where excess leaves the sheet, (N,).
     full : those that were full before the step and take nothing, (N,).
 
@@ -67,7 +71,9 @@ def pass_on(
     records: list[tuple[np.ndarray, ...]] = []
     stuck = _spread(edges, flow, volume, pores, rate, full, records)
     if stuck.any():
-        share = (pores - before)[stuck] / (volume - before)[stuck]
+        room = (pores_before - before)[stuck]
+        narrower = (volume - before - pores + pores_before)[stuck]
+        share = np.maximum(room / narrower, LEAST_SHARE)
         return Stuck(float(np.min(share)) * (1.0 - 2e-9))
     if (volume < 0.0).any() and not _draw(edges, flow, volume, records):
         return Stuck(0.5)

@@ -26,6 +26,36 @@ from lcmchain.errors import SimulationError
 
 
 @dataclass(frozen=True)
+class Lift:
+    """Cells that the pressure of their resin thickens: Q = A s (p - reference) [m3/s] into a cell.
+
+    p is the mean over its corners by their areas, of the air where they are not full.
+
+    Parameters
+    ----------
+    cells : number of each, (L,). nodes : of their corners, (L, 4), -1 for none.
+    weights : of the corners in the mean, (L, 4). conductance : A s [m3/(s Pa)], (L,).
+    reference : [Pa], (L,).
+    """
+
+    cells: np.ndarray
+    nodes: np.ndarray
+    weights: np.ndarray
+    conductance: np.ndarray
+    reference: np.ndarray
+
+    def pressure(self, of_nodes: np.ndarray) -> np.ndarray:
+        """Mean pressure of the cells [Pa], (L,), of the nodes' (N,)."""
+        return (self.weights * of_nodes[self.nodes]).sum(axis=1)
+
+    def into_nodes(self, rate: np.ndarray, count: int) -> np.ndarray:
+        """Rates of the cells (L,) given to their corners, (N,)."""
+        own = self.weights * rate[:, None]
+        there = self.nodes >= 0
+        return np.bincount(self.nodes[there], own[there], minlength=count)
+
+
+@dataclass(frozen=True)
 class Boundary:
     """What drives the flow at one time.
 
@@ -40,6 +70,7 @@ class Boundary:
     pocket : number of the pocket of compressed air that a dry control volume belongs to, -1 where
         the air has a given pressure, (N,).
     compliance : of each pocket, volume per pressure and time step [m3/(Pa s)].
+    lift : cells that the pressure thickens.
     """
 
     fixed: np.ndarray
@@ -51,6 +82,7 @@ class Boundary:
     height: np.ndarray
     pocket: np.ndarray
     compliance: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    lift: Lift | None = None
 
 
 class Flow(NamedTuple):
@@ -60,6 +92,7 @@ class Flow(NamedTuple):
     pressure (N,) : [Pa], not below the air's at the front; the air's where it is dry.
     front : where the front is; feed (P,) : flow [m3/s] along its feeding edges.
     along (E,) : flow [m3/s] from the first to the second end of every edge, feeding ones included.
+    lifted (L,) : mean pressure [Pa] of the cells that it lifts.
     net (N,) : what full nodes give off beyond their source [m3/s]: the flow of gates and vents at
         their nodes, round-off at others.
     """
@@ -70,6 +103,7 @@ class Flow(NamedTuple):
     feed: np.ndarray
     along: np.ndarray
     net: np.ndarray
+    lifted: np.ndarray
 
     @property
     def inflow(self) -> np.ndarray:
@@ -188,6 +222,10 @@ class _System:
         driven[region[fixed]] = True
         driven[region[self.front.source]] = True
         driven[region[self.full & (self.boundary.contact != 0.0)]] = True
+        lift = self.boundary.lift
+        if lift is not None:
+            corners = lift.nodes[lift.nodes >= 0]
+            driven[region[corners[self.full[corners]]]] = True
         lost = np.flatnonzero(self.full & ~driven[region])
         gates = [nodes for nodes, _ in self.boundary.tied]
         at_gate = np.isin(lost, np.concatenate(gates)) if gates else np.zeros(len(lost), bool)
@@ -215,12 +253,35 @@ class _System:
         fed = coo_matrix((front.flow, (member, source)), shape=(len(front.nodes), self.count))
         fed = fed.tocsr()
         shared = (fed.T @ fed.multiply(weight[:, None])).tocoo()
-        return (
-            np.concatenate([i, j, i, j, source, touched, shared.row]),
-            np.concatenate([i, j, j, i, source, touched, shared.col]),
-            np.concatenate([flow, flow, -flow, -flow, own, boundary.contact[touched], shared.data]),
-            right,
+        rows = [i, j, i, j, source, touched, shared.row]
+        columns = [i, j, j, i, source, touched, shared.col]
+        entries = [flow, flow, -flow, -flow, own, boundary.contact[touched], shared.data]
+        if boundary.lift is not None:
+            self._add_lift(boundary.lift, rows, columns, entries, right)
+        return np.concatenate(rows), np.concatenate(columns), np.concatenate(entries), right
+
+    def _add_lift(
+        self,
+        lift: Lift,
+        rows: list[np.ndarray],
+        columns: list[np.ndarray],
+        entries: list[np.ndarray],
+        right: np.ndarray,
+    ) -> None:
+        """What cells take in that the pressure of their full corners thickens."""
+        boundary = self.boundary
+        # Of the full nodes what their height adds to the potential; the air's pressure elsewhere.
+        known = np.where(self.full, boundary.height, boundary.air)
+        right += lift.into_nodes(
+            lift.conductance * (lift.reference - lift.pressure(known)), self.count
         )
+        full = (lift.nodes >= 0) & self.full[lift.nodes]
+        for a in range(4):
+            for b in range(4):
+                both = full[:, a] & full[:, b]
+                rows.append(lift.nodes[both, a])
+                columns.append(lift.nodes[both, b])
+                entries.append((lift.conductance * lift.weights[:, a] * lift.weights[:, b])[both])
 
     def _add_pockets(
         self,
@@ -271,11 +332,17 @@ class _System:
             - np.bincount(self.second, between, minlength=self.count)
             + np.bincount(front.source, feed, minlength=self.count)
         )
-        net = np.where(self.full, net - boundary.source, 0.0)
+        taken, lifted = np.zeros(self.count), np.zeros(0)
+        if boundary.lift is not None:
+            lift = boundary.lift
+            own = np.where(self.full, potential + boundary.height, boundary.air)
+            lifted = lift.pressure(own)
+            taken = lift.into_nodes(lift.conductance * (lifted - lift.reference), self.count)
+        net = np.where(self.full, net - boundary.source + taken, 0.0)
         wet = ~np.isnan(potential)
         pressure = np.where(wet, potential + boundary.height, boundary.air)
         pressure[nodes] = np.maximum(pressure[nodes], self.air + self.air_height)
-        return Flow(potential, pressure, front, feed, along, net)
+        return Flow(potential, pressure, front, feed, along, net, lifted)
 
 
 def _solve_symmetric(

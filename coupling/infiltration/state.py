@@ -48,6 +48,8 @@ class FillingState:
     film : thickness of the resin film that lies on the sheet [m].
     impregnated : depth to which the film's resin has entered [m].
     thickness, thickness_rate : of the cells, (C,) [m], [m/s].
+    lift, lift_reference : rate of the thickness per pressure above a reference, of the cells, (C,)
+        [m/(s Pa)], [Pa].
     points : node positions [m], (N, 3).
     injected : volume [m3] that entered through each gate, (G,); vented: that left through each
         vent, (V,).
@@ -73,6 +75,8 @@ class FillingState:
     impregnated: np.ndarray
     thickness: np.ndarray
     thickness_rate: np.ndarray
+    lift: np.ndarray
+    lift_reference: np.ndarray
     points: np.ndarray
     injected: np.ndarray
     vented: np.ndarray

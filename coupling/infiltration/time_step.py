@@ -21,7 +21,7 @@ from lcmchain.coupling.infiltration.film_supply import FilmFlow, FilmSinking, Fi
 from lcmchain.coupling.infiltration.network import Conductances
 from lcmchain.coupling.infiltration.outcome import idle_outcome
 from lcmchain.coupling.infiltration.overflow import FULL, Passed, Stuck, pass_on
-from lcmchain.coupling.infiltration.pressure import Boundary, Flow, solve_flow
+from lcmchain.coupling.infiltration.pressure import Boundary, Flow, Lift, solve_flow
 from lcmchain.coupling.infiltration.state import FillingState
 from lcmchain.coupling.infiltration.supply import OpenGate, Priming, prime
 from lcmchain.errors import SimulationError
@@ -48,6 +48,7 @@ class Situation:
     air: Air
     excess: np.ndarray
     pore_rate: np.ndarray
+    lift: Lift | None
     film: FilmFlow | None = None
 
 
@@ -136,7 +137,7 @@ class TimeStep:
         excess[np.abs(excess) < 2.0 * (1.0 - FULL) * pores] = 0.0
         return Situation(
             state, conductances, pores, gates, primings, ~np.isnan(vent_pressure), vent_pressure,
-            air, excess, medium.pore_rate(state.thickness_rate), film,
+            air, excess, medium.pore_rate(state.thickness_rate), medium.lift(state), film,
         )  # fmt: skip
 
     def _film(
@@ -164,7 +165,7 @@ class TimeStep:
             filling.liquid.longest_step(state),
             *(priming.left for priming in situation.primings if priming.left > 0.0),
         )
-        if state.thickness_rate.any():
+        if state.thickness_rate.any() and situation.lift is None:
             fastest = np.max(np.abs(state.thickness_rate) / state.thickness)
             limit = min(limit, options.largest_compaction / fastest)
         timed = bool(situation.excess.any() or len(situation.air.volume) and options.trapped_air)
@@ -184,6 +185,9 @@ class TimeStep:
             if not timed or wish >= 0.999 * step:
                 break
             step = max(wish, 0.2 * step)
+        if situation.lift is not None:
+            fastest = np.max(np.abs(_thickness_rate(situation, stage)) / state.thickness)
+            step = min(step, options.largest_compaction / max(fastest, 1e-300))
         return situation, stage, min(step, wish)
 
     def _wish(self, stage: Stage, situation: Situation) -> float:
@@ -199,23 +203,27 @@ class TimeStep:
         left = until - situation.state.time
         if any(np.isfinite(p.duration) and len(p.nodes) for p in situation.primings):
             return True
-        if situation.pore_rate.any() or situation.excess.any():
+        if situation.pore_rate.any() or situation.excess.any() or situation.lift is not None:
             return True
         turnover = np.abs(stage.flow.inflow).sum() + np.abs(stage.bled).sum()
         return bool(turnover * left > NO_FLOW * situation.pores.sum())
 
     def _try(self, situation: Situation, stage: Stage, step: float) -> float:
         """Take a step of this size; if it is too large, return the share of it to try next."""
-        state, pores_end = situation.state, self._pores_at(situation, step)
+        state = situation.state
+        rate = _thickness_rate(situation, stage)
+        pores_end = self._pores_at(situation, rate, step)
         first = self._moved(situation, stage.flow.along, pores_end, step)
         if isinstance(first, Stuck):
             return first.share
-        ahead = self._predicted(situation, first, pores_end, step)
+        ahead = self._predicted(situation, first, pores_end, state.thickness + step * rate)
         conductances = self._conductances_at(situation, ahead)
         later = self.filling.supply.at_time(situation.gates, state.time + step)
         there = replace(situation, conductances=conductances, gates=later)
         second = self._stage(there, ahead, step)
         along = 0.5 * (stage.flow.along + second.flow.along)
+        rate = 0.5 * (rate + _thickness_rate(situation, second))
+        pores_end = self._pores_at(situation, rate, step)
         last = self._moved(situation, along, pores_end, step)
         if isinstance(last, Stuck):
             return last.share
@@ -225,18 +233,19 @@ class TimeStep:
         if early < 1.0:
             return early
         self._finish(situation, (stage, second), last, fill_time, along, pores_end, step)
+        state.thickness = state.thickness + step * rate
         state.next_step = step
         return 1.0
 
-    def _pores_at(self, situation: Situation, step: float) -> np.ndarray:
-        state = situation.state
-        if not state.thickness_rate.any():
+    def _pores_at(self, situation: Situation, rate: np.ndarray, step: float) -> np.ndarray:
+        """Pores after a step in which the thickness changes at a rate (C,) [m/s]."""
+        if not rate.any():
             return situation.pores
-        return self.filling.medium.pores(state.thickness + step * state.thickness_rate)
+        return self.filling.medium.pores(situation.state.thickness + step * rate)
 
     def _conductances_at(self, situation: Situation, ahead: FillingState) -> Conductances:
         state, filling = situation.state, self.filling
-        if not state.thickness_rate.any():
+        if not state.thickness_rate.any() and situation.lift is None:
             return situation.conductances
         fluidity = filling.liquid.fluidity(filling.medium, state)
         return filling.medium.conductances(ahead.thickness, fluidity)
@@ -262,6 +271,7 @@ class TimeStep:
         volume[state.full] = np.minimum(volume, pores_end)[state.full]
         passed = pass_on(
             network.edges, situation.conductances.flow, state.resin_volume, volume, pores_end,
+            situation.pores,
             rate + primed / step, situation.bleeds, state.full,
         )  # fmt: skip
         if isinstance(passed, Stuck):
@@ -273,8 +283,9 @@ class TimeStep:
         situation: Situation,
         moved: tuple[Passed, np.ndarray, np.ndarray],
         pores_end: np.ndarray,
-        step: float,
+        thickness: np.ndarray,
     ) -> FillingState:
+        """State after a step by the flow at its start; thickness (C,) [m] is that of its end."""
         state = situation.state
         volume = moved[0].volume
         full = volume >= FULL * pores_end
@@ -290,7 +301,7 @@ class TimeStep:
             resin_volume=volume,
             full=full,
             fill=np.minimum(volume / pores_end, 1.0),
-            thickness=state.thickness + step * state.thickness_rate,
+            thickness=thickness,
         )
 
     def _stage(self, situation: Situation, state: FillingState, step: float) -> Stage:
@@ -354,7 +365,7 @@ class TimeStep:
         pocket, compliance = self._pockets(situation, step)
         boundary = Boundary(
             fixed, source, tuple(tied), contact, outside, situation.state.air_pressure,
-            filling.height(filling.medium.mesh.points), pocket, compliance,
+            filling.height(filling.medium.mesh.points), pocket, compliance, situation.lift,
         )  # fmt: skip
         return solve_flow(
             network, situation.conductances, state.full, state.fill, boundary, state.pressure
@@ -393,7 +404,13 @@ class TimeStep:
             net[situation.film.fed] = 0.0
         scale = np.abs(stage.flow.along).max(initial=0.0)
         worst = int(np.argmax(net))
-        if net[worst] > 1e-6 * scale and net[worst] > 0.0:
+        noise = 0.0
+        if situation.lift is not None:
+            # What cells take in is a difference of pressures that may be next to nothing.
+            lift = situation.lift
+            pressure = np.abs(stage.flow.lifted) + np.abs(lift.reference)
+            noise = 1e-12 * float(np.max(lift.conductance * pressure))
+        if net[worst] > 1e-6 * scale + noise and net[worst] > 0.0:
             place = ", ".join(f"{x:.6g}" for x in self.filling.mesh.points[worst])
             raise SimulationError(
                 f"at {situation.state.time:.6g} s resin is squeezed or drawn around node {worst} "
@@ -425,7 +442,6 @@ class TimeStep:
             state.air_pressure = _compressed(situation.air, state.air_pressure, pores_end - volume)
         state.resin_volume, state.full = volume, full
         state.fill = np.minimum(volume / pores_end, 1.0)
-        state.thickness = state.thickness + step * state.thickness_rate
         state.pressure = stages[1].flow.pressure
         state.gate_pressure, state.gate_rate = stages[1].gate_pressure, stages[1].gate_rate
         state.time = self._snapped(state.time + step)
@@ -564,6 +580,16 @@ def _compressed(air: Air, pressure: np.ndarray, room: np.ndarray) -> np.ndarray:
     after = pressure.copy()
     after[dry] = values[air.region[dry]]
     return after
+
+
+def _thickness_rate(situation: Situation, stage: Stage) -> np.ndarray:
+    """Rate of the cells' thickness [m/s], (C,), with what the pressure of the resin adds."""
+    state, lift = situation.state, situation.lift
+    if lift is None:
+        return state.thickness_rate
+    rate = state.thickness_rate.copy()
+    rate[lift.cells] += state.lift[lift.cells] * (stage.flow.lifted - lift.reference)
+    return rate
 
 
 def _place(filling: Filling, stage: Stage) -> str:
