@@ -54,7 +54,7 @@ class FillingPart:
         # a window ends where the solid is, whether anything flows or not
         filling.options = replace(filling.options, stop_when_idle=False)
         none = np.zeros(filling.mesh.cell_count)
-        self._given = {name: none for name in self.inputs} | {POINTS: filling.state.points.ravel()}
+        self._given = dict.fromkeys(self.inputs, none) | {POINTS: filling.state.points.ravel()}
         self._mean = np.full(filling.mesh.cell_count, np.nan)
 
     @property

@@ -80,7 +80,10 @@ class Supply:
             limit = None if gate.pressure is None else value_at(gate.pressure, time)
             contact = np.nan
             if gate.radius is not None:
-                contact = hole_conductance(network, conductances, int(gate.nodes[0]), gate.radius)
+                node = int(gate.nodes[0])
+                contact = hole_conductance(network, conductances, node, gate.radius)
+                if contact < 0.0 and not _surrounded(network, node, state.full):
+                    contact = np.inf
             ready = bool(state.full[gate.nodes].all())
             found.append(OpenGate(number, gate, limit, rate, ready, contact))
         return found
@@ -229,6 +232,16 @@ def _radial_time(network, conductances, node, radius, pores, drive) -> float:
     mean = np.sqrt(larger * smaller)[0] / area
     bracket = reach**2 * np.log(reach / radius) - 0.5 * (reach**2 - radius**2)
     return float(pores[node] / area / (2.0 * mean * drive) * bracket)
+
+
+def _surrounded(network: Network, node: int, full: np.ndarray) -> bool:
+    """Whether all neighbours of a node are full.
+
+    A hole that is larger than what its node stands for takes resistance away from the field around
+    the node: more than there is, as long as only the node itself is full.
+    """
+    first, second = network.edges.T
+    return bool(full[second[first == node]].all() and full[first[second == node]].all())
 
 
 def hole_conductance(

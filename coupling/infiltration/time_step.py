@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from lcmchain.coupling.infiltration.filling import Filling
 
 MOST_CUTS = 60
+#: So many steps in a row, each below this share of what is left of the time, lead nowhere.
+MOST_TINY_STEPS, TINY = 2000, 1e-9
 # Of the pore volume, over all that is left of the time: less is no flow.
 NO_FLOW = 1e-10
 
@@ -69,6 +71,7 @@ class TimeStep:
         self.filling = filling
         self._kept: tuple[Situation, Stage] | None = None
         self._moments: tuple[float, ...] = ()
+        self._tiny = 0
 
     def forget(self) -> None:
         """The state was changed from outside."""
@@ -88,13 +91,17 @@ class TimeStep:
                 self.forget()
                 return None
             return idle_outcome(filling, situation, stage)
+        left = until - state.time
         for _ in range(MOST_CUTS):
             share = self._try(situation, stage, step)
             if share >= 1.0:
+                self._tiny = self._tiny + 1 if step < TINY * left else 0
+                if self._tiny > MOST_TINY_STEPS:
+                    break
                 return None
             step *= share
         raise SimulationError(
-            f"no time step succeeds at {state.time:.6g} s: resin finds no room next to where it "
+            f"time steps collapse at {state.time:.6g} s ({step:.3g} s): resin finds no room next to where it "
             f"is pressed to ({_place(filling, stage)})"
         )
 
