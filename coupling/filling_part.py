@@ -38,9 +38,9 @@ class FillingPart:
     rate, so that it has the volume of the solid at the end. With ``volume_rate_slope`` (C,)
     [m³/(s Pa)] and ``reference_pressure`` (C,) [Pa] the rate follows the pressure that the filling
     finds, the fixed-stress split; the pressure of such cells is the mean over the last step, so
-    that both sides have the same volume when they agree on it. It gives ``pore_pressure`` (C,) [Pa],
-    the mean over the corners of a cell: of the resin where their control volumes are full, else of
-    the air.
+    that both sides have the same volume when they agree on it. It gives ``pore_pressure`` (C,)
+    [Pa], the mean over the corners of a cell by their areas: of the resin where their control
+    volumes are full, else of the air.
 
     Parameters
     ----------

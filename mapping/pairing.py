@@ -83,7 +83,9 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
     coverage = _coverage(surface, cells, found, covered)
     content, moved = even_shares(found, content, surface.areas, coverage * cells.areas)
     average = found.area / np.where(covered > 0.0, covered, 1.0)[found.cell]
-    weights = found.cell, found.face, average, found.place, content
+    weights: tuple[np.ndarray, ...] = (
+        found.cell, found.face, average, found.place, content,
+    )  # fmt: skip
     if len(alone):
         foot = closest.foot[np.isin(unsure, alone)]
         place = _in_frames(surface, nearest[alone], foot)

@@ -190,7 +190,8 @@ class Filling:
         state, medium = self.state, self.medium
         factor = self.liquid.fluidity(medium, state) * medium.factor(state.thickness)
         height = self.height(medium.mesh.points)
-        wet = np.where(medium.mesh.cells >= 0, state.full[medium.mesh.cells], True).all(axis=1)
+        cells = medium.mesh.cells
+        wet: np.ndarray = ((cells < 0) | state.full[cells]).all(axis=1)
         velocity = medium.network.velocity(state.pressure - height, factor)
         return FillingFrame(
             state.time, state.fill.copy(), state.pressure.copy(), state.cure.copy(),

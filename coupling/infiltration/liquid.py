@@ -38,7 +38,7 @@ class Liquid:
     """A resin and its temperature in a filling."""
 
     def __init__(self, resin: Any, temperature: Any | None) -> None:
-        self.resin: Any = _Newtonian(float(resin)) if np.isscalar(resin) else resin
+        self.resin: Any = _Newtonian(float(resin)) if isinstance(resin, (int, float)) else resin
         self.temperature = temperature
         if self.resin.depends_on_temperature and temperature is None:
             raise InputError(

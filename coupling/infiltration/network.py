@@ -68,14 +68,14 @@ class Network:
         self._add_tracks(mesh, tracks)
 
     def _edges_of_cells(self, matrix: np.ndarray, flat: np.ndarray, turns: np.ndarray) -> None:
-        cell, low, high = [], [], []
-        for a, b in _PAIRS:
-            have = np.flatnonzero((self.cells[:, a] >= 0) & (self.cells[:, b] >= 0))
-            swap = self.cells[have, a] > self.cells[have, b]
-            cell.append(have)
-            low.append(np.where(swap, b, a))
-            high.append(np.where(swap, a, b))
-        c, a, b = (np.concatenate(parts) for parts in (cell, low, high))
+        owner, low, high = [], [], []
+        for one, other in _PAIRS:
+            have = np.flatnonzero((self.cells[:, one] >= 0) & (self.cells[:, other] >= 0))
+            swap = self.cells[have, one] > self.cells[have, other]
+            owner.append(have)
+            low.append(np.where(swap, other, one))
+            high.append(np.where(swap, one, other))
+        c, a, b = (np.concatenate(parts) for parts in (owner, low, high))
         ends = np.stack([self.cells[c, a], self.cells[c, b]], axis=1)
         number = ends[:, 0] * self.node_count + ends[:, 1]
         unique, edge = np.unique(number, return_inverse=True)
@@ -183,7 +183,7 @@ class Network:
         """
         size = len(self.edges)
         pair = scale[self._pair_cell]
-        flow = np.bincount(self._pair_edge, pair * self._pair_flow, minlength=size)
+        flow: np.ndarray = np.bincount(self._pair_edge, pair * self._pair_flow, minlength=size)
         moment = np.empty((size, 2, 2))
         for end in (0, 1):
             for axis in (0, 1):
@@ -191,7 +191,7 @@ class Network:
                     self._pair_edge, pair * self._pair_moment[:, end, axis], minlength=size
                 )
         cell, _, node = self._corner
-        spread = np.stack(
+        spread: np.ndarray = np.stack(
             [
                 np.bincount(node, scale[cell] * part, minlength=self.node_count)
                 for part in self._corner_spread.T
@@ -199,10 +199,10 @@ class Network:
             axis=1,
         )
         if self._track_flow.any():
-            factor = np.broadcast_to(track_scale, size)
+            factor = np.broadcast_to(np.asarray(track_scale, dtype=float), size)
             flow = flow + factor * self._track_flow
             moment = moment + factor[:, None, None] * self._track_moment
-            spread = spread + np.mean(factor) * self._track_spread
+            spread = spread + float(factor.mean()) * self._track_spread
         return Conductances(flow, moment, spread)
 
     def velocity(self, potential: np.ndarray, factor: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -116,7 +117,7 @@ class Preform:
         porosity: np.ndarray,
         values: np.ndarray,
         axes: np.ndarray,
-        **others,
+        **others: Any,
     ) -> Preform:
         """Return a preform from principal permeabilities and their axes in the plane.
 
@@ -133,7 +134,7 @@ class Preform:
         return cls(thickness, porosity, tensor, **others)
 
     @classmethod
-    def from_mapped(cls, mapped: xr.Dataset, *, frame: int = -1, **others) -> Preform:
+    def from_mapped(cls, mapped: xr.Dataset, *, frame: int = -1, **others: Any) -> Preform:
         """Return the preform that a mapping wrote: thickness, fibre content, permeability.
 
         Parameters

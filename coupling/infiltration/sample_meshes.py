@@ -73,12 +73,12 @@ def disc(hole: float, radius: float, edge: float, around_hole: int) -> FlowMesh:
     rings = hole + (np.array(radii) - hole) * (radius - hole) / (radii[-1] - hole)
     spacing = np.gradient(rings) / 0.87
     places, ring = [], []
-    for number, r in enumerate(rings):
-        count = max(around_hole, int(round(2.0 * np.pi * r / spacing[number])))
-        count = around_hole if number == 0 else count
-        angle = (np.arange(count) + 0.5 * (number % 2)) * 2.0 * np.pi / count
+    for k, r in enumerate(rings):
+        count = max(around_hole, int(round(2.0 * np.pi * r / spacing[k])))
+        count = around_hole if k == 0 else count
+        angle = (np.arange(count) + 0.5 * (k % 2)) * 2.0 * np.pi / count
         places.append(np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1))
-        ring += [number] * count
+        ring += [k] * count
     flat, number = np.concatenate(places), np.array(ring)
     cells = Delaunay(flat).simplices
     cells = cells[~(number[cells] == 0).all(axis=1)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -90,11 +91,11 @@ class FillingState:
 
     def copy(self) -> FillingState:
         """Return a state that shares no array with this one."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return FillingState(**{
-            name: value.copy() if isinstance(value, np.ndarray) else value
-            for name, value in values.items()
-        })  # fmt: skip
+        values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        for name, value in values.items():
+            if isinstance(value, np.ndarray):
+                values[name] = value.copy()
+        return FillingState(**values)
 
     @property
     def stored(self) -> float:

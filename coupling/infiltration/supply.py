@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -35,13 +36,19 @@ class OpenGate:
     contact: float
 
 
+class HasFillTime(Protocol):
+    """What schedules look at: a state, or what stands for it before anything flows."""
+
+    fill_time: np.ndarray
+
+
 class Supply:
     """Gates and vents of a filling."""
 
     def __init__(self, gates: Sequence[Gate], vents: Sequence[Vent], node_count: int) -> None:
         self.gates, self.vents = tuple(gates), tuple(vents)
         owner: dict[int, str] = {}
-        for place in (*self.gates, *self.vents):
+        for place in self._places:
             kind = "gate" if isinstance(place, Gate) else "vent"
             arrival = np.concatenate(
                 [place.schedule.opens_on_arrival, place.schedule.closes_on_arrival]
@@ -60,9 +67,13 @@ class Supply:
                     )
                 owner[node] = place.name
 
+    @property
+    def _places(self) -> tuple[Gate | Vent, ...]:
+        return (*self.gates, *self.vents)
+
     def _may_share(self, name: str, place: Gate | Vent) -> bool:
         """A place may be a gate for some time and a vent for another."""
-        other = next(p for p in (*self.gates, *self.vents) if p.name == name)
+        other = next(p for p in self._places if p.name == name)
         return (
             other.schedule.closes <= place.schedule.opens
             or place.schedule.closes <= other.schedule.opens
@@ -101,7 +112,7 @@ class Supply:
             for opened in gates
         ]  # fmt: skip
 
-    def open_vents(self, time: float, state: FillingState) -> list[tuple[int, Vent, float]]:
+    def open_vents(self, time: float, state: HasFillTime) -> list[tuple[int, Vent, float]]:
         """Return number, vent and pressure [Pa] of the vents that are open at a time [s]."""
         return [
             (number, vent, value_at(vent.pressure, time))
@@ -119,7 +130,7 @@ class Supply:
     @property
     def watched(self) -> np.ndarray:
         """Nodes whose arrival opens or closes something."""
-        places = (*self.gates, *self.vents)
+        places = self._places
         rows = [place.schedule.opens_on_arrival for place in places]
         rows += [place.schedule.closes_on_arrival for place in places]
         return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *rows]))
@@ -133,7 +144,7 @@ class Supply:
 
     def next_switch(self, time: float) -> float:
         """The next time [s] at which the clock opens or closes something, or a table bends."""
-        places = (*self.gates, *self.vents)
+        places = self._places
         bends = [t for table in self._tables for t in table.times.tolist() if t > time]
         return min(*(place.schedule.next_switch(time) for place in places), *bends, np.inf, np.inf)
 

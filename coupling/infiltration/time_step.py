@@ -101,8 +101,8 @@ class TimeStep:
                 return None
             step *= share
         raise SimulationError(
-            f"time steps collapse at {state.time:.6g} s ({step:.3g} s): resin finds no room next to where it "
-            f"is pressed to ({_place(filling, stage)})"
+            f"time steps collapse at {state.time:.6g} s ({step:.3g} s): resin finds no room "
+            f"next to where it is pressed to ({_place(filling, stage)})"
         )
 
     def refresh(self) -> None:

@@ -41,8 +41,8 @@ def restored(tree: Any, arrays: list[np.ndarray], records: Mapping[str, Callable
     if kind == _RECORD:
         values = {key: restored(value, arrays, records) for key, value in rest[1].items()}
         return records[rest[0]](**values)
-    values = [restored(value, arrays, records) for value in rest[0]]
-    return values if kind == _LIST else tuple(values)
+    entries = [restored(value, arrays, records) for value in rest[0]]
+    return entries if kind == _LIST else tuple(entries)
 
 
 def _flat(saved: Any, arrays: list[np.ndarray]) -> Any:

@@ -10,7 +10,10 @@ def filling_in_words(report: Mapping[str, Any]) -> str:
     """Say how a filling of ``summary.json`` ended; why it failed where it did."""
     if "error" in report:
         return str(report["error"])
-    end, share = time_in_words(report["time"]), f"{report['filled_share']:.1%}"
+    # What presses on a part goes on after the part is full.
+    full_at = report["fill_time_last"] if report["outcome"] == "filled" else None
+    end = time_in_words(report["time"] if full_at is None else full_at)
+    share = f"{report['filled_share']:.1%}"
     text = {
         "filled": f"filled after {end}",
         "reached": f"{share} filled after {end}",

@@ -50,7 +50,7 @@ class _Closure(SceneModel):
 class Bag(_Closure):
     """A bag or diaphragm: each cell bears its pressure."""
 
-    kind: Literal["bag"]
+    type: Literal["bag"]
     pressure: Annotated[tuple[Pressure, ...], Row('"1 bar"', minimum_count=1)] = Field(
         description="Pressure on the bag, or one for each of times, in the system of the vents'."
     )
@@ -77,7 +77,7 @@ class Bag(_Closure):
 class Gap(_Closure):
     """Rigid tools that close from the largest formed thickness down to a gap."""
 
-    kind: Literal["gap"]
+    type: Literal["gap"]
     thickness: PositiveLength = Field(description="Gap of the closed tools.")
     closing_time: PositiveTime = Field(
         description="Time in which they close, at a constant speed from the thickest cell on; a "
@@ -96,7 +96,7 @@ class Gap(_Closure):
 class Press(_Closure):
     """A rigid tool under a force."""
 
-    kind: Literal["press"]
+    type: Literal["press"]
     force: Annotated[tuple[Force, ...], Row('"10 kN"', minimum_count=1)] = Field(
         description="Force of the press, or one for each of times."
     )
@@ -125,4 +125,4 @@ class Press(_Closure):
         return f"a press with {min(self.force):.4g} to {max(self.force):.4g} N"
 
 
-Closure = Annotated[Bag | Gap | Press, Field(discriminator="kind")]
+Closure = Annotated[Bag | Gap | Press, Field(discriminator="type")]

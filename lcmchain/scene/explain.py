@@ -32,6 +32,7 @@ DISCRIMINATORS = {
     "resin": "law",
     "cure": "law",
     "temperature": "law",
+    "closure": "type",
 }
 
 #: Examples of tables, for messages about a missing one.

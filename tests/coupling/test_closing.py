@@ -93,7 +93,7 @@ def test_the_textile_is_that_of_the_scene_with_its_overrides(source):
 def test_closing_plates_squeeze_the_resin_out_of_both_ends(source):
     """F/width = 2 mu |dh/dt| L³ / (3 K h), L half the length, and the fibres' force."""
     closing = (
-        '[closure]\nkind = "gap"\nthickness = "0.8 mm"\nclosing_time = "2000 s"\nwindow = "20 s"'
+        '[closure]\ntype = "gap"\nthickness = "0.8 mm"\nclosing_time = "2000 s"\nwindow = "20 s"'
     )
     filled = fill(read_formed_part(source), case(HEAD, ENDS, WET, closing, LAW))
     speed = (THICKNESS - 0.8e-3) / 2000.0
@@ -119,8 +119,8 @@ def test_resin_lifts_a_part_until_the_pressures_balance(source, kind):
     """At the end of an infusion the resin is at the gate's pressure everywhere."""
     area = LENGTH * WIDTH
     closing = {
-        "bag": '[closure]\nkind = "bag"\npressure = "1 bar"',
-        "press": f'[closure]\nkind = "press"\nforce = "{1e5 * area} N"',
+        "bag": '[closure]\ntype = "bag"\npressure = "1 bar"',
+        "press": f'[closure]\ntype = "press"\nforce = "{1e5 * area} N"',
     }[kind]
     long = HEAD.replace("2000 s", "20000 s")
     filled = fill(read_formed_part(source), case(long, LEFT, RIGHT, closing, LAW))
@@ -137,7 +137,7 @@ def test_resin_lifts_a_part_until_the_pressures_balance(source, kind):
 
 
 def test_going_on_from_a_checkpoint_is_bit_identical(source, tmp_path):
-    closing = '[closure]\nkind = "bag"\npressure = "1 bar"'
+    closing = '[closure]\ntype = "bag"\npressure = "1 bar"'
     the_case = case(HEAD, LEFT, RIGHT, closing, LAW)
     whole = fill(read_formed_part(source), the_case)
 
@@ -165,14 +165,14 @@ def test_going_on_from_a_checkpoint_is_bit_identical(source, tmp_path):
 
 def test_what_cannot_be_pressed_is_said(source):
     part = read_formed_part(source)
-    closing = '[closure]\nkind = "bag"\npressure = "1 bar"'
+    closing = '[closure]\ntype = "bag"\npressure = "1 bar"'
     part.dataset.attrs.pop("scene")
     with pytest.raises(InputError, match="does not hold the scene"):
         fill(part, case(HEAD, LEFT, RIGHT, closing, LAW))
-    hard = '[closure]\nkind = "gap"\nthickness = "0.3 mm"\nclosing_time = "100 s"'
+    hard = '[closure]\ntype = "gap"\nthickness = "0.3 mm"\nclosing_time = "100 s"'
     with pytest.raises(SimulationError):
         fill(read_formed_part(source), case(HEAD, ENDS, WET, hard, LAW))
     with pytest.raises(InputError, match="closing_time"):
-        case(HEAD, ENDS, WET, '[closure]\nkind = "gap"\nthickness = "0.3 mm"', LAW)
+        case(HEAD, ENDS, WET, '[closure]\ntype = "gap"\nthickness = "0.3 mm"', LAW)
     setup = set_up(read_formed_part(source), case(HEAD, LEFT, RIGHT, closing, LAW))
     assert isinstance(Mould(setup.part, setup.filling(), setup.case.closure, 1.0), Mould)
