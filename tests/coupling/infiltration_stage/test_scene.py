@@ -154,7 +154,7 @@ def test_a_structural_mesh_takes_no_infiltration(tmp_path):
 
 
 def test_the_case_of_the_manual_and_those_of_the_example_are_read():
-    (block,) = re.findall(r"```toml\n(.*?)```", read_page("infiltration").text, flags=re.DOTALL)
+    block, *_ = re.findall(r"```toml\n(.*?)```", read_page("infiltration").text, flags=re.DOTALL)
     assert infiltration_from_text(block).gates[0].radius == 0.01
     if EXAMPLE.is_dir():
         assert read_infiltration(EXAMPLE / "pole.toml").gates[0].pressure == (3e5,)
