@@ -178,8 +178,16 @@ def bench(
     mapping: Annotated[
         bool, typer.Option("--mapping", help="Of the mapping, beside medcoupling if it is there.")
     ] = False,
+    filling: Annotated[
+        bool, typer.Option("--filling", help="Of the infiltration, over the size of the mesh.")
+    ] = False,
 ) -> None:
-    """Measure the speed of the solver, or of the mapping, on this machine."""
+    """Measure the speed of the solver, the mapping or the infiltration on this machine."""
+    if filling:
+        from lcmchain.coupling.infiltration.benchmark import run_filling_bench
+
+        console().print(run_filling_bench())
+        return
     if mapping:
         from lcmchain.mapping.benchmark import run_mapping_bench
 
