@@ -97,7 +97,7 @@ def _filling(side: int, wet: float = 0.0) -> Filling:
     gate = np.flatnonzero(radius <= max(HOLE, radius.min()))
     return Filling(
         mesh,
-        Preform(3e-3, 0.5, PERMEABILITY),
+        Preform(np.array(3e-3), np.array(0.5), np.array(PERMEABILITY)),
         VISCOSITY,
         [Gate("middle", gate, pressure=PRESSURE)],
         [Vent("rim", mesh.rim)],
