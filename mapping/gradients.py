@@ -296,12 +296,13 @@ def kept_positive(mean, gradient, corners, scale):
 
 @routine
 def _fit_gradients(stencil, values, gradients):
+    start, face, share = stencil.start, stencil.face, stencil.share
     for i in range(len(values)):
         gx, gy = 0.0, 0.0
-        for k in range(stencil.start[i], stencil.start[i + 1]):
-            difference = values[stencil.face[k]] - values[i]
-            gx += stencil.share[k, 0] * difference
-            gy += stencil.share[k, 1] * difference
+        for k in range(start[i], start[i + 1]):
+            difference = values[face[k]] - values[i]
+            gx += share[k, 0] * difference
+            gy += share[k, 1] * difference
         if not np.isfinite(gx + gy):
             gx, gy = 0.0, 0.0  # beside a face without a value
         gradients[i, 0], gradients[i, 1] = gx, gy
@@ -309,12 +310,13 @@ def _fit_gradients(stencil, values, gradients):
 
 @routine
 def _limit_gradients(stencil, values, fitted, never_negative, gradients):
+    start, face, corners = stencil.start, stencil.face, stencil.corners
     way, back = stencil.way, stencil.back
     for i in range(len(values)):
         own, gx, gy = values[i], fitted[i, 0], fitted[i, 1]
         low, high, differences, unexplained = 0.0, 0.0, 0.0, 0.0
-        for k in range(stencil.start[i], stencil.start[i + 1]):
-            j = stencil.face[k]
+        for k in range(start[i], start[i + 1]):
+            j = face[k]
             difference = values[j] - own
             if np.isnan(difference):
                 continue
@@ -328,7 +330,7 @@ def _limit_gradients(stencil, values, fitted, never_negative, gradients):
                 unexplained += rest * rest / square
         within, positive = 1.0, 1.0
         for corner in range(4):
-            step = gx * stencil.corners[i, corner, 0] + gy * stencil.corners[i, corner, 1]
+            step = gx * corners[i, corner, 0] + gy * corners[i, corner, 1]
             within = min(within, allowed(step, low, high))
             if never_negative:
                 positive = min(positive, allowed(step, -own, np.inf))

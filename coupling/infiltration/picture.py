@@ -60,7 +60,7 @@ def draw_pressure(path: Path | str, filled: FilledPart, title: str) -> None:
 
     In the last moment all flow is to the last dry place, which says nothing of the mould.
     """
-    share = filled.resin_volume.sum(axis=1) / float(filled.pore_volume)
+    share = np.interp(filled.time, filled.history.time, filled.history.filled_share)
     before = np.flatnonzero((share > 0.0) & (share <= NEARLY_FULL))
     frame = int(before[-1]) if filled.is_filled and len(before) else len(filled.time) - 1
     wet = filled.fill[frame] > 0.0
