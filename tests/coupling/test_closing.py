@@ -176,3 +176,22 @@ def test_what_cannot_be_pressed_is_said(source):
         case(HEAD, ENDS, WET, '[closure]\ntype = "gap"\nthickness = "0.3 mm"', LAW)
     setup = set_up(read_formed_part(source), case(HEAD, LEFT, RIGHT, closing, LAW))
     assert isinstance(Mould(setup.part, setup.filling(), setup.case.closure, 1.0), Mould)
+
+
+def test_wet_moulding_is_filled_from_its_film_and_drawn(source, tmp_path):
+    """A film and closing tools, no gate: what the film gave is in the part or has left it."""
+    film = 'film = { thickness = "0.6 mm", pressure = "3 bar" }\n'
+    closing = '[closure]\ntype = "gap"\nthickness = "0.8 mm"\nclosing_time = "100 s"'
+    short = HEAD.replace("2000 s", "200 s")
+    the_case = case(short + film, ENDS, closing, LAW)
+    report = fill_part(source, the_case, name="a", out_dir=tmp_path)
+    assert (tmp_path / "a_filling_curves.png").stat().st_size > 10_000
+    assert report.balance_error < 1e-10
+    assert report.closing["thickness_max"] == pytest.approx(0.8e-3, rel=1e-9)
+    with xr.open_dataset(tmp_path / "a_filling.nc", group="/history") as history:
+        assert history.sizes["gate"] == 0
+        given = LENGTH * WIDTH * 0.6e-3
+        left = history["vented_volume"].values[-1].sum()
+        assert history["stored_volume"].values[-1] + left <= given * (1.0 + 1e-9)
+        assert history["stored_volume"].values[-1] + left > 0.99 * given
+        assert left > 0.1 * given and history["resin_force"].values.max() > 0.0

@@ -158,4 +158,6 @@ def test_the_case_of_the_manual_and_those_of_the_example_are_read():
     assert infiltration_from_text(block).gates[0].radius == 0.01
     if EXAMPLE.is_dir():
         assert read_infiltration(EXAMPLE / "pole.toml").gates[0].pressure == (3e5,)
+        assert read_infiltration(EXAMPLE / "bag.toml").closure.type == "bag"
+        assert read_infiltration(EXAMPLE / "wet_moulding.toml").closure.type == "gap"
         assert list(read_scene(EXAMPLE / "scene.toml").infiltrations) == ["sheet", "from_rim"]
