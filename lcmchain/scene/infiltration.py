@@ -28,6 +28,7 @@ from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.closure import Closure
 from lcmchain.scene.flow_places import NamedPlace
 from lcmchain.scene.gates import Arrival, Gate, Vent, as_row, require_times
+from lcmchain.scene.names import with_own_names
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.resin import Resin
 
@@ -188,14 +189,7 @@ class Infiltration(SceneModel):
     @field_validator("gates", "vents", "regions", "race_tracks", "wetted")
     @classmethod
     def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
-        names = [item.name for item in items]
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                raise wrong(
-                    f'has the name "{name}" twice, at [{names.index(name)}] and [{index}]; '
-                    "give each its own name"
-                )
-        return items
+        return with_own_names(items)
 
     @model_validator(mode="after")
     def _check_scene(self) -> Self:

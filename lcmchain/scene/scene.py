@@ -23,6 +23,7 @@ from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.mapping_target import MappingTarget
+from lcmchain.scene.names import with_own_names
 from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, Output
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.presets import fill_preset
@@ -144,14 +145,7 @@ class Scene(SceneModel):
     @field_validator("tools", "mapping", "pressure")
     @classmethod
     def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
-        names = [item.name for item in items]
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                raise wrong(
-                    f'has the name "{name}" twice, at [{names.index(name)}] and [{index}]; '
-                    "give each its own name"
-                )
-        return items
+        return with_own_names(items)
 
     @field_validator("tools")
     @classmethod

@@ -30,6 +30,7 @@ from lcmchain.quantities.entry_types import (
 )
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.constituents import FIBRES, RESINS, Fibre, Resin, published_values
+from lcmchain.scene.names import with_own_names
 
 #: What a support can hold: displacements, and rotations of the nodes of shells.
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
@@ -195,14 +196,7 @@ class Structure(SceneModel):
     @field_validator("supports", "loads")
     @classmethod
     def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
-        names = [item.name for item in items]
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                raise wrong(
-                    f'has the name "{name}" twice, at [{names.index(name)}] and [{index}]; '
-                    "give each its own name"
-                )
-        return items
+        return with_own_names(items)
 
     @model_validator(mode="after")
     def _check_static(self) -> Self:
