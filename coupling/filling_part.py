@@ -12,7 +12,11 @@ from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.state import FillingState
 from lcmchain.coupling.iteration.interface import (
     PORE_PRESSURE,
+    PRESSURE_AT_REST,
     REFERENCE_PRESSURE,
+    RESISTANCE,
+    THICKNESS,
+    VOLUME,
     VOLUME_RATE,
     VOLUME_RATE_SLOPE,
     Fields,
@@ -23,44 +27,61 @@ from lcmchain.errors import InputError, SimulationError
 
 
 class SavedFilling(NamedTuple):
-    """State of a :class:`FillingPart`: of the filling, and the inputs that were set last."""
+    """State of a :class:`FillingPart`: of the filling, inputs that were set last, last answers."""
 
     state: FillingState
     inputs: dict[str, np.ndarray]
+    time: float
     mean_pressure: np.ndarray
+    at_rest: np.ndarray
 
 
 class FillingPart:
     """A filling whose cells are those of the solid; a ``CoupledPart``.
 
-    It takes ``volume_rate`` (C,) [m³/s], the mean over the coming step, and ``points`` (3 N,) [m],
-    where the nodes will be: a cell keeps its volume when they move and then changes it at that
-    rate, so that it has the volume of the solid at the end. With ``volume_rate_slope`` (C,)
-    [m³/(s Pa)] and ``reference_pressure`` (C,) [Pa] the rate follows the pressure that the filling
-    finds, the fixed-stress split; the pressure of such cells is the mean over the last step, so
-    that both sides have the same volume when they agree on it. It gives ``pore_pressure`` (C,)
-    [Pa], the mean over the corners of a cell by their areas: of the resin where their control
-    volumes are full, else of the air.
+    It takes what the solid's volume becomes, by either of ``volume`` (C,) [m³], that at the end of
+    the coming step, or ``volume_rate`` (C,) [m³/s], the mean over it; the volume leaves no sum of
+    small disagreements behind. With ``points`` (3 N,) [m], where the nodes will be, a cell first
+    keeps its volume when they move and then changes it at that rate, so that it has the volume of
+    the solid at the end.
+
+    With ``volume_rate_slope`` (C,) [m³/(s Pa)] and ``reference_pressure`` (C,) [Pa] the rate
+    follows the pressure that the filling finds, the fixed-stress split; the pressure of such cells
+    is the mean over the last step, so that both sides have the same volume when they agree on it.
+    It gives ``pore_pressure`` (C,) [Pa], the mean over the corners of a cell by their areas: of the
+    resin where their control volumes are full, else of the air; and ``pressure_at_rest``, with the
+    solid's ``pore_resistance`` (C,) [Pa s/m³] times the rate added.
 
     Parameters
     ----------
     filling : on a mesh with the solid's cells in their order.
+    pace : how much the filling's clock runs faster than the solid's, whose process may be computed
+        in less time than it takes.
     """
 
-    inputs = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, POINTS)
+    inputs = (VOLUME, VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE, POINTS)
 
-    def __init__(self, filling: Filling) -> None:
-        self.filling = filling
+    def __init__(self, filling: Filling, *, pace: float = 1.0) -> None:
+        if not 0.0 < pace < np.inf:
+            raise InputError(f"the pace of a filling must be positive, not {pace:g}")
+        self.filling, self.pace = filling, float(pace)
         # a window ends where the solid is, whether anything flows or not
         filling.options = replace(filling.options, stop_when_idle=False)
         none = np.zeros(filling.mesh.cell_count)
-        self._given = dict.fromkeys(self.inputs, none) | {POINTS: filling.state.points.ravel()}
+        names = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
+        self._given = dict.fromkeys(names, none) | {POINTS: filling.state.points.ravel()}
+        self._time = filling.time / self.pace
         self._mean = np.full(filling.mesh.cell_count, np.nan)
+        self._at_rest = self.present_pressure()
 
     @property
     def time(self) -> float:
-        """Present time [s]."""
-        return self.filling.time
+        """Present time of the solid's clock [s]."""
+        return self._time
+
+    def volume(self) -> np.ndarray:
+        """Return the volumes of the cells (C,) [m³]."""
+        return self.filling.state.thickness * self.filling.mesh.areas
 
     def advance(self, step: float) -> None:
         """Fill for ``step`` [s].
@@ -69,64 +90,78 @@ class FillingPart:
         ------
         PartFailed : the filling cannot do it.
         """
-        filling, begin, given = self.filling, self.time, self._given
+        filling, given, span = self.filling, self._given, step * self.pace
+        before = self.volume()
+        change = given[VOLUME] - before if VOLUME in given else given[VOLUME_RATE] * step
         points = given[POINTS].reshape(-1, 3)
         try:
-            volume = filling.state.thickness * filling.mesh.areas
             if not np.array_equal(points, filling.state.points):
                 filling.set_points(points)
             area = filling.mesh.areas
-            start, rate = volume / area, given[VOLUME_RATE] / area
-            lift, reference = given[VOLUME_RATE_SLOPE] / area, given[REFERENCE_PRESSURE]
-            filling.set_thickness(start, rate, lift, reference)
-            filling.advance(begin + step)
+            start, rate = before / area, change / (area * span)
+            lift = given[VOLUME_RATE_SLOPE] / (area * self.pace)
+            filling.set_thickness(start, rate, lift, given[REFERENCE_PRESSURE])
+            filling.advance(filling.time + span)
         except SimulationError as error:
             raise PartFailed(
-                str(error), time=begin, step=step, inputs={VOLUME_RATE: given[VOLUME_RATE]}
+                str(error), time=self._time, step=step, inputs={VOLUME_RATE: change / step}
             ) from error
-        lifted = filling.state.thickness - start - step * rate
-        slope = np.where(lift > 0.0, step * lift, np.nan)
-        self._mean = reference + lifted / slope
+        self._time += step
+        lifted = filling.state.thickness - start - span * rate
+        slope = np.where(lift > 0.0, span * lift, np.nan)
+        self._mean = given[REFERENCE_PRESSURE] + lifted / slope
+        self._at_rest = self.pressure() + given[RESISTANCE] * (self.volume() - before) / step
 
     def save(self) -> SavedFilling:
         """Return a copy of the state."""
         given = {name: values.copy() for name, values in self._given.items()}
-        return SavedFilling(self.filling.save(), given, self._mean.copy())
+        return SavedFilling(
+            self.filling.save(), given, self._time, self._mean.copy(), self._at_rest.copy()
+        )
 
     def restore(self, saved: SavedFilling) -> None:
         """Go back to a saved state; going on from it is bit-identical."""
         self.filling.restore(saved.state)
         self._given = {name: values.copy() for name, values in saved.inputs.items()}
-        self._mean = saved.mean_pressure.copy()
+        self._time = saved.time
+        self._mean, self._at_rest = saved.mean_pressure.copy(), saved.at_rest.copy()
 
     def set_fields(self, fields: Mapping[str, np.ndarray]) -> None:
         """Take inputs.
 
         Raises
         ------
-        InputError : another name, a wrong number of values, or one that is no number.
+        InputError : another name, volumes and their rates, a wrong number of values, or one that is
+            no number.
         """
         for name, values in fields.items():
             if name not in self.inputs:
                 raise InputError(
-                    f'"{name}" is no input of a filling; it takes {" and ".join(self.inputs)}'
+                    f'"{name}" is no input of a filling; it takes {", ".join(self.inputs)}'
                 )
-            self._given[name] = checked(name, values, self._given[name].size)
+            size = self._given[POINTS].size if name == POINTS else self.filling.mesh.cell_count
+            self._given[name] = checked(name, values, size)
+            if name == VOLUME_RATE:
+                self._given.pop(VOLUME, None)
 
     def get_fields(self, names: Sequence[str]) -> Fields:
-        """Return ``pore_pressure`` [Pa], ``thickness`` [m] and ``volume`` [m³] of the cells.
+        """Return ``pore_pressure``, ``pressure_at_rest`` [Pa], ``thickness`` [m], ``volume`` [m³].
 
         Raises
         ------
         InputError : a name that is no output.
         """
-        state, mesh = self.filling.state, self.filling.mesh
         found = {
-            PORE_PRESSURE: np.where(np.isnan(self._mean), self.present_pressure(), self._mean),
-            "thickness": state.thickness,
-            "volume": state.thickness * mesh.areas,
+            PORE_PRESSURE: self.pressure(),
+            PRESSURE_AT_REST: self._at_rest,
+            THICKNESS: self.filling.state.thickness,
+            VOLUME: self.volume(),
         }
         return chosen(names, found)
+
+    def pressure(self) -> np.ndarray:
+        """Return the pressure of each cell (C,) [Pa]: over the last step where it lifts, or now."""
+        return np.where(np.isnan(self._mean), self.present_pressure(), self._mean)
 
     def present_pressure(self) -> np.ndarray:
         """Return the mean pressure over each cell now [Pa], (C,)."""

@@ -229,6 +229,11 @@ class State(_Arrays):
     pore_rate: np.ndarray = entry(
         "porous element", unit="Pa/s", meaning="of the pore pressures, in blocks"
     )
+    pore_resistance: np.ndarray = entry(
+        "porous element",
+        unit="Pa s/m3",
+        meaning="by which the pore pressures fall with the rate of the volumes, in blocks",
+    )
     node_load: np.ndarray = entry(
         "xyz",
         "loaded node",

@@ -34,6 +34,9 @@ MOST_CUTS = 60
 MOST_TINY_STEPS, TINY = 2000, 1e-9
 # Of the pore volume, over all that is left of the time: less is no flow.
 NO_FLOW = 1e-10
+# Of the pores of a control volume: what a full one may lack and stay so although they shrink, and
+# the round-off of its content.
+NEARLY, ROUND_OFF = 0.5 * (1.0 - FULL), 1e-13
 
 
 @dataclass(frozen=True)
@@ -55,8 +58,9 @@ class Situation:
 
 
 class Stage(NamedTuple):
-    """Flow at the start or end of a step, and how it is driven."""
+    """Flow at the start or end of a step, and how it is driven; excess flows off in ``step`` [s]."""
 
+    step: float
     flow: Flow
     gate_pressure: np.ndarray
     gate_rate: np.ndarray
@@ -141,7 +145,8 @@ class TimeStep:
         if film is not None and film.sinking is not None:
             primings.append(film.sinking)
         excess = np.where(state.full, state.resin_volume - pores, 0.0)
-        excess[np.abs(excess) < 2.0 * (1.0 - FULL) * pores] = 0.0
+        # Full volumes may lack a little; what they have too much of is only dropped as round-off.
+        excess[(excess > -NEARLY * pores) & (excess < ROUND_OFF * pores)] = 0.0
         return Situation(
             state, conductances, pores, gates, primings, ~np.isnan(vent_pressure), vent_pressure,
             air, excess, medium.pore_rate(state.thickness_rate), medium.lift(state), film,
@@ -175,7 +180,8 @@ class TimeStep:
         if state.thickness_rate.any() and situation.lift is None:
             fastest = np.max(np.abs(state.thickness_rate) / state.thickness)
             limit = min(limit, options.largest_compaction / fastest)
-        timed = bool(situation.excess.any() or len(situation.air.volume) and options.trapped_air)
+        jumped = np.abs(situation.excess) > NEARLY * situation.pores
+        timed = bool(jumped.any() or len(situation.air.volume) and options.trapped_air)
         timed |= situation.film is not None and len(situation.film.fed) > 0
         if self._kept is not None and not timed:
             stage = self._kept[1]
@@ -218,6 +224,8 @@ class TimeStep:
     def _try(self, situation: Situation, stage: Stage, step: float) -> float:
         """Take a step of this size; if it is too large, return the share of it to try next."""
         state = situation.state
+        if situation.excess.any() and stage.step != step:
+            stage = self._stage(situation, state, step)
         rate = _thickness_rate(situation, stage)
         pores_end = self._pores_at(situation, rate, step)
         first = self._moved(situation, stage.flow.along, pores_end, step)
@@ -275,7 +283,6 @@ class TimeStep:
         received = step * rate + primed
         squeezed = pores_end - situation.pores - situation.excess
         volume = state.resin_volume + np.where(state.full, squeezed, received)
-        volume[state.full] = np.minimum(volume, pores_end)[state.full]
         passed = pass_on(
             network.edges, situation.conductances.flow, state.resin_volume, volume, pores_end,
             situation.pores,
@@ -340,7 +347,7 @@ class TimeStep:
                 break
         bled = np.where(situation.bleeds & state.full & ~shut, -flow.net, 0.0)
         drawn_from_film = np.zeros(0) if film is None else film.rate(flow.net, step, spent)
-        return Stage(flow, pressure, rate, bled, drawn_from_film)
+        return Stage(step, flow, pressure, rate, bled, drawn_from_film)
 
     def _solve(
         self,

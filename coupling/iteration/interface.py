@@ -26,6 +26,12 @@ VOLUME_RATE = "volume_rate"  # [m3/s] per cell
 REFERENCE_PRESSURE = "reference_pressure"  # [Pa] per cell
 VOLUME_RATE_SLOPE = "volume_rate_slope"  # [m3/(s Pa)] per cell
 THICKNESS_RATE_SLOPE = "thickness_rate_slope"  # [m/(s Pa)] per cell
+# For a solid that moves on in steps of its own: within a window the pore pressure falls with the
+# rate of the volume by the solid's resistance, as a fluid answers that must flow off. The fluid
+# gives the pressure at rest, p + resistance * rate, as it has found both.
+VOLUME = "volume"  # [m3] per cell, at the end of the step
+RESISTANCE = "pore_resistance"  # [Pa s/m3] per cell
+PRESSURE_AT_REST = "pressure_at_rest"  # [Pa] per cell
 
 
 @runtime_checkable

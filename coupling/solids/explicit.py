@@ -16,17 +16,23 @@ import numpy as np
 
 from lcmchain.coupling.iteration.interface import (
     PORE_PRESSURE,
+    PRESSURE_AT_REST,
     REFERENCE_PRESSURE,
+    RESISTANCE,
     VOLUME_RATE_SLOPE,
     Fields,
     PartFailed,
 )
 from lcmchain.coupling.solids.fields import POINTS, checked, chosen
-from lcmchain.effects.pore_pressure import volumes_and_rates
+from lcmchain.effects.pore_pressure import resistance_mobilities, volumes_and_rates
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.model import build_model
 from lcmchain.solver.simulation import Simulation, StepControl
 from lcmchain.state import State
+
+
+# Share of the explicit step's stability that the resistances of the fluid may take.
+DAMPED_SHARE = 0.25
 
 
 @dataclass(frozen=True)
@@ -34,14 +40,19 @@ class SavedForming:
     """State of a :class:`ExplicitForming` at a time.
 
     state : of the simulation. control : what limits its step.
-    pore_pressure : given last (element_count,) [Pa].
+    given : pressure that was set last (element_count,) [Pa]. at_rest : whether it is that at rest.
+    mean_pressure : over the last step (element_count,) [Pa].
+    resistance : over the last step (element_count,) [Pa s/m³].
     step : length of the last step [s], 0 before the first one.
     volume, area : of the elements where the last step began (element_count,) [m³, m²].
     """
 
     state: State
     control: StepControl
-    pore_pressure: np.ndarray
+    given: np.ndarray
+    at_rest: bool
+    mean_pressure: np.ndarray
+    resistance: np.ndarray
     step: float
     volume: np.ndarray
     area: np.ndarray
@@ -52,10 +63,14 @@ class ExplicitForming:
     :class:`lcmchain.coupling.iteration.interface.CoupledPart`.
 
     The pore pressure that was set is held over a step; own steps are the explicit ones. An
-    incompressible fluid leaves an element no volume of its own: windows must resolve its thickness
-    wave (:meth:`longest_window`). With ``ramped`` the pressure goes linearly from its value before
-    to the one that was set: for outer pressures that change slowly, over windows of any length. A
-    fluid that answers to the mean rate over a window then makes shorter windows unstable.
+    incompressible fluid leaves an element no volume of its own: windows must then resolve its
+    thickness wave (:meth:`longest_window`). Give ``pressure_at_rest`` instead for longer ones: the
+    pressure then falls within the step with the rate of the volume, by a resistance that each
+    element reports and that its explicit step bears, so that thickness waves die away. Where solid
+    and fluid agree, the mean of both is the same (a Robin condition on the solid's side). With
+    ``ramped`` the pressure goes linearly from its value before to the one that was set: for outer
+    pressures that change slowly, over windows of any length. A fluid that answers to the mean rate
+    over a window then makes shorter windows unstable.
 
     Parameters
     ----------
@@ -69,7 +84,7 @@ class ExplicitForming:
     InputError : the model has no pore pressure, or several sheets.
     """
 
-    inputs = (PORE_PRESSURE,)
+    inputs = (PORE_PRESSURE, PRESSURE_AT_REST)
 
     def __init__(
         self, simulation: Simulation, *, surroundings: float = 0.0, ramped: bool = False
@@ -84,7 +99,8 @@ class ExplicitForming:
         self.simulation = simulation
         self.surroundings, self.ramped = float(surroundings), ramped
         self._lanes = model.pore
-        self._pressure = self.present_pressure()
+        self._given, self._at_rest = self.present_pressure(), False
+        self._mean, self._resistance = self._given.copy(), np.zeros(self.element_count)
         self._step = 0.0
         self._volume, self._area = self.volume(), self.area()
 
@@ -146,12 +162,31 @@ class ExplicitForming:
     def compliance(self) -> np.ndarray:
         """Return how much the volumes answer to their pressures over the last step (C,) [m³/Pa].
 
-        The smaller of two estimates, both of a sheet that no tool holds: that of the law of
-        compaction, and 2 A² dt² / m, what the inertia of an element of mass m lets a pressure do
-        within a step. It steers an iteration and has no part in its result.
+        The smaller of two estimates: that of the law of compaction, with the contact of elements
+        between two tools; and 2 A² dt² / m, what the inertia of an element of mass m lets a
+        pressure do within a step. It steers an iteration and has no part in its result.
         """
-        inertial = 2.0 * (self.area() * self._step) ** 2 / self._lanes.mass[self._lanes.place]
-        return np.minimum(self._static_compliance(), inertial)
+        area = self.area()
+        inertial = 2.0 * (area * self._step) ** 2 / self._lanes.mass[self._lanes.place]
+        held = 1.0 / self._static_compliance() + self._contact_stiffness(area) / area**2
+        return np.minimum(1.0 / held, inertial)
+
+    def _contact_stiffness(self, area: np.ndarray) -> np.ndarray:
+        """Return by how much contact on both faces stiffens a thickness (element_count,) [N/m]."""
+        model = self.simulation.model
+        touched = self.simulation.state.contact_force[model.blank.elements] > 0.0
+        below, above = touched[:, :4].mean(axis=1), touched[:, 4:].mean(axis=1)
+        both = below + above
+        series = np.divide(below * above, both, out=np.zeros_like(both), where=both > 0.0)
+        return model.environment.penalty * area * series
+
+    def _next_resistance(self) -> np.ndarray:
+        """Return the resistances (element_count,) [Pa s/m³] that the explicit step can bear."""
+        simulation = self.simulation
+        step = simulation.control.step or simulation.critical_step()
+        mobility = np.empty(self._lanes.padded_count)
+        resistance_mobilities(self._lanes, simulation.state.position, mobility)
+        return 2.0 * DAMPED_SHARE / (step * mobility[self._lanes.place])
 
     def longest_window(self) -> float:
         """Return half the period of the fastest thickness wave [s], of the elements on their own.
@@ -184,7 +219,7 @@ class ExplicitForming:
         return self.simulation.time
 
     def advance(self, step: float) -> None:
-        """Form for ``step`` [s] under the pore pressure that was set.
+        """Form for ``step`` [s] under the pressure that was set.
 
         Raises
         ------
@@ -193,27 +228,36 @@ class ExplicitForming:
         simulation, state = self.simulation, self.simulation.state
         begin = self.time
         self._volume, self._area, self._step = self.volume(), self.area(), float(step)
-        target = self._lanes.in_lanes(self._pressure - self.surroundings)
+        given = self._lanes.in_lanes(self._given - self.surroundings)
+        self._resistance = np.zeros(self.element_count)
+        if self._at_rest:
+            self._resistance = self._next_resistance()
         if self.ramped:
-            state.pore_rate[:] = (target - state.pore_pressure) / step
+            state.pore_rate[:] = (given - state.pore_pressure) / step
         else:
-            state.pore_pressure[:] = target
+            state.pore_pressure[:] = given
+        state.pore_resistance[:] = self._lanes.in_lanes(self._resistance)
         try:
             simulation.advance_to(begin + step)
         except SimulationError as error:
             raise PartFailed(
-                str(error), time=begin, step=step, inputs={PORE_PRESSURE: self._pressure}
+                str(error), time=begin, step=step, inputs={PORE_PRESSURE: self._given}
             ) from error
         finally:
             state.pore_rate[:] = 0.0
-        state.pore_pressure[:] = target
+            state.pore_resistance[:] = 0.0
+        self._mean = self._given - self._resistance * (self.volume() - self._volume) / step
+        state.pore_pressure[:] = self._lanes.in_lanes(self._mean - self.surroundings)
 
     def save(self) -> SavedForming:
         """Return a copy of the state, which no later step changes."""
         return SavedForming(
             self.simulation.state.copy(),
             copy.deepcopy(self.simulation.control),
-            self._pressure.copy(),
+            self._given.copy(),
+            self._at_rest,
+            self._mean.copy(),
+            self._resistance.copy(),
             self._step,
             self._volume.copy(),
             self._area.copy(),
@@ -223,26 +267,34 @@ class ExplicitForming:
         """Go back to a saved state; going on from it is bit-identical."""
         self.simulation.restore(saved.state)
         self.simulation.control = copy.deepcopy(saved.control)
-        self._pressure, self._step = saved.pore_pressure.copy(), saved.step
+        self._given, self._at_rest = saved.given.copy(), saved.at_rest
+        self._mean, self._resistance = saved.mean_pressure.copy(), saved.resistance.copy()
+        self._step = saved.step
         self._volume, self._area = saved.volume.copy(), saved.area.copy()
 
     def set_fields(self, fields: Mapping[str, np.ndarray]) -> None:
-        """Take ``pore_pressure`` (element_count,) [Pa] for the end of the next step.
+        """Take ``pore_pressure`` or ``pressure_at_rest`` (element_count,) [Pa] for the next step.
 
         Raises
         ------
-        InputError : another name, a wrong number of values, or one that is no number.
+        InputError : another name, both, a wrong number of values, or one that is no number.
         """
+        if len(fields) > 1:
+            raise InputError(f"forming takes one of {' and '.join(self.inputs)}, not both")
         for name, values in fields.items():
-            if name != PORE_PRESSURE:
-                raise InputError(f'"{name}" is no input of forming; it takes {PORE_PRESSURE}')
-            self._pressure = checked(name, values, self.element_count)
+            if name not in self.inputs:
+                raise InputError(
+                    f'"{name}" is no input of forming; it takes {" or ".join(self.inputs)}'
+                )
+            self._given = checked(name, values, self.element_count)
+            self._at_rest = name == PRESSURE_AT_REST
 
     def get_fields(self, names: Sequence[str]) -> Fields:
         """Return outputs at the present time; rates are means over the last step, 0 before it.
 
         ``volume`` [m³], ``thickness`` (volume over area) [m], ``area`` [m²] with their ``_rate``;
-        ``pore_pressure`` [Pa]; ``points`` (3 N,) [m]; for the fixed-stress split
+        ``pore_pressure`` [Pa], the mean over the last step; ``points`` (3 N,) [m];
+        ``pore_resistance`` [Pa s/m³] of the last step; for the fixed-stress split
         ``volume_rate_slope`` (an estimate, see :meth:`compliance`) and ``reference_pressure``.
 
         Raises
@@ -254,8 +306,10 @@ class ExplicitForming:
         before = {
             "volume": self._volume, "thickness": self._volume / self._area, "area": self._area
         }  # fmt: skip
-        pressure = self.present_pressure()
-        found = {PORE_PRESSURE: pressure, REFERENCE_PRESSURE: pressure, **now}
+        found = {
+            PORE_PRESSURE: self._mean, REFERENCE_PRESSURE: self._mean,
+            RESISTANCE: self._resistance, **now,
+        }  # fmt: skip
         found[POINTS] = self.points().ravel()
         for name, value in now.items():
             change = value - before[name]

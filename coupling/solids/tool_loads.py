@@ -108,8 +108,9 @@ def _fluid_forces(model: Model, position: np.ndarray, pressure: np.ndarray) -> n
     if model.pore is None:
         return np.zeros_like(position)
     corner = np.zeros(model.corner_force_size)
-    held = pressure.copy()
-    pore_forces(model.pore, np.ascontiguousarray(position), held, np.zeros_like(held), 0.0, corner)
+    held, none = pressure.copy(), np.zeros_like(pressure)
+    position = np.ascontiguousarray(position)
+    pore_forces(model.pore, position, np.zeros_like(position), held, none, none, 0.0, corner)
     return _on_nodes(model, corner)
 
 

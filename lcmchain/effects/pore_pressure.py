@@ -13,10 +13,14 @@ The element's own measure of compaction, its normal thickness a3·n, agrees with
 the mid-surface where the directors of an element are parallel; else they differ by products of a4
 to a6. The pressure is relative to that of the surroundings, which press on all faces. The mass of
 the fluid is not part of the sheet's inertia.
+
+With a resistance Z the pressure is p - Z dV/dt, as a fluid answers that must flow off: a coupling
+gives p so that their sum has the mean that the fluid has found (:mod:`lcmchain.coupling.solids`).
 Source: Terzaghi's principle for finite strains, e.g. Coussy, "Poromechanics", section 3.
 Stability limit: a given pressure has no stiffness of its own but that of the geometry, p ∂²V/∂x∂x;
 its ω², bounded by row sums of the mode vectors' blocks and about p (1/l1 + 1/l2) / (ρ h), is added
-to that of the elements. How the pressure answers to the volume is the coupling's concern.
+to that of the elements. A resistance damps with the velocity of half a step before, at the rate
+r = Z |∂V/∂a|²/m; stable for ω²dt²/4 + r dt/2 <= 1. How the pressure answers to the volume is the coupling's concern.
 Scene: none; coupling sets the pressures (:mod:`lcmchain.coupling.solids`).
 Fields: ``pore_pressure``; ``energy_external`` (history) holds its work.
 """
@@ -94,8 +98,11 @@ def volume_gradient(a):
 
 
 @equation
-def push_in_lane(corner, lane, p):
-    """Replace the corner positions ``corner[row*16 + lane]`` by the forces p ∂V/∂x on them."""
+def push_in_lane(corner, lane, pressure, resistance, velocity, nodes):
+    """Replace the corner positions ``corner[row*16 + lane]`` by the forces on them.
+
+    They are (p - Z dV/dt) ∂V/∂x with the pressure p and the resistance Z.
+    """
     x = load_component(corner, lane)
     y = load_component(corner, lane + LANES)
     z = load_component(corner, lane + 2 * LANES)
@@ -109,6 +116,7 @@ def push_in_lane(corner, lane, p):
             (x[5], y[5], z[5]),
         )
     )
+    p = pressure - resistance * volume_rate(g, modes_of_lane(velocity, nodes, lane))
     store_component(corner, lane, pushed(p, g, 0))
     store_component(corner, lane + LANES, pushed(p, g, 1))
     store_component(corner, lane + 2 * LANES, pushed(p, g, 2))
@@ -119,20 +127,29 @@ def pushed(p, g, d):
     return (p * g[0][d], p * g[1][d], p * g[2][d], p * g[3][d], p * g[4][d], p * g[5][d], 0.0)
 
 
+@equation
+def volume_rate(g, b):
+    """Return dV/dt of the gradient ∂V/∂a1 ... ∂V/∂a6 and the rates of the mode vectors."""
+    total = dot(g[0], b[0]) + dot(g[1], b[1]) + dot(g[2], b[2])
+    return total + dot(g[3], b[3]) + dot(g[4], b[4]) + dot(g[5], b[5])
+
+
 @kernel
-def pore_forces(elements, position, pressure, rate, dt, load):
-    """Write p ∂V/∂x on the corners of all elements, then move the pressures on by a step.
+def pore_forces(elements, position, velocity, pressure, rate, resistance, dt, load):
+    """Write (p - Z dV/dt) ∂V/∂x on the corners of all elements, then move the pressures on.
 
     Parameters
     ----------
-    elements : :class:`PressedElements`. position : (3, node_count) [m].
-    pressure, rate : (padded_count,) [Pa, Pa/s]; dt : the step [s].
+    elements : :class:`PressedElements`. position, velocity : (3, node_count) [m, m/s].
+    pressure, rate, resistance : p, its rate and Z (padded_count,) [Pa, Pa/s, Pa s/m³].
+    dt : the step [s].
     load : (block_count * 24 * 16,) or longer [N], row ``3*corner + component``, written.
     """
     for block in prange(pressure.size // LANES):
         nodes = elements.corner_node[block * CORNERS * LANES : (block + 1) * CORNERS * LANES]
         own = load[block * LOAD_ROWS * LANES : (block + 1) * LOAD_ROWS * LANES]
         p = pressure[block * LANES : (block + 1) * LANES]
+        resisting = resistance[block * LANES : (block + 1) * LANES]
         for corner in range(CORNERS):
             for lane in range(LANES):
                 node = nodes[corner * LANES + lane]
@@ -140,7 +157,7 @@ def pore_forces(elements, position, pressure, rate, dt, load):
                 own[(3 * corner + 1) * LANES + lane] = position[1, node]
                 own[(3 * corner + 2) * LANES + lane] = position[2, node]
         for lane in range(LANES):
-            push_in_lane(own, lane, p[lane])
+            push_in_lane(own, lane, p[lane], resisting[lane], velocity, nodes)
         for lane in range(LANES):
             p[lane] += dt * rate[block * LANES + lane]
 
@@ -153,11 +170,8 @@ def volumes_and_rates(elements, position, velocity, volume, rate):
         for lane in range(LANES):
             a = modes_of_lane(position, nodes, lane)
             g = volume_gradient(a)
-            b = modes_of_lane(velocity, nodes, lane)
-            total = dot(g[0], b[0]) + dot(g[1], b[1]) + dot(g[2], b[2])
-            total += dot(g[3], b[3]) + dot(g[4], b[4]) + dot(g[5], b[5])
             volume[block * LANES + lane] = volume_of_modes(a)
-            rate[block * LANES + lane] = total
+            rate[block * LANES + lane] = volume_rate(g, modes_of_lane(velocity, nodes, lane))
 
 
 @equation
@@ -192,6 +206,23 @@ def pore_frequencies(elements, position, pressure, omega2):
             i = block * LANES + lane
             mass = elements.mass[i]
             omega2[i] = 8.0 * abs(pressure[i]) * rows / mass if mass > 0.0 else 0.0
+
+
+@kernel
+def resistance_mobilities(elements, position, mobility):
+    """Write |∂V/∂a|²/m, by lane [m⁴/kg]: a resistance Z damps the volume at the rate Z times it.
+
+    Every mode vector has the mass m of the element.
+    """
+    for block in prange(mobility.size // LANES):
+        nodes = elements.corner_node[block * CORNERS * LANES : (block + 1) * CORNERS * LANES]
+        for lane in range(LANES):
+            g = volume_gradient(modes_of_lane(position, nodes, lane))
+            total = dot(g[0], g[0]) + dot(g[1], g[1]) + dot(g[2], g[2])
+            total += dot(g[3], g[3]) + dot(g[4], g[4]) + dot(g[5], g[5])
+            i = block * LANES + lane
+            mass = elements.mass[i]
+            mobility[i] = total / mass if mass > 0.0 else 0.0
 
 
 def trilinear_volumes(corners: np.ndarray) -> np.ndarray:

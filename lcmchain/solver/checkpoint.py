@@ -27,7 +27,7 @@ from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
 FILE_NAME = "checkpoint.npz"
-FORMAT = 6
+FORMAT = 7
 _FIRST_WORDS = b"lcmchain checkpoint"
 
 

@@ -98,8 +98,10 @@ def advance(
             pore_forces(
                 pore,
                 arrays.position,
+                arrays.velocity,
                 arrays.pore_pressure,
                 arrays.pore_rate,
+                arrays.pore_resistance,
                 dt,
                 arrays.corner_load,
             )

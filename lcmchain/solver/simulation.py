@@ -11,7 +11,7 @@ import numpy as np
 
 from lcmchain.effects import fibre_bending
 from lcmchain.effects.face_pressure import face_frequencies
-from lcmchain.effects.pore_pressure import pore_frequencies
+from lcmchain.effects.pore_pressure import pore_frequencies, resistance_mobilities
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model, build_model
@@ -438,6 +438,15 @@ class Simulation:
             total += float(bound.max())
         return total
 
+    def _resistance_rate(self) -> float:
+        """Return the fastest rate [1/s] at which the fluid's resistance damps an element."""
+        state, model = self.state, self.model
+        if model.pore is None or not state.pore_resistance.any():
+            return 0.0
+        mobility = np.empty(model.pore.padded_count)
+        resistance_mobilities(model.pore, state.position, mobility)
+        return float(np.max(state.pore_resistance * mobility))
+
     def _coming_tool_speed(self, tool: int, interval: float) -> float:
         state, tools = self.state, self.model.tools
         if state.driven[tool]:
@@ -452,8 +461,8 @@ class Simulation:
         """Return 2/ω with the stiffness of the present contacts, and the cause.
 
         The damping of a contact is averaged over the step and limits it no further, but its
-        reaction on a guided tool is not: a damping rate c/M that lags half a step behind is stable
-        for ω²dt²/4 + (c/M) dt/2 <= 1.
+        reaction on a guided tool is not, nor the resistance of a fluid: a damping rate c/M that
+        lags half a step behind is stable for ω²dt²/4 + (c/M) dt/2 <= 1.
         """
         state, model = self.state, self.model
         cause = model.body_of_element(element).cause(code)
@@ -468,6 +477,7 @@ class Simulation:
                     near = state.near[tool] != 0
                     contact2 += float(np.sum(stiffness[near])) / tool_mass
                     rate = max(rate, float(np.sum(damping[near])) / tool_mass)
+        rate += self._resistance_rate()
         pressure2 = self._pressure_frequency(omega2)
         if max(contact2, pressure2) > omega2:
             cause = "contact stiffness" if contact2 > pressure2 else "pressure of a fluid"

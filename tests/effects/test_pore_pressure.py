@@ -60,7 +60,9 @@ def forces_on_nodes(model, position, pressure):
     """Forces of the pore pressure (3, node_count) [N], summed as the loop does."""
     load = np.zeros(model.corner_force_size)
     p = model.pore.in_lanes(pressure)
-    pore_forces(model.pore, np.ascontiguousarray(position), p, np.zeros_like(p), 0.0, load)
+    none = np.zeros_like(p)
+    position = np.ascontiguousarray(position)
+    pore_forces(model.pore, position, np.zeros_like(position), p, none, none, 0.0, load)
     slot = model.nodes.force_slot
     return np.stack([load[slot + d * LANES].sum(axis=0) for d in range(3)])
 
