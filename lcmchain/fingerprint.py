@@ -53,7 +53,7 @@ def run_fingerprint(scene: Any) -> Fingerprint:
 
     Entries that are applied to the saved frames (title, ``[output]``, ``[[mapping]]``,
     ``[permeability]``, ``[infiltration]``) are left out: a finished forming run serves a changed
-    mapping.
+    mapping. An infiltration that goes on while the blank is formed counts.
 
     Raises
     ------
@@ -61,6 +61,9 @@ def run_fingerprint(scene: Any) -> Fingerprint:
     """
     values = scene.model_dump(mode="json", exclude=AFTER_FORMING)
     values["history_interval"] = scene.history_interval  # the one entry of [output] that forms
+    if scene.wet_forming is not None:
+        forms = ("infiltration", "permeability")
+        values |= scene.model_dump(mode="json", include=set(forms))
     return Fingerprint(
         scene=hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest(),
         files=_file_hash(scene),

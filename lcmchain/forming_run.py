@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -28,10 +29,29 @@ def ignore(*_: object) -> None:
     """Take what nobody asked for."""
 
 
+class Companion(Protocol):
+    """What advances together with a simulation, in place of the simulation alone."""
+
+    def advance_to(self, time: float, on_chunk: Callable[[Simulation], None]) -> None:
+        """Bring the simulation and itself to a time [s], as :meth:`Simulation.advance_to` does."""
+
+    def keep_frame(self) -> None:
+        """Keep what belongs to a saved frame."""
+
+    def write_checkpoint(self, folder: Path, step_count: int) -> None:
+        """Write its state, that of the simulation after so many steps among it."""
+
+    def forget_checkpoints(self, folder: Path, *, but: int | None) -> None:
+        """Remove the states of other step counts than that of the last checkpoint."""
+
+    def restore_checkpoint(self, folder: Path, step_count: int) -> None:
+        """Go back to the state that it wrote after so many steps."""
+
+
 class FormingRun:
     """Advances a simulation from frame to frame, with checkpoints on the way.
 
-    ``on_saved`` is called after each of them.
+    ``on_saved`` is called after each of them. A ``companion`` advances the simulation with itself.
     """
 
     def __init__(
@@ -42,9 +62,11 @@ class FormingRun:
         folder: Path,
         report: Progress,
         on_saved: Callable[[], None] = ignore,
+        companion: Companion | None = None,
     ) -> None:
         self.scene, self.fingerprint, self.simulation = scene, fingerprint, simulation
         self.folder, self.report, self.on_saved = folder, report, on_saved
+        self.companion = companion
         self.snapshots: list[Snapshot] = []
         self._frame_file = FrameFile(folder)
         self._wall_before = 0.0
@@ -63,19 +85,26 @@ class FormingRun:
         self._started = self._saved = time.perf_counter()
         if checkpoint is not None:
             self.simulation.restore(checkpoint.state)
+            if self.companion is not None:
+                self.companion.restore_checkpoint(self.folder, checkpoint.state.step_count)
             self.simulation.control.history.update(checkpoint.step_history)
             self.snapshots = list(checkpoint.snapshots)
             self._wall_before = checkpoint.wall_s
             self._frame_file = checkpoint.frame_file
         else:
             self.snapshots = [self.simulation.snapshot()]
+            if self.companion is not None:
+                self.companion.keep_frame()
+        mover = self.companion or self.simulation
         times = np.linspace(0.0, process.time, process.frames)
         with stop_requests() as self._stop:
             for frame_time in times[len(self.snapshots) :]:
-                self.simulation.advance_to(float(frame_time), self._after_chunk)
+                mover.advance_to(float(frame_time), self._after_chunk)
                 snapshot = self.simulation.snapshot()
                 self.simulation.require_resolved(snapshot.energy)
                 self.snapshots.append(snapshot)
+                if self.companion is not None:
+                    self.companion.keep_frame()
                 self._save()
         self._ended = time.perf_counter()
         return self.snapshots
@@ -93,6 +122,9 @@ class FormingRun:
             self._save()
 
     def _save(self) -> None:
+        step_count = self.simulation.state.step_count
+        if self.companion is not None:  # first, so that a checkpoint never lacks its companion's
+            self.companion.write_checkpoint(self.folder, step_count)
         write_checkpoint(
             self.folder,
             Checkpoint(
@@ -104,6 +136,8 @@ class FormingRun:
                 self._frame_file,
             ),
         )
+        if self.companion is not None:
+            self.companion.forget_checkpoints(self.folder, but=step_count)
         self._saved = time.perf_counter()
         self.on_saved()
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import xarray as xr
 
@@ -25,11 +26,15 @@ from lcmchain.run_account import RunAccount, state_after
 from lcmchain.run_files import expected_files, input_files, require_free_names
 from lcmchain.scene import Infiltration, MappingTarget, Scene
 from lcmchain.scene.output import NO_FILM
+from lcmchain.scene.scene import SHEET_NAME
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_head, run_summary
 from lcmchain.threads import use_threads
 from lcmchain.tools import ToolWarning
+
+if TYPE_CHECKING:
+    from lcmchain.coupling.wet_forming.wet_forming import WetForming
 
 
 @dataclass(frozen=True)
@@ -89,6 +94,8 @@ def run(
             job.map_fields()
             job.complete()
         remove_checkpoint(folder)
+        if job.wet is not None:
+            job.wet.forget_checkpoints(folder, but=None)
         results.remove_previous()
     return job.result
 
@@ -121,6 +128,7 @@ class _Job:
         if not blank.has_thickness:  # the tools meet the faces of the sheet, whatever its elements
             blank = build_blank(self.scene.blank, self.scene.material.thickness)
         require_no_initial_overlap(self.scene, blank, model.tools)
+        self.wet = self._wet_forming()
         self.warnings = [*scene_warnings(self.scene), *blank.remarks(), *tool_warnings]
         if self.scene.output.animation != NO_FILM:
             from lcmchain.report.run_pictures import require_film
@@ -138,8 +146,9 @@ class _Job:
         self.simulation.compile()
         compile_s = time.perf_counter() - start
         forming = FormingRun(
-            self.scene, self.fingerprint, self.simulation, self.folder, self.tell_forming, self.save
-        )
+            self.scene, self.fingerprint, self.simulation, self.folder, self.tell_forming,
+            self.save, self.wet,
+        )  # fmt: skip
         try:
             forming.complete(checkpoint)
         except UnfinishedRun as error:
@@ -150,6 +159,7 @@ class _Job:
             raise
         self.tell(self.scene.process.time, "writing fields")
         self._write_fields(forming, compile_s, COMPLETE)
+        self._write_filling(forming)
         step_count = self.simulation.state.step_count
         record_speed(self.simulation.model, self.threads, step_count, forming.wall_s)
         # forming is complete: nothing that fails from here may lose it
@@ -183,6 +193,8 @@ class _Job:
         for name, (case, onto) in self.scene.infiltrations.items():
             if onto is not None and "error" in self.summary["mapping"][name]:
                 continue
+            if case.with_forming is not None:
+                continue  # it went on while the blank was formed
             with self._noting(failures, "infiltration", name):
                 self._fill("forming.nc" if onto is None else f"{name}.nc", name, case)
         if failures:
@@ -261,6 +273,31 @@ class _Job:
             error.where = f"The forming results in {self.folder} are complete"
             raise
         self.summary.setdefault("infiltration", {})[name] = report.as_dict()
+
+    def _wet_forming(self) -> WetForming | None:
+        """The resin that flows while the blank is formed, if there is any."""
+        if self.scene.wet_forming is None:
+            return None
+        from lcmchain.coupling.wet_forming.wet_forming import WetForming
+
+        return WetForming(self.scene, self.simulation)
+
+    def _write_filling(self, forming: FormingRun) -> None:
+        """Write how the sheet has filled while it was formed."""
+        if self.wet is None:
+            return
+        from lcmchain.coupling.infiltration.stage import FillOptions, write_filled
+
+        output = self.scene.output
+        report = write_filled(
+            self.wet.filled(forming.snapshots),
+            name=SHEET_NAME,
+            out_dir=self.folder,
+            options=FillOptions(picture=output.pictures, vtu=output.vtu),
+            tell=lambda share, text: self.tell(self.scene.process.time, text),
+            wall_s=forming.wall_s,
+        )
+        self.summary.setdefault("infiltration", {})[SHEET_NAME] = report.as_dict()
 
     def complete(self) -> None:
         """Write the report, and say that everything is there."""

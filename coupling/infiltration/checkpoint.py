@@ -22,15 +22,19 @@ from lcmchain.coupling.infiltration.results import FillingRecord
 from lcmchain.coupling.infiltration.state import DrySpot, FillingState
 from lcmchain.coupling.iteration.history import IterationRecord, WindowRecord
 from lcmchain.coupling.iteration.saved_tree import flattened, restored
+from lcmchain.coupling.solids.explicit import SavedForming
 from lcmchain.coupling.solids.local import SavedCompaction
 from lcmchain.errors import InputError
+from lcmchain.solver.simulation import StepControl
+from lcmchain.state import State
 
-FORMAT = 2
+FORMAT = 3
 #: Records that a saved state is made of.
 RECORDS = {
     record.__name__: record
     for record in (
-        FillingState, DrySpot, SavedFilling, SavedCompaction, IterationRecord, WindowRecord
+        FillingState, DrySpot, SavedFilling, SavedCompaction, SavedForming, State, StepControl,
+        IterationRecord, WindowRecord,
     )
 }  # fmt: skip
 _FIRST_WORDS = b"lcmchain filling"

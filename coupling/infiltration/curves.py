@@ -58,10 +58,12 @@ def _gate_rates(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
 
 
 def _forces(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
-    total, fibres, resin = filled.history.force.T
+    total, fibres, resin, *more = filled.history.force.T
     axis.plot(time, 1e-3 * total, color=INK, label="all")
     axis.plot(time, 1e-3 * fibres, color=SERIES[1], label="fibres")
     axis.plot(time, 1e-3 * resin, color=SERIES[0], ls="--", label="resin")
+    if more:
+        axis.plot(time, 1e-3 * more[0], color=SERIES[2], ls=":", label="friction")
     axis.set_ylabel("force of what presses [kN]")
     axis.legend(loc="best")
 

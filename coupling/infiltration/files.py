@@ -13,7 +13,7 @@ import xarray as xr
 
 from lcmchain import __version__
 from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
-from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.coupling.infiltration.results import FORCES, FilledPart
 from lcmchain.fields.ugrid import CONVENTIONS, ROOT, TIME, Variable
 from lcmchain.fields.vtu import frame_file, write_frame_list, write_mesh
 
@@ -153,12 +153,7 @@ def _history(filled: FilledPart) -> xr.Dataset:
         ("injected_volume", history.injected, "m3", "resin that has entered through the gate"),
     ):
         variables[name] = ((SAMPLE, "gate"), values, {"units": units, "long_name": words})
-    for column, name, words in zip(
-        history.force.T,
-        ("press_force", "fibre_force", "resin_force"),
-        ("of what presses on the part", "of it that the fibres bear", "of it that the resin bears"),
-        strict=False,
-    ):
+    for column, (name, words) in zip(history.force.T, FORCES.items(), strict=False):
         variables[name] = ((SAMPLE,), column, {"units": "N", "long_name": f"force {words}"})
     about = {"units": "m3", "long_name": "resin that has left through the vent"}
     variables["vented_volume"] = ((SAMPLE, "vent"), history.vented, about)

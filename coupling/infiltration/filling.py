@@ -258,6 +258,16 @@ class Filling:
         self._steps.forget()
 
 
+    def set_permeability(self, tensor: np.ndarray, through: np.ndarray | None = None) -> None:
+        """Take the permeability of fibres that have moved, see :meth:`Medium.set_permeability`.
+
+        It is no part of the saved states.
+        """
+        fraction = self.medium.fibre_fraction(self.state.thickness)
+        self.medium.set_permeability(tensor, through, fraction)
+        self._steps.forget()
+
+
 class _Unreached:
     """What schedules look at before anything flows."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,11 +29,34 @@ class Medium:
         self.fibre_volume = mesh.areas * preform.thickness * (1.0 - preform.porosity)
         self._fraction = 1.0 - preform.porosity
         self._kept: tuple[np.ndarray, np.ndarray, Conductances] | None = None
-        self.set_points(mesh.points)
+        self._lies_still = True
+        self._renew(mesh)
 
     def set_points(self, points: np.ndarray) -> None:
         """Take other node positions [m], shape (N, 3)."""
-        self.mesh = self.mesh.moved(points)
+        self._lies_still = False
+        self._renew(self.mesh.moved(points))
+
+    def set_permeability(
+        self, tensor: np.ndarray, through: np.ndarray | None, fraction: np.ndarray
+    ) -> None:
+        """Take the permeability at present, of fibres that have moved.
+
+        Parameters
+        ----------
+        tensor : [m2] in space, (C, 3, 3). through : [m2] through the thickness, (C,).
+        fraction : fibre volume fraction that they belong to, (C,).
+
+        Raises
+        ------
+        InputError : it is not positive in the plane.
+        """
+        self.preform = replace(self.preform, permeability=tensor, through_permeability=through)
+        self._fraction, self._lies_still = fraction, False
+        self._renew(self.mesh)
+
+    def _renew(self, mesh: FlowMesh) -> None:
+        self.mesh = mesh
         self.network = Network(self.mesh, self.preform.permeability, self.tracks)
         self.node_area = self.network.node_areas()
         self._kept = None
@@ -90,7 +114,7 @@ class Medium:
 
     def factor(self, thickness: np.ndarray) -> np.ndarray:
         """Factor on the permeability at the start, (C,)."""
-        if np.array_equal(thickness, self.preform.thickness):
+        if self._lies_still and np.array_equal(thickness, self.preform.thickness):
             return np.ones(len(thickness))
         return self.preform.factor(self.fibre_fraction(thickness), self._fraction)
 

@@ -129,6 +129,7 @@ def _closing(filled: FilledPart) -> dict[str, float] | None:
         "force_max": float(force[most, 0]),
         "fibre_force_then": float(force[most, 1]),
         "resin_force_then": float(force[most, 2]),
+        **({"friction_force_then": float(force[most, 3])} if force.shape[1] > 3 else {}),
         "force_end": float(force[-1, 0]),
         "thickness_min": float(thickness.min()),
         "thickness_max": float(thickness.max()),

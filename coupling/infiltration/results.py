@@ -13,6 +13,17 @@ from lcmchain.coupling.infiltration.state import DrySpot, FillingState
 from lcmchain.coupling.iteration import History
 
 
+#: What presses on a part, by the name of the variable, with words; friction and inertia where the
+#: part is being formed.
+FORCES = {
+    "press_force": "of what presses on the part",
+    "fibre_force": "of it that the fibres bear",
+    "resin_force": "of it that the resin bears",
+    "friction_force": "of it that friction takes",
+    "inertia_force": "of it that moves and damps the textile",
+}
+
+
 @dataclass
 class FillingRecord:
     """What is kept while a filling runs: frames now and then, histories of every step.
@@ -29,6 +40,7 @@ class FillingRecord:
     temperature: list[np.ndarray]
     film: list[np.ndarray]
     thickness: list[np.ndarray]
+    fibre_volume_fraction: list[np.ndarray]
     time: list[float]
     filled_share: list[float]
     stored: list[float]
@@ -52,15 +64,17 @@ class FillingRecord:
         for name in ("fill", "pressure", "velocity", "cure", "temperature", "film"):
             getattr(self, name).append(np.array(getattr(frame, name)))
         self.resin_volume.append(filling.state.resin_volume.copy())
-        self.thickness.append(filling.state.thickness.copy())
+        thickness = filling.state.thickness
+        self.thickness.append(thickness.copy())
+        self.fibre_volume_fraction.append(filling.medium.fibre_fraction(thickness))
 
     def add_step(
         self, filling: Filling, node_area: np.ndarray, force: Sequence[float] = ()
     ) -> None:
         """Keep the sums of the present state.
 
-        node_area : [m2] of each node, (N,). force : of what presses on the part [N]: total, fibres,
-        resin; none where nothing does.
+        node_area : [m2] of each node, (N,). force : of what presses on the part [N], those of
+        :data:`FORCES` that are known; none where nothing does.
         """
         state = filling.state
         self.time.append(state.time)
@@ -85,8 +99,8 @@ class FillingHistory:
     balance_error : what entered and did not leave, less what is stored [m3], (H,).
     wet_area : of the part that resin covers [m2], (H,).
     gate_pressure, gate_rate, injected : [Pa], [m3/s], [m3], each (H, G). vented : [m3], (H, V).
-    force : of what presses on the part [N]: total, fibres, resin, (H, 3); (H, 0) in a mould that
-        does not move.
+    force : of what presses on the part [N], those of :data:`FORCES` that are known, (H, 3) or
+        (H, 5); (H, 0) in a mould that does not move.
     """
 
     time: np.ndarray
@@ -111,7 +125,7 @@ class FilledPart:
     time : of the saved states [s], (F,). fill : (F, N). pressure : [Pa], (F, N).
     resin_volume : of the control volumes [m3], (F, N). velocity : of Darcy [m/s], (F, C, 3).
     cure, temperature, film : of the resin, [K], and on the sheet [m], (F, N).
-    thickness : of the cells [m], (F, C).
+    thickness : of the cells [m], (F, C). fibre_volume_fraction : (F, C).
     coupling : how textile and resin were brought to agree, where something presses on the part.
     state : the last one. outcome, message : why it ended (:class:`FillingResult`).
     """
@@ -126,6 +140,7 @@ class FilledPart:
     temperature: np.ndarray
     film: np.ndarray
     thickness: np.ndarray
+    fibre_volume_fraction: np.ndarray
     history: FillingHistory
     state: FillingState
     outcome: str
@@ -162,6 +177,7 @@ class FilledPart:
             temperature=np.stack(record.temperature),
             film=np.stack(record.film),
             thickness=np.stack(record.thickness),
+            fibre_volume_fraction=np.stack(record.fibre_volume_fraction),
             history=history,
             state=state,
             outcome=outcome,
@@ -177,20 +193,14 @@ class FilledPart:
     @property
     def pore_volume(self) -> float:
         """Volume of all pores in the end [m3]."""
-        preform = self.setup.preform
-        fibres = preform.thickness * (1.0 - preform.porosity)
-        return float(self.setup.mesh.areas @ (self.thickness[-1] - fibres))
+        open_height = self.thickness[-1] * (1.0 - self.fibre_volume_fraction[-1])
+        return float(self.setup.mesh.areas @ open_height)
 
     @property
     def is_pressed(self) -> bool:
         """Whether something presses on the part, so that its thickness changes."""
-        return self.setup.case.closure is not None
-
-    @property
-    def fibre_volume_fraction(self) -> np.ndarray:
-        """Of the cells in the saved states, (F, C)."""
-        preform = self.setup.preform
-        return preform.thickness * (1.0 - preform.porosity) / self.thickness
+        case = self.setup.case
+        return case.closure is not None or case.with_forming is not None
 
     @property
     def fill_time(self) -> np.ndarray:

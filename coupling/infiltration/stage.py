@@ -89,7 +89,6 @@ def fill_part(
         )
     tell(0.0, "preparing the filling")
     setup = set_up(part, case, options.directory)
-    out = Path(out_dir) / f"{name}{ENDING}"
     checkpoint = checkpoint_file(out_dir, name)
     fingerprint = fingerprint_of(setup)
     resume = options.resume
@@ -97,10 +96,27 @@ def fill_part(
         resume = _fits(checkpoint, fingerprint)
     start = time.perf_counter()
     filled = FillingRun(setup, checkpoint, fingerprint, tell).complete(resume=resume)
-    report = filling_report(name, filled)
-    report.wall_s = time.perf_counter() - start
-    _write(out, filled, report, options, tell)
+    wall_s = time.perf_counter() - start
+    report = write_filled(
+        filled, name=name, out_dir=out_dir, options=options, tell=tell, wall_s=wall_s
+    )
     checkpoint.unlink(missing_ok=True)
+    return report
+
+
+def write_filled(
+    filled: FilledPart,
+    *,
+    name: str,
+    out_dir: Path | str,
+    options: FillOptions,
+    tell: Tell,
+    wall_s: float = 0.0,
+) -> FillingReport:
+    """Write fields, pictures and report of a filled part, as :func:`fill_part` does."""
+    report = filling_report(name, filled)
+    report.wall_s = wall_s
+    _write(Path(out_dir) / f"{name}{ENDING}", filled, report, options, tell)
     return report
 
 

@@ -43,6 +43,7 @@ def _infiltration_text(case: Infiltration) -> str:
         *(f"wetted {place.name}: {place.in_words}" for place in case.wetted),
         *([f"resin film: {case.film.in_words}"] if case.film is not None else []),
         *([case.closure.in_words] if case.closure is not None else []),
+        *([case.with_forming.in_words] if case.with_forming is not None else []),
         *(["gravity"] if case.gravity is not None else []),
         *(["trapped air is compressed"] if case.trapped_air else []),
         f"at most {case.time:g} s",

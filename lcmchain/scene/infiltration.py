@@ -31,6 +31,7 @@ from lcmchain.scene.gates import Arrival, Gate, Vent, as_row, require_times
 from lcmchain.scene.names import with_own_names
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.resin import Resin
+from lcmchain.scene.with_forming import WithForming
 
 MOST_PLACES = 200
 
@@ -159,6 +160,11 @@ class Infiltration(SceneModel):
         description="What presses on the part while resin flows: the thickness of every cell then "
         "follows from it, the pore pressure and the textile's compaction law.",
     )
+    with_forming: Annotated[WithForming | None, AbsentMeans("after forming")] = Field(
+        default=None,
+        description="Flow while the blank is formed: pore pressure and thickness act on each "
+        "other, and time is what the process takes for the resin. On the formed sheet alone.",
+    )
     gravity: Annotated[
         Annotated[
             tuple[Acceleration, Acceleration, Acceleration],
@@ -199,6 +205,8 @@ class Infiltration(SceneModel):
             raise wrong(f'has the name "{both}" of a gate; give it another', field="vents")
         if self.closure is not None and self.trapped_air:
             raise wrong("cannot be combined with trapped_air yet; leave it out", field="closure")
+        if self.with_forming is not None:
+            self._check_with_forming()
         if not self.gates and not self.wetted and self.film is None:
             raise wrong("is missing: no resin enters; give [[gates]]", field="gates")
         if not self.vents:
@@ -227,3 +235,16 @@ class Infiltration(SceneModel):
         if count > 10_000:
             raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
         return self
+
+    def _check_with_forming(self) -> None:
+        """Refuse what makes no sense, or is not known, while the blank is formed."""
+        for name in ("closure", "race_tracks", "frame_interval"):
+            if getattr(self, name):
+                raise wrong("cannot be combined with with_forming; leave it out", field=name)
+        if self.trapped_air:
+            raise wrong("cannot be combined with with_forming; leave it out", field="trapped_air")
+        if any(region.thickness is not None for region in self.regions):
+            raise wrong(
+                "has a thickness, but with_forming takes that of the blank; leave it out",
+                field="regions",
+            )

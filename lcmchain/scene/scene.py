@@ -202,6 +202,12 @@ class Scene(SceneModel):
         return self
 
     @property
+    def wet_forming(self) -> Infiltration | None:
+        """The infiltration that goes on while the blank is formed, if there is one."""
+        case = self.infiltration
+        return None if case is None or case.with_forming is None else case
+
+    @property
     def infiltrations(self) -> dict[str, tuple[Infiltration, MappingTarget | None]]:
         """Infiltrations by the name of their files, each with its mesh, None for the sheet."""
         found: dict[str, tuple[Infiltration, MappingTarget | None]] = {}
@@ -240,6 +246,13 @@ class Scene(SceneModel):
                     'law = "gebart" and fibre_radius = "3.5 um", or a permeability in '
                     f"[{key.partition('[')[0]}{'.infiltration' if '[' in key else ''}]",
                     field="permeability",
+                )
+        for (key, case), target in zip(keys[1:], self.mapping, strict=True):
+            if case is not None and case.with_forming is not None:
+                raise wrong(
+                    f'flows in a mesh of its own, {target.mesh}; with_forming stands in '
+                    "[infiltration], that of the sheet",
+                    field=f"{key}.with_forming",
                 )
         if self.infiltration is not None and SHEET_NAME in [t.name for t in self.mapping]:
             raise wrong(

@@ -128,7 +128,7 @@ class Simulation:
     @classmethod
     def from_scene(cls, scene: Any) -> Simulation:
         """Build the simulation of a scene."""
-        return cls(build_model(scene))
+        return cls(build_model(scene, pore_pressure=scene.wet_forming is not None))
 
     @property
     def time(self) -> float:

@@ -1,0 +1,222 @@
+"""A forming run with resin in its sheet: both parts, what they exchange, and what is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lcmchain.coupling.filling_part import FillingPart
+from lcmchain.coupling.infiltration.checkpoint import read_checkpoint, write_checkpoint
+from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.preform import Preform
+from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
+from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
+from lcmchain.coupling.iteration import (
+    CoupledSystem,
+    Exchange,
+    History,
+    Tolerance,
+    WindowControl,
+    fixed_stress_exchanges,
+    iqn_ils,
+)
+from lcmchain.coupling.iteration.interface import (
+    PRESSURE_AT_REST,
+    RESISTANCE,
+    VOLUME,
+)
+from lcmchain.coupling.solids.explicit import ExplicitForming
+from lcmchain.coupling.solids.fields import POINTS
+from lcmchain.coupling.solids.tool_loads import tool_loads
+from lcmchain.coupling.wet_forming.moving_permeability import MovingPermeability
+from lcmchain.coupling.wet_forming.sheet import part_of_sheet
+from lcmchain.errors import InputError
+from lcmchain.fingerprint import run_fingerprint
+from lcmchain.scene import Infiltration, Scene
+from lcmchain.solver.simulation import Simulation, Snapshot
+from lcmchain.tools.motion import FIXED
+
+#: Windows of a process where its scene does not say; they may become so much shorter and longer.
+WINDOWS = 400
+SHORTEST = 1.0 / 64.0
+LONGEST = 4.0
+#: A difference of pressures [Pa] that moves no textile: a tenth of a millibar.
+NO_PRESSURE = 10.0
+
+
+class WetForming:
+    """The forming of a scene and the filling of its sheet, advanced together.
+
+    Parameters
+    ----------
+    scene : with an infiltration that goes on while the blank is formed.
+    simulation : of the scene, at its start.
+
+    Raises
+    ------
+    InputError : places that are not on the blank, cells through which nothing can flow.
+    """
+
+    def __init__(self, scene: Scene, simulation: Simulation) -> None:
+        case = _case_of(scene)
+        self.scene, self.case, self.simulation = scene, case, simulation
+        self.forming = ExplicitForming(simulation, surroundings=case.vent_pressure)
+        self._start = simulation.snapshot()
+        self.setup = set_up(
+            part_of_sheet(scene, simulation, [self._start], self.forming.points()), case,
+            scene.source.directory,
+        )  # fmt: skip
+        self.filling: Filling = self.setup.filling()
+        law = case.permeability or scene.permeability
+        self._permeability = MovingPermeability(
+            simulation, law, self.setup.preform, scene.source.directory
+        )
+        pace = case.time / scene.process.time
+        self._system = coupled(
+            self.forming, FillingPart(self.filling, pace=pace), case, scene.process.time
+        )
+        self._fingerprint = run_fingerprint(scene)._asdict()
+        self.record = FillingRecord.empty()
+        self._permeability.renew(self.filling)
+
+    @property
+    def history(self) -> History:
+        """How the windows converged."""
+        return self._system.history
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know before."""
+        return self.setup.warnings
+
+    def advance_to(
+        self, time: float, on_window: Callable[[Simulation], None] | None = None
+    ) -> None:
+        """Go on to a time of the process [s]; ``on_window`` is called after every window.
+
+        Raises
+        ------
+        NotConverged : sheet and resin do not agree in the shortest window.
+        SimulationError : a guard stopped the forming, or the filling cannot do its step.
+        """
+
+        def after_window(_: CoupledSystem) -> None:
+            self._permeability.renew(self.filling)
+            self._note()
+            if on_window is not None:
+                on_window(self.simulation)
+
+        if not self.record.time:
+            self._note()
+        self._system.advance_to(time, after_window)
+
+    def keep_frame(self) -> None:
+        """Keep the filling's fields of the present."""
+        if not self.record.time:
+            self._note()
+        self.record.add_frame(self.filling)
+
+    def force(self) -> tuple[float, ...]:
+        """Return the force of the tools that move, along their ways, and its parts [N].
+
+        In the order of :data:`~lcmchain.coupling.infiltration.results.FORCES`.
+        """
+        tools = self.simulation.model.tools
+        total = np.zeros(5)
+        for number, load in enumerate(tool_loads(self.simulation).values()):
+            if tools.motion_kind[number] != FIXED:
+                parts = (load.total, load.fibres, load.fluid, load.friction, load.rest)
+                total -= np.array(parts) @ tools.direction[number]
+        return tuple(float(value) for value in total)
+
+    def write_checkpoint(self, folder: Path, step_count: int) -> None:
+        """Write the whole state and what was kept so far."""
+        path = checkpoint_file(folder, step_count)
+        write_checkpoint(path, self._fingerprint, self._system.save(), self.record)
+
+    def forget_checkpoints(self, folder: Path, *, but: int | None) -> None:
+        """Remove the states of other step counts."""
+        for path in folder.glob(checkpoint_file(Path(), "*").name):
+            if but is None or path != checkpoint_file(folder, but):
+                path.unlink(missing_ok=True)
+
+    def restore_checkpoint(self, folder: Path, step_count: int) -> None:
+        """Go back to a state that was written; going on from it is bit-identical.
+
+        Raises
+        ------
+        InputError : there is none, it is damaged, or it is that of another scene.
+        """
+        path = checkpoint_file(folder, step_count)
+        saved, self.record = read_checkpoint(path, self._fingerprint)
+        self._system.restore(saved)
+        self._permeability.renew(self.filling)
+
+    def filled(self, snapshots: list[Snapshot]) -> FilledPart:
+        """Return how the sheet has filled, on its shape in the last of the saved states."""
+        points = self.filling.mesh.points
+        part = part_of_sheet(self.scene, self.simulation, [snapshots[0], snapshots[-1]], points)
+        state, medium = self.filling.state, self.filling.medium
+        fraction = medium.fibre_fraction(state.thickness)
+        preform = Preform(
+            state.thickness, 1.0 - fraction, medium.preform.permeability,
+            medium.preform.through_permeability,
+        )  # fmt: skip
+        setup: FillingSetup = replace(self.setup, part=part, mesh=medium.mesh, preform=preform)
+        outcome, message = "reached", f"the process ends after {self.filling.time:.6g} s"
+        if state.full.all():
+            outcome, message = "filled", "all pores are full at the end of the process"
+        return FilledPart.of_record(
+            setup, self.record, self.filling.save(), outcome, message, self.history
+        )
+
+    def _note(self) -> None:
+        areas = self.filling.medium.node_area
+        self.record.add_step(self.filling, areas, self.force())
+
+
+def coupled(
+    forming: ExplicitForming, fluid: FillingPart, case: Infiltration, time: float
+) -> CoupledSystem:
+    """Return the system of a sheet and its resin, for a process of this time [s].
+
+    The resin takes the answer of the sheet into its equations (fixed-stress split), the sheet that
+    of the resin as a resistance; what is left is found by a quasi-Newton iteration.
+    """
+    with_forming = case.with_forming
+    assert with_forming is not None
+    first = min(time / WINDOWS if with_forming.window is None else with_forming.window, time)
+    tolerance = with_forming.tolerance
+    exchanges = [
+        Exchange("sheet", "resin", VOLUME, tolerance=None, within="held"),
+        *(
+            Exchange("sheet", "resin", name, tolerance=None, iterated=False, within="held")
+            for name in (POINTS, RESISTANCE)
+        ),
+        Exchange("resin", "sheet", PRESSURE_AT_REST,
+                 tolerance=Tolerance(tolerance, absolute=NO_PRESSURE)),
+        *fixed_stress_exchanges("sheet", "resin"),
+    ]  # fmt: skip
+    control = WindowControl(
+        first, smallest=SHORTEST * first, largest=LONGEST * first, few_iterations=4
+    )
+    return CoupledSystem(
+        {"sheet": forming, "resin": fluid}, exchanges, iqn_ils(relaxation=1.0), window=control,
+        prediction=1,
+    )  # fmt: skip
+
+
+def checkpoint_file(folder: Path, step_count: int | str) -> Path:
+    """Return the file with the state of a wet forming after so many steps."""
+    return folder / f"wet_forming_checkpoint_{step_count}.npz"
+
+
+def _case_of(scene: Scene) -> Infiltration:
+    case = scene.wet_forming
+    if case is None:
+        raise InputError("is missing", key="infiltration.with_forming")
+    return case
