@@ -12,7 +12,6 @@ from lcmchain.coupling.infiltration.setup import FillingSetup
 from lcmchain.coupling.infiltration.state import DrySpot, FillingState
 from lcmchain.coupling.iteration import History
 
-
 #: What presses on a part, by the name of the variable, with words; friction and inertia where the
 #: part is being formed.
 FORCES = {

@@ -58,7 +58,7 @@ class Situation:
 
 
 class Stage(NamedTuple):
-    """Flow at the start or end of a step, and how it is driven; excess flows off in ``step`` [s]."""
+    """Flow at the start or end of a step [s], in which excess flows off, and how it is driven."""
 
     step: float
     flow: Flow

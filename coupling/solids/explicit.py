@@ -30,7 +30,6 @@ from lcmchain.model import build_model
 from lcmchain.solver.simulation import Simulation, StepControl
 from lcmchain.state import State
 
-
 # Share of the explicit step's stability that the resistances of the fluid may take.
 DAMPED_SHARE = 0.25
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -72,6 +71,7 @@ class WetForming:
         )  # fmt: skip
         self.filling: Filling = self.setup.filling()
         law = case.permeability or scene.permeability
+        assert law is not None  # a scene without is refused
         self._permeability = MovingPermeability(
             simulation, law, self.setup.preform, scene.source.directory
         )

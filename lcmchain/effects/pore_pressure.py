@@ -20,8 +20,10 @@ Source: Terzaghi's principle for finite strains, e.g. Coussy, "Poromechanics", s
 Stability limit: a given pressure has no stiffness of its own but that of the geometry, p ∂²V/∂x∂x;
 its ω², bounded by row sums of the mode vectors' blocks and about p (1/l1 + 1/l2) / (ρ h), is added
 to that of the elements. A resistance damps with the velocity of half a step before, at the rate
-r = Z |∂V/∂a|²/m; stable for ω²dt²/4 + r dt/2 <= 1. How the pressure answers to the volume is the coupling's concern.
-Scene: none; coupling sets the pressures (:mod:`lcmchain.coupling.solids`).
+r = Z |∂V/∂a|²/m; stable for ω²dt²/4 + r dt/2 <= 1. How the pressure answers to the volume is the
+coupling's concern.
+Scene: ``[infiltration.with_forming]``; or coupling sets the pressures
+(:mod:`lcmchain.coupling.solids`).
 Fields: ``pore_pressure``; ``energy_external`` (history) holds its work.
 """
 

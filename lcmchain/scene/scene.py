@@ -250,7 +250,7 @@ class Scene(SceneModel):
         for (key, case), target in zip(keys[1:], self.mapping, strict=True):
             if case is not None and case.with_forming is not None:
                 raise wrong(
-                    f'flows in a mesh of its own, {target.mesh}; with_forming stands in '
+                    f"flows in a mesh of its own, {target.mesh}; with_forming stands in "
                     "[infiltration], that of the sheet",
                     field=f"{key}.with_forming",
                 )

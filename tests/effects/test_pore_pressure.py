@@ -13,6 +13,7 @@ from lcmchain.effects.face_pressure import face_forces
 from lcmchain.effects.pore_pressure import (
     pore_forces,
     pore_frequencies,
+    resistance_mobilities,
     trilinear_volumes,
     volumes_and_rates,
 )
@@ -253,6 +254,40 @@ def test_pressure_makes_the_stable_step_shorter():
     total = 4.0 / dry**2 + omega2.max()
     assert simulation.critical_step() == pytest.approx(2.0 / np.sqrt(total), rel=1e-12)
     assert simulation.critical_step() < 0.9 * dry
+
+
+def test_resistance_presses_against_the_rate_of_the_volume():
+    model = model_of()
+    rng = np.random.default_rng(3)
+    position, velocity = crumpled(model), rng.normal(size=(3, model.nodes.mass.size))
+    pressure = rng.uniform(0.0, 1e5, model.element_count)
+    resistance = rng.uniform(0.0, 1e10, model.element_count)
+    rate = volumes(model, position, velocity)[1]
+    load = np.zeros(model.corner_force_size)
+    p, z = model.pore.in_lanes(pressure), model.pore.in_lanes(resistance)
+    position = np.ascontiguousarray(position)
+    pore_forces(model.pore, position, velocity, p, np.zeros_like(p), z, 0.0, load)
+    slot = model.nodes.force_slot
+    found = np.stack([load[slot + d * LANES].sum(axis=0) for d in range(3)])
+    wanted = forces_on_nodes(model, position, pressure - resistance * rate)
+    np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_resistance_makes_the_stable_step_shorter():
+    """One free element between its bound and instability: the step is safe, and not timid."""
+    scene = scene_from_text(SCENE.replace("ANGLE", "0"))
+    simulation = Simulation(build_model(scene, pore_pressure=True))
+    model, state = simulation.model, simulation.state
+    mobility = np.empty(model.pore.padded_count)
+    resistance_mobilities(model.pore, state.position, mobility)
+    dry = simulation.critical_step()
+    rate = 0.5 / dry
+    state.pore_resistance[:] = rate / np.maximum(mobility, mobility[model.pore.place].min())
+    step = simulation.critical_step()
+    assert step / dry == pytest.approx(np.sqrt(1.0 + 0.125**2) - 0.125, rel=1e-9)
+    # |∂V/∂a3| = 2A of a flat element, whose other gradients are smaller by its thickness
+    area, mass = model.blank.areas(model.node_positions), model.pore.mass[model.pore.place]
+    np.testing.assert_allclose(mobility[model.pore.place], 4.0 * area**2 / mass, rtol=0.1)
 
 
 def test_rate_moves_the_pressure_on():

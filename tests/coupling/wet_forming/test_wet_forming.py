@@ -22,7 +22,11 @@ process = {{ time = "10 ms", frames = 3, mass_damping = "200 1/s" }}
 blank = {{ size = ["100 mm", "10 mm"], edge_length = "5 mm" }}
 material = {{ preset = "MD600" }}
 contact = {{ friction = 0.0, penalty = "40 MPa/mm" }}
-permeability = {{ law = "constant", k1 = "{PERMEABILITY} m^2", k2 = "{PERMEABILITY} m^2", k3 = "1e-11 m^2" }}
+[permeability]
+law = "constant"
+k1 = "{PERMEABILITY} m^2"
+k2 = "{PERMEABILITY} m^2"
+k3 = "1e-11 m^2"
 [[tools]]
 name = "die"
 shape = {{ type = "plate", side = "below" }}
