@@ -116,7 +116,9 @@ def check(
     the_scene = read_scene(scene, overrides or ())
     with output_folder(out or default_out(scene), inputs=[scene]) as folder:
         from lcmchain.check import check_scene
+        from lcmchain.pipeline import require_readable_targets
 
+        require_readable_targets(the_scene)
         report = check_scene(the_scene, folder)
     terminal = console()
     for table in report.tables():

@@ -19,7 +19,7 @@ def filling_in_words(report: Mapping[str, Any]) -> str:
         "reached": f"{share} filled after {end}",
         "gelled": f"{share} filled when the resin gelled after {end}",
         "trapped": f"{share} filled, the rest is trapped air, after {end}",
-        "no_source": f"{share} filled when the last gate closed after {end}",
+        "no_source": f"{share} filled when no source was left after {end}",
     }.get(report["outcome"], f"{share} filled after {end} ({report['outcome']})")
     text += f", {1e3 * report['resin_mass']:.4g} g of resin in the part"
     vented = sum(vent["vented_volume"] for vent in report["vents"].values())
