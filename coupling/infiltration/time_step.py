@@ -411,12 +411,14 @@ class TimeStep:
             net[situation.film.fed] = 0.0
         scale = np.abs(stage.flow.along).max(initial=0.0)
         worst = int(np.argmax(net))
-        noise = 0.0
+        # Where resin comes to rest, as against trapped air, flows are differences of pressures that
+        # are next to nothing.
+        conductance = np.abs(situation.conductances.flow).max(initial=0.0)
+        noise = 1e-12 * float(conductance * np.abs(stage.flow.pressure).max())
         if situation.lift is not None:
-            # What cells take in is a difference of pressures that may be next to nothing.
             lift = situation.lift
             pressure = np.abs(stage.flow.lifted) + np.abs(lift.reference)
-            noise = 1e-12 * float(np.max(lift.conductance * pressure))
+            noise += 1e-12 * float(np.max(lift.conductance * pressure))
         if net[worst] > 1e-6 * scale + noise and net[worst] > 0.0:
             place = ", ".join(f"{x:.6g}" for x in self.filling.mesh.points[worst])
             raise SimulationError(
