@@ -30,10 +30,14 @@ if TYPE_CHECKING:
     from lcmchain.coupling.infiltration.filling import Filling
 
 MOST_CUTS = 60
+#: What has no room after a jump of the pores flows within a step cut so often, or within more steps.
+CUTS_OF_EXCESS = 12
 #: So many steps in a row, each below this share of what is left of the time, lead nowhere.
 MOST_TINY_STEPS, TINY = 2000, 1e-9
 # Of the pore volume, over all that is left of the time: less is no flow.
 NO_FLOW = 1e-10
+#: Resin beyond its pores that a full volume may have, relative to them.
+ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,7 @@ class TimeStep:
                     break
                 return None
             step *= share
+            situation = _at_the_same_rate(situation, share)
         raise SimulationError(
             f"time steps collapse at {state.time:.6g} s ({step:.3g} s): resin finds no room "
             f"next to where it is pressed to ({_place(filling, stage)})"
@@ -141,7 +146,8 @@ class TimeStep:
         if film is not None and film.sinking is not None:
             primings.append(film.sinking)
         excess = np.where(state.full, state.resin_volume - pores, 0.0)
-        excess[np.abs(excess) < 2.0 * (1.0 - FULL) * pores] = 0.0
+        # A full volume may lack a little for ever; what it has too much is not lost.
+        excess[(excess > -2.0 * (1.0 - FULL) * pores) & (excess < ROUND_OFF * pores)] = 0.0
         return Situation(
             state, conductances, pores, gates, primings, ~np.isnan(vent_pressure), vent_pressure,
             air, excess, medium.pore_rate(state.thickness_rate), medium.lift(state), film,
@@ -181,13 +187,13 @@ class TimeStep:
             stage = self._kept[1]
             return situation, stage, min(limit, self._wish(stage, situation))
         step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
-        for _ in range(MOST_CUTS):
+        for _ in range(MOST_CUTS if not situation.excess.any() else CUTS_OF_EXCESS):
             if not step > 0.0:
                 raise SimulationError(
                     f"no time step is short enough at {state.time:.6g} s: the thickness or the "
                     "pressure changes too fast"
                 )
-            stage = self._stage(situation, state, step)
+            stage, of_stage = self._stage(situation, state, step), step
             wish = self._wish(stage, situation)
             if not timed or wish >= 0.999 * step:
                 break
@@ -195,7 +201,8 @@ class TimeStep:
         if situation.lift is not None:
             fastest = np.max(np.abs(_thickness_rate(situation, stage)) / state.thickness)
             step = min(step, options.largest_compaction / max(fastest, 1e-300))
-        return situation, stage, min(step, wish)
+        step = min(step, wish)
+        return _at_the_same_rate(situation, step / of_stage), stage, step
 
     def _wish(self, stage: Stage, situation: Situation) -> float:
         """Step in which the front crosses as many control volumes as the options say."""
@@ -275,7 +282,6 @@ class TimeStep:
         received = step * rate + primed
         squeezed = pores_end - situation.pores - situation.excess
         volume = state.resin_volume + np.where(state.full, squeezed, received)
-        volume[state.full] = np.minimum(volume, pores_end)[state.full]
         passed = pass_on(
             network.edges, situation.conductances.flow, state.resin_volume, volume, pores_end,
             situation.pores,
@@ -589,6 +595,13 @@ def _compressed(air: Air, pressure: np.ndarray, room: np.ndarray) -> np.ndarray:
     after = pressure.copy()
     after[dry] = values[air.region[dry]]
     return after
+
+
+def _at_the_same_rate(situation: Situation, share: float) -> Situation:
+    """Of what has no room, as much as flows in a share of the step; the rest in later ones."""
+    if share == 1.0 or not situation.excess.any():
+        return situation
+    return replace(situation, excess=share * situation.excess)
 
 
 def _thickness_rate(situation: Situation, stage: Stage) -> np.ndarray:

@@ -87,7 +87,10 @@ def nastran(path):
 
 
 def abaqus(path):
-    lines = ["*NODE", *(f"{n + 1}, {x:.6f}, {y:.6f}, {z:.6f}" for n, (x, y, z) in enumerate(POINTS))]
+    lines = [
+        "*NODE",
+        *(f"{n + 1}, {x:.6f}, {y:.6f}, {z:.6f}" for n, (x, y, z) in enumerate(POINTS)),
+    ]
     lines += ["*ELEMENT, TYPE=S4, ELSET=PART"]
     lines += [f"{c + 1}, " + ", ".join(str(n + 1) for n in q) for c, q in enumerate(QUADS)]
     for name, rows in NODE_SETS.items():
@@ -178,4 +181,3 @@ def test_sets_fill_as_the_same_places_by_coordinates(kit, tmp_path, ending):
     at = np.lexsort(np.round(np.stack([sets[f"target_node_{a}"].values for a in "xyz"]), 6))
     reference = REFERENCE.setdefault("fill_time", sets["fill_time"].values[at])
     np.testing.assert_allclose(sets["fill_time"].values[at], reference, rtol=1e-6)
-
