@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from lcmchain.coupling.infiltration.filling import Filling
 
 MOST_CUTS = 60
-#: What has no room after a jump of the pores flows within a step cut so often, or within more steps.
+#: Resin that has no room after a jump of the pores flows in a step cut so often, else in more.
 CUTS_OF_EXCESS = 12
 #: So many steps in a row, each below this share of what is left of the time, lead nowhere.
 MOST_TINY_STEPS, TINY = 2000, 1e-9

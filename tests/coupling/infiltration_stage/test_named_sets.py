@@ -115,7 +115,8 @@ def gmsh(path):
              "$EndPhysicalNames", "$Nodes", str(len(POINTS)),
              *(f"{n + 1} {x:.6f} {y:.6f} {z:.6f}" for n, (x, y, z) in enumerate(POINTS)),
              "$EndNodes", "$Elements", str(len(elements)),
-             *(f"{k} {line}" for k, line in enumerate(elements, start=1)), "$EndElements"]  # fmt: skip
+             *(f"{k} {line}" for k, line in enumerate(elements, start=1)),
+             "$EndElements"]  # fmt: skip
     path.write_text("\n".join(lines) + "\n")
 
 
