@@ -18,6 +18,7 @@ from lcmchain.commands.identify import identify_app
 from lcmchain.commands.map import map_fields
 from lcmchain.commands.new import new_app
 from lcmchain.commands.options import OutFolder, Overrides, SceneFile, Strict
+from lcmchain.commands.precice import precice
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.structure import structure
 from lcmchain.commands.terminal import (
@@ -150,6 +151,7 @@ def schema(
 app.command("map")(map_fields)
 app.command()(fill)
 app.command()(structure)
+app.command()(precice)
 
 
 @fmu_app.callback()

@@ -99,7 +99,7 @@ def fill_part(
     filled = FillingRun(setup, checkpoint, fingerprint, tell).complete(resume=resume)
     report = filling_report(name, filled)
     report.wall_s = time.perf_counter() - start
-    _write(out, filled, report, options, tell)
+    write_filling(out, filled, report, options, tell)
     checkpoint.unlink(missing_ok=True)
     return report
 
@@ -148,9 +148,10 @@ def _fits(checkpoint: Path, fingerprint: dict[str, str]) -> bool:
     return True
 
 
-def _write(
+def write_filling(
     out: Path, filled: FilledPart, report: FillingReport, options: FillOptions, tell: Tell
 ) -> None:
+    """Write the files of a filling; ``out`` is their name without what it ends in."""
     endings = dict(FILES)
     if not options.picture:
         endings = {what: end for what, end in endings.items() if what not in PICTURES}

@@ -235,8 +235,13 @@ def test_fields_at_other_places_need_a_mesh_of_their_own():
 
 def test_the_double_refuses_what_precice_refuses():
     participant = InMemoryParticipant("Solid", Coupling(configured(COLUMN, 2)))
-    for call in (participant.is_coupling_ongoing, participant.finalize, participant.initialize,
-                 lambda: participant.advance(1.0), participant.requires_writing_checkpoint):  # fmt: skip
+    for call in (
+        participant.is_coupling_ongoing,
+        participant.finalize,
+        participant.initialize,
+        lambda: participant.advance(1.0),
+        participant.requires_writing_checkpoint,
+    ):
         with pytest.raises(Refused):
             call()
     ids = participant.set_mesh_vertices("Solid-Mesh", COLUMN.centres())
