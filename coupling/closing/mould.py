@@ -134,7 +134,9 @@ def closure_of(case: scene.Closure, formed: np.ndarray, across: np.ndarray) -> c
         return closures.Bag(_over_time(case.pressure, case.times))
     if isinstance(case, scene.Press):
         return closures.Press(_over_time(case.force, case.times), across=across)
-    return closures.ClosingGap(formed, case.thickness, case.closing_time)
+    if case.closing_time is None:
+        return closures.Gap(_over_time(case.thickness, case.times), formed)
+    return closures.ClosingGap(formed, case.thickness[0], case.closing_time)
 
 
 def _over_time(

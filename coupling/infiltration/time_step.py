@@ -454,7 +454,10 @@ class TimeStep:
             self._carry(situation, passed, primed, along, volume, step)
             filling.liquid.rest(filling.medium, state, volume > 0.0, step)
         if filling.options.trapped_air:
-            state.air_pressure = _compressed(situation.air, state.air_pressure, pores_end - volume)
+            state.air_pressure = _compressed(
+                situation.air, state.air_pressure, pores_end - volume, full,
+                filling.medium.network.edges,
+            )  # fmt: skip
         state.resin_volume, state.full = volume, full
         state.fill = np.minimum(volume / pores_end, 1.0)
         state.pressure = stages[1].flow.pressure
@@ -584,16 +587,30 @@ class TimeStep:
             setattr(state, name, carried)
 
 
-def _compressed(air: Air, pressure: np.ndarray, room: np.ndarray) -> np.ndarray:
-    """Air pressure (N,) after a step: pressure times volume of each closed region stays."""
-    dry = air.region >= 0
+def _compressed(
+    air: Air, pressure: np.ndarray, room: np.ndarray, full: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
+    """Air pressure (N,) after a step: pressure times volume of each closed region stays.
+
+    Where the front goes back, the volumes that it leaves belong to the region beside them.
+    """
+    region = air.region.copy()
+    opened = (region < 0) & ~full
+    while opened.any():
+        sides = np.concatenate([edges, edges[:, ::-1]])
+        sides = sides[opened[sides[:, 0]] & (region[sides[:, 1]] >= 0)]
+        if not len(sides):
+            break
+        region[sides[:, 0]] = region[sides[:, 1]]
+        opened = (region < 0) & ~full
+    dry = region >= 0
     size = len(air.volume)
-    left = np.bincount(air.region[dry], np.maximum(room[dry], 0.0), minlength=size)
+    left = np.bincount(region[dry], np.maximum(room[dry], 0.0), minlength=size)
     # Of the air that the step would squeeze to nothing a thousandth of its volume is left.
     raised = air.pressure * air.volume / np.maximum(left, 1e-3 * air.volume)
     values = np.where(air.vented, air.pressure, raised)
     after = pressure.copy()
-    after[dry] = values[air.region[dry]]
+    after[dry] = values[region[dry]]
     return after
 
 

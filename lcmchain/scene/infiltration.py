@@ -211,8 +211,6 @@ class Infiltration(SceneModel):
         both = next((vent.name for vent in self.vents if vent.name in names), None)
         if both is not None:
             raise wrong(f'has the name "{both}" of a gate; give it another', field="vents")
-        if self.closure is not None and self.trapped_air:
-            raise wrong("cannot be combined with trapped_air yet; leave it out", field="closure")
         if not self.gates and not self.wetted and self.film is None:
             raise wrong("is missing: no resin enters; give [[gates]]", field="gates")
         if not self.vents:
