@@ -60,7 +60,8 @@ class Filling:
     ) -> None:
         self.options = options or FillingOptions()
         self.medium = Medium(mesh, preform, edges)
-        self.supply = Supply(gates, vents, mesh.node_count)
+        on_film = 0.0 if film is None else film.pressure
+        self.supply = Supply(gates, vents, mesh.node_count, on_film)
         self.liquid = Liquid(resin, temperature)
         self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
         if self.gravity.any() and not self.liquid.resin.density > 0.0:

@@ -78,7 +78,12 @@ class FillingRun:
         return share
 
     def found(self, outcome: str, message: str) -> FilledPart:
-        """Return what was recorded, with the present state as its last frame."""
+        """Return what was recorded, with the present state as its last frame.
+
+        A part that is full, but from whose vents resin bleeds up to the end, is filled.
+        """
+        if outcome == "reached" and self.filling.state.full.all():
+            outcome, message = "filled", f"all pores are full, and {message}"
         if self.record.frame_time[-1] < self.filling.time:
             self.record.add_frame(self.filling)
         history = None if self.mould is None else self.mould.history

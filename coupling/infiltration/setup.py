@@ -243,12 +243,13 @@ def _require_apart(gates: Sequence[Gate], vents: Sequence[Vent], places: Places)
         others: list[Gate | Vent] = [*gates[number + 1 :], *vents]
         for other in others:
             shared = np.intersect1d(gate.nodes, other.nodes)
-            if len(shared):
+            if len(shared) and not gate.schedule.is_apart_from(other.schedule):
                 raise InputError(
                     f"shares {len(shared)} nodes with "
                     f'{"the vent" if isinstance(other, Vent) else "the gate"} "{other.name}" '
                     f"(node {places.node_number(shared[0])} at "
-                    f"{place_text(places.points[shared[0]])}); a node is one of them",
+                    f"{place_text(places.points[shared[0]])}); a node is one of them at a time: "
+                    "let one close before the other opens, or move it",
                     key=f'gates[{number}] "{gate.name}"',
                 )
 

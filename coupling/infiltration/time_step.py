@@ -90,7 +90,7 @@ class TimeStep:
         switch = filling.supply.next_switch(state.time)
         self._moments = (until, switch) if np.isfinite(switch) else (until,)
         if not moves:
-            if filling.supply.waits_for_clock(state.time):
+            if not state.full.all() and filling.supply.waits_for_clock(state.time):
                 state.time = min(filling.supply.next_look(state.time), until)
                 self.forget()
                 return None
@@ -175,6 +175,7 @@ class TimeStep:
             until - state.time,
             options.largest_step,
             filling.supply.next_switch(state.time) - state.time,
+            filling.supply.longest_step(state.time),
             filling.liquid.longest_step(state),
             *(priming.left for priming in situation.primings if priming.left > 0.0),
         )

@@ -5,7 +5,7 @@ import pytest
 
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
-from lcmchain.coupling.infiltration.stage import FillOptions, fill_part
+from lcmchain.coupling.infiltration.stage import FillOptions, fill, fill_part
 from lcmchain.errors import InputError
 from lcmchain.scene import scene_from_text
 
@@ -175,3 +175,21 @@ def test_a_set_on_the_formed_sheet_is_refused_before_it_is_formed(tmp_path):
     for place in ('set = "IN"', 'rim = true, opens_on_arrival = { set = "IN" }'):
         with pytest.raises(InputError, match='names the set "IN", but the formed sheet has no'):
             scene_from_text(SCENE.replace("PLACE", place), tmp_path / "scene.toml")
+
+
+def test_a_place_may_be_a_gate_first_and_a_vent_later(kit):
+    """One after the other by the clock; the other way round, or at once, it is refused."""
+    there = 'box = ["0 -1 -1 mm", "0 61 1 mm"]\n'
+    later = f'[[vents]]\nname = "later"\n{there}opens = "60 s"\nbleeds = true\n'
+    first = GATE + 'closes = "60 s"\n'
+    second = GATE.replace("left", "right").replace('"0 -1', '"300 -1').replace('"0 61', '"300 61')
+    second += 'opens = "60 s"\n'
+    middle = '[[vents]]\nname = "middle"\nbox = ["150 -1 -1 mm", "150 61 1 mm"]\n'
+    filled = fill(read_formed_part(kit.forming()), kit.case(HEAD, first, second, later, middle))
+    assert filled.outcome == "filled" and filled.history.vented[-1, 0] > 0.0
+    assert filled.message == "all pores are full, and 500 s are reached"
+    injected = filled.history.injected[-1]
+    assert injected.min() > 0.0 and np.abs(filled.history.balance_error).max() < 1e-15
+    with pytest.raises(InputError, match="let one close before the other opens"):
+        early = later.replace("60 s", "59 s")
+        set_up(read_formed_part(kit.forming()), kit.case(HEAD, first, second, early, middle))
