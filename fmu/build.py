@@ -100,7 +100,7 @@ def _stage_scene(scene: Scene, folder: Path) -> list[str]:
     folder.mkdir()
     (folder / "scene.toml").write_text(scene.source.text, encoding="utf-8")
     overrides: list[str] = []
-    for key, value in _named_files(scene):
+    for key, value in scene.source.files:
         place = PurePath(value)
         if place.is_absolute() or ".." in place.parts or place == PurePath("scene.toml"):
             # Files from elsewhere get a folder of their own, where no two share a name.
@@ -113,18 +113,6 @@ def _stage_scene(scene: Scene, folder: Path) -> list[str]:
         except OSError as error:
             raise InputError(f'"{value}" cannot be read: {error.strerror}', key=key) from None
     return overrides
-
-
-def _named_files(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield key and value of every entry of a scene that names a file."""
-    for index, tool in enumerate(scene.tools):
-        for entry in tool.shape.file_entries:
-            yield f"tools[{index}].shape.{entry}", getattr(tool.shape, entry)
-    for index, target in enumerate(scene.mapping):
-        yield f"mapping[{index}].mesh", target.mesh
-    file = getattr(scene.permeability, "file", None)
-    if file is not None:
-        yield "permeability.file", file
 
 
 @contextmanager

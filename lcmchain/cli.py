@@ -18,6 +18,7 @@ from lcmchain.commands.identify import identify_app
 from lcmchain.commands.map import map_fields
 from lcmchain.commands.new import new_app
 from lcmchain.commands.options import OutFolder, Overrides, SceneFile, Strict
+from lcmchain.commands.precice import precice
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.structure import structure
 from lcmchain.commands.terminal import (
@@ -116,7 +117,9 @@ def check(
     the_scene = read_scene(scene, overrides or ())
     with output_folder(out or default_out(scene), inputs=[scene]) as folder:
         from lcmchain.check import check_scene
+        from lcmchain.pipeline import require_readable_targets
 
+        require_readable_targets(the_scene)
         report = check_scene(the_scene, folder)
     terminal = console()
     for table in report.tables():
@@ -148,6 +151,7 @@ def schema(
 app.command("map")(map_fields)
 app.command()(fill)
 app.command()(structure)
+app.command()(precice)
 
 
 @fmu_app.callback()

@@ -79,7 +79,7 @@ def run(
     """
     folder = Path(out)
     thread_count = use_threads(threads)
-    _require_readable_targets(scene)
+    require_readable_targets(scene)
     require_free_names(scene)
     with ResultsFolder.locked(folder, input_files(scene)) as results:
         results.require_apart(expected_files(scene))
@@ -365,12 +365,14 @@ def _write_fields(
     return datasets
 
 
-def _require_readable_targets(scene: Scene) -> None:
+def require_readable_targets(scene: Scene) -> None:
     """Read once what is needed after forming: what is wrong is told before anything is computed."""
-    if scene.permeability is not None:
-        from lcmchain.coupling.permeability import law_of
+    laws = [scene.permeability, *(case.permeability for case, _ in scene.infiltrations.values())]
+    for law in laws:
+        if law is not None:
+            from lcmchain.coupling.permeability import law_of
 
-        law_of(scene.permeability, scene.source.directory)
+            law_of(law, scene.source.directory)
     if not scene.mapping:
         return
     from lcmchain.mapping import read_target

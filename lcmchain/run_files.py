@@ -28,10 +28,8 @@ FILLING_ENDINGS = tuple(
 def input_files(scene: Scene) -> list[Path]:
     """Return the files that a run reads."""
     directory = Path(scene.source.directory)
-    tools = [getattr(tool.shape, "file", None) for tool in scene.tools]
-    names = [*(name for name in tools if name), *(target.mesh for target in scene.mapping)]
     scene_file = [scene.source.path] if scene.source.path is not None else []
-    return [*scene_file, *(directory / name for name in names)]
+    return [*scene_file, *(directory / name for _, name in scene.source.files)]
 
 
 def expected_files(scene: Scene) -> list[str]:

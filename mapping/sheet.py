@@ -127,7 +127,7 @@ def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> S
     except UNREADABLE as error:
         reason = shortened(str(error), 300)
         raise InputError(f"this is not a netCDF forming result ({reason})", file=path) from None
-    sheet = _sheet_from_dataset(loaded, frame, str(path))
+    sheet = _sheet_from_dataset(loaded, -1, str(path))
     require_sound_fields(sheet.scalars, sheet.directions, str(path))
     origin = {"source_file": path.name, "source_sha256": file_sha256(path)}
     return replace(sheet, provenance={**sheet.provenance, **origin})
@@ -182,6 +182,8 @@ def _frame_of(dataset: xr.Dataset, frame: int, name: str) -> xr.Dataset:
     """One saved frame of a dataset; a dataset without saved frames as it is."""
     states = _states_of(dataset)[0]
     if states not in dataset.dims:
+        if frame not in (-1, 0):
+            raise InputError(f"frame {frame} does not exist; there is one state", file=name)
         return dataset
     frame_count = dataset.sizes[states]
     if not -frame_count <= frame < frame_count:

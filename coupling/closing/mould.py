@@ -17,6 +17,7 @@ from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.formed_part import FormedPart
+from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.iteration import (
     CoupledSystem,
     Exchange,
@@ -67,7 +68,7 @@ class Mould:
         law = compaction_of(part)
         mesh = filling.mesh
         formed = filling.state.thickness.copy()
-        self._across = _seen_across(filling, getattr(case, "direction", None))
+        self._across = seen_across(mesh, getattr(case, "direction", None))
         outside = closure_of(case, formed, self._across)
         fluid = FillingPart(filling)
         pressure = fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE]
@@ -133,7 +134,9 @@ def closure_of(case: scene.Closure, formed: np.ndarray, across: np.ndarray) -> c
         return closures.Bag(_over_time(case.pressure, case.times))
     if isinstance(case, scene.Press):
         return closures.Press(_over_time(case.force, case.times), across=across)
-    return closures.ClosingGap(formed, case.thickness, case.closing_time)
+    if case.closing_time is None:
+        return closures.Gap(_over_time(case.thickness, case.times), formed)
+    return closures.ClosingGap(formed, case.thickness[0], case.closing_time)
 
 
 def _over_time(
@@ -144,12 +147,12 @@ def _over_time(
     return lambda time: float(np.interp(time, times, values))
 
 
-def _seen_across(filling: Filling, direction: tuple[float, float, float] | None) -> np.ndarray:
+def seen_across(mesh: FlowMesh, direction: tuple[float, float, float] | None) -> np.ndarray:
     """Share of each cell's area that a direction sees, |n·d|; all of it along the normals."""
     if direction is None:
-        return np.ones(filling.mesh.cell_count)
+        return np.ones(mesh.cell_count)
     unit = np.array(direction) / np.linalg.norm(direction)
-    return np.abs(filling.mesh.normals @ unit)
+    return np.abs(mesh.normals @ unit)
 
 
 def _coupled(

@@ -73,6 +73,10 @@ class Schedule:
             return False
         return not np.any(fill_time[self.closes_on_arrival] <= time)
 
+    def is_apart_from(self, other: Schedule) -> bool:
+        """Whether the clock never has both open."""
+        return self.closes <= other.opens or other.closes <= self.opens
+
     def next_switch(self, time: float) -> float:
         """The next time [s] at which the clock opens or closes it; inf if there is none."""
         return min((t for t in (self.opens, self.closes) if t > time), default=np.inf)

@@ -54,7 +54,7 @@ def map_and_fill(
                     f"{path.name} is mapped onto another mesh, or another state of this one: its "
                     "fields were mapped once more; start from the forming result to lose nothing"
                 )
-            path = Path(out_dir) / f"{name}.nc"
+            path, options = Path(out_dir) / f"{name}.nc", replace(options, frame=-1)
     return report, fill_part(path, case, name=name, out_dir=out_dir, options=options, tell=tell)
 
 

@@ -168,10 +168,13 @@ def _history(filled: FilledPart) -> xr.Dataset:
 
 def _dry_spots(filled: FilledPart) -> xr.Dataset:
     names, spots = zip(*filled.dry_spots, strict=True)
+    area_left, volume_left = zip(*filled.left_dry, strict=True)
     columns = {
         "time": ([s.time for s in spots], "s", "when the front closed around it"),
         "area": ([s.area for s in spots], "m2", "area that was dry then"),
         "pore_volume": ([s.volume for s in spots], "m3", "volume of the pores that were dry then"),
+        "area_left": (area_left, "m2", "area that is dry in the end"),
+        "pore_volume_left": (volume_left, "m3", "volume of the pores that are dry in the end"),
         **{
             axis: ([s.place[k] for s in spots], "m", f"{axis} of the centre of its dry pores")
             for k, axis in enumerate("xyz")

@@ -60,7 +60,8 @@ class Filling:
     ) -> None:
         self.options = options or FillingOptions()
         self.medium = Medium(mesh, preform, edges)
-        self.supply = Supply(gates, vents, mesh.node_count)
+        on_film = 0.0 if film is None else film.pressure
+        self.supply = Supply(gates, vents, mesh.node_count, on_film)
         self.liquid = Liquid(resin, temperature)
         self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
         if self.gravity.any() and not self.liquid.resin.density > 0.0:
@@ -246,15 +247,31 @@ class Filling:
         )
         self._steps.forget()
 
-    def set_points(self, points: np.ndarray) -> None:
-        """Move the nodes [m], shape (N, 3); fibres keep their volume per cell.
+    def set_points(self, points: np.ndarray, step: float | None = None) -> None:
+        """Move the nodes [m], shape (N, 3); fibres and film keep their volume.
 
-        As with a jump of the thickness, what no longer has room flows in the next time step.
+        Without a step the volume of the cells jumps as their areas do: as with a jump of the
+        thickness, what no longer has room flows in the next time step. With one the cells keep
+        the volume that they have, and reach that of their thickness (and its rate) at the new
+        places after ``step`` [s], at a constant rate; beyond it the rate goes on.
+
+        Raises
+        ------
+        SimulationError : the fibres alone fill a cell.
         """
         points = np.array(points, dtype=float)
-        self.medium.set_points(points)
-        self.medium.fibre_fraction(self.state.thickness)
-        self.state.points = points.copy()
+        state, medium = self.state, self.medium
+        volume, node_area = state.thickness * medium.mesh.areas, medium.node_area
+        medium.set_points(points)
+        state.film = state.film * (node_area / medium.node_area)
+        state.points = points.copy()
+        if step is None:
+            medium.fibre_fraction(state.thickness)
+        else:
+            start = volume / medium.mesh.areas
+            medium.fibre_fraction(np.minimum(start, state.thickness))
+            state.thickness_rate = (state.thickness - start) / step
+            state.thickness = start
         self._steps.forget()
 
 

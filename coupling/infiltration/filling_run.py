@@ -57,11 +57,33 @@ class FillingRun:
             state, self.record = read_checkpoint(self.checkpoint, self.fingerprint)
             self.mover.restore(state)
         else:
-            self.record.add_frame(self.filling)
-            self.record.add_step(self.filling, self._node_area, self._force())
+            self.begin()
         self._saved = time.perf_counter()
         with stop_requests() as self._stop:
             outcome, message = self._advance()
+        return self.found(outcome, message)
+
+    def begin(self) -> None:
+        """Record the start."""
+        self.record.add_frame(self.filling)
+        self.record.add_step(self.filling, self._node_area, self._force())
+
+    def note(self, filling: Filling) -> float:
+        """Record a step that has been taken; return the filled share."""
+        self.record.add_step(filling, self._node_area, self._force())
+        share = filling.filled_share
+        if self._is_frame(share):
+            self.record.add_frame(filling)
+        self.tell(share, f"filling, {filling.time:.4g} s")
+        return share
+
+    def found(self, outcome: str, message: str) -> FilledPart:
+        """Return what was recorded, with the present state as its last frame.
+
+        A part that is full, but from whose vents resin bleeds up to the end, is filled.
+        """
+        if outcome == "reached" and self.filling.state.full.all():
+            outcome, message = "filled", f"all pores are full, and {message}"
         if self.record.frame_time[-1] < self.filling.time:
             self.record.add_frame(self.filling)
         history = None if self.mould is None else self.mould.history
@@ -94,11 +116,7 @@ class FillingRun:
         return outcome, message
 
     def _after_step(self, filling: Filling) -> None:
-        self.record.add_step(filling, self._node_area, self._force())
-        share = filling.filled_share
-        if self._is_frame(share):
-            self.record.add_frame(filling)
-        self.tell(share, f"filling, {filling.time:.4g} s")
+        share = self.note(filling)
         if self._stop.is_set():
             self._save()
             raise SimulationInterrupted(

@@ -86,6 +86,12 @@ def read_formed_part(
         raise InputError("there is no such file", file=path)
     dataset = open_mapped(path)
     if is_mapped(dataset):
+        if frame != -1:
+            raise InputError(
+                f"is {frame}, but {path.name} holds one state; choose the frame when it is mapped, "
+                "or start from the forming result",
+                key="--frame",
+            )
         part = _mapped_part(mapped_state(dataset), str(path))
     else:
         part = _sheet_part(path, frame)
@@ -176,6 +182,7 @@ def _mapped_part(dataset: xr.Dataset, file: str) -> FormedPart:
         points,
         _blocks(corners),
         {},
+        file=Path(file),
         cell_ids=ids.get("cell_id", np.empty(0, dtype=np.int64)),
         node_ids=ids.get("node_id", np.empty(0, dtype=np.int64)),
         cell_sets=_sets(dataset, "cell_set_"),
@@ -226,8 +233,9 @@ def _sheet_part(path: Path, frame: int) -> FormedPart:
     order = np.argsort(sheet.surface.faces[:, 3] < 0, kind="stable")
     used, faces = compact(sheet.surface.faces[order])
     target = TargetMesh(
-        sheet.surface.points[used], _blocks(faces), {}, cell_ids=order + 1, node_ids=used + 1
-    )
+        sheet.surface.points[used], _blocks(faces), {}, file=path, cell_ids=order + 1,
+        node_ids=used + 1,
+    )  # fmt: skip
     mesh = UgridMesh("sheet")
     variables: dict[str, Variable] = {
         **mesh.topology(target.corners, long_name="formed sheet"),

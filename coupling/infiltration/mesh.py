@@ -73,7 +73,10 @@ class FlowMesh:
         row[used] = np.arange(len(used))
         cells = np.where(target.corners >= 0, row[target.corners], -1)
         node_sets = {name: row[nodes][row[nodes] >= 0] for name, nodes in target.node_sets.items()}
-        return cls(target.points[used], cells, {**target.parts, **target.cell_sets}, node_sets)
+        try:
+            return cls(target.points[used], cells, {**target.parts, **target.cell_sets}, node_sets)
+        except InputError as error:
+            raise InputError(error.message, file=target.file or "the mesh of the part") from None
 
     @property
     def node_count(self) -> int:

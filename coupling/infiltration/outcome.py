@@ -28,10 +28,12 @@ def idle_outcome(filling: Filling, situation: Situation, stage: Stage) -> tuple[
             "gates or pressure, or cooler"
         )
     if not situation.gates:
-        closed = ", ".join(gate.name for gate in filling.supply.gates) or "none"
-        return "no_source", (
-            f"no gate is open after {time} ({closed}) and the resin stands still; {share}"
-        )
+        closed = ", ".join(gate.name for gate in filling.supply.gates)
+        film = ", the film gives no more" if filling.film is not None else ""
+        ended = f"there is no gate{film} after {time}"
+        if closed:
+            ended = f"no gate is open after {time} ({closed}){film}"
+        return "no_source", f"{ended} and the resin stands still; {share}"
     if not any(gate.ready for gate in situation.gates):
         return "no_source", f"no gate has a pressure above the air's after {time}; {share}"
     dry = np.flatnonzero(~state.full)

@@ -26,6 +26,7 @@ def require_permeable(part: FormedPart) -> None:
         "or packing (hexagonal reaches 0.907), or a [[regions]] entry with a "
         "fibre_volume_fraction there",
         "nothing can flow there; check the law, or the file that it comes from",
+        "check the file; of an open channel beside the textile make a [[race_tracks]] entry",
     )
     smaller = part.cell("permeability_2")
     larger = part.cell("permeability_1")
@@ -35,7 +36,8 @@ def require_permeable(part: FormedPart) -> None:
             remedy[0])  # fmt: skip
     _refuse(part, fraction >= 1.0, "have a fibre volume fraction of one or more, so no pores",
             -fraction, "", remedy[1])  # fmt: skip
-    _refuse(part, fraction < 0.0, "have a negative fibre volume fraction", fraction, "", remedy[1])
+    _refuse(part, fraction <= 0.0, "have a fibre volume fraction of zero or less, so no textile",
+            fraction, "", remedy[4])  # fmt: skip
     _refuse(part, ~(np.isfinite(smaller) & np.isfinite(larger)), "have no permeability",
             -fraction, "fibre volume fraction", remedy[2])  # fmt: skip
     _refuse(part, np.minimum(smaller, larger) <= 0.0, "have a permeability of zero or less",

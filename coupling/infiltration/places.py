@@ -141,6 +141,12 @@ class Places:
         ends = self.points[self.all_edges[0]]
         return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
 
+    @property
+    def extent(self) -> str:
+        """From the least to the largest coordinates of the part, for messages."""
+        own = self.points[self.used]
+        return f"{place_text(own.min(axis=0))} to {place_text(own.max(axis=0))}"
+
     @cached_property
     def loops(self) -> list[np.ndarray]:
         """Edges (E, 2) of each connected boundary, the longest first."""
@@ -217,7 +223,7 @@ class Places:
             raise InputError(
                 f"no {what} lies in the box from {place_text(low)} to {place_text(high)}; the "
                 f"nearest lies at {place_text(places[nearest])}, {_mm(distance[nearest])} mm "
-                "outside",
+                f"outside (the part spans {self.extent}); move it there, and check the unit",
                 key=f"{key}.box",
             )
         return np.flatnonzero(inside)

@@ -111,8 +111,12 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
                 "area": float(spot.area),
                 "pore_volume": float(spot.volume),
                 "time": float(spot.time),
+                "area_left": area_left,
+                "pore_volume_left": volume_left,
             }
-            for spot_name, spot in filled.dry_spots[:MOST_SPOTS]
+            for (spot_name, spot), (area_left, volume_left) in list(
+                zip(filled.dry_spots, filled.left_dry, strict=True)
+            )[:MOST_SPOTS]
         ],
         warnings=[*setup.warnings, *_warnings(filled, pores)],
     )
@@ -152,12 +156,17 @@ def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:
         share = filled.history.filled_share[-1]
         yield f"only {share:.1%} of the pores are filled: {filled.message or filled.outcome}{where}"
     yield from _gelled(filled)
-    spots = [(name, spot) for name, spot in filled.dry_spots if spot.volume > NOTABLE * pores]
-    for name, spot in spots[:3]:
+    spots = [
+        (name, spot, left)
+        for (name, spot), (left, _) in zip(filled.dry_spots, filled.left_dry, strict=True)
+        if spot.volume > NOTABLE * pores
+    ]
+    for name, spot, left in spots[:3]:
+        rest = f"; {1e4 * left:.3g} cm² of it stay dry" if left > 0.0 else ""
         yield (
             f"{name}: the front closes around {1e4 * spot.area:.3g} cm² at "
             f"{place_text(spot.place)} after {time_in_words(spot.time)}, and the air there has no "
-            "way to a vent; put a vent there, or move the gates"
+            f"way to a vent{rest}; put a vent there, or move the gates"
         )
     if len(spots) > 3:
         yield f"{len(spots) - 3} further dry spots, in the report"

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
 from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.medium import Medium
 from lcmchain.coupling.infiltration.setup import FillingSetup
 from lcmchain.coupling.infiltration.state import DrySpot, FillingState
 from lcmchain.coupling.iteration import History
@@ -211,6 +213,22 @@ class FilledPart:
         """Pockets of air that the front closed around, the largest first, with names."""
         spots = sorted(self.state.dry_spots, key=lambda spot: (-spot.volume, spot.time))
         return [(f"dry {number}", spot) for number, spot in enumerate(spots, start=1)]
+
+    @cached_property
+    def left_dry(self) -> list[tuple[float, float]]:
+        """Area [m2] and pore volume [m3] of each of the dry spots that are dry in the end.
+
+        Compressed air keeps a bubble; without it a pocket fills as far as the time allows.
+        """
+        setup = self.setup
+        medium = Medium(setup.mesh, setup.preform, setup.race_tracks)
+        pores = medium.pores(self.thickness[-1])
+        room = np.where(self.state.full, 0.0, pores - self.state.resin_volume)
+        area = room / pores * medium.node_area
+        return [
+            (float(area[spot.nodes].sum()), float(room[spot.nodes].sum()))
+            for _, spot in self.dry_spots
+        ]
 
 
 def _rows(values: Sequence[np.ndarray], count: int) -> np.ndarray:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Schedule, TimeTable, Vent
+from lcmchain.coupling.infiltration.doubts import doubts
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
 from lcmchain.coupling.infiltration.film_supply import Film
 from lcmchain.coupling.infiltration.formed_part import (
@@ -108,8 +109,8 @@ def set_up(
     if film is not None:
         lies = np.flatnonzero(np.asarray(film.thickness) > 0.0)
     _require_reached(mesh, gates, vents, np.union1d(wet, lies), places)
-    warnings = (*part.warnings, *mesh.warnings(), *_doubts(case, gates, places))
-    return FillingSetup(part, case, mesh, preform, gates, vents, tracks, wet, film, warnings)
+    setup = FillingSetup(part, case, mesh, preform, gates, vents, tracks, wet, film, ())
+    return replace(setup, warnings=(*part.warnings, *mesh.warnings(), *doubts(setup, places)))
 
 
 def require_places(target: TargetMesh, case: scene.Infiltration) -> None:
@@ -126,6 +127,7 @@ def require_places(target: TargetMesh, case: scene.Infiltration) -> None:
         _vent(vent, case.vent_pressure, places, key) for key, vent in _keyed("vents", case.vents)
     )
     _require_apart(gates, vents, places)
+    _film(case.film, places)
     for key, place in _keyed("wetted", case.wetted):
         places.nodes(place, key)
     for key, place in _keyed("race_tracks", case.race_tracks):
@@ -241,12 +243,13 @@ def _require_apart(gates: Sequence[Gate], vents: Sequence[Vent], places: Places)
         others: list[Gate | Vent] = [*gates[number + 1 :], *vents]
         for other in others:
             shared = np.intersect1d(gate.nodes, other.nodes)
-            if len(shared):
+            if len(shared) and not gate.schedule.is_apart_from(other.schedule):
                 raise InputError(
                     f"shares {len(shared)} nodes with "
                     f'{"the vent" if isinstance(other, Vent) else "the gate"} "{other.name}" '
                     f"(node {places.node_number(shared[0])} at "
-                    f"{place_text(places.points[shared[0]])}); a node is one of them",
+                    f"{place_text(places.points[shared[0]])}); a node is one of them at a time: "
+                    "let one close before the other opens, or move it",
                     key=f'gates[{number}] "{gate.name}"',
                 )
 
@@ -276,16 +279,3 @@ def _require_reached(
                 f"{places.cell_number(first)} at {place_text(places.centroids[first])}); give "
                 f"each piece {remedy}, or join the nodes where the pieces meet"
             )
-
-
-def _doubts(case: scene.Infiltration, gates: Sequence[Gate], places: Places):
-    """Yield what is computed, but perhaps not meant."""
-    for gate in gates:
-        if len(gate.nodes) == 1 and gate.radius is None and gate.flow_rate is None:
-            yield (
-                f'the gate "{gate.name}" is one node with a pressure: as large as a hole of about '
-                f"{1e3 * 0.2 * places.edge_length:.2g} mm radius on this mesh; give its radius, "
-                "or name a set, for an answer that does not depend on the mesh"
-            )
-    if case.gravity is not None and not np.any(case.gravity):
-        yield "gravity is zero; leave it out"

@@ -116,7 +116,7 @@ def write_filled(
     """Write fields, pictures and report of a filled part, as :func:`fill_part` does."""
     report = filling_report(name, filled)
     report.wall_s = wall_s
-    _write(Path(out_dir) / f"{name}{ENDING}", filled, report, options, tell)
+    write_filling(Path(out_dir) / f"{name}{ENDING}", filled, report, options, tell)
     return report
 
 
@@ -164,9 +164,10 @@ def _fits(checkpoint: Path, fingerprint: dict[str, str]) -> bool:
     return True
 
 
-def _write(
+def write_filling(
     out: Path, filled: FilledPart, report: FillingReport, options: FillOptions, tell: Tell
 ) -> None:
+    """Write the files of a filling; ``out`` is their name without what it ends in."""
     endings = dict(FILES)
     if not options.picture:
         endings = {what: end for what, end in endings.items() if what not in PICTURES}

@@ -43,10 +43,16 @@ class HasFillTime(Protocol):
 
 
 class Supply:
-    """Gates and vents of a filling."""
+    """Gates and vents of a filling, and the pressure on its film where that is a table."""
 
-    def __init__(self, gates: Sequence[Gate], vents: Sequence[Vent], node_count: int) -> None:
-        self.gates, self.vents = tuple(gates), tuple(vents)
+    def __init__(
+        self,
+        gates: Sequence[Gate],
+        vents: Sequence[Vent],
+        node_count: int,
+        on_film: float | TimeTable = 0.0,
+    ) -> None:
+        self.gates, self.vents, self._on_film = tuple(gates), tuple(vents), on_film
         owner: dict[int, str] = {}
         for place in self._places:
             kind = "gate" if isinstance(place, Gate) else "vent"
@@ -74,10 +80,7 @@ class Supply:
     def _may_share(self, name: str, place: Gate | Vent) -> bool:
         """A place may be a gate for some time and a vent for another."""
         other = next(p for p in self._places if p.name == name)
-        return (
-            other.schedule.closes <= place.schedule.opens
-            or place.schedule.closes <= other.schedule.opens
-        )
+        return other.schedule.is_apart_from(place.schedule)
 
     def open_gates(
         self, time: float, state: FillingState, network: Network, conductances: Conductances
@@ -139,7 +142,7 @@ class Supply:
     def _tables(self) -> list[TimeTable]:
         quantities = [gate.pressure for gate in self.gates]
         quantities += [gate.flow_rate for gate in self.gates]
-        quantities += [vent.pressure for vent in self.vents]
+        quantities += [*(vent.pressure for vent in self.vents), self._on_film]
         return [quantity for quantity in quantities if isinstance(quantity, TimeTable)]
 
     def next_switch(self, time: float) -> float:
@@ -153,11 +156,26 @@ class Supply:
         changing = any(table.times[-1] > time for table in self._tables)
         return changing or any(gate.schedule.opens > time for gate in self.gates)
 
+    def longest_step(self, time: float) -> float:
+        """Longest step [s] over which the pressure on the film may be taken as constant."""
+        table = self._on_film
+        if not isinstance(table, TimeTable):
+            return np.inf
+        end = int(np.searchsorted(table.times, time, side="right"))
+        if not 0 < end < len(table.times) or table.values[end] == table.values[end - 1]:
+            return np.inf
+        return float(table.times[end] - table.times[end - 1]) / 200.0
+
     def next_look(self, time: float) -> float:
         """When to look again [s] while nothing moves: tables are followed in small steps."""
         switch = self.next_switch(time)
-        within = any(table.times[0] <= time < table.times[-1] for table in self._tables)
-        return time + (switch - time) / 200.0 if within else switch
+        knots = [
+            float(table.times[np.searchsorted(table.times, time, side="right") - 1])
+            for table in self._tables
+            if table.times[0] <= time < table.times[-1]
+        ]
+        # Shares of the whole piece of a table: of what is left of it, they would never end.
+        return min(switch, time + (switch - max(knots)) / 200.0) if knots else switch
 
 
 @dataclass(frozen=True)

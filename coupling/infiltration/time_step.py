@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from lcmchain.coupling.infiltration.filling import Filling
 
 MOST_CUTS = 60
+#: Resin that has no room after a jump of the pores flows in a step cut so often, else in more.
+CUTS_OF_EXCESS = 12
 #: So many steps in a row, each below this share of what is left of the time, lead nowhere.
 MOST_TINY_STEPS, TINY = 2000, 1e-9
 # Of the pore volume, over all that is left of the time: less is no flow.
@@ -90,7 +92,7 @@ class TimeStep:
         switch = filling.supply.next_switch(state.time)
         self._moments = (until, switch) if np.isfinite(switch) else (until,)
         if not moves:
-            if filling.supply.waits_for_clock(state.time):
+            if not state.full.all() and filling.supply.waits_for_clock(state.time):
                 state.time = min(filling.supply.next_look(state.time), until)
                 self.forget()
                 return None
@@ -104,6 +106,7 @@ class TimeStep:
                     break
                 return None
             step *= share
+            situation = _at_the_same_rate(situation, share)
         raise SimulationError(
             f"time steps collapse at {state.time:.6g} s ({step:.3g} s): resin finds no room "
             f"next to where it is pressed to ({_place(filling, stage)})"
@@ -174,6 +177,7 @@ class TimeStep:
             until - state.time,
             options.largest_step,
             filling.supply.next_switch(state.time) - state.time,
+            filling.supply.longest_step(state.time),
             filling.liquid.longest_step(state),
             *(priming.left for priming in situation.primings if priming.left > 0.0),
         )
@@ -187,13 +191,13 @@ class TimeStep:
             stage = self._kept[1]
             return situation, stage, min(limit, self._wish(stage, situation))
         step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
-        for _ in range(MOST_CUTS):
+        for _ in range(MOST_CUTS if not situation.excess.any() else CUTS_OF_EXCESS):
             if not step > 0.0:
                 raise SimulationError(
                     f"no time step is short enough at {state.time:.6g} s: the thickness or the "
                     "pressure changes too fast"
                 )
-            stage = self._stage(situation, state, step)
+            stage, of_stage = self._stage(situation, state, step), step
             wish = self._wish(stage, situation)
             if not timed or wish >= 0.999 * step:
                 break
@@ -201,7 +205,8 @@ class TimeStep:
         if situation.lift is not None:
             fastest = np.max(np.abs(_thickness_rate(situation, stage)) / state.thickness)
             step = min(step, options.largest_compaction / max(fastest, 1e-300))
-        return situation, stage, min(step, wish)
+        step = min(step, wish)
+        return _at_the_same_rate(situation, step / of_stage), stage, step
 
     def _wish(self, stage: Stage, situation: Situation) -> float:
         """Step in which the front crosses as many control volumes as the options say."""
@@ -224,7 +229,7 @@ class TimeStep:
     def _try(self, situation: Situation, stage: Stage, step: float) -> float:
         """Take a step of this size; if it is too large, return the share of it to try next."""
         state = situation.state
-        if situation.excess.any() and stage.step != step:
+        if stage.step != step and (situation.excess < 0.0).any():
             stage = self._stage(situation, state, step)
         rate = _thickness_rate(situation, stage)
         pores_end = self._pores_at(situation, rate, step)
@@ -418,12 +423,14 @@ class TimeStep:
             net[situation.film.fed] = 0.0
         scale = np.abs(stage.flow.along).max(initial=0.0)
         worst = int(np.argmax(net))
-        noise = 0.0
+        # Where resin comes to rest, as against trapped air, flows are differences of pressures that
+        # are next to nothing.
+        conductance = np.abs(situation.conductances.flow).max(initial=0.0)
+        noise = 1e-12 * float(conductance * np.abs(stage.flow.pressure).max())
         if situation.lift is not None:
-            # What cells take in is a difference of pressures that may be next to nothing.
             lift = situation.lift
             pressure = np.abs(stage.flow.lifted) + np.abs(lift.reference)
-            noise = 1e-12 * float(np.max(lift.conductance * pressure))
+            noise += 1e-12 * float(np.max(lift.conductance * pressure))
         if net[worst] > 1e-6 * scale + noise and net[worst] > 0.0:
             place = ", ".join(f"{x:.6g}" for x in self.filling.mesh.points[worst])
             raise SimulationError(
@@ -453,7 +460,10 @@ class TimeStep:
             self._carry(situation, passed, primed, along, volume, step)
             filling.liquid.rest(filling.medium, state, volume > 0.0, step)
         if filling.options.trapped_air:
-            state.air_pressure = _compressed(situation.air, state.air_pressure, pores_end - volume)
+            state.air_pressure = _compressed(
+                situation.air, state.air_pressure, pores_end - volume, full,
+                filling.medium.network.edges,
+            )  # fmt: skip
         state.resin_volume, state.full = volume, full
         state.fill = np.minimum(volume / pores_end, 1.0)
         state.pressure = stages[1].flow.pressure
@@ -583,17 +593,42 @@ class TimeStep:
             setattr(state, name, carried)
 
 
-def _compressed(air: Air, pressure: np.ndarray, room: np.ndarray) -> np.ndarray:
-    """Air pressure (N,) after a step: pressure times volume of each closed region stays."""
-    dry = air.region >= 0
+def _compressed(
+    air: Air, pressure: np.ndarray, room: np.ndarray, full: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
+    """Air pressure (N,) after a step: pressure times volume of each closed region stays.
+
+    Where the front goes back, the volumes that it leaves belong to the region beside them.
+    """
+    region = air.region.copy()
+    opened = (region < 0) & ~full
+    while opened.any():
+        sides = np.concatenate([edges, edges[:, ::-1]])
+        sides = sides[opened[sides[:, 0]] & (region[sides[:, 1]] >= 0)]
+        if not len(sides):
+            break
+        region[sides[:, 0]] = region[sides[:, 1]]
+        opened = (region < 0) & ~full
+    dry = region >= 0
     size = len(air.volume)
-    left = np.bincount(air.region[dry], np.maximum(room[dry], 0.0), minlength=size)
+    left = np.bincount(region[dry], np.maximum(room[dry], 0.0), minlength=size)
     # Of the air that the step would squeeze to nothing a thousandth of its volume is left.
     raised = air.pressure * air.volume / np.maximum(left, 1e-3 * air.volume)
     values = np.where(air.vented, air.pressure, raised)
     after = pressure.copy()
-    after[dry] = values[air.region[dry]]
+    after[dry] = values[region[dry]]
     return after
+
+
+def _at_the_same_rate(situation: Situation, share: float) -> Situation:
+    """Of what has no room, as much as flows in a share of the step; the rest in later ones.
+
+    What a full volume lacks is drawn in at once: else the front would come back to it.
+    """
+    excess = situation.excess
+    if share == 1.0 or not excess.any():
+        return situation
+    return replace(situation, excess=np.where(excess > 0.0, share * excess, excess))
 
 
 def _thickness_rate(situation: Situation, stage: Stage) -> np.ndarray:

@@ -61,9 +61,13 @@ class Bag:
 
 @dataclass(frozen=True)
 class Gap:
-    """Rigid tools at a gap [m], (C,) or over time; what they press with follows."""
+    """Rigid tools at a gap [m], (C,) or over time; what they press with follows.
+
+    start : thickness that a cell keeps until the tools arrive (C,) [m]; None: it fills the gap.
+    """
 
     gap: OverTime | np.ndarray
+    start: np.ndarray | None = None
 
     def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
         gap = self.gap
@@ -71,6 +75,8 @@ class Gap:
             gap = np.full_like(pore, value_at(gap, time))
         if not (gap > 0.0).all():
             raise SimulationError(f"the tools are closed at {time:g} s: gap {gap.min():.4g} m")
+        if self.start is not None:
+            gap = np.minimum(self.start, gap)
         return Closed(gap, np.zeros_like(pore))
 
 

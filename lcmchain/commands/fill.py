@@ -187,7 +187,8 @@ def _fill_scene(
                 mesh = scene.source.directory / target.mesh
                 mapping = MappingOptions(**target.options())
                 mapped = folder / f"{name}.nc"
-                source = mapped if is_mapped_from(mapped, forming, mesh) else forming
+                is_there = options.frame == -1 and is_mapped_from(mapped, forming, mesh)
+                source = mapped if is_there else forming
             with progress_bar(quiet=quiet) as progress:
                 reports.append(
                     map_and_fill(

@@ -350,6 +350,10 @@ class Text:
         return value
 
 
+class FileName(Text):
+    """Name of a file that the scene needs, relative to its folder."""
+
+
 @dataclass(frozen=True)
 class AbsentMeans:
     """What leaving out an optional entry means, for the table of defaulted values.

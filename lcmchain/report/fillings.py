@@ -19,7 +19,7 @@ def filling_in_words(report: Mapping[str, Any]) -> str:
         "reached": f"{share} filled after {end}",
         "gelled": f"{share} filled when the resin gelled after {end}",
         "trapped": f"{share} filled, the rest is trapped air, after {end}",
-        "no_source": f"{share} filled when the last gate closed after {end}",
+        "no_source": f"{share} filled when no source was left after {end}",
     }.get(report["outcome"], f"{share} filled after {end} ({report['outcome']})")
     text += f", {1e3 * report['resin_mass']:.4g} g of resin in the part"
     vented = sum(vent["vented_volume"] for vent in report["vents"].values())
@@ -59,7 +59,7 @@ def filling_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def dry_spot_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    """Yield name, place, area, pore volume and time of every dry spot."""
+    """Yield name, place, area, pore volume, time and what is left of every dry spot."""
     for spot in report.get("dry_spots", ()):
         yield (
             spot["name"],
@@ -67,6 +67,7 @@ def dry_spot_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
             f"{1e4 * spot['area']:.3g}",
             f"{1e6 * spot['pore_volume']:.3g}",
             time_in_words(spot["time"]),
+            f"{1e6 * spot.get('pore_volume_left', 0.0):.3g}",
         )
 
 

@@ -75,22 +75,48 @@ class Bag(_Closure):
 
 
 class Gap(_Closure):
-    """Rigid tools that close from the largest formed thickness down to a gap."""
+    """Rigid tools that close to a gap; a cell keeps its formed thickness until they arrive."""
 
     type: Literal["gap"]
-    thickness: PositiveLength = Field(description="Gap of the closed tools.")
-    closing_time: PositiveTime = Field(
-        description="Time in which they close, at a constant speed from the thickest cell on; a "
-        "cell keeps its thickness until the tool arrives."
+    thickness: Annotated[tuple[PositiveLength, ...], Row('"0.8 mm"', minimum_count=1)] = Field(
+        description="Gap of the closed tools, or one for each of times."
+    )
+    closing_time: Annotated[PositiveTime | None, AbsentMeans("")] = Field(
+        default=None,
+        description="Time in which they close, at a constant speed from the thickest cell on.",
+    )
+    times: _Times = Field(
+        default=None,
+        description="Times of the gaps, which are linear between them, in place of closing_time.",
     )
     direction: Annotated[Direction | None, AbsentMeans("normal to each cell")] = Field(
         default=None, description="Direction of closing, for the force of the press."
     )
 
+    @field_validator("thickness", mode="before")
+    @classmethod
+    def _take_one(cls, value: Any) -> Any:
+        return as_row(value)
+
+    @model_validator(mode="after")
+    def _check_values(self) -> Self:
+        require_times("thickness", self.thickness, self.times)
+        if (self.closing_time is None) == (self.times is None):
+            given = "both" if self.times is not None else "neither"
+            raise wrong(
+                f"needs closing_time, or times with a thickness for each, but has {given}; for "
+                'example closing_time = "30 s"',
+                field="closing_time",
+            )
+        return self
+
     @property
     def in_words(self) -> str:
         """What presses, for the check of a scene."""
-        return f"tools that close to {1e3 * self.thickness:.4g} mm in {self.closing_time:g} s"
+        duration = self.closing_time
+        if duration is None:
+            duration = self.times[-1] if self.times is not None else 0.0
+        return f"tools that close to {1e3 * min(self.thickness):.4g} mm in {duration:g} s"
 
 
 class Press(_Closure):

@@ -6,6 +6,7 @@ which holds the scene and never imports what is built on it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -26,7 +27,7 @@ from lcmchain.quantities.entry_types import (
 )
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.closure import Closure
-from lcmchain.scene.flow_places import NamedPlace
+from lcmchain.scene.flow_places import NamedPlace, Where
 from lcmchain.scene.gates import Arrival, Gate, Vent, as_row, require_times
 from lcmchain.scene.names import with_own_names
 from lcmchain.scene.permeability import Permeability
@@ -43,7 +44,7 @@ class Region(NamedPlace):
         default=None, description="Thickness; the fibre volume fraction stays unless it is given."
     )
     fibre_volume_fraction: Annotated[
-        Annotated[float, Number(0.5, Range(0.0, 1.0, (1.0,)))] | None, AbsentMeans("as mapped")
+        Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0, 1.0)))] | None, AbsentMeans("as mapped")
     ] = Field(
         default=None,
         description="Share of the fibres in the volume; with a permeability law in this table the "
@@ -188,6 +189,19 @@ class Infiltration(SceneModel):
         default="none", description="Film of the front; mp4 needs lcmchain[video]."
     )
 
+    def places(self) -> Iterator[tuple[str, Where]]:
+        """Yield every place with its key in this table."""
+        for table in ("gates", "vents", "regions", "race_tracks", "wetted"):
+            for index, entry in enumerate(getattr(self, table)):
+                key = f'{table}[{index}] "{entry.name}"'
+                yield key, entry
+                for name in ("opens_on_arrival", "closes_on_arrival"):
+                    where = getattr(entry, name, None)
+                    if where is not None:
+                        yield f"{key}.{name}", where
+        if self.film is not None and self.film.over is not None:
+            yield "film.over", self.film.over
+
     def preset_values(self) -> dict[str, Any]:
         """Return the entries of the presets of the resin, with their names."""
         return {"resin": {key: v for key, v in self.resin.preset_values().items() if v}}
@@ -203,8 +217,6 @@ class Infiltration(SceneModel):
         both = next((vent.name for vent in self.vents if vent.name in names), None)
         if both is not None:
             raise wrong(f'has the name "{both}" of a gate; give it another', field="vents")
-        if self.closure is not None and self.trapped_air:
-            raise wrong("cannot be combined with trapped_air yet; leave it out", field="closure")
         if self.with_forming is not None:
             self._check_with_forming()
         if not self.gates and not self.wetted and self.film is None:
@@ -231,6 +243,14 @@ class Infiltration(SceneModel):
                 'absolute pressures, such as vent_pressure = "1 bar"',
                 field="trapped_air",
             )
+        if self.film is not None:
+            drive = max(self.film.pressure) + self.film.capillary_pressure
+            if drive <= least:
+                raise wrong(
+                    f"is {drive:g} Pa at most, with the capillary pressure, not above that of the "
+                    f"vents ({least:g} Pa): no resin would sink in",
+                    field="film.pressure",
+                )
         count = 0.0 if self.frame_interval is None else self.time / self.frame_interval
         if count > 10_000:
             raise wrong("gives more than 10,000 saved states over time", field="frame_interval")

@@ -13,12 +13,12 @@ from pydantic import Field, model_validator
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
     AbsentMeans,
+    FileName,
     LengthUnit,
     Name,
     Number,
     PositiveLength,
     Switch,
-    Text,
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
@@ -32,7 +32,7 @@ class MappingTarget(SceneModel):
     name: Annotated[str, Name("infiltration")] = Field(
         description="Name of the target and of its files."
     )
-    mesh: Annotated[str, Text("infiltration.vtu")] = Field(
+    mesh: Annotated[str, FileName("infiltration.vtu")] = Field(
         description="Mesh file, relative to the scene file."
     )
     kind: Literal["infiltration", "structure"] = Field(

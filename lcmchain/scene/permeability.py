@@ -15,11 +15,11 @@ from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Angle,
     FibreRadius,
+    FileName,
     Number,
     PermeabilityValue,
     Range,
     Row,
-    Text,
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
@@ -127,7 +127,7 @@ class TablePermeability(_Measured):
     """Measured permeability from a CSV file, interpolated as a power between its rows."""
 
     law: Literal["table"]
-    file: Annotated[str, Text("permeability.csv")] = Field(
+    file: Annotated[str, FileName("permeability.csv")] = Field(
         description="CSV with the header `fibre volume fraction [%],k1 [m^2],k2 [m^2],k3 [m^2]`; "
         "relative to the scene file."
     )

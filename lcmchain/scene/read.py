@@ -17,6 +17,7 @@ from lcmchain.errors import InputError, shortened
 from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans
 from lcmchain.scene.explain import MOST_PROBLEMS, Problem, key_text, problems_of
 from lcmchain.scene.limits import MOST_BYTES, beyond_limits
+from lcmchain.scene.named_files import dotted, named_files
 from lcmchain.scene.overrides import apply_overrides
 from lcmchain.scene.presets import PRESETS
 from lcmchain.scene.scene import Scene, SceneSource
@@ -118,6 +119,7 @@ def scene_from_text(
         sha256=hashlib.sha256(full_text.encode()).hexdigest(),
         given=given,
         defaulted=defaulted,
+        files=[(dotted(location), value) for location, value in named_files(data)],
     )
     return scene
 
@@ -179,15 +181,7 @@ def input_error(problems: list[Problem], path: Path | None, *, unexplained: int 
 def _missing_files(data: dict[str, Any], directory: Path) -> list[Problem]:
     """Name the files that a scene points to and that are not there."""
     problems = []
-    for location in _file_entries(data):
-        value: Any = data
-        for step in location:
-            if not isinstance(value, (dict, list)) or isinstance(value, dict) and step not in value:
-                value = None
-                break
-            value = value[step]  # type: ignore[index]
-        if not isinstance(value, str) or not value.strip():
-            continue
+    for location, value in named_files(data):
         key = key_text(location, data)
         found = _kind_of(directory / value)
         if found == "absent":
@@ -201,17 +195,6 @@ def _missing_files(data: dict[str, Any], directory: Path) -> list[Problem]:
         elif found != "file":
             problems.append(Problem(key, f'"{shortened(value)}" is {found}'))
     return problems
-
-
-def _file_entries(data: dict[str, Any]) -> Iterator[tuple[str | int, ...]]:
-    """Places of a document where the name of a file may stand."""
-    for table, path in (("tools", ("shape", "file")), ("mapping", ("mesh",))):
-        entries = data.get(table)
-        for index, entry in enumerate(entries if isinstance(entries, list) else ()):
-            if isinstance(entry, dict):
-                yield (table, index, *path)
-    if isinstance(data.get("permeability"), dict):
-        yield "permeability", "file"
 
 
 def _kind_of(path: Path) -> str:

@@ -53,6 +53,7 @@ class SceneSource:
     text : text of the scene file; overrides stand at its end as comments.
     sha256 : of that text; without overrides the same as of the file (less a byte-order mark).
     given, defaulted : dotted key and value as text, in the order of the tables.
+    files : dotted key and value of every entry that names a file.
     """
 
     path: Path | None
@@ -61,6 +62,7 @@ class SceneSource:
     sha256: str
     given: list[tuple[str, str]] = field(default_factory=list)
     defaulted: list[tuple[str, str]] = field(default_factory=list)
+    files: list[tuple[str, str]] = field(default_factory=list)
 
 
 class Scene(SceneModel):
@@ -253,6 +255,13 @@ class Scene(SceneModel):
                     f"flows in a mesh of its own, {target.mesh}; with_forming stands in "
                     "[infiltration], that of the sheet",
                     field=f"{key}.with_forming",
+                )
+        for key, place in self.infiltration.places() if self.infiltration is not None else ():
+            if place.set is not None:
+                raise wrong(
+                    f'names the set "{place.set}", but the formed sheet has no sets: name a point, '
+                    "a box, a loop or the rim, or fill a mesh that has it ([mapping.infiltration])",
+                    field=f"infiltration.{key}.set",
                 )
         if self.infiltration is not None and SHEET_NAME in [t.name for t in self.mapping]:
             raise wrong(

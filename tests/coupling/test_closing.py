@@ -195,3 +195,63 @@ def test_wet_moulding_is_filled_from_its_film_and_drawn(source, tmp_path):
         assert history["stored_volume"].values[-1] + left <= given * (1.0 + 1e-9)
         assert history["stored_volume"].values[-1] + left > 0.99 * given
         assert left > 0.1 * given and history["resin_force"].values.max() > 0.0
+
+
+AIR = """
+time = "400 s"
+frames = 6
+vent_pressure = "1 bar"
+trapped_air = true
+resin = { law = "constant", viscosity = "0.1 Pa*s" }
+[[race_tracks]]
+name = "around"
+rim = true
+width = "1 mm"
+"""
+PRESSING = {
+    "gap": 'type = "gap"\nthickness = "0.8 mm"\nclosing_time = "100 s"',
+    "gap that opens again": 'type = "gap"\nthickness = "1.1 0.8 0.9 mm"\ntimes = "0 100 200 s"',
+    "bag": 'type = "bag"\npressure = "5 bar"',
+    "press": 'type = "press"\nforce = "4 kN"',
+}
+
+
+@pytest.mark.parametrize("kind", PRESSING)
+def test_trapped_air_under_a_closure_keeps_its_amount(source, kind):
+    """Boyle: what the front closed around at 1 bar, whatever has pressed since."""
+    gate = LEFT.replace("0.9 bar", "4 bar")
+    vent = RIGHT.replace("199", "9").replace("201", "15")
+    pressed = fill(
+        read_formed_part(source), case(AIR, gate, vent, f"[closure]\n{PRESSING[kind]}\n", LAW)
+    )
+    ((_, spot),) = pressed.dry_spots
+    ((_, left),) = pressed.left_dry
+    assert 0.1 * spot.volume < left < 0.5 * spot.volume
+    dry = ~pressed.state.full
+    np.testing.assert_allclose(pressed.state.air_pressure[dry] * left, 1e5 * spot.volume, rtol=1e-6)
+    assert np.abs(pressed.history.balance_error).max() < 1e-10 * pressed.history.stored[-1]
+
+
+def test_the_gap_follows_its_table_over_time(source):
+    closing = '[closure]\ntype = "gap"\nthickness = "2 0.9 0.9 0.8 mm"\ntimes = "0 55 100 150 s"'
+    head = HEAD.replace("2000 s", "200 s").replace("frames = 6", 'frame_interval = "10 s"')
+    filled = fill(read_formed_part(source), case(head, ENDS, WET, closing, LAW))
+    gap = np.interp(filled.time, [0.0, 55.0, 100.0, 150.0], [2e-3, 0.9e-3, 0.9e-3, 0.8e-3])
+    expected = np.minimum(THICKNESS, gap)
+    np.testing.assert_allclose(filled.thickness, np.tile(expected, (40, 1)).T, rtol=1e-9)
+    lost = LENGTH * WIDTH * (THICKNESS - 0.8e-3)
+    assert filled.history.vented[-1].sum() == pytest.approx(lost, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ('thickness = "0.8 mm"', "closing_time: needs closing_time, or times"),
+        ('thickness = "1 0.8 mm"\ntimes = "0 9 s"\nclosing_time = "9 s"', "but has both"),
+        ('thickness = "1 0.8 mm"\nclosing_time = "9 s"', "needs one value, but has 2"),
+        ('thickness = "1 0.8 mm"\ntimes = "9 0 s"', "must increase"),
+    ],
+)
+def test_a_gap_needs_one_law_of_closing(entries, message):
+    with pytest.raises(InputError, match=message):
+        case(HEAD, ENDS, WET, f'[closure]\ntype = "gap"\n{entries}\n', LAW)

@@ -38,6 +38,7 @@ LONGEST_MESSAGE = 3000
 
 _PLACE = re.compile(
     r"\b(title|process|blank|material|element|contact|tools|output|mapping|permeability)\b|--[a-z]"
+    r"|\b(gates|vents|regions|race_tracks|wetted|film|resin|closure|time|gravity|node|cell|region)\b"
 )
 
 

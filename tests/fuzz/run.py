@@ -1,7 +1,8 @@
-"""Fuzzer of everything that a user may give: scenes, overrides, coupon files, meshes, checkpoints.
+"""Fuzzer of everything that a user may give: scenes, overrides, coupon files, meshes,
+infiltrations, checkpoints.
 
     python tests/fuzz/run.py --scenes 10000 --overrides 2000 --csvs 500 --meshes 600 \
-        --checkpoints 200 --seed 0 --jobs 2 --out fuzz-failures
+        --fillings 1000 --checkpoints 200 --seed 0 --jobs 2 --out fuzz-failures
 
 Every case is made from its kind, the seed and its number alone, so that one case can be made again:
 `--only scenes:1234`. Prints a table; what failed lies in the folder of ``--out`` with its inputs.
@@ -31,6 +32,7 @@ KINDS = {
     "overrides": "overrides",
     "csvs": "coupon_files",
     "meshes": "meshes",
+    "fillings": "fillings",
     "checkpoints": "checkpoints",
 }
 #: A worker that says nothing for so long hangs in compiled code, where no timer reaches it [s].

@@ -10,7 +10,9 @@ from lcmchain.errors import InputError
 
 FOLDER = str(Path(__file__).parent)
 #: Kind -> number of cases: a few hundred in a few seconds. `run.py` makes as many as wanted.
-CASES = {"scenes": 80, "overrides": 80, "csvs": 6, "meshes": 30, "checkpoints": 40}
+CASES = {
+    "scenes": 80, "overrides": 80, "csvs": 6, "meshes": 30, "fillings": 30, "checkpoints": 40,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module", autouse=True)

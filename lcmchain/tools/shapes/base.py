@@ -80,11 +80,6 @@ class ToolShape(SceneModel):
         """Say what is allowed but probably not meant, for elements of an edge length [m]."""
         return []
 
-    @property
-    def file_entries(self) -> tuple[str, ...]:
-        """Names of the entries that name a file."""
-        return ()
-
 
 class ProfileShape(ToolShape):
     """Shape that a plane curve bounds, revolved or extruded."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from lcmchain.quantities.entry_types import AbsentMeans, LengthUnit, PositiveLength, Text
+from lcmchain.quantities.entry_types import AbsentMeans, FileName, LengthUnit, PositiveLength
 from lcmchain.quantities.units import length_factor
 from lcmchain.tools.distance import FIELD
 from lcmchain.tools.shapes.base import ToolShape, shape_entries
@@ -21,7 +21,7 @@ class SurfaceMesh(ToolShape):
     """Closed or open surface from a file, turned into a distance field."""
 
     type: Literal["surface_mesh"]
-    file: Annotated[str, Text("punch.stl")] = Field(
+    file: Annotated[str, FileName("punch.stl")] = Field(
         description="STL or any mesh that meshio reads; relative to the scene file."
     )
     length_unit: Annotated[str, LengthUnit()] = Field(
@@ -57,7 +57,3 @@ class SurfaceMesh(ToolShape):
     def surface(self, directory: Path, reach: float, *, key: str) -> tuple[np.ndarray, np.ndarray]:
         surface = self.surface_mesh(directory)
         return surface.points, surface.triangles
-
-    @property
-    def file_entries(self) -> tuple[str, ...]:
-        return ("file",)

@@ -5,6 +5,7 @@ import pytest
 
 from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
+from lcmchain.coupling.infiltration.film_supply import Film
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
 from lcmchain.errors import SimulationError
@@ -130,3 +131,50 @@ def test_fibres_that_fill_a_cell_are_an_error():
     filling = saturated(mesh)
     with pytest.raises(SimulationError, match="cell 0"):
         filling.set_thickness(0.4 * HEIGHT)
+
+
+def test_a_sheet_that_narrows_squeezes_as_one_that_is_pressed():
+    """p(x) = µ |V'|/V (L² - x²) / (2 K), whichever way the volume of the cells shrinks."""
+    mesh = plate(40, 4, 2.0 * HALF, WIDTH)
+    filling = saturated(mesh)
+    share, step = 1e-4, 0.5
+    filling.set_points(mesh.points * [1.0, 1.0 - share, 1.0], step)
+    filling.advance(1e-3)
+    x = mesh.points[:, 0] - HALF
+    profile = VISCOSITY * share / step * (HALF**2 - x**2) / (2.0 * PERMEABILITY)
+    assert np.abs(filling.state.pressure - profile).max() < 1e-2 * profile.max()
+    filling.advance(step)
+    assert filling.state.thickness == pytest.approx(HEIGHT, rel=1e-12)
+    lost = share * 2.0 * HALF * WIDTH * HEIGHT
+    assert filling.state.vented.sum() == pytest.approx(lost, rel=1e-8)
+
+
+@pytest.mark.parametrize("given", [0.7, None], ids=["at a rate", "at once"])
+@pytest.mark.parametrize("triangles", [False, True])
+def test_moving_nodes_lose_no_resin_of_sheet_or_film(given, triangles):
+    """In plane and out of it, while a film sinks in and spreads: all volumes stay to round-off."""
+    mesh = plate(12, 5, 2.0 * HALF, WIDTH, triangles=triangles)
+    film = Film(np.where(mesh.points[:, 0] < HALF, 6e-3, 0.0), 2e5)
+    filling = Filling(
+        mesh, Preform(HEIGHT, 0.5, PERMEABILITY, 1e-12), 0.1 * VISCOSITY, [],
+        [Vent("end", mesh.node_sets["right"], closes_when_wet=False)], film=film,
+        options=GOING_ON,
+    )  # fmt: skip
+    start = filling.state.film @ filling.medium.node_area
+    x, y = mesh.points[:, 0] / HALF, mesh.points[:, 1] / WIDTH
+    for number in range(1, 9):
+        a, b = 0.02 * np.sin(number), 0.03 * np.cos(2 * number) - 0.03
+        moved = mesh.points + HALF * np.stack([a * x * y, b * y, 0.02 * number * x * x], axis=1)
+        filling.set_points(moved, given)
+        assert filling.state.film @ filling.medium.node_area + filling.state.stored + (
+            filling.state.vented.sum()
+        ) == pytest.approx(start, rel=1e-12)
+        filling.advance(filling.time + 0.7)
+        state = filling.state
+        above = state.film @ filling.medium.node_area
+        assert above + state.stored + state.vented.sum() == pytest.approx(start, rel=1e-10)
+        assert abs(state.balance_error) <= 1e-10 * start
+        assert state.fill.max() <= 1.0
+        if given is not None:
+            assert state.thickness == pytest.approx(HEIGHT, rel=1e-9)
+    assert state.vented.sum() > 0.0 and state.film.max() > 0.0

@@ -89,7 +89,7 @@ WRONG = {
     ),
     "fibres without pores": (
         (HEAD, GATE, VENT, '[[regions]]\nname = "core"\nset = "C"\nfibre_volume_fraction = 1.0'),
-        "must be at least 0 and below 1",
+        "must be above 0 and below 1",
     ),
     "zero permeability": (
         (HEAD, GATE, VENT, '[[regions]]\nname = "core"\nset = "C"\npermeability_factor = 0.0'),

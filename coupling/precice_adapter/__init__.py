@@ -1,0 +1,1 @@
+"""Forming and infiltration as participants of a coupling through preCICE (version 3)."""

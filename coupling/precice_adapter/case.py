@@ -1,0 +1,141 @@
+"""The file of a participant (TOML): what it simulates, and which fields it exchanges."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError
+
+from lcmchain.coupling.precice_adapter.adapter import Read, Write
+from lcmchain.errors import InputError
+from lcmchain.quantities.entry_types import FROM_FILE, Pressure
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.closure import Closure
+from lcmchain.scene.read import parse_toml, read_text
+
+
+class InfiltrationPart(SceneModel):
+    """Resin in a formed part, whose volume the other side changes."""
+
+    type: Literal["infiltration"]
+    source: str
+    case: str
+    frame: int = -1
+
+
+class CompactionPart(SceneModel):
+    """The textile of a formed part under what presses on it; the other side gives the pressure."""
+
+    type: Literal["compaction"]
+    source: str
+    closure: Closure
+    pressure: Pressure = Field(default="0 MPa")  # type: ignore[assignment]
+    frame: int = -1
+
+
+class FormingPart(SceneModel):
+    """An explicit forming simulation with a pore pressure in its elements."""
+
+    type: Literal["forming"]
+    scene: str
+    surroundings: Pressure = Field(default="0 MPa")  # type: ignore[assignment]
+    ramped: bool = False
+
+
+class ColumnPart(SceneModel):
+    """One side of a consolidating column (Terzaghi), to try a coupling; SI units."""
+
+    type: Literal["column"]
+    side: Literal["solid", "fluid"]
+    height: float = 0.01
+    cell_count: int = 40
+    modulus: float = 1e6
+    permeability: float = 1e-12
+    viscosity: float = 0.1
+    load: float = 1e5
+
+
+Part = Annotated[
+    InfiltrationPart | CompactionPart | FormingPart | ColumnPart, Field(discriminator="type")
+]
+
+
+class ReadEntry(SceneModel):
+    """Data that are an input of the part; see :class:`Read`."""
+
+    data: str
+    field: str
+    mesh: str | None = None
+    within: Literal["linear", "held"] = "linear"
+
+
+class WriteEntry(SceneModel):
+    """An output of the part; see :class:`Write`."""
+
+    data: str
+    field: str
+    mesh: str | None = None
+    of_window: Literal["end", "mean"] = "end"
+
+
+class PreciceCase(SceneModel):
+    """A participant: names in the configuration, part, and fields."""
+
+    participant: str
+    config: str
+    mesh: str
+    part: Part
+    substeps: Annotated[int, Field(ge=1, le=100_000)] = 1
+    read: tuple[ReadEntry, ...] = ()
+    write: tuple[WriteEntry, ...] = ()
+
+    @property
+    def reads(self) -> list[Read]:
+        """Inputs, each with its mesh."""
+        return [Read(e.data, e.mesh or self.mesh, e.field, e.within) for e in self.read]
+
+    @property
+    def writes(self) -> list[Write]:
+        """Outputs, each with its mesh."""
+        return [Write(e.data, e.mesh or self.mesh, e.field, e.of_window) for e in self.write]
+
+
+def read_case(path: Path) -> PreciceCase:
+    """Read and validate the file of a participant.
+
+    Raises
+    ------
+    InputError : it cannot be read, is not TOML, or an entry is wrong; names all of them.
+    """
+    if path.is_dir():
+        raise InputError("is a folder; name the file of a participant in it", file=path)
+    data = parse_toml(read_text(path), path)
+    try:
+        return PreciceCase.model_validate(data, context=FROM_FILE)
+    except ValidationError as error:
+        lines = [_line(details, data) for details in error.errors(include_url=False)[:20]]
+        raise InputError("; ".join(lines), file=path) from None
+
+
+def _line(details: Any, data: dict[str, Any]) -> str:
+    """One wrong entry in words."""
+    steps = [step for step in details["loc"] if step not in _tags()]
+    key = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps).removeprefix(".")
+    if details["type"] == "missing":
+        return f"{key} is missing"
+    if details["type"] == "extra_forbidden":
+        known = sorted({name for model in _models() for name in model.model_fields})
+        near = difflib.get_close_matches(str(steps[-1]), known, n=1)
+        return f"{key} is unknown" + (f'; did you mean "{near[0]}"?' if near else "")
+    return f"{key}: {details['msg']}"
+
+
+def _models() -> tuple[type[SceneModel], ...]:
+    return (PreciceCase, InfiltrationPart, CompactionPart, FormingPart, ColumnPart, ReadEntry,
+            WriteEntry)  # fmt: skip
+
+
+def _tags() -> set[str]:
+    return {"infiltration", "compaction", "forming", "column", "bag", "gap", "press"}

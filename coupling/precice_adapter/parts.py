@@ -1,0 +1,156 @@
+"""The parts that a participant's file may name, and the results that each leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lcmchain.coupling.closing.mould import closure_of, seen_across
+from lcmchain.coupling.closing.textile import compaction_of
+from lcmchain.coupling.filling_part import FillingPart
+from lcmchain.coupling.forming_fields import forming_datasets
+from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
+from lcmchain.coupling.infiltration.filling_run import FillingRun, Tell
+from lcmchain.coupling.infiltration.formed_part import read_formed_part
+from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.report import filling_report
+from lcmchain.coupling.infiltration.setup import set_up
+from lcmchain.coupling.infiltration.stage import ENDING, FillOptions, write_filling
+from lcmchain.coupling.iteration.consolidation import Column, FluidColumn, SolidColumn
+from lcmchain.coupling.iteration.interface import CoupledPart
+from lcmchain.coupling.precice_adapter.case import (
+    ColumnPart,
+    CompactionPart,
+    FormingPart,
+    InfiltrationPart,
+    PreciceCase,
+)
+from lcmchain.coupling.solids.explicit import ExplicitForming
+from lcmchain.coupling.solids.local import LocalCompaction
+from lcmchain.errors import InputError
+from lcmchain.fields import write_forming_netcdf
+from lcmchain.fields.ugrid import TIME, write_netcdf
+from lcmchain.scene import read_infiltration, read_scene
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A part, what is noted after every window, and what writes the results into a folder."""
+
+    part: CoupledPart
+    on_window: Callable[[CoupledPart], None]
+    write: Callable[[Path], list[Path]]
+
+
+def build_part(case: PreciceCase, directory: Path, tell: Tell) -> Simulated:
+    """Build the part of a participant; file names are relative to ``directory``.
+
+    Raises
+    ------
+    InputError : as the readers of its files do.
+    """
+    part, name = case.part, case.participant.lower()
+    if isinstance(part, InfiltrationPart):
+        return _infiltration(part, directory, name, tell)
+    if isinstance(part, CompactionPart):
+        return _compaction(part, directory, name)
+    if isinstance(part, FormingPart):
+        return _forming(part, directory, tell)
+    return _column(part)
+
+
+def _infiltration(part: InfiltrationPart, directory: Path, name: str, tell: Tell) -> Simulated:
+    path = directory / part.case
+    case = read_infiltration(path)
+    if case.closure is not None:
+        raise InputError("what presses is the other participant's; leave it out", key="closure")
+    formed = read_formed_part(directory / part.source, frame=part.frame)
+    setup = set_up(formed, case, path.resolve().parent)
+    run = FillingRun(setup, None, {}, tell)
+    run.begin()
+    fluid = FillingPart(run.filling)
+
+    def write(out: Path) -> list[Path]:
+        full = run.filling.state.full.all()
+        filled = run.found("filled" if full else "reached", f"{fluid.time:.6g} s are reached")
+        report = filling_report(name, filled)
+        write_filling(out / f"{name}{ENDING}", filled, report, FillOptions(), tell)
+        return [out / file for file in report.files.values()]
+
+    def on_window(_: Any) -> None:
+        run.note(run.filling)
+
+    return Simulated(fluid, on_window, write)
+
+
+def _compaction(part: CompactionPart, directory: Path, name: str) -> Simulated:
+    formed = read_formed_part(directory / part.source, frame=part.frame)
+    law, mesh = compaction_of(formed), FlowMesh.from_target(formed.target)
+    across = seen_across(mesh, getattr(part.closure, "direction", None))
+    outside = closure_of(part.closure, formed.cell("thickness"), across)
+    solid = LocalCompaction(
+        law, outside, mesh.areas, pore_pressure=part.pressure, centres=mesh.centroids
+    )
+    times, thicknesses = [0.0], [solid.thickness]
+
+    def on_window(_: Any) -> None:
+        times.append(solid.time)
+        thicknesses.append(solid.thickness)
+
+    def write(out: Path) -> list[Path]:
+        field = FILLING_FIELDS["pressed_thickness"]
+        saved = (TIME, np.array(times), {"units": "s", "long_name": "time"})
+        dataset = formed.dataset.assign_coords({TIME: saved})
+        about = {**field.attributes(field.name), "_FillValue": np.nan}
+        dataset[field.name] = formed.mesh.on_cells(np.stack(thicknesses), about)
+        write_netcdf(out / f"{name}.nc", {"/": dataset})
+        return [out / f"{name}.nc"]
+
+    return Simulated(solid, on_window, write)
+
+
+def _forming(part: FormingPart, directory: Path, tell: Tell) -> Simulated:
+    scene = read_scene(directory / part.scene)
+    forming = ExplicitForming.from_scene(scene, surroundings=part.surroundings, ramped=part.ramped)
+    end = scene.process.time
+    frames = [forming.simulation.snapshot()]
+
+    def on_window(_: Any) -> None:
+        share = forming.time / end
+        if share * (scene.process.frames - 1) >= len(frames) * (1.0 - 1e-9):
+            frames.append(forming.simulation.snapshot())
+        tell(share, f"forming, {1e3 * forming.time:.4g} ms")
+
+    def write(out: Path) -> list[Path]:
+        if frames[-1].time < forming.time:
+            frames.append(forming.simulation.snapshot())
+        reached = forming.time >= end * (1.0 - 1e-9)
+        state = "complete" if reached else f"stopped: the coupling ended at {forming.time:g} s"
+        datasets = forming_datasets(scene, forming.simulation, frames, state=state)
+        write_forming_netcdf(out / "forming.nc", datasets)
+        return [out / "forming.nc"]
+
+    return Simulated(forming, on_window, write)
+
+
+def _column(part: ColumnPart) -> Simulated:
+    column = Column(**part.model_dump(exclude={"type", "side"}))
+    side: SolidColumn | FluidColumn
+    side = SolidColumn(column) if part.side == "solid" else FluidColumn(column)
+    field = "thickness" if part.side == "solid" else "pore_pressure"
+    rows = [f"time [s],{field} [SI] from the base to the top"]
+
+    def on_window(_: Any) -> None:
+        values = side.get_fields([field])[field]
+        rows.append(",".join(repr(float(v)) for v in (side.time, *values)))
+
+    def write(out: Path) -> list[Path]:
+        file = out / f"{part.side}.csv"
+        file.write_text("\n".join(rows) + "\n", encoding="utf-8")
+        return [file]
+
+    return Simulated(side, on_window, write)
