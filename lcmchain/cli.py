@@ -13,6 +13,7 @@ from lcmchain.atomic import replacing
 from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.fill import fill
+from lcmchain.commands.fmu_doctor import doctor
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
 from lcmchain.commands.map import map_fields
@@ -146,6 +147,7 @@ def schema(
 
 
 app.command("map")(map_fields)
+fmu_app.command()(doctor)
 app.command()(fill)
 app.command()(structure)
 
