@@ -80,7 +80,8 @@ def _examine_command(diagnosis: Diagnosis, resources: Path) -> None:
     try:
         with path.open("rb") as stream:
             launch = tomllib.load(stream)
-        command = launch.get("command", launch.get(launch.get("backend")))[system]
+        table = "command" if "command" in launch else launch["backend"]
+        command = launch[table][system]
         program = str(command[0])
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, IndexError, TypeError):
         diagnosis.add(
