@@ -19,8 +19,8 @@ from lcmchain.errors import InputError
 
 #: Rounds of Lloyd's iteration; the shapes hardly change after the first few.
 ROUNDS = 12
-#: Where more of the area lies nearest to a middle that it has no way to, places in space do not tell
-#: what lies together: then distances along the sheet to so many cells do.
+#: Where more of the area lies nearest to a middle that it has no way to, places in space do not
+#: tell what lies together: then distances along the sheet to so many cells do.
 FOLDED = 0.05
 LANDMARKS = 6
 
