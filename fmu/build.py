@@ -1,38 +1,54 @@
-"""Build a functional mock-up unit (FMI 2.0, co-simulation) that forms a scene."""
+"""Build a functional mock-up unit (co-simulation, FMI 2.0 or 3.0) of a scene."""
 
 from __future__ import annotations
 
 import json
 import platform
 import re
-import shutil
-import sys
 import tempfile
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path, PurePath
-
-from pythonfmu import FmuBuilder
+import zipfile
+from collections.abc import Mapping, Sequence
+from importlib import metadata
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
 
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.check import require_no_initial_overlap
 from lcmchain.errors import InputError
-from lcmchain.fmu.forming_slave import UNIT_FILE, sheet_mesh, unit_guid, variables_of
+from lcmchain.fmu import description, description2, description3
+from lcmchain.fmu.documentation import documentation
+from lcmchain.fmu.instances import UNIT_FILE, define
+from lcmchain.fmu.scene_files import stage_scene
 from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import Scene, read_scene
 from lcmchain.tools.table import build_tool_table
 
-# The file that pythonfmu loads, and its name in the unit, which must not be that of a real module.
-ENTRY_FILE = "unit_entry.py"
-ENTRY_MODULE = "lcmchain_forming_unit"
+# Exporters whose binaries turn the C calls of a master into Python calls.
+EXPORTERS = {2: "pythonfmu", 3: "pythonfmu3"}
+# Names of the entry files in a unit, which must not be those of real modules; another one for each
+# version, since units of both in one process share the loaded modules.
+ENTRY_MODULES = {2: "lcmchain_unit_fmi2", 3: "lcmchain_unit_fmi3"}
+ENVIRONMENT_MODULE = "lcmchain_unit_environment"
 
-#: Systems and processors for which pythonfmu carries a binary.
+#: Systems and processors for which the exporters carry a binary.
 PLATFORMS = {("Linux", "x86_64"), ("Windows", "AMD64")}
 
+# All files of a unit get this date, so that the same unit has the same bytes.
+DATE = (1980, 1, 1, 0, 0, 0)
 
-def build_fmu(scene_path: Path | str, out_path: Path | str) -> Path:
+
+def build_fmu(
+    scene_path: Path | str,
+    out_path: Path | str,
+    *,
+    fmi: int = 2,
+    part: str = "forming",
+    overrides: Sequence[str] = (),
+    **options: Any,
+) -> Path:
     """Build the unit of a scene and return its path.
 
     The unit holds the scene and the files that the scene names. It computes in the Python of the
@@ -42,6 +58,10 @@ def build_fmu(scene_path: Path | str, out_path: Path | str) -> Path:
     ----------
     scene_path : scene file.
     out_path : the unit, ``*.fmu``; replaced only once the new one is complete.
+    fmi : version of the standard. part : what the unit computes.
+    overrides : ``key=value`` texts for the scene.
+    options : of the part; forming takes ``fields`` (names, None for those of the version) and
+        ``pore_pressure`` (whether a fluid may act in the pores).
 
     Raises
     ------
@@ -51,39 +71,40 @@ def build_fmu(scene_path: Path | str, out_path: Path | str) -> Path:
     out_path = Path(out_path)
     if out_path.suffix != ".fmu":
         raise InputError("the name of a functional mock-up unit ends in .fmu", file=out_path)
-    scene = read_scene(scene_path)
-    blank = build_blank(scene.blank, scene.material.thickness)
-    tools = build_tool_table(
-        scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
-    )
-    require_no_initial_overlap(scene, blank, tools)
+    if fmi not in EXPORTERS:
+        raise InputError(f"there is no FMI {fmi} to build for; take 2 or 3", key="--fmi")
+    if part not in PARTS:
+        raise InputError(f'no part "{part}"; there is {", ".join(PARTS)}', key="--part")
+    scene = read_scene(scene_path, overrides)
+    entries = PARTS[part](scene, fmi, **options)
     with tempfile.TemporaryDirectory(prefix="lcmchain-fmu-") as name:
-        folder = Path(name)
-        overrides = _stage_scene(scene, folder / "scene")
-        staged = read_scene(folder / "scene" / "scene.toml", overrides)
+        resources = Path(name)
         unit = {
+            "part": part,
             "model_name": model_identifier(out_path.stem),
             "scene": "scene/scene.toml",
-            "overrides": overrides,
+            "overrides": [*overrides, *stage_scene(scene, resources / "scene")],
             "lcmchain_version": __version__,
-            "guid": unit_guid(staged, variables_of(staged, sheet_mesh(staged))),
+            **entries,
         }
-        (folder / UNIT_FILE).write_text(json.dumps(unit, indent=2) + "\n", encoding="utf-8")
-        script = folder / "script" / f"{ENTRY_MODULE}.py"
-        script.parent.mkdir()
-        shutil.copyfile(Path(__file__).with_name(ENTRY_FILE), script)
-        with replacing(out_path) as temporary, _unchanged_imports():
-            FmuBuilder.build_FMU(
-                script,
-                dest=temporary,
-                project_files=[folder / "scene", folder / UNIT_FILE],
-                canGetAndSetFMUstate=True,
-                canSerializeFMUstate=True,
-            )
+        definition, _ = define(unit, resources)
+        unit["guid"] = definition.guid
+        _write_resources(resources, unit, fmi)
+        root = (description2 if fmi == 2 else description3).model_description(definition)
+        contents = {
+            "modelDescription.xml": description.as_bytes(root),
+            **_binaries(fmi, definition.model_name),
+            **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
+        }
+        for path in sorted(resources.rglob("*")):
+            if path.is_file():
+                contents[f"resources/{path.relative_to(resources).as_posix()}"] = path.read_bytes()
+    with replacing(out_path) as temporary:
+        _write_archive(temporary, contents)
     if (platform.system(), platform.machine()) not in PLATFORMS:
         warnings.warn(
-            "pythonfmu has binaries for Linux and Windows on x86-64 only: the unit cannot be "
-            f"imported on this machine ({platform.system()} {platform.machine()})",
+            f"{EXPORTERS[fmi]} has binaries for Linux and Windows on x86-64 only: the unit cannot "
+            f"be imported on this machine ({platform.system()} {platform.machine()})",
             stacklevel=2,
         )
     return out_path
@@ -95,45 +116,65 @@ def model_identifier(name: str) -> str:
     return identifier if re.match(r"[A-Za-z_]", identifier) else f"_{identifier}"
 
 
-def _stage_scene(scene: Scene, folder: Path) -> list[str]:
-    """Copy the scene and the files that it names; return the overrides that name moved files."""
-    folder.mkdir()
-    (folder / "scene.toml").write_text(scene.source.text, encoding="utf-8")
-    overrides: list[str] = []
-    for key, value in _named_files(scene):
-        place = PurePath(value)
-        if place.is_absolute() or ".." in place.parts or place == PurePath("scene.toml"):
-            # Files from elsewhere get a folder of their own, where no two share a name.
-            place = PurePath("files", f"{len(overrides)}_{place.name}")
-            overrides.append(f"{key}={json.dumps(place.as_posix())}")
-        target = folder / place
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            shutil.copyfile(scene.source.directory / value, target)
-        except OSError as error:
-            raise InputError(f'"{value}" cannot be read: {error.strerror}', key=key) from None
-    return overrides
+def _forming_entries(
+    scene: Scene,
+    fmi: int,
+    *,
+    fields: Sequence[str] | None = None,
+    pore_pressure: bool = False,
+) -> dict[str, Any]:
+    """Check a scene for forming, and return what its unit holds about it."""
+    from lcmchain.fmu.forming import abilities_of
+    from lcmchain.fmu.forming_variables import FIELDS_OF_FMI2, field_names
+
+    blank = build_blank(scene.blank, scene.material.thickness)
+    tools = build_tool_table(
+        scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
+    )
+    require_no_initial_overlap(scene, blank, tools)
+    known = field_names(abilities_of(scene, pore_pressure=pore_pressure))
+    if fields == ["all"]:
+        fields = known
+    for name in fields or ():
+        if name not in known:
+            raise InputError(f'no field "{name}"; there are {", ".join(known)}', key="--fields")
+    if fields is None and fmi == 2:
+        fields = FIELDS_OF_FMI2
+    return {"fields": None if fields is None else list(fields), "pore_pressure": pore_pressure}
 
 
-def _named_files(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield key and value of every entry of a scene that names a file."""
-    for index, tool in enumerate(scene.tools):
-        for entry in tool.shape.file_entries:
-            yield f"tools[{index}].shape.{entry}", getattr(tool.shape, entry)
-    for index, target in enumerate(scene.mapping):
-        yield f"mapping[{index}].mesh", target.mesh
-    file = getattr(scene.permeability, "file", None)
-    if file is not None:
-        yield "permeability.file", file
+#: What checks a scene for a part and returns what the file of its unit holds about it.
+PARTS = {"forming": _forming_entries}
 
 
-@contextmanager
-def _unchanged_imports() -> Iterator[None]:
-    """Undo what pythonfmu's builder leaves in ``sys.path`` and ``sys.modules``."""
-    path = list(sys.path)
-    sys.modules.pop(ENTRY_MODULE, None)
-    try:
-        yield
-    finally:
-        sys.path[:] = path
-        sys.modules.pop(ENTRY_MODULE, None)
+def _write_resources(resources: Path, unit: Mapping[str, Any], fmi: int) -> None:
+    here = Path(__file__).parent
+    texts = {
+        UNIT_FILE: json.dumps(unit, indent=2) + "\n",
+        "slavemodule.txt": ENTRY_MODULES[fmi],
+        f"{ENTRY_MODULES[fmi]}.py": (here / f"entry_fmi{fmi}.py").read_text(encoding="utf-8"),
+        f"{ENVIRONMENT_MODULE}.py": (here / "entry_environment.py").read_text(encoding="utf-8"),
+    }
+    for name, text in texts.items():
+        (resources / name).write_text(text, encoding="utf-8")
+
+
+def _binaries(fmi: int, model_name: str) -> dict[str, bytes]:
+    """Return the exporter's binaries by their places in the unit."""
+    folder = Path(str(files(EXPORTERS[fmi]))) / "resources" / "binaries"
+    return {
+        f"binaries/{path.parent.relative_to(folder).as_posix()}/{model_name}{path.suffix}": (
+            path.read_bytes()
+        )
+        for path in sorted(folder.rglob("*"))
+        if path.suffix in (".so", ".dll", ".dylib")
+    }
+
+
+def _write_archive(path: Path, contents: Mapping[str, bytes]) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name, content in contents.items():
+            entry = zipfile.ZipInfo(name, DATE)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, content)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -161,17 +161,43 @@ def _fmu() -> None:
 def fmu_build(
     scene: SceneFile,
     out: Annotated[Path, typer.Option("-o", "--out", metavar="F.fmu", help="The unit to write.")],
+    fmi: Annotated[
+        int, typer.Option("--fmi", metavar="2|3", help="Version of the standard: 2.0 or 3.0.")
+    ] = 2,
+    part: Annotated[
+        str, typer.Option("--part", metavar="PART", help="What the unit computes: forming.")
+    ] = "forming",
+    fields: Annotated[
+        str | None,
+        typer.Option(
+            "--fields",
+            metavar="NAMES",
+            help="Fields of forming, with commas between, or all; default all in FMI 3.0, "
+            "thickness and fibre_volume_fraction in 2.0, where each entry is a variable.",
+        ),
+    ] = None,
+    pore_pressure: Annotated[
+        bool,
+        typer.Option(
+            "--pore-pressure",
+            help="Take the pressure of a fluid in the pores, and give what it exchanges.",
+        ),
+    ] = False,
+    overrides: Overrides = None,
 ) -> None:
-    """Build an FMI 2.0 co-simulation unit that forms the scene."""
+    """Build a co-simulation unit that forms the scene."""
     from lcmchain.scene import read_scene
 
-    read_scene(scene)  # wrong input is told before anything is built
+    read_scene(scene, overrides or ())  # wrong input is told before anything is built
     if out.suffix != ".fmu":
         raise InputError("the name of a functional mock-up unit ends in .fmu", file=out)
     with output_folder(out.parent, inputs=[scene]):
         from lcmchain.fmu.build import build_fmu
 
-        build_fmu(scene, out)
+        options: dict[str, Any] = {}
+        if part == "forming":
+            options = {"fields": fields and fields.split(","), "pore_pressure": pore_pressure}
+        build_fmu(scene, out, fmi=fmi, part=part, overrides=overrides or (), **options)
     say(f"Wrote {out}")
 
 

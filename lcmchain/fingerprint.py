@@ -16,7 +16,7 @@ from lcmchain.compile_cache import source_hash
 from lcmchain.errors import InputError
 
 # Tables of a scene that are applied to the saved frames, after forming; and its title.
-AFTER_FORMING = {"title", "output", "mapping", "permeability", "infiltration"}
+AFTER_FORMING = {"title", "output", "mapping", "permeability", "infiltration", "fmu"}
 
 
 class Fingerprint(NamedTuple):
@@ -52,8 +52,8 @@ def run_fingerprint(scene: Any) -> Fingerprint:
     """Return the fingerprint of the forming run of a scene.
 
     Entries that are applied to the saved frames (title, ``[output]``, ``[[mapping]]``,
-    ``[permeability]``, ``[infiltration]``) are left out: a finished forming run serves a changed
-    mapping.
+    ``[permeability]``, ``[infiltration]``, ``[fmu]``) are left out: a finished forming run serves a
+    changed mapping.
 
     Raises
     ------

@@ -28,6 +28,7 @@ from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, Output
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.presets import fill_preset
 from lcmchain.scene.process import Process
+from lcmchain.scene.unit import Unit
 from lcmchain.tools.tool import Tool
 
 #: Text that takes back an optional table, for overrides: TOML has no null.
@@ -108,6 +109,9 @@ class Scene(SceneModel):
         default=None,
         description="Infiltration of the formed sheet on its own faces; on another mesh it stands "
         "in its [[mapping]] entry.",
+    )
+    fmu: Annotated[Unit | None, AbsentMeans("contact.friction alone is a parameter")] = Field(
+        default=None, description="What a master may set in the unit of lcmchain fmu build."
     )
 
     _source: SceneSource | None = PrivateAttr(default=None)

@@ -1,0 +1,94 @@
+"""What the model descriptions of FMI 2.0 and 3.0 share."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterable
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from lcmchain import __version__
+from lcmchain.fmu.part import UnitDefinition
+from lcmchain.fmu.status import CATEGORIES
+from lcmchain.fmu.variables import DECLARED_TYPES, UNITS, Kind, Variable
+
+#: What the one binary in a unit needs outside of it, for masters that ask.
+TOOL = f"lcmchain {__version__}"
+
+
+def head(definition: UnitDefinition, version: str, *, structured: bool) -> dict[str, str]:
+    """Return the attributes of the root that both versions have; the time is that of the build."""
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    return {
+        "fmiVersion": version,
+        "modelName": definition.model_name,
+        "description": definition.title,
+        "author": "lcmchain",
+        "version": __version__,
+        "generationTool": TOOL,
+        "generationDateAndTime": now.replace("+00:00", "Z"),
+        "variableNamingConvention": "structured" if structured else "flat",
+    }
+
+
+def add_units(root: Element, variables: Iterable[Variable]) -> None:
+    """Add the definitions of the units that variables have."""
+    used = {variable.unit for variable in variables}
+    definitions = SubElement(root, "UnitDefinitions")
+    for name, exponents in UNITS.items():
+        if name in used:
+            unit = SubElement(definitions, "Unit", {"name": name})
+            SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
+
+
+def used_types(variables: Iterable[Variable]) -> dict[str, str]:
+    """Return the declared types that variables have, and their units."""
+    used = {variable.declared_type for variable in variables}
+    return {name: unit for name, unit in DECLARED_TYPES.items() if name in used}
+
+
+def add_categories(root: Element) -> None:
+    """Add the categories of log messages."""
+    categories = SubElement(root, "LogCategories")
+    for name, description in CATEGORIES.items():
+        SubElement(categories, "Category", {"name": name, "description": description})
+
+
+def add_experiment(root: Element, definition: UnitDefinition) -> None:
+    """Add the proposed experiment."""
+    times = {"startTime": 0.0, "stopTime": definition.stop_time, "stepSize": definition.step_size}
+    SubElement(root, "DefaultExperiment", {name: repr(value) for name, value in times.items()})
+
+
+def limits(variable: Variable) -> dict[str, str]:
+    """Return the attributes for unit, type and limits of a variable; integers have limits only."""
+    found = {"min": variable.minimum, "max": variable.maximum}
+    texts = {}
+    if variable.kind is Kind.REAL:
+        found["nominal"] = variable.nominal
+        texts = {"declaredType": variable.declared_type, "unit": variable.unit}
+    number = repr if variable.kind is Kind.REAL else lambda value: str(int(value))
+    return {name: text for name, text in texts.items() if text is not None} | {
+        name: number(value) for name, value in found.items() if value is not None
+    }
+
+
+def start_text(variable: Variable) -> str:
+    """Return the start value of one scalar as XML has it."""
+    if variable.kind is Kind.BOOLEAN:
+        return str(bool(variable.start)).lower()
+    if variable.kind is Kind.REAL:
+        return repr(float(variable.start))  # type: ignore[arg-type]
+    return str(variable.start)
+
+
+def initial(variable: Variable) -> dict[str, str]:
+    """Return the attribute that says where the value at the start comes from."""
+    if variable.causality in ("input", "independent"):
+        return {}
+    return {"initial": "calculated" if variable.causality == "output" else "exact"}
+
+
+def as_bytes(root: Element) -> bytes:
+    """Return the document; one variable a line."""
+    indent(root, " ")
+    return tostring(root, "UTF-8", xml_declaration=True)

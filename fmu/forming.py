@@ -1,0 +1,323 @@
+"""The forming simulation as the physics of a unit."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from uuid import NAMESPACE_URL, uuid5
+
+import numpy as np
+
+from lcmchain.coupling.iteration.interface import PORE_PRESSURE, REFERENCE_PRESSURE
+from lcmchain.coupling.solids.explicit import ExplicitForming
+from lcmchain.elements.families import family_of
+from lcmchain.errors import InputError, SimulationError
+from lcmchain.fields import derive_fields
+from lcmchain.fingerprint import run_fingerprint
+from lcmchain.fmu import forming_state
+from lcmchain.fmu.forming_variables import (
+    ENERGY,
+    FIELDS,
+    FLUID,
+    FLUID_OUTPUTS,
+    RATES,
+    SOLVER,
+    TOOLS,
+    Abilities,
+    forming_variables,
+)
+from lcmchain.fmu.frames import require_writable, with_present, write_result
+from lcmchain.fmu.part import Part, UnitDefinition
+from lcmchain.fmu.saved_state import PartState
+from lcmchain.fmu.scene_parameters import SceneParameter, overrides, scene_parameters
+from lcmchain.fmu.variables import Variable, quoted
+from lcmchain.mesh.blank import build_blank
+from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.model import build_model
+from lcmchain.scene import Scene, read_scene
+from lcmchain.solver.simulation import Simulation, Snapshot
+from lcmchain.threads import use_threads
+from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
+
+# A tool may go back to the motion of the scene where its travel is that of the scene [m].
+TRAVEL_TOLERANCE = 1e-6
+
+
+def sheet_mesh(scene: Scene) -> SheetMesh:
+    """Return the mesh whose elements a unit counts: that of the model of the scene."""
+    return family_of(scene.element).mesh_of(build_blank(scene.blank, scene.material.thickness))
+
+
+def abilities_of(scene: Scene, *, pore_pressure: bool = False) -> Abilities:
+    """Return what decides the variables of the unit of a scene.
+
+    Raises
+    ------
+    InputError : a pore pressure is asked for, but the elements have no thickness.
+    """
+    has_thickness = scene.element.type == "solid-shell"
+    if pore_pressure and not has_thickness:
+        raise InputError(
+            f'a fluid acts in the thickness of the sheet, which element = "{scene.element.type}" '
+            'does not predict; use element = "solid-shell"',
+            key="element",
+        )
+    return Abilities(
+        tools=[(tool.name, tool.motion.kind) for tool in scene.tools],
+        element_count=sheet_mesh(scene).element_count,
+        edge_length=scene.blank.edge_length,
+        title=scene.title,
+        has_thickness=has_thickness,
+        has_fibre_volume_fraction=has_thickness and scene.material.fibre_density is not None,
+        takes_pore_pressure=pore_pressure,
+    )
+
+
+def variables_of(
+    scene: Scene, fields: Sequence[str] | None = None, *, pore_pressure: bool = False
+) -> tuple[Variable, ...]:
+    """Return the interface of the unit that forms a scene."""
+    settable = [parameter.variable for parameter in scene_parameters(scene)]
+    return forming_variables(abilities_of(scene, pore_pressure=pore_pressure), settable, fields)
+
+
+def unit_guid(scene: Scene, variables: Sequence[Variable]) -> str:
+    """Return the identifier of a unit, which changes with its scene and with its interface."""
+    interface = hashlib.sha256(repr(variables).encode()).hexdigest()
+    return str(uuid5(NAMESPACE_URL, f"lcmchain {scene.source.sha256} {interface}"))
+
+
+def define_forming(unit: Mapping[str, Any], resources: Path) -> tuple[UnitDefinition, Part]:
+    """Return what a forming unit is, from its file and its resources."""
+    path = resources / unit["scene"]
+    scene = read_scene(path, unit["overrides"])
+    fields, pore_pressure = unit["fields"], bool(unit["pore_pressure"])
+    variables = variables_of(scene, fields, pore_pressure=pore_pressure)
+    fingerprint = run_fingerprint(scene)
+    definition = UnitDefinition(
+        guid=unit_guid(scene, variables),
+        fingerprint={
+            "scene": fingerprint.scene,
+            "contents of the mesh files of its tools": fingerprint.files,
+            "source files of lcmchain": fingerprint.sources,
+        },
+        title=scene.title,
+        model_name=unit["model_name"],
+        variables=variables,
+        stop_time=scene.process.time,
+        step_size=scene.process.time / (scene.process.frames - 1),
+    )
+    part = FormingPart(scene, path, unit["overrides"], pore_pressure=pore_pressure)
+    return definition, part
+
+
+class FormingPart(Part):
+    """Forms a scene; with a fluid in its pores as the solid side of a coupling does.
+
+    Parameters
+    ----------
+    scene : as built. path, overrides : where it was read, for values that a master sets.
+    pore_pressure : whether a fluid may act.
+    """
+
+    def __init__(
+        self, scene: Scene, path: Path, given: Sequence[str], *, pore_pressure: bool
+    ) -> None:
+        self._built_scene, self._path, self._given = scene, path, list(given)
+        self._has_pores = pore_pressure
+        self._parameters: tuple[SceneParameter, ...] = scene_parameters(scene)
+        self.scene = scene
+        self.simulation: Simulation = None  # type: ignore[assignment]  # until it is built
+        self.wet: ExplicitForming | None = None
+        self.critical_step = 0.0
+        self.frames: tuple[Snapshot, ...] = ()
+        self.before: np.ndarray = None  # type: ignore[assignment]  # positions before the step
+        self.step = 0.0  # length of the last one [s]
+
+    # --- course -----------------------------------------------------------------------------------
+
+    def build(self) -> None:
+        """Build and compile the simulation of the scene with the values that the master has set."""
+        threads = use_threads(int(self.values.number("threads")) or None)
+        values = {p.variable.name: self.values.number(p.variable.name) for p in self._parameters}
+        changed = overrides(self._parameters, values)
+        scene = self._built_scene
+        if changed:
+            scene = read_scene(self._path, [*self._given, *changed])
+        model = build_model(scene, pore_pressure=True) if self._has_pores else build_model(scene)
+        self.say(
+            f"{scene.title}, {model.element_count} elements, {threads} threads; compiling or "
+            "loading the compiled loops (about a minute the first time, then less than a second)",
+            aloud=True,
+        )
+        simulation = Simulation(model)
+        simulation.compile()
+        self.scene, self.simulation = scene, simulation
+        self.wet = ExplicitForming(simulation) if self._has_pores else None
+        self.critical_step = simulation.critical_step()
+        self.frames, self.step = (), 0.0
+        self.before = simulation.state.position.copy()
+
+    def begin(self) -> None:
+        """Check where the results go, and save the start."""
+        if self._out_dir is not None:
+            require_writable(self._out_dir)
+        self._keep_frame()
+
+    @property
+    def present(self) -> float:
+        """Time since the start [s]."""
+        return self.simulation.time
+
+    def advance(self, size: float) -> None:
+        """Form for ``size`` [s]; a guard may stop it."""
+        simulation = self.simulation
+        self._apply_inputs(size)
+        self.before = simulation.state.position.copy()
+        target = simulation.time + size
+        if self.wet is not None:
+            self.wet.set_fields({PORE_PRESSURE: self.values.field(PORE_PRESSURE)})
+            self.wet.advance(size)
+        else:
+            simulation.advance_to(target)
+        simulation.require_resolved()
+        self.step = size
+        if simulation.control.step > 0.0:
+            self.critical_step = simulation.control.step / simulation.model.step_safety
+        self._keep_frame()
+
+    def finish(self, failure: str) -> None:
+        """Write ``forming.nc`` if ``out_dir`` is set."""
+        if self._out_dir is None:
+            return
+        self._keep_frame(last=True)
+        path = write_result(
+            self._out_dir, self.scene, self.simulation, self.frames, failure=failure
+        )
+        self.values.texts["result_file"] = str(path)
+        self.say(f"wrote {path}")
+
+    def capture(self) -> PartState:
+        """Return a copy of the state."""
+        return forming_state.capture(self)
+
+    def reinstate(self, state: PartState) -> None:
+        """Go back to a captured state."""
+        forming_state.reinstate(self, state)
+
+    @property
+    def _out_dir(self) -> Path | None:
+        text = self.values.texts["out_dir"]
+        return Path(text) if text else None
+
+    def _keep_frame(self, *, last: bool = False) -> None:
+        if self._out_dir is not None:
+            self.frames = with_present(self.frames, self.simulation, self.scene, last=last)
+
+    # --- inputs -----------------------------------------------------------------------------------
+
+    def _apply_inputs(self, size: float) -> None:
+        model, state = self.simulation.model, self.simulation.state
+        for index, tool in enumerate(model.tool_names):
+            prefix = quoted(tool)
+            drive, to_position, velocity, position, force = (
+                self.values.number(f"{prefix}.{suffix}")
+                for suffix in (
+                    "drive", "drive_to_position", "velocity_input", "position_input", "force_input",
+                )
+            )  # fmt: skip
+            if drive and to_position:
+                raise SimulationError(
+                    f"{prefix}.drive and {prefix}.drive_to_position are both true; the tool "
+                    "follows one of them"
+                )
+            if to_position:
+                velocity = (position - state.tool_travel[index]) / size
+            state.driven[index] = int(bool(drive or to_position))
+            state.tool_input[index] = velocity, force
+            if not state.driven[index] and model.tools.motion_kind[index] == PRESCRIBED:
+                self._require_no_jump(index, tool)
+
+    def _require_no_jump(self, index: int, tool: str) -> None:
+        travel = prescribed_travel(self.simulation.model.tools, index, self.simulation.time)[0]
+        jump = travel - self.simulation.state.tool_travel[index]
+        if abs(jump) > TRAVEL_TOLERANCE:
+            raise SimulationError(
+                f"{tool} would jump by {1e3 * jump:.4g} mm to the motion of the scene; keep "
+                f"{quoted(tool)}.drive true, or drive it to where the scene has it before"
+            )
+
+    # --- outputs ----------------------------------------------------------------------------------
+
+    def outputs(self, group: str) -> Mapping[str, Any]:
+        """Return the outputs of a group by name."""
+        return {
+            TOOLS: self._tool_outputs,
+            ENERGY: self._energy_outputs,
+            FIELDS: self._field_outputs,
+            RATES: self._rate_outputs,
+            SOLVER: self._solver_outputs,
+            FLUID: self._fluid_outputs,
+        }[group]()
+
+    def _tool_outputs(self) -> dict[str, float]:
+        model, state = self.simulation.model, self.simulation.state
+        values = {}
+        for index, tool in enumerate(model.tool_names):
+            force = state.tool_force[index]
+            prefix = quoted(tool)
+            values[f"{prefix}.travel"] = state.tool_travel[index]
+            values[f"{prefix}.velocity"] = state.tool_velocity[index]
+            values[f"{prefix}.force"] = force @ model.tools.direction[index]
+            values |= {f"{prefix}.force_{axis}": part for axis, part in zip("xyz", force)}
+        return values
+
+    def _energy_outputs(self) -> dict[str, float]:
+        energy = self.simulation.energy()
+        return {
+            "kinetic_energy": energy["kinetic"],
+            "internal_energy": energy["internal"],
+            "hourglass_energy": energy["hourglass"],
+            "external_work": energy["external"],
+            "energy_balance_error": energy["balance_error"],
+        }
+
+    def _fields_at(self, position: np.ndarray) -> dict[str, np.ndarray]:
+        model = self.simulation.model
+        return derive_fields(model.blank, model.material, np.ascontiguousarray(position.T))
+
+    def _field_outputs(self) -> dict[str, float | np.ndarray]:
+        position = self.simulation.state.position
+        fields = self._fields_at(position)
+        angle = fields["shear_angle"]
+        values: dict[str, float | np.ndarray] = {
+            "shear_angle": angle,
+            "shear_angle_max": np.abs(angle).max(),
+        }
+        for name in ("thickness", "fibre_volume_fraction"):
+            if name in fields:
+                field = fields[name]
+                values |= {name: field, f"{name}_min": field.min(), f"{name}_max": field.max()}
+        centres = position[:, self.simulation.model.blank.elements].mean(axis=2)
+        return values | {f"position_{axis}": x for axis, x in zip("xyz", centres)}
+
+    def _rate_outputs(self) -> dict[str, np.ndarray]:
+        now = self._fields_at(self.simulation.state.position)["thickness"]
+        if self.step == 0.0:
+            return {"thickness_rate": np.zeros_like(now)}
+        return {"thickness_rate": (now - self._fields_at(self.before)["thickness"]) / self.step}
+
+    def _fluid_outputs(self) -> dict[str, np.ndarray]:
+        assert self.wet is not None
+        names = {e[0]: e[0].removeprefix("fluid_") for e in FLUID_OUTPUTS}
+        found = self.wet.get_fields(list(names.values()))
+        assert REFERENCE_PRESSURE in found
+        return {own: found[name] for own, name in names.items()}
+
+    def _solver_outputs(self) -> dict[str, float]:
+        return {
+            "critical_time_step": self.critical_step,
+            "step_count": self.simulation.state.step_count,
+        }

@@ -1,0 +1,232 @@
+"""The interface of the forming unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from lcmchain.fmu.variables import (
+    COMMON_OUTPUTS,
+    COMMON_PARAMETERS,
+    TIME,
+    Kind,
+    Variable,
+    quoted,
+)
+from lcmchain.tools.motion import FIXED, GUIDED
+
+# Groups: outputs that are computed together.
+TOOLS, ENERGY, FIELDS, RATES, SOLVER, FLUID = (
+    "tools", "energy", "fields", "rates", "solver", "fluid",
+)  # fmt: skip
+
+#: Pore pressure that the fluid gives [Pa] per element; the unit's one field input.
+PORE_PRESSURE = "pore_pressure"
+
+# Suffix, kind, variability, unit, type, start, description.
+MOTION_INPUTS = (
+    ("drive", Kind.BOOLEAN, "discrete", None, None, False, "true: {tool} follows velocity_input"),
+    ("velocity_input", Kind.REAL, "continuous", "m/s", "Velocity", 0.0,
+     "velocity of {tool} along its direction while drive is true"),
+    ("drive_to_position", Kind.BOOLEAN, "discrete", None, None, False,
+     "true: {tool} is at position_input at the end of a step, at constant velocity over it"),
+    ("position_input", Kind.REAL, "continuous", "m", "Length", 0.0,
+     "travel of {tool} along its direction while drive_to_position is true"),
+)  # fmt: skip
+FORCE_INPUTS = (
+    ("force_input", Kind.REAL, "continuous", "N", "Force", 0.0,
+     "force added to the load of {tool} along its direction while it is guided"),
+)  # fmt: skip
+
+# Suffix, unit, type, description.
+TOOL_OUTPUTS = (
+    ("travel", "m", "Length", "travel of {tool} along its direction"),
+    ("velocity", "m/s", "Velocity", "velocity of {tool} along its direction"),
+    ("force", "N", "Force",
+     "force of the blank on {tool} along its direction (negative: it resists)"),
+    ("force_x", "N", "Force", "force of the blank on {tool}, x component"),
+    ("force_y", "N", "Force", "force of the blank on {tool}, y component"),
+    ("force_z", "N", "Force", "force of the blank on {tool}, z component"),
+)  # fmt: skip
+
+# Name, unit, type, group, description.
+SCALAR_OUTPUTS = (
+    ("thickness_min", "m", "Thickness", FIELDS, "smallest thickness of all elements"),
+    ("thickness_max", "m", "Thickness", FIELDS, "largest thickness of all elements"),
+    ("fibre_volume_fraction_min", "1", "Fraction", FIELDS,
+     "smallest fibre volume fraction of all elements"),
+    ("fibre_volume_fraction_max", "1", "Fraction", FIELDS,
+     "largest fibre volume fraction of all elements"),
+    ("shear_angle_max", "rad", "Angle", FIELDS, "largest size of the shear angle of all elements"),
+    ("kinetic_energy", "J", "Energy", ENERGY, "kinetic energy of the blank and of guided tools"),
+    ("internal_energy", "J", "Energy", ENERGY, "strain energy of the blank"),
+    ("hourglass_energy", "J", "Energy", ENERGY, "strain energy of the hourglass stabilisation"),
+    ("external_work", "J", "Energy", ENERGY, "work of tools, forces and gravity so far"),
+    ("energy_balance_error", "J", "Energy", ENERGY,
+     "energy that appeared from nowhere (negative: was lost) so far"),
+    ("critical_time_step", "s", "Time", SOLVER, "stable time step of the explicit solver"),
+)  # fmt: skip
+STEP_COUNT = Variable(
+    "step_count",
+    Kind.INTEGER,
+    "output",
+    "discrete",
+    "time steps of the explicit solver so far",
+    group=SOLVER,
+)
+
+# Name, unit, type, group, description; per element.
+FIELD_OUTPUTS = (
+    ("thickness", "m", "Thickness", FIELDS, "thickness"),
+    ("fibre_volume_fraction", "1", "Fraction", FIELDS, "fibre volume fraction"),
+    ("shear_angle", "rad", "Angle", FIELDS, "shear angle, signed"),
+    ("thickness_rate", "m/s", "ThicknessRate", RATES, "mean rate of thickness over the last step"),
+    ("position_x", "m", "Length", FIELDS, "x of the element's centre"),
+    ("position_y", "m", "Length", FIELDS, "y of the element's centre"),
+    ("position_z", "m", "Length", FIELDS, "z of the element's centre"),
+)
+#: Fields that a fluid in the pores exchanges, by the names of
+#: :mod:`lcmchain.coupling.iteration.interface`; ``fluid_thickness`` is its thickness, V/A.
+FLUID_OUTPUTS = (
+    ("volume", "m3", "Volume", FLUID, "volume of the element"),
+    ("volume_rate", "m3/s", "VolumeFlowRate", FLUID, "mean rate of volume over the last step"),
+    ("volume_rate_slope", "m3/(s.Pa)", None, FLUID,
+     "estimated derivative of volume_rate by the pressure, for the fixed-stress split"),
+    ("reference_pressure", "Pa", "Pressure", FLUID, "pressure that volume_rate belongs to"),
+    ("area", "m2", "Area", FLUID, "area of the element's mid-surface"),
+    ("area_rate", "m2/s", "AreaRate", FLUID, "mean rate of area over the last step"),
+    ("fluid_thickness", "m", "Thickness", FLUID, "volume over area"),
+    ("fluid_thickness_rate", "m/s", "ThicknessRate", FLUID,
+     "mean rate of fluid_thickness over the last step"),
+)  # fmt: skip
+
+#: Fields of a unit of FMI 2 unless others are asked for: there every entry is a variable.
+FIELDS_OF_FMI2 = ("thickness", "fibre_volume_fraction")
+
+
+class Abilities(NamedTuple):
+    """What decides which variables a unit has.
+
+    tools : name and kind of motion (:mod:`lcmchain.tools.motion`) of every tool.
+    element_count : elements of the blank. edge_length : of the blank [m]. title : of the scene.
+    has_thickness : whether the elements predict a thickness.
+    has_fibre_volume_fraction : whether they do, and the material states the density of its fibres.
+    takes_pore_pressure : whether a fluid may act in the pores.
+    """
+
+    tools: Sequence[tuple[str, int]]
+    element_count: int
+    edge_length: float
+    title: str
+    has_thickness: bool
+    has_fibre_volume_fraction: bool
+    takes_pore_pressure: bool
+
+
+def forming_variables(
+    abilities: Abilities,
+    scene_parameters: Iterable[Variable] = (),
+    fields: Sequence[str] | None = None,
+) -> tuple[Variable, ...]:
+    """Return the interface of a unit that forms one scene, in the order of its value references.
+
+    Parameters
+    ----------
+    abilities : of the scene.
+    scene_parameters : entries of the scene that a master may set.
+    fields : names of the fields, None for all that there are.
+
+    Notes
+    -----
+    A tool that the scene moves (stroke, table) or guides takes inputs of motion, a guided one
+    ``force_input`` as well; a fixed tool has no inputs.
+    """
+    inputs, outputs = _of_tools(abilities.tools)
+    scalars = [_output(*entry) for entry in SCALAR_OUTPUTS]
+    if abilities.takes_pore_pressure:
+        inputs.append(
+            Variable(
+                PORE_PRESSURE,
+                Kind.REAL,
+                "input",
+                "continuous",
+                "pressure of the fluid in the element's pores, of the surroundings at 0",
+                "Pa",
+                "Pressure",
+                0.0,
+                nominal=1e5,
+                size=abilities.element_count,
+            )  # fmt: skip
+        )
+    variables = (
+        TIME,
+        *_constants(abilities),
+        *COMMON_PARAMETERS,
+        *scene_parameters,
+        *inputs,
+        *outputs,
+        *scalars,
+        STEP_COUNT,
+        *COMMON_OUTPUTS,
+        *_fields(abilities, fields),
+    )
+    left_out: tuple[str, ...] = ()
+    if not abilities.has_fibre_volume_fraction:
+        left_out += ("fibre_volume_fraction",)
+    if not abilities.has_thickness:
+        left_out += ("thickness",)
+    return tuple(v for v in variables if not v.name.startswith(left_out))
+
+
+def field_names(abilities: Abilities) -> list[str]:
+    """Return the names of all fields that a unit can give."""
+    left_out = () if abilities.has_thickness else ("thickness", "thickness_rate")
+    left_out += () if abilities.has_fibre_volume_fraction else ("fibre_volume_fraction",)
+    entries = FIELD_OUTPUTS + (FLUID_OUTPUTS if abilities.takes_pore_pressure else ())
+    return [entry[0] for entry in entries if entry[0] not in left_out]
+
+
+def _fields(abilities: Abilities, names: Sequence[str] | None) -> list[Variable]:
+    count = abilities.element_count
+    found = [_output(*e, size=count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
+    if abilities.takes_pore_pressure:
+        found += [_output(*entry, size=count) for entry in FLUID_OUTPUTS]
+    return found
+
+
+def _of_tools(tools: Sequence[tuple[str, int]]) -> tuple[list[Variable], list[Variable]]:
+    inputs, outputs = [], []
+    for tool, motion_kind in tools:
+        prefix = quoted(tool)
+        entries: tuple[tuple, ...] = () if motion_kind == FIXED else MOTION_INPUTS
+        entries += FORCE_INPUTS if motion_kind == GUIDED else ()
+        for suffix, kind, variability, unit, declared, start, text in entries:
+            name, description = f"{prefix}.{suffix}", text.format(tool=tool)
+            inputs.append(
+                Variable(name, kind, "input", variability, description, unit, declared, start)
+            )
+        for suffix, unit, declared, text in TOOL_OUTPUTS:
+            name, description = f"{prefix}.{suffix}", text.format(tool=tool)
+            outputs.append(_output(name, unit, declared, TOOLS, description))
+    return inputs, outputs
+
+
+def _constants(abilities: Abilities) -> list[Variable]:
+    """What was decided when the unit was built, since it decides how many values a field has."""
+
+    def constant(name, kind, description, start, unit=None, declared=None):
+        return Variable(name, kind, "local", "constant", description, unit, declared, start)
+
+    return [
+        constant("scene", Kind.STRING, "title of the scene", abilities.title),
+        constant("edge_length", Kind.REAL, "edge length of the elements of the blank",
+                 abilities.edge_length, "m", "Length"),
+        constant("element_count", Kind.INTEGER, "elements of the blank", abilities.element_count),
+    ]  # fmt: skip
+
+
+def _output(name, unit, declared, group, description, size=None) -> Variable:
+    return Variable(
+        name, Kind.REAL, "output", "continuous", description, unit, declared, size=size,
+        group=group,
+    )  # fmt: skip
