@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -45,12 +45,15 @@ class FillingPart:
     Parameters
     ----------
     filling : on a mesh with the solid's cells in their order.
+    on_step : called after every time step of the filling.
     """
 
     inputs = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, POINTS)
 
-    def __init__(self, filling: Filling) -> None:
-        self.filling = filling
+    def __init__(self, filling: Filling, on_step: Callable[[Filling], None] | None = None) -> None:
+        self.filling, self.on_step = filling, on_step
+        #: Outcome and message of the last step (:class:`.state.FillingResult`).
+        self.ended = ("reached", "")
         # a window ends where the solid is, whether anything flows or not
         filling.options = replace(filling.options, stop_when_idle=False)
         none = np.zeros(filling.mesh.cell_count)
@@ -79,7 +82,7 @@ class FillingPart:
             start, rate = volume / area, given[VOLUME_RATE] / area
             lift, reference = given[VOLUME_RATE_SLOPE] / area, given[REFERENCE_PRESSURE]
             filling.set_thickness(start, rate, lift, reference)
-            filling.advance(begin + step)
+            self.ended = filling.advance(begin + step, self.on_step)
         except SimulationError as error:
             raise PartFailed(
                 str(error), time=begin, step=step, inputs={VOLUME_RATE: given[VOLUME_RATE]}

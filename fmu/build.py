@@ -69,10 +69,7 @@ def build_fmu(
         at the start, or the unit cannot be written.
     """
     out_path = Path(out_path)
-    if out_path.suffix != ".fmu":
-        raise InputError("the name of a functional mock-up unit ends in .fmu", file=out_path)
-    if fmi not in EXPORTERS:
-        raise InputError(f"there is no FMI {fmi} to build for; take 2 or 3", key="--fmi")
+    require_target(out_path, fmi)
     if part not in PARTS:
         raise InputError(f'no part "{part}"; there is {", ".join(PARTS)}', key="--part")
     scene = read_scene(scene_path, overrides)
@@ -81,33 +78,58 @@ def build_fmu(
         resources = Path(name)
         unit = {
             "part": part,
-            "model_name": model_identifier(out_path.stem),
             "scene": "scene/scene.toml",
             "overrides": [*overrides, *stage_scene(scene, resources / "scene")],
-            "lcmchain_version": __version__,
             **entries,
         }
-        definition, _ = define(unit, resources)
-        unit["guid"] = definition.guid
-        _write_resources(resources, unit, fmi)
-        root = (description2 if fmi == 2 else description3).model_description(definition)
-        contents = {
-            "modelDescription.xml": description.as_bytes(root),
-            **_binaries(fmi, definition.model_name),
-            **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
-        }
-        for path in sorted(resources.rglob("*")):
-            if path.is_file():
-                contents[f"resources/{path.relative_to(resources).as_posix()}"] = path.read_bytes()
+        write_unit(out_path, fmi, unit, resources)
+    return out_path
+
+
+def require_target(out_path: Path, fmi: int) -> None:
+    """Refuse a file that is no unit, and a version of the standard that there is not.
+
+    Raises
+    ------
+    InputError : either of them.
+    """
+    if out_path.suffix != ".fmu":
+        raise InputError("the name of a functional mock-up unit ends in .fmu", file=out_path)
+    if fmi not in EXPORTERS:
+        raise InputError(f"there is no FMI {fmi} to build for; take 2 or 3", key="--fmi")
+
+
+def write_unit(out_path: Path, fmi: int, unit: dict[str, Any], resources: Path) -> None:
+    """Write a unit, whole or not at all.
+
+    Parameters
+    ----------
+    unit : what the part needs to define it (:func:`.instances.define`).
+    resources : folder with the files that it names; those of every unit are added.
+    """
+    unit = {
+        "model_name": model_identifier(out_path.stem), "lcmchain_version": __version__, **unit,
+    }  # fmt: skip
+    definition, _ = define(unit, resources)
+    unit["guid"] = definition.guid
+    _write_resources(resources, unit, fmi)
+    root = (description2 if fmi == 2 else description3).model_description(definition)
+    contents = {
+        "modelDescription.xml": description.as_bytes(root),
+        **_binaries(fmi, definition.model_name),
+        **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
+    }
+    for path in sorted(resources.rglob("*")):
+        if path.is_file():
+            contents[f"resources/{path.relative_to(resources).as_posix()}"] = path.read_bytes()
     with replacing(out_path) as temporary:
         _write_archive(temporary, contents)
     if (platform.system(), platform.machine()) not in PLATFORMS:
         warnings.warn(
             f"{EXPORTERS[fmi]} has binaries for Linux and Windows on x86-64 only: the unit cannot "
             f"be imported on this machine ({platform.system()} {platform.machine()})",
-            stacklevel=2,
+            stacklevel=3,
         )
-    return out_path
 
 
 def model_identifier(name: str) -> str:

@@ -9,6 +9,8 @@ from pathlib import Path, PurePath
 
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
+from lcmchain.scene.infiltration import Infiltration
+from lcmchain.scene.permeability import Permeability
 
 
 def stage_scene(scene: Scene, folder: Path) -> list[str]:
@@ -43,6 +45,16 @@ def _named_files(scene: Scene) -> Iterator[tuple[str, str]]:
             yield f"tools[{index}].shape.{entry}", getattr(tool.shape, entry)
     for index, target in enumerate(scene.mapping):
         yield f"mapping[{index}].mesh", target.mesh
-    file = getattr(scene.permeability, "file", None)
-    if file is not None:
-        yield "permeability.file", file
+    laws = [("", scene.permeability), ("infiltration.", _law(scene.infiltration))]
+    laws += [
+        (f"mapping[{index}].infiltration.", _law(target.infiltration))
+        for index, target in enumerate(scene.mapping)
+    ]
+    for table, law in laws:
+        file = getattr(law, "file", None)
+        if file is not None:
+            yield f"{table}permeability.file", file
+
+
+def _law(case: Infiltration | None) -> Permeability | None:
+    return None if case is None else case.permeability

@@ -184,7 +184,8 @@ class FilledPart:
     @property
     def is_pressed(self) -> bool:
         """Whether something presses on the part, so that its thickness changes."""
-        return self.setup.case.closure is not None
+        moved = bool(np.any(self.thickness != self.thickness[:1]))
+        return self.setup.case.closure is not None or moved
 
     @property
     def fibre_volume_fraction(self) -> np.ndarray:

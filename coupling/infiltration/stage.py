@@ -148,6 +148,22 @@ def _fits(checkpoint: Path, fingerprint: dict[str, str]) -> bool:
     return True
 
 
+def title_of(filled: FilledPart, report: FillingReport) -> str:
+    """Return what was filled, in words."""
+    of_part = str(filled.setup.part.dataset.attrs.get("title", ""))
+    of_part = of_part.partition(OF_MAPPING)[0]
+    return f"{of_part}: {report.name}".lstrip(": ")
+
+
+def write_filling(path: Path, filled: FilledPart, report: FillingReport) -> None:
+    """Write the netCDF file of a filling, whole or not at all."""
+    about = {
+        "title": f"{title_of(filled, report)}: infiltration",
+        "filling_warnings": "\n".join(report.warnings),
+    }
+    write_netcdf(path, filling_groups(filled, about))
+
+
 def _write(
     out: Path, filled: FilledPart, report: FillingReport, options: FillOptions, tell: Tell
 ) -> None:
@@ -163,11 +179,8 @@ def _write(
     report.files = {what: path.name for what, path in files.items()}
     share = report.filled_share
     tell(share, "writing the filling")
-    of_part = str(filled.setup.part.dataset.attrs.get("title", ""))
-    of_part = of_part.partition(OF_MAPPING)[0]
-    title = f"{of_part}: {report.name}".lstrip(": ")
-    about = {"title": f"{title}: infiltration", "filling_warnings": "\n".join(report.warnings)}
-    write_netcdf(files["netcdf"], filling_groups(filled, about))
+    title = title_of(filled, report)
+    write_filling(files["netcdf"], filled, report)
     if options.vtu:
         write_vtu(files["vtu"], filled)
         write_series(files["series"], filled)
