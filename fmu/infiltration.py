@@ -161,7 +161,6 @@ class InfiltrationPart(Part):
         self._apply_supply()
         vented = self.filling.state.vented.copy()
         before = self.ended
-        self.ended = ("reached", "")
         if self.motion == "volume":
             self._set_volume_rate()
             self.fluid.advance(size)
@@ -170,7 +169,7 @@ class InfiltrationPart(Part):
             if self.motion == "thickness":
                 self._set_thickness(size)
             self.ended = self.filling.advance(self.present + size, self._after_step)
-        if self.ended[0] == before[0]:
+        if self.ended[0] == before[0] != "reached":
             self.ended = before  # the message says since when
         self.vented_rate = (self.filling.state.vented - vented) / size
         self.record.close()

@@ -34,7 +34,7 @@ class InfiltrationUnit:
         by the rate of its volume with the terms of the fixed-stress split.
     interface : number of patches of cells at which fields are exchanged, 0 for the cells.
     fields : names of the fields, None for those of the version, ``["all"]`` for all.
-    name : of the result file; that of the scene's entry for a scene.
+    name : of the result file; of a scene the name of the infiltration, None for its only one.
     frame : saved state of a forming result, from 0; -1 is the last one.
     allow_incomplete : take fields of a forming run that was stopped.
     """
@@ -42,7 +42,7 @@ class InfiltrationUnit:
     motion: Motion = "thickness"
     interface: int = 0
     fields: Sequence[str] | None = None
-    name: str = "infiltration"
+    name: str | None = None
     frame: int = -1
     allow_incomplete: bool = False
 
@@ -58,12 +58,12 @@ def build_infiltration_fmu(
 ) -> Path:
     """Build the unit that fills a formed part as a case says, and return its path.
 
-    The unit holds part and case: source and case may be gone later.
+    The unit holds part and case: both may be gone later.
 
     Parameters
     ----------
     source : forming result, of which the sheet's own faces are filled, or mapped file.
-    case : file with resin, gates and vents, or a scene, whose infiltration of that name it is.
+    case : file with resin, gates and vents, or a scene with infiltrations.
     out_path : the unit, ``*.fmu``; replaced only once the new one is complete.
     fmi : version of the standard. overrides : ``key=value`` texts for the case or scene.
 
@@ -85,14 +85,13 @@ def build_infiltration_fmu(
         setup = set_up(part, the_case, Path(case).resolve().parent)
         interface = Interface.of_mesh(setup.mesh.points, setup.mesh.cells, options.interface)
         write_part(resources / PART_FOLDER, _without_path(part))
-        title = f"interface of {options.name}"
+        title = f"interface of {unit['name']}"
         interface.write(resources / INTERFACE_FILE, {"title": title})
         fields = options.fields
         if fields is None and fmi == 2:
             fields = FIELDS_OF_FMI2
         unit |= {
             "part": "infiltration",
-            "name": options.name,
             "motion": options.motion,
             "fields": None if fields is None or list(fields) == ["all"] else list(fields),
         }
@@ -109,23 +108,25 @@ def _check(options: InfiltrationUnit) -> None:
     for name in options.fields or ():
         if name not in (*known, "all"):
             raise InputError(f'no field "{name}"; there are {", ".join(known)}', key="--fields")
-    if not options.name or Path(options.name).name != options.name:
+    if options.name is not None and (not options.name or Path(options.name).name != options.name):
         raise InputError(f'"{options.name}" is no name for files', key="--name")
 
 
 def _stage_case(
-    case: Path, overrides: Sequence[str], resources: Path, name: str
+    case: Path, overrides: Sequence[str], resources: Path, name: str | None
 ) -> tuple[Infiltration, dict[str, Any]]:
     """Copy a case or scene and the files that it names; return it and how a unit finds it."""
     scene = _scene(case, overrides)
     if scene is not None:
         found = scene.infiltrations
+        name = next(iter(found)) if name is None and len(found) == 1 else name
         if name not in found:
             known = ", ".join(found) or "none"
-            raise InputError(f'the scene has no infiltration "{name}"; there is {known}', file=case)
+            told = "say which one" if name is None else f'there is no infiltration "{name}"'
+            raise InputError(f"{told} (--name); the scene has {known}", file=case)
         moved = stage_scene(scene, resources / "scene")
         entry = {"case": "scene/scene.toml", "entry": name, "overrides": [*overrides, *moved]}
-        return found[name][0], entry
+        return found[name][0], {"name": name, **entry}
     the_case = read_infiltration(case, overrides)
     folder = resources / "case"
     folder.mkdir()
@@ -139,7 +140,8 @@ def _stage_case(
             moved.append(f"permeability.file={json.dumps(place)}")
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=error.filename) from None
-    return the_case, {"case": "case/case.toml", "entry": None, "overrides": [*overrides, *moved]}
+    entry = {"case": "case/case.toml", "entry": None, "overrides": [*overrides, *moved]}
+    return the_case, {"name": name or "infiltration", **entry}
 
 
 def _scene(path: Path, overrides: Sequence[str]) -> Scene | None:

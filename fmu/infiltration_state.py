@@ -1,4 +1,4 @@
-"""The state of an infiltration unit: of the filling and its last inputs, and what was kept of it."""
+"""The state of an infiltration unit: the filling, its last inputs, and what was kept of its way."""
 
 from __future__ import annotations
 

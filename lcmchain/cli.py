@@ -14,6 +14,7 @@ from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.fill import fill
 from lcmchain.commands.fmu_doctor import doctor
+from lcmchain.commands.fmu_infiltration import EntryName, Motion, Source, build_infiltration
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
 from lcmchain.commands.map import map_fields
@@ -165,7 +166,8 @@ def fmu_build(
         int, typer.Option("--fmi", metavar="2|3", help="Version of the standard: 2.0 or 3.0.")
     ] = 2,
     part: Annotated[
-        str, typer.Option("--part", metavar="PART", help="What the unit computes: forming.")
+        str,
+        typer.Option("--part", metavar="PART", help="What it computes: forming or infiltration."),
     ] = "forming",
     fields: Annotated[
         str | None,
@@ -183,9 +185,29 @@ def fmu_build(
             help="Take the pressure of a fluid in the pores, and give what it exchanges.",
         ),
     ] = False,
+    interface: Annotated[
+        int,
+        typer.Option(
+            "--interface",
+            metavar="N",
+            min=0,
+            help="Exchange fields per patch of elements, so many of them; 0: per element.",
+        ),
+    ] = 0,
+    source: Source = None,
+    motion: Motion = "thickness",
+    name: EntryName = None,
     overrides: Overrides = None,
 ) -> None:
-    """Build a co-simulation unit that forms the scene."""
+    """Build a co-simulation unit that forms the scene, or fills the part that it has formed."""
+    names = fields and fields.split(",")
+    if part == "infiltration":
+        build_infiltration(
+            scene, out, source, fmi=fmi, fields=names, interface=interface, motion=motion,
+            name=name, overrides=overrides or (),
+        )  # fmt: skip
+        say(f"Wrote {out}")
+        return
     from lcmchain.scene import read_scene
 
     read_scene(scene, overrides or ())  # wrong input is told before anything is built
@@ -196,7 +218,7 @@ def fmu_build(
 
         options: dict[str, Any] = {}
         if part == "forming":
-            options = {"fields": fields and fields.split(","), "pore_pressure": pore_pressure}
+            options = {"fields": names, "pore_pressure": pore_pressure}
         build_fmu(scene, out, fmi=fmi, part=part, overrides=overrides or (), **options)
     say(f"Wrote {out}")
 
