@@ -73,7 +73,7 @@ class RecordPieces:
 
     def arrays(self) -> Piece:
         """Return everything as arrays by name."""
-        named = {}
+        named: Piece = {}
         for kind, pieces in (("frames", self.frames), ("steps", self.steps)):
             for number, piece in enumerate(pieces):
                 named |= {f"{kind} {number} {name}": values for name, values in piece.items()}

@@ -263,7 +263,10 @@ class InfiltrationPart(Part):
 
     def outputs(self, group: str) -> Mapping[str, Any]:
         """Return the outputs of a group by name."""
-        return {PLACES: self._place_outputs, SUMS: self._sums, FIELDS: self._fields}[group]()
+        compute: dict[str, Callable[[], Mapping[str, Any]]] = {
+            PLACES: self._place_outputs, SUMS: self._sums, FIELDS: self._fields,
+        }  # fmt: skip
+        return compute[group]()
 
     def _place_outputs(self) -> dict[str, float]:
         state, values = self.filling.state, {}

@@ -140,8 +140,10 @@ def _stage_case(
             moved.append(f"permeability.file={json.dumps(place)}")
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=error.filename) from None
-    entry = {"case": "case/case.toml", "entry": None, "overrides": [*overrides, *moved]}
-    return the_case, {"name": name or "infiltration", **entry}
+    return the_case, {
+        "name": name or "infiltration", "case": "case/case.toml", "entry": None,
+        "overrides": [*overrides, *moved],
+    }  # fmt: skip
 
 
 def _scene(path: Path, overrides: Sequence[str]) -> Scene | None:

@@ -10,7 +10,9 @@ from lcmchain.fmu.variables import (
     COMMON_OUTPUTS,
     COMMON_PARAMETERS,
     TIME,
+    Causality,
     Kind,
+    Variability,
     Variable,
     quoted,
 )
@@ -26,7 +28,7 @@ MOTIONS: tuple[Motion, ...] = ("none", "thickness", "volume")
 FRONT = {"reached": 0, "filled": 1, "gelled": 2, "no_source": 3, "trapped": 4}
 
 # Suffix, kind, variability, unit, type, description.
-GATE_INPUTS = (
+GATE_INPUTS: tuple[tuple[str, Kind, Variability, str | None, str | None, str], ...] = (
     ("drive", Kind.BOOLEAN, "discrete", None, None,
      "true: {name} is open and follows its input instead of the scene"),
     ("pressure_input", Kind.REAL, "continuous", "Pa", "Pressure",
@@ -35,19 +37,19 @@ GATE_INPUTS = (
      "flow rate of {name} while drive is true"),
     ("closed", Kind.BOOLEAN, "discrete", None, None, "true: {name} is shut, whatever else is set"),
 )  # fmt: skip
-GATE_OUTPUTS = (
+GATE_OUTPUTS: tuple[tuple[str, str, str, str], ...] = (
     ("pressure", "Pa", "Pressure", "pressure of {name}, 0 while it is closed"),
     ("flow_rate", "m3/s", "VolumeFlowRate", "flow rate of {name}, 0 while it is closed"),
     ("injected_volume", "m3", "Volume", "resin that has entered through {name}"),
 )
-VENT_OUTPUTS = (
+VENT_OUTPUTS: tuple[tuple[str, str, str, str], ...] = (
     ("flow_rate", "m3/s", "VolumeFlowRate",
      "mean rate over the last step of resin leaving through {name}"),
     ("vented_volume", "m3", "Volume", "resin that has left through {name}"),
 )  # fmt: skip
 
 # Name, kind, unit, type, description.
-SUM_OUTPUTS = (
+SUM_OUTPUTS: tuple[tuple[str, Kind, str | None, str | None, str], ...] = (
     ("fill_fraction", Kind.REAL, "1", "Fraction", "resin over pore volume of the whole part"),
     ("injected_volume", Kind.REAL, "m3", "Volume", "resin that has entered through all gates"),
     ("vented_volume", Kind.REAL, "m3", "Volume", "resin that has left through all vents"),
@@ -138,7 +140,7 @@ def infiltration_variables(
         *COMMON_PARAMETERS,
         *inputs,
         *outputs,
-        *(_output(*entry, group=SUMS) for entry in SUM_OUTPUTS),
+        *(_output(*entry, SUMS) for entry in SUM_OUTPUTS),
         *COMMON_OUTPUTS,
         *(
             _output(name, Kind.REAL, unit, declared, f"{text}, per {per}", FIELDS, abilities.size)
@@ -187,7 +189,7 @@ def _of_places(abilities: Abilities) -> tuple[list[Variable], list[Variable]]:
 
 def _constants(abilities: Abilities) -> list[Variable]:
     """What was decided when the unit was built, since it decides how many values a field has."""
-    constant: tuple[Any, Any] = ("local", "constant")
+    constant: tuple[Causality, Variability] = ("local", "constant")
     return [
         Variable("scene", Kind.STRING, *constant, "title of the part", start=abilities.title),
         Variable("cell_count", Kind.INTEGER, *constant, "cells of the part",
@@ -197,8 +199,16 @@ def _constants(abilities: Abilities) -> list[Variable]:
     ]  # fmt: skip
 
 
-def _output(name, kind, unit, declared, description, group, size=None) -> Variable:
-    variability = "continuous" if kind is Kind.REAL else "discrete"
+def _output(
+    name: str,
+    kind: Kind,
+    unit: str | None,
+    declared: str | None,
+    description: str,
+    group: str,
+    size: int | None = None,
+) -> Variable:
+    variability: Variability = "continuous" if kind is Kind.REAL else "discrete"
     return Variable(
         name, kind, "output", variability, description, unit, declared, size=size, group=group
     )

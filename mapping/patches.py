@@ -146,25 +146,28 @@ def _group_piece(
     centres: np.ndarray, areas: np.ndarray, graph: csr_matrix, count: int
 ) -> np.ndarray:
     """Return the patch of each cell of one connected piece."""
-    of_cell = _rounded(centres, areas, graph, count)
-    if of_cell is None:
-        of_cell = _rounded(_distances(centres, graph), areas, graph, count, must=True)
+    of_cell, moved = _rounded(centres, areas, graph, count)
+    if moved > FOLDED * areas.sum():
+        of_cell, _ = _rounded(_distances(centres, graph), areas, graph, count)
     return of_cell
 
 
 def _rounded(
-    places: np.ndarray, areas: np.ndarray, graph: csr_matrix, count: int, *, must: bool = False
-) -> np.ndarray | None:
-    """Return the patches that suit the places of the cells, None where the sheet is too folded."""
+    places: np.ndarray, areas: np.ndarray, graph: csr_matrix, count: int
+) -> tuple[np.ndarray, float]:
+    """Return the patches that suit the places of the cells, and what :func:`_nearest` had to move.
+
+    That is the largest of all rounds.
+    """
+    most = 0.0
     of_cell = _bisected(places, areas, count)
     for _ in range(ROUNDS):
         before = of_cell
         of_cell, moved = _nearest(places, areas, graph, before, count)
-        if moved > FOLDED * areas.sum() and not must:
-            return None
+        most = max(most, moved)
         if np.array_equal(of_cell, before):
             break
-    return of_cell
+    return of_cell, most
 
 
 def _distances(centres: np.ndarray, graph: csr_matrix) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -24,7 +25,7 @@ def write_part(folder: Path, part: FormedPart) -> None:
     write_netcdf(folder / FIELDS, {ROOT: part.dataset})
     target = part.target
     arrays = {"points": target.points, "cell_ids": target.cell_ids, "node_ids": target.node_ids}
-    about = {
+    about: dict[str, Any] = {
         "file": Path(part.file).name,
         "warnings": list(part.warnings),
         "blocks": [name for name, _ in target.blocks],
@@ -37,7 +38,8 @@ def write_part(folder: Path, part: FormedPart) -> None:
         entries = getattr(target, table)
         about[table] = list(entries)
         arrays |= {f"{table}_{number}": rows for number, rows in enumerate(entries.values())}
-    np.savez(folder / MESH, about=np.array(json.dumps(about)), **arrays)
+    arrays["about"] = np.array(json.dumps(about))
+    np.savez(folder / MESH, **arrays)  # type: ignore[arg-type]  # numpy 2.4 types its options so
 
 
 def read_part(folder: Path) -> FormedPart:
@@ -56,7 +58,7 @@ def read_part(folder: Path) -> FormedPart:
             blocks = tuple(
                 (name, data[f"block_{number}"]) for number, name in enumerate(about["blocks"])
             )
-            sets = {
+            sets: dict[str, Any] = {
                 table: {name: data[f"{table}_{k}"] for k, name in enumerate(about[table])}
                 for table in SETS
             }

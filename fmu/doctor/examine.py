@@ -20,7 +20,7 @@ from lcmchain.fmu.doctor.python_needs import examine_library, examine_python
 
 # What a unit says it needs from outside: FMI 2.0.2 (2.2.1), FMI 3.0 (2.5.1).
 _EXTERNAL = ("externalDependencies.txt", "externalDependencies.html")
-_LONGEST_TEXT = 1000
+_LONGEST_TEXT = 300
 
 
 def examine(
@@ -107,7 +107,8 @@ def _tell_dependencies(diagnosis: Diagnosis, documentation: Path) -> None:
             text = path.read_text(encoding="utf-8", errors="replace")
             if name.endswith(".html"):
                 text = re.sub(r"<(style|script|head)\b.*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)
-            text = " ".join(text.split())[:_LONGEST_TEXT]
+            text = " ".join(text.split())
             diagnosis.facts["external_dependencies"] = text
-            diagnosis.add(Level.NOTE, "dependencies", f"the unit says: {text}")
+            told = text if len(text) <= _LONGEST_TEXT else f"{text[:_LONGEST_TEXT]} ..."
+            diagnosis.add(Level.NOTE, "dependencies", f"the unit says: {told}")
             return
