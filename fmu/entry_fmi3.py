@@ -7,8 +7,13 @@ import lcmchain_unit_environment  # beside this file
 
 lcmchain_unit_environment.prepare(__file__)
 
-from lcmchain.fmu.fmi3 import UnitSlave3 as Fmi3SlaveBase  # noqa: E402  # the name is looked for
+from lcmchain.fmu.fmi3 import Fmi3Slave, UnitSlave3  # noqa: E402
 
 
-class LcmchainUnit(Fmi3SlaveBase):
-    """The unit; what it computes lies beside this file."""
+class LcmchainUnit(Fmi3Slave):
+    """Stands for the unit: pythonfmu3 looks in this text for the name of a class like this one."""
+
+
+# Not a class derived from it: pythonfmu3 may look up a method while an exception is pending, which
+# only succeeds in the dictionary of the very first class.
+LcmchainUnit = UnitSlave3  # type: ignore[misc]

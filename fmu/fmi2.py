@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -14,7 +15,11 @@ from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.interrupts import outermost, watch
 from lcmchain.fmu.saved_state import SavedState, Unreadable
 from lcmchain.fmu.status import CATEGORIES, Status
+from lcmchain.fmu.unit import Unit
 from lcmchain.fmu.variables import Kind
+
+# Where a list of CPython keeps the address of its entries: after its count, type and length.
+_ENTRIES_OF_LIST = 3 * ctypes.sizeof(ctypes.c_void_p)
 
 
 class UnitSlave2(Fmi2Slave):
@@ -91,7 +96,7 @@ class UnitSlave2(Fmi2Slave):
 
     @outermost
     def set_string(self, vrs: list[int], values: list[str]) -> None:
-        self.unit.set_texts(vrs, values)
+        set_texts(self.unit, vrs, values)
 
     # --- rollback ---------------------------------------------------------------------------------
 
@@ -112,6 +117,19 @@ class UnitSlave2(Fmi2Slave):
     @outermost
     def _fmu_state_from_bytes(state: bytes) -> SavedState | Unreadable:
         return read_state(state)
+
+
+def set_texts(unit: Unit, vrs: list[int], values: list[str]) -> None:
+    """Set texts; those that are no UTF-8 have left holes in the list, which Python must not see."""
+    try:
+        ctypes.pythonapi.PyErr_Clear()
+    except BaseException:
+        pass  # what the exporter has left behind when it made the list
+    entries = ctypes.c_void_p.from_address(id(values) + _ENTRIES_OF_LIST).value or 0
+    count = len(vrs)
+    if any(pointer is None for pointer in (ctypes.c_void_p * count).from_address(entries)):
+        values = []
+    unit.set_texts(vrs, values)
 
 
 def whole(values: list[float]) -> list[int]:

@@ -14,7 +14,7 @@ from pythonfmu3.enums import Fmi3Status
 from pythonfmu3.fmi3slave import Fmi3StepResult
 
 from lcmchain.fmu.description3 import model_description
-from lcmchain.fmu.fmi2 import whole
+from lcmchain.fmu.fmi2 import set_texts, whole
 from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.interrupts import outermost, watch
 from lcmchain.fmu.saved_state import SavedState, Unreadable
@@ -106,7 +106,7 @@ class UnitSlave3(Fmi3Slave):
 
     @outermost
     def set_string(self, vrs: list[int], values: list[str]) -> None:
-        self.unit.set_texts(vrs, values)
+        set_texts(self.unit, vrs, values)
 
     @outermost
     def set_int64(self, vrs: list[int], values: list[int]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import sys
@@ -17,9 +18,9 @@ from lcmchain.fmu.unit import Report, Unit
 #: File in the resources of a unit that says what it holds; written by ``fmu/build.py``.
 UNIT_FILE = "unit.json"
 
-# Definitions that were opened last, by folder: a reset must not need the folder again, and the
-# failure of a reset is the end of a host.
-_opened: dict[str, dict[str, Any]] = {}
+# Units that were opened last, by folder: a reset must not need the folder again, and a reset that
+# fails ends the host.
+_opened: dict[str, tuple[UnitDefinition, Part]] = {}
 _MOST_OPENED = 8
 
 
@@ -50,7 +51,11 @@ def open_unit(resources: str, name: str, report: Report, *, arrays: bool) -> Uni
     """
     try:
         definition, part = _definition(Path(resources))
+        _remember(resources, definition, part)
     except (LcmchainError, OSError, ValueError, KeyError, TypeError) as error:
+        if resources in _opened:
+            definition, part = _opened[resources]
+            return Unit(definition, copy.copy(part), name, report, arrays=arrays)
         message = f"{name}: {error}" if isinstance(error, LcmchainError) else _no_unit(name, error)
         print(message, file=sys.stderr, flush=True)
         raise InputError(message) from None
@@ -65,6 +70,13 @@ def read_state(content: bytes) -> SavedState | Unreadable:
         return error
     except BaseException as error:  # no memory: the host must not end here
         return Unreadable(f"the saved state cannot be read ({error})")
+
+
+def _remember(resources: str, definition: UnitDefinition, part: Part) -> None:
+    _opened.pop(resources, None)
+    _opened[resources] = definition, copy.copy(part)
+    if len(_opened) > _MOST_OPENED:
+        _opened.pop(next(iter(_opened)))
 
 
 def _definition(resources: Path) -> tuple[UnitDefinition, Part]:

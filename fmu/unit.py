@@ -81,6 +81,7 @@ class Unit:
     # --- course of a simulation -------------------------------------------------------------------
 
     @guarded
+    @interrupts.outermost
     def set_up(self, start_time: float, stop_time: float | None = None) -> Status:
         """Note when the experiment starts [s]; FMI 3 leaves that to the first step."""
         self._require("set up the experiment", Phase.INSTANTIATED)
@@ -111,8 +112,8 @@ class Unit:
             self._rebuild()
         try:
             self.part.begin()
-        except LcmchainError:
-            self._built = False
+        except LcmchainError as error:
+            self._built, self.message = False, str(error)
             raise
         self.outcome, self.message = StepOutcome.READY, ""
         return Status.OK
@@ -146,6 +147,7 @@ class Unit:
         return Status.OK
 
     @guarded
+    @interrupts.outermost
     def terminate(self) -> Status:
         """Write the results."""
         self._require("terminate", Phase.STEPPING)
@@ -157,6 +159,7 @@ class Unit:
     # --- values -----------------------------------------------------------------------------------
 
     @guarded
+    @interrupts.outermost
     def get_numbers(self, references: Sequence[int], kind: Kind) -> np.ndarray:
         """Return the values of variables that are no texts, one field after the other."""
         slots = self._located(references, kind)
@@ -166,6 +169,7 @@ class Unit:
         return self.values.numbers[slots]
 
     @guarded
+    @interrupts.outermost
     def get_texts(self, references: Sequence[int]) -> list[str]:
         """Return the values of texts."""
         touched = self._variables_of(self._located(references, Kind.STRING))
@@ -173,6 +177,7 @@ class Unit:
         return [self.values.texts[variable.name] for variable in touched]
 
     @guarded
+    @interrupts.outermost
     def set_numbers(self, references: Sequence[int], values: Sequence[Any], kind: Kind) -> Status:
         """Set parameters or inputs that are no texts; all of them or none."""
         slots = self._settable(references, kind)
@@ -183,6 +188,7 @@ class Unit:
         return Status.OK
 
     @guarded
+    @interrupts.outermost
     def set_texts(self, references: Sequence[int], values: Sequence[Any]) -> Status:
         """Set parameters that are texts; all of them or none."""
         touched = self._variables_of(self._settable(references, Kind.STRING))
@@ -194,6 +200,7 @@ class Unit:
     # --- rollback ---------------------------------------------------------------------------------
 
     @guarded
+    @interrupts.outermost
     def save(self) -> SavedState | None:
         """Return a copy of the whole state, inputs included; None if there is none."""
         numbers, texts = self.values.settings()

@@ -40,11 +40,49 @@ motion = { type = "guided", direction = [0, 0, -1], mass = "0.5 kg" }
 """
 ELEMENT_COUNT = 400
 
+# The smallest unit that has everything, for thousands of calls: 16 elements.
+PATCH = """
+title = "Patch"
+[process]
+time = "3 ms"
+frames = 4
+[blank]
+size = ["20 mm", "20 mm"]
+edge_length = "5 mm"
+height = "0.502 mm"
+[material]
+preset = "MD600"
+[contact]
+friction = 0.157
+[fmu]
+parameters = ["tools.holder.motion.mass"]
+[[tools]]
+name = "punch"
+shape = { type = "plate", side = "above" }
+position = "0 0 1.004 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "0.1 mm", profile = "linear" }
+[[tools]]
+name = "die"
+shape = { type = "plate", side = "below" }
+[[tools]]
+name = "holder"
+shape = { type = "plate", side = "above" }
+position = "0 0 5 mm"
+motion = { type = "guided", direction = [0, 0, -1], mass = "0.5 kg" }
+"""
+
 
 @pytest.fixture(scope="session")
 def scene_file(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("scene") / "dome.toml"
     path.write_text(SCENE, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="session")
+def patch_file(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("patch") / "patch.toml"
+    path.write_text(PATCH, encoding="utf-8")
     return path
 
 
