@@ -61,7 +61,8 @@ def build_fmu(
     fmi : version of the standard. part : what the unit computes.
     overrides : ``key=value`` texts for the scene.
     options : of the part; forming takes ``fields`` (names, None for those of the version) and
-        ``pore_pressure`` (whether a fluid may act in the pores).
+        ``pore_pressure`` (whether a fluid may act in the pores), and ``interface`` (patches of
+        elements at which fields are exchanged, 0 for the elements).
 
     Raises
     ------
@@ -73,9 +74,9 @@ def build_fmu(
     if part not in PARTS:
         raise InputError(f'no part "{part}"; there is {", ".join(PARTS)}', key="--part")
     scene = read_scene(scene_path, overrides)
-    entries = PARTS[part](scene, fmi, **options)
     with tempfile.TemporaryDirectory(prefix="lcmchain-fmu-") as name:
         resources = Path(name)
+        entries = PARTS[part](scene, fmi, resources, **options)
         unit = {
             "part": part,
             "scene": "scene/scene.toml",
@@ -141,13 +142,16 @@ def model_identifier(name: str) -> str:
 def _forming_entries(
     scene: Scene,
     fmi: int,
+    resources: Path,
     *,
     fields: Sequence[str] | None = None,
     pore_pressure: bool = False,
+    interface: int = 0,
 ) -> dict[str, Any]:
-    """Check a scene for forming, and return what its unit holds about it."""
-    from lcmchain.fmu.forming import abilities_of
+    """Check a scene for forming, write its interface, and return what its unit holds about it."""
+    from lcmchain.fmu.forming import abilities_of, sheet_mesh
     from lcmchain.fmu.forming_variables import FIELDS_OF_FMI2, field_names
+    from lcmchain.fmu.interface_fields import INTERFACE_FILE, interface_of
 
     blank = build_blank(scene.blank, scene.material.thickness)
     tools = build_tool_table(
@@ -162,6 +166,8 @@ def _forming_entries(
             raise InputError(f'no field "{name}"; there are {", ".join(known)}', key="--fields")
     if fields is None and fmi == 2:
         fields = FIELDS_OF_FMI2
+    title = f"interface of {scene.title}"
+    interface_of(sheet_mesh(scene), interface).write(resources / INTERFACE_FILE, {"title": title})
     return {"fields": None if fields is None else list(fields), "pore_pressure": pore_pressure}
 
 

@@ -39,6 +39,7 @@ from lcmchain.fmu.infiltration_variables import (
     Motion,
     infiltration_variables,
 )
+from lcmchain.fmu.interface_fields import INTERFACE_FILE
 from lcmchain.fmu.part import Part, UnitDefinition
 from lcmchain.fmu.saved_state import PartState
 from lcmchain.fmu.variables import Variable, quoted
@@ -48,8 +49,11 @@ from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.infiltration_file import read_infiltration
 from lcmchain.threads import use_threads
 
-#: What lies in the resources beside the case, by :mod:`lcmchain.fmu.infiltration_build`.
-PART_FOLDER, INTERFACE_FILE = "part", "interface.nc"
+#: Folder of the formed part in the resources, by :mod:`lcmchain.fmu.infiltration_build`.
+PART_FOLDER = "part"
+
+#: What the filling takes where the master moves the volume of its cells.
+VOLUME_INPUTS = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE)
 
 #: Of a gate or vent that the master has shut: it never opens.
 SHUT = Schedule(-2.0, -1.0)
@@ -238,26 +242,22 @@ class InfiltrationPart(Part):
         wanted, rate = self.values.field("thickness"), self.values.field("thickness_rate")
         if (wanted < 0.0).any():
             raise InputError(f"the thickness is {wanted.min():g} m in places")
-        state, fields = self.filling.state, self.interface.fields
+        state, spread = self.filling.state, self.interface.spread
         if not (wanted.any() or rate.any() or state.thickness_rate.any()):
             return  # it stands still
-        rates, given = fields.constant(rate), fields.constant(wanted)
+        rates, given = spread(rate), spread(wanted)
         if self.interface.is_coarse:  # cells keep what they differ by from the mean of their patch
-            mean = fields.mean(state.thickness)
-            given = state.thickness * fields.constant(wanted / mean)
+            given = state.thickness * spread(wanted / self.interface.fields.mean(state.thickness))
         rates = np.where(given > 0.0, (given - state.thickness) / size, rates)
         self.filling.set_thickness(state.thickness, rates)
 
     def _set_volume_rate(self) -> None:
-        fields, values = self.interface.fields, self.values
-        down: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-            VOLUME_RATE: fields.shared,
-            VOLUME_RATE_SLOPE: fields.shared,
-            REFERENCE_PRESSURE: fields.constant,
-        }
-        if not self.interface.is_coarse:
-            down = dict.fromkeys(down, fields.constant)
-        self.fluid.set_fields({name: way(values.field(name)) for name, way in down.items()})
+        given = {name: self.values.field(name) for name in VOLUME_INPUTS}
+        if self.interface.is_coarse:
+            for name in (VOLUME_RATE, VOLUME_RATE_SLOPE):
+                given[name] = self.interface.fields.shared(given[name])
+            given[REFERENCE_PRESSURE] = self.interface.spread(given[REFERENCE_PRESSURE])
+        self.fluid.set_fields(given)
 
     # --- outputs ----------------------------------------------------------------------------------
 

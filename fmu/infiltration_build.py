@@ -15,8 +15,9 @@ from lcmchain.coupling.infiltration.formed_part_file import write_part
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import require_target, write_unit
-from lcmchain.fmu.infiltration import INTERFACE_FILE, PART_FOLDER
+from lcmchain.fmu.infiltration import PART_FOLDER
 from lcmchain.fmu.infiltration_variables import FIELD_OUTPUTS, FIELDS_OF_FMI2, MOTIONS, Motion
+from lcmchain.fmu.interface_fields import INTERFACE_FILE
 from lcmchain.fmu.scene_files import stage_scene
 from lcmchain.mapping.interface import Interface
 from lcmchain.scene import Scene, read_scene

@@ -63,7 +63,8 @@ def _shapes(saved: SavedFilling) -> dict[str, tuple[int, ...]]:
         for name, values in vars(saved.state).items()
         if isinstance(values, np.ndarray)
     }
-    return own | {f"input {name}": values.shape for name, values in saved.inputs.items()}
+    own |= {f"input {name}": values.shape for name, values in saved.inputs.items()}
+    return own | {"mean pressure": saved.mean_pressure.shape}
 
 
 def _named(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

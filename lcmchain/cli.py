@@ -218,7 +218,9 @@ def fmu_build(
 
         options: dict[str, Any] = {}
         if part == "forming":
-            options = {"fields": names, "pore_pressure": pore_pressure}
+            options = {
+                "fields": names, "pore_pressure": pore_pressure, "interface": interface,
+            }  # fmt: skip
         build_fmu(scene, out, fmi=fmi, part=part, overrides=overrides or (), **options)
     say(f"Wrote {out}")
 

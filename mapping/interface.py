@@ -85,6 +85,10 @@ class Interface:
         centres = centres_of(self.points, self.cells)
         return PatchFields(self.patches, centres, self.surface.areas, neighbours)
 
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """Return the value of each cell's patch, (P,) to (C,)."""
+        return values[self.patches.of_cell]
+
     def dataset(self, attributes: Mapping[str, Any] | None = None) -> xr.Dataset:
         """Return the interface as a UGRID mesh of its cells, with the patch of each.
 
