@@ -96,6 +96,12 @@ def unit(scene_file, tmp_path_factory) -> Path:
     return path
 
 
+@pytest.fixture(scope="session")
+def unit3(scene_file, tmp_path_factory) -> Path:
+    """The dome's unit of FMI 3.0."""
+    return build_fmu(scene_file, tmp_path_factory.mktemp("unit3") / "dome.fmu", fmi=3)
+
+
 class Master:
     """One instance of a unit, with access to its variables by name."""
 

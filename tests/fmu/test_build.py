@@ -12,10 +12,11 @@ from fmpy.validation import validate_fmu
 
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu, model_identifier
-from lcmchain.fmu.variables import forming_variables
+from lcmchain.fmu.forming_variables import Abilities, field_names, forming_variables
 from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED
 
 ELEMENT_COUNT = 400
+POSITION = ("drive_to_position", "position_input")
 
 TETRAHEDRON = """solid punch
 facet normal 0 0 -1
@@ -66,10 +67,12 @@ def test_interface_is_that_of_the_scene(unit):
         "'blank-holder'.drive",
         "'blank-holder'.velocity_input",
         "'blank-holder'.force_input",
+        *[f"{tool}.{x}" for tool in ("punch", "'blank-holder'") for x in POSITION],
     }
     assert {v.name for v in description.modelVariables if v.causality == "parameter"} == {
         "threads",
         "out_dir",
+        "contact.friction",
     }
     for field, unit_name in (("thickness", "m"), ("fibre_volume_fraction", "1")):
         names = [name for name in by_name if name.startswith(f"{field}[")]
@@ -97,18 +100,113 @@ def test_outputs_depend_on_no_input_at_the_same_time(unit):
 
 def test_fields_are_single_variables_of_the_definition():
     tools = [("punch", PRESCRIBED), ("die", FIXED), ("holder", GUIDED)]
-    variables = forming_variables(tools, 9, has_fibre_volume_fraction=True)
-    assert [(v.name, v.size) for v in variables if v.size] == [
-        ("thickness", 9),
-        ("fibre_volume_fraction", 9),
-    ]
-    without = forming_variables(tools, 9, has_fibre_volume_fraction=False)
+    whole = Abilities(tools, 9, 5e-3, "Scene", True, True, False)
+    variables = forming_variables(whole)
+    assert [(v.name, v.size) for v in variables if v.size] == [(n, 9) for n in field_names(whole)]
+    chosen = forming_variables(whole, fields=["shear_angle"])
+    assert [v.name for v in chosen if v.size] == ["shear_angle"]
+    without = forming_variables(whole._replace(has_fibre_volume_fraction=False))
     assert {v.name for v in variables} - {v.name for v in without} == {
         "fibre_volume_fraction",
         "fibre_volume_fraction_min",
         "fibre_volume_fraction_max",
     }
     assert not [v.name for v in variables if v.causality == "input" and "die" in v.name]
+    wet = forming_variables(whole._replace(takes_pore_pressure=True))
+    added = [v for v in wet if v.name not in {v.name for v in variables}]
+    assert [v.name for v in added if v.causality == "input"] == ["pore_pressure"]
+    assert {"volume_rate", "volume_rate_slope", "reference_pressure"} <= {v.name for v in added}
+
+
+def test_both_descriptions_tell_the_same(unit, unit3):
+    """Names, causalities, units, types and starts; a field of FMI 2 is many scalars."""
+    two, three = (read_model_description(str(path)) for path in (unit, unit3))
+    of_three = {v.name: v for v in three.modelVariables}
+    assert of_three["thickness"].dimensions[0].start == 400
+    seen = set()
+    for scalar in two.modelVariables:
+        other = of_three[scalar.name.split("[")[0]]
+        seen.add(other.name)
+        for what in ("causality", "variability", "unit", "initial", "min", "max", "nominal"):
+            assert getattr(scalar, what) == getattr(other, what), (scalar.name, what)
+        if scalar.start is not None:
+            assert scalar.start == other.start
+        declared = scalar.declaredType and scalar.declaredType.name
+        assert declared == (other.declaredType and other.declaredType.name)
+    assert seen | {"shear_angle", "thickness_rate", *(f"position_{x}" for x in "xyz")} == set(
+        of_three
+    )
+    assert [u.variable.name for u in three.outputs] == [
+        v.name for v in three.modelVariables if v.causality == "output"
+    ]
+
+
+def test_fmpy_finds_no_problem_in_fmi3(unit3):
+    assert validate_fmu(str(unit3)) == []
+    description = read_model_description(str(unit3))
+    assert description.coSimulation.canGetAndSetFMUstate
+    assert description.coSimulation.canSerializeFMUstate
+
+
+def test_description_of_3600_elements_is_small(tmp_path):
+    """Below 300 kB in FMI 3.0, with all that a fluid exchanges."""
+    from lcmchain.fmu import description, description3
+    from lcmchain.fmu.part import UnitDefinition
+
+    tools = [(f"tool {k}", GUIDED) for k in range(10)]
+    abilities = Abilities(tools, 3600, 5e-3, "Scene", True, True, True)
+    definition = UnitDefinition("0", {}, "Scene", "unit", forming_variables(abilities), 1.0, 0.1)
+    content = description.as_bytes(description3.model_description(definition))
+    assert len(content) < 300_000
+    assert content.count(b"<Dimension") == len(field_names(abilities)) + 1
+
+
+def test_unit_is_compressed_and_says_what_it_needs(unit3):
+    with zipfile.ZipFile(unit3) as archive:
+        assert all(entry.compress_type == zipfile.ZIP_DEFLATED for entry in archive.infolist())
+        needs = archive.read("documentation/externalDependencies.txt").decode()
+        index = archive.read("documentation/index.html").decode()
+    assert "lcmchain" in needs and "pythonfmu3" in needs and "Python" in needs
+    assert "<td>punch.velocity_input</td>" in index
+
+
+def test_parameters_are_what_the_scene_marks(patch_file, tmp_path):
+    unit = build_fmu(patch_file, tmp_path / "patch.fmu")
+    mass = {v.name: v for v in read_model_description(str(unit)).modelVariables}[
+        "tools.holder.motion.mass"
+    ]
+    assert (mass.causality, mass.variability, mass.unit, float(mass.start)) == (
+        "parameter", "fixed", "kg", 0.5,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("key", "told"),
+    [
+        ("tools.holder.motion.weight", "no entry"),
+        ("tools.absent.friction", "no entry"),
+        ("blank.edge_length", "decides the mesh"),
+        ("tools.holder.motion.gravity", "not one number"),
+        ("title", "not one number"),
+    ],
+)
+def test_a_parameter_that_is_none_is_told(patch_file, tmp_path, key, told):
+    with pytest.raises(InputError, match=told) as caught:
+        build_fmu(patch_file, tmp_path / "patch.fmu", overrides=[f'fmu.parameters=["{key}"]'])
+    assert caught.value.key == "fmu.parameters" and key in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"fmi": 1}, "no FMI 1"),
+        ({"part": "flow"}, 'no part "flow"'),
+        ({"fields": ["thick"]}, 'no field "thick"'),
+    ],
+)
+def test_an_unknown_option_is_told(patch_file, tmp_path, options, told):
+    with pytest.raises(InputError, match=told):
+        build_fmu(patch_file, tmp_path / "patch.fmu", **options)
 
 
 def test_same_scene_gives_the_same_guid_and_another_scene_another(scene_file, unit, tmp_path):
@@ -189,14 +287,16 @@ def test_name_of_the_unit_must_end_in_fmu(scene_file, tmp_path):
 
 
 def test_unit_without_lcmchain_says_what_to_install():
-    entry = Path(__file__).parents[2] / "fmu" / "unit_entry.py"
-    program = f"import runpy; runpy.run_path({str(entry)!r})"
+    entry = Path(__file__).parents[2] / "fmu" / "entry_environment.py"
+    program = f"import runpy; runpy.run_path({str(entry)!r})['prepare'](__file__)"
+    program = program.replace("__file__", repr(str(entry)))
     # Isolated and without site-packages: a Python that has the standard library only.
     done = subprocess.run(
         [sys.executable, "-I", "-S", "-c", program], capture_output=True, text=True, env={}
     )
     assert done.returncode != 0
     assert "ImportError: this unit needs lcmchain" in done.stderr
+    assert done.stderr.startswith("this unit needs lcmchain in the Python 3.")
 
 
 def test_unit_of_the_2d_approach_forms_without_thickness(scene_file, tmp_path):

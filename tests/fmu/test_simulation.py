@@ -259,7 +259,7 @@ def test_guard_stops_the_step_with_unit_time_cause_and_inputs(new_master, capfd)
     master.set("punch.velocity_input", 400.0)
     with pytest.raises(FMICallException, match="discard"):
         master.step(time, STEP)
-    message = capfd.readouterr().err
+    message = capfd.readouterr().err.splitlines()[-1]
     assert message.startswith("press: the step from 0.0005 s to 0.001 s was stopped and undone: ")
     assert re.search(r"element \d+", message)
     assert "Likely cause" in message
@@ -276,21 +276,20 @@ def test_guard_stops_the_step_with_unit_time_cause_and_inputs(new_master, capfd)
     master.slave.terminate()
 
 
-def test_master_that_ignores_the_failed_step_is_told_at_the_end(unit, capfd, tmp_path):
-    # fmpy takes a discarded step for an early end that the unit wished for.
+def test_fmpy_keeps_its_results_after_a_discard(unit, capfd, tmp_path):
+    """fmpy takes a discarded step for an early end that the unit wished for."""
     start_values = {
         "punch.drive": True,
         "punch.velocity_input": 400.0,
         "out_dir": str(tmp_path),
     }
-    with pytest.raises(FMICallException, match="fmi2Terminate"):
-        fmpy.simulate_fmu(
-            str(unit),
-            stop_time=POINTS[-1],
-            output_interval=STEP,
-            start_values=start_values,
-        )
-    assert "the results end at 0 s" in capfd.readouterr().err
+    result = fmpy.simulate_fmu(
+        str(unit), stop_time=POINTS[-1], output_interval=STEP, start_values=start_values
+    )
+    assert result["time"].tolist() == [0.0, 0.0]
+    np.testing.assert_allclose(recorded(result, "thickness"), 1.004e-3, rtol=1e-12)
+    assert result["status"].tolist() == [0, 1]
+    assert "was stopped and undone" in capfd.readouterr().err
     sheet = sheet_of(tmp_path)
     assert sheet["thickness"].shape == (1, 400), "the last good frame is kept"
     assert re.match(r"stopped: .* was stopped and undone: .*element \d+", sheet.attrs["state"])
@@ -302,6 +301,9 @@ def test_master_that_ignores_the_failed_step_is_told_at_the_end(unit, capfd, tmp
         ({"punch__velocity_input": float("nan")}, 0.0, STEP, "punch.velocity_input is nan"),
         ({}, 1e-3, STEP, "stands at 0 s, not at 0.001 s"),
         ({}, 0.0, -STEP, "negative"),
+        ({}, 0.0, 0.0, "its size is 0"),
+        ({}, 0.0, float("nan"), "no number"),
+        ({}, float("inf"), STEP, "no number"),
     ],
 )
 def test_step_without_sense_is_refused(new_master, capfd, settings, time, step, told):
@@ -323,13 +325,71 @@ def test_punch_must_not_jump_back_to_the_motion_of_the_scene(new_master, capfd):
 
 def test_unusable_folder_is_told_before_the_first_step(new_master, capfd, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(FMICallException, match="fatal"):
-        new_master().initialize(out_dir=str(tmp_path / "file"))
+    master = new_master().initialize(out_dir=str(tmp_path / "file"))
     assert "out_dir" in capfd.readouterr().err
+    with pytest.raises(FMICallException, match="discard"):
+        master.step(0.0, STEP)
+    assert "initialization has failed: out_dir" in capfd.readouterr().err
 
 
-def test_outputs_cannot_be_set(new_master, capfd):
-    master = new_master()
-    with pytest.raises(FMICallException, match="fatal"):
-        master.set("punch.travel", 1.0)
-    assert "cannot be set" in capfd.readouterr().err
+def test_initialization_says_what_it_does_before_it_compiles(unpacked, capfd, monkeypatch):
+    from lcmchain.fmu.instances import open_unit
+    from lcmchain.solver.simulation import Simulation
+
+    told = []
+    monkeypatch.setattr(Simulation, "compile", lambda _: told.append(capfd.readouterr().err))
+    one = open_unit(f"{unpacked[0]}/resources", "one", lambda *_: None, arrays=False)
+    one.set_up(0.0)
+    one.enter_initialization()
+    assert "one: Dome, 400 elements" in told[0] and "compiling" in told[0]
+
+
+# --- parameters and positions ---------------------------------------------------------------------
+
+
+def test_friction_is_a_parameter(new_master, scene_file):
+    master = new_master().initialize(contact__friction=0.4)
+    other = Simulation.from_scene(read_scene(scene_file, ["contact.friction=0.4"]))
+    time = 0.0
+    for point in POINTS[1:4]:
+        time = master.step(time, STEP)
+        other.advance_to(point)
+    np.testing.assert_array_equal(master.field("thickness"), fields_of(other)["thickness"])
+
+
+def test_a_tool_goes_to_the_position_that_is_asked_for(new_master):
+    master = new_master().initialize(punch__drive_to_position=True)
+    time = 0.0
+    for travel in (0.4e-3, 0.5e-3, 0.2e-3):
+        master.set("punch.position_input", travel)
+        time = master.step(time, STEP)
+        assert master.get("punch.travel") == pytest.approx(travel, rel=1e-10)
+
+
+def test_two_drives_at_once_are_refused(new_master, capfd):
+    master = new_master().initialize(punch__drive=True, punch__drive_to_position=True)
+    with pytest.raises(FMICallException, match="discard"):
+        master.step(0.0, STEP)
+    assert "both true" in capfd.readouterr().err
+
+
+# --- FMI 3.0 --------------------------------------------------------------------------------------
+
+
+def test_arrays_of_fmi3_hold_what_the_direct_run_has(unit3, direct, tmp_path):
+    result = fmpy.simulate_fmu(
+        str(unit3), stop_time=POINTS[-1], output_interval=STEP,
+        start_values={"out_dir": str(tmp_path)},
+    )  # fmt: skip
+    fields = fields_of(direct)
+    for name in ("thickness", "fibre_volume_fraction", "shear_angle"):
+        assert result[name].shape == (len(POINTS), 400)
+        np.testing.assert_array_equal(result[name][-1], fields[name])
+    snapshot = direct.snapshot()
+    assert result["punch.travel"][-1] == snapshot.tool_travel[0]
+    assert result["internal_energy"][-1] == snapshot.energy["internal"]
+    change = result["thickness"][-1] - result["thickness"][-2]
+    np.testing.assert_allclose(result["thickness_rate"][-1], change / STEP, rtol=1e-9, atol=1e-12)
+    centres = snapshot.position[direct.model.blank.elements].mean(axis=1)
+    np.testing.assert_allclose(result["position_z"][-1], centres[:, 2], rtol=0, atol=1e-15)
+    assert sheet_of(tmp_path).attrs["state"] == "complete"
