@@ -146,7 +146,7 @@ class InfiltrationPart(Part):
         self.record.clear()
         self.ended = ("reached", "the filling has not begun")
         self.vented_rate = np.zeros(len(self.setup.vents))
-        self.forget_supply()
+        self._supplied = ()
 
     def begin(self) -> None:
         """Check where the results go, and keep the start."""
@@ -201,10 +201,6 @@ class InfiltrationPart(Part):
     def reinstate(self, state: PartState) -> None:
         """Go back to a captured state."""
         infiltration_state.reinstate(self, state)
-
-    def forget_supply(self) -> None:
-        """Set the gates and vents anew at the next step."""
-        self._supplied = ()
 
     @property
     def _out_dir(self) -> Path | None:

@@ -53,7 +53,6 @@ def reinstate(part: InfiltrationPart, saved: PartState) -> None:
         raise InputError(f"the saved state is not that of a filling ({error})") from None
     part.fluid.restore(state)
     part.ended, part.vented_rate = (str(outcome), str(message)), vented
-    part.forget_supply()
 
 
 def _shapes(saved: SavedFilling) -> dict[str, tuple[int, ...]]:

@@ -16,7 +16,8 @@ from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.fmu.doctor import Level, examine
 from lcmchain.fmu.doctor.binary import platform_folders
-from lcmchain.fmu.doctor.shared_objects import read_shared_object
+from lcmchain.fmu.doctor.libraries import newest_versions
+from lcmchain.fmu.doctor.shared_objects import SharedObject, read_shared_object
 
 FMI2, FMI3 = platform_folders()
 ON_LINUX = pytest.mark.skipif(
@@ -181,6 +182,14 @@ def test_too_old_a_library_is_named_with_the_version_that_is_there(tmp_path):
     library("FLOW_1.9")
     (missing,) = told(examine(unit), Level.MISSING)
     assert "FLOW_1.10 of libflow.so; here it goes up to FLOW_1.9" in missing.text
+
+
+def test_newest_versions_go_by_their_numbers():
+    asked = {"libc.so.6": ("GLIBC_2.9", "GLIBC_2.32", "GLIBC_2.4"), "libx": ("X_1", "X_PRIVATE")}
+    file = SharedObject(
+        Path("pump.so"), ("x64", 64), (), (), asked, frozenset(), frozenset(), frozenset(), ""
+    )
+    assert newest_versions(file) == {"GLIBC": "2.32", "X": "1"}
 
 
 @ON_LINUX
