@@ -10,16 +10,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from lcmchain.coupling.cosimulation.archive import read_member
 from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
 from lcmchain.coupling.infiltration.formed_part_file import write_part
-from lcmchain.coupling.infiltration.setup import set_up
+from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import require_target, write_unit
 from lcmchain.fmu.infiltration import PART_FOLDER
 from lcmchain.fmu.infiltration_variables import FIELD_OUTPUTS, FIELDS_OF_FMI2, MOTIONS, Motion
 from lcmchain.fmu.interface_fields import INTERFACE_FILE
 from lcmchain.fmu.scene_files import stage_scene
-from lcmchain.mapping.interface import Interface
+from lcmchain.mapping.interface import Interface, read_interface
+from lcmchain.mapping.patches import Patches
+from lcmchain.mapping.structure.stage import is_mapped
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.infiltration_file import read_infiltration
@@ -33,7 +38,8 @@ class InfiltrationUnit:
     ----------
     motion : how the master moves the preform: not at all, by its thickness and the rate of it, or
         by the rate of its volume with the terms of the fixed-stress split.
-    interface : number of patches of cells at which fields are exchanged, 0 for the cells.
+    interface : number of patches of cells at which fields are exchanged, 0 for the cells; or the
+        forming unit whose interface it takes over, ``*.fmu`` (of the sheet's own faces only).
     fields : names of the fields, None for those of the version, ``["all"]`` for all.
     name : of the result file; of a scene the name of the infiltration, None for its only one.
     frame : saved state of a forming result, from 0; -1 is the last one.
@@ -41,7 +47,7 @@ class InfiltrationUnit:
     """
 
     motion: Motion = "thickness"
-    interface: int = 0
+    interface: int | Path = 0
     fields: Sequence[str] | None = None
     name: str | None = None
     frame: int = -1
@@ -84,7 +90,7 @@ def build_infiltration_fmu(
             source, frame=options.frame, allow_incomplete=options.allow_incomplete
         )
         setup = set_up(part, the_case, Path(case).resolve().parent)
-        interface = Interface.of_mesh(setup.mesh.points, setup.mesh.cells, options.interface)
+        interface = _interface(setup, options.interface, resources)
         write_part(resources / PART_FOLDER, _without_path(part))
         title = f"interface of {unit['name']}"
         interface.write(resources / INTERFACE_FILE, {"title": title})
@@ -98,6 +104,30 @@ def build_infiltration_fmu(
         }
         write_unit(out_path, fmi, unit, resources)
     return out_path
+
+
+def _interface(setup: FillingSetup, wanted: int | Path, scratch: Path) -> Interface:
+    """Return the interface of a part; on the sheet's own faces its values are in their order."""
+    mesh, target = setup.mesh, setup.part.target
+    is_sheet = not is_mapped(setup.part.dataset)
+    if isinstance(wanted, Path):
+        path = scratch / "of_unit.nc"
+        path.write_bytes(read_member(wanted, f"resources/{INTERFACE_FILE}"))
+        other = read_interface(path)
+        path.unlink()
+        face = target.cell_ids - 1
+        corners = np.where(target.corners >= 0, target.node_ids[target.corners] - 1, -1)
+        fits = is_sheet and len(face) == len(other.cells)
+        if not fits or not np.array_equal(other.cells[face], corners):
+            raise InputError(
+                "is the unit of another sheet, or the source is mapped onto another mesh; give "
+                "the number of patches instead, and map between the two interfaces",
+                key="--interface", file=wanted,
+            )  # fmt: skip
+        return Interface(mesh.points, mesh.cells, Patches(other.patches.of_cell[face], other.size))
+    if wanted == 0 and is_sheet:
+        return Interface(mesh.points, mesh.cells, Patches(target.cell_ids - 1, mesh.cell_count))
+    return Interface.of_mesh(mesh.points, mesh.cells, wanted)
 
 
 def _check(options: InfiltrationUnit) -> None:

@@ -14,7 +14,14 @@ from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.fill import fill
 from lcmchain.commands.fmu_doctor import doctor
-from lcmchain.commands.fmu_infiltration import EntryName, Motion, Source, build_infiltration
+from lcmchain.commands.fmu_infiltration import (
+    EntryName,
+    Interface,
+    Motion,
+    Source,
+    build_infiltration,
+    interface_of,
+)
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
 from lcmchain.commands.map import map_fields
@@ -185,15 +192,7 @@ def fmu_build(
             help="Take the pressure of a fluid in the pores, and give what it exchanges.",
         ),
     ] = False,
-    interface: Annotated[
-        int,
-        typer.Option(
-            "--interface",
-            metavar="N",
-            min=0,
-            help="Exchange fields per patch of elements, so many of them; 0: per element.",
-        ),
-    ] = 0,
+    interface: Interface = "0",
     source: Source = None,
     motion: Motion = "thickness",
     name: EntryName = None,
@@ -203,7 +202,8 @@ def fmu_build(
     names = fields and fields.split(",")
     if part == "infiltration":
         build_infiltration(
-            scene, out, source, fmi=fmi, fields=names, interface=interface, motion=motion,
+            scene, out, source, fmi=fmi, fields=names,
+            interface=interface_of(interface, part), motion=motion,
             name=name, overrides=overrides or (),
         )  # fmt: skip
         say(f"Wrote {out}")
@@ -218,9 +218,8 @@ def fmu_build(
 
         options: dict[str, Any] = {}
         if part == "forming":
-            options = {
-                "fields": names, "pore_pressure": pore_pressure, "interface": interface,
-            }  # fmt: skip
+            patches = interface_of(interface, part)
+            options = {"fields": names, "pore_pressure": pore_pressure, "interface": patches}
         build_fmu(scene, out, fmi=fmi, part=part, overrides=overrides or (), **options)
     say(f"Wrote {out}")
 

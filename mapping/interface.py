@@ -69,10 +69,10 @@ class Interface:
         """Number of values of a field."""
         return self.patches.count
 
-    @property
+    @cached_property
     def is_coarse(self) -> bool:
-        """Whether a patch has several cells."""
-        return self.size < len(self.cells)
+        """Whether fields are not simply those of the cells in their order."""
+        return not np.array_equal(self.patches.of_cell, np.arange(len(self.cells)))
 
     @cached_property
     def surface(self) -> Surface:

@@ -11,6 +11,15 @@ import typer
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.errors import InputError
 
+Interface = Annotated[
+    str,
+    typer.Option(
+        "--interface",
+        metavar="N|F.fmu",
+        help="Exchange fields per patch of elements, so many of them, 0: per element; or, for an "
+        "infiltration, at the interface of that forming unit.",
+    ),
+]
 Source = Annotated[
     Path | None,
     typer.Option(
@@ -35,6 +44,15 @@ EntryName = Annotated[
 ]
 
 
+def interface_of(text: str, part: str) -> int | Path:
+    """Return the number of patches, or the unit whose interface is taken."""
+    if text.isdecimal():
+        return int(text)
+    if part == "forming" or not text.endswith(".fmu"):
+        raise InputError(f'"{text}" is no number of patches, 0 for the elements', key="--interface")
+    return Path(text)
+
+
 def build_infiltration(
     case: Path,
     out: Path,
@@ -42,7 +60,7 @@ def build_infiltration(
     *,
     fmi: int,
     fields: Sequence[str] | None,
-    interface: int,
+    interface: int | Path,
     motion: str,
     name: str | None,
     overrides: Sequence[str],

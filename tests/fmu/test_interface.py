@@ -137,6 +137,67 @@ def test_more_patches_than_elements_are_the_elements(patch_file, tmp_path):
         build_fmu(patch_file, tmp_path / "patch.fmu", interface=-1)
 
 
+FILL = """
+time = "1 s"
+resin = { law = "constant", viscosity = "0.1 Pa*s", density = "1100 kg/m^3" }
+permeability = { law = "gebart", fibre_radius = "3.5 um" }
+[[wetted]]
+name = "all"
+box = ["-1 -1 -1 m", "1 1 1 m"]
+[[vents]]
+name = "rim"
+rim = true
+bleeds = true
+"""
+
+
+def test_infiltration_takes_the_interface_of_the_forming_and_they_exchange(
+    forming, patch_file, tmp_path
+):
+    """Both count the same patches, and what one gives the other takes, without a mapping."""
+    unit = build_fmu(patch_file, tmp_path / "patch.fmu", fmi=3, pore_pressure=True, interface=5)
+    solid = Instance(unpacked(unit, tmp_path / "solid"))
+    solid.unit.set_texts([solid.references["out_dir"]], [str(tmp_path / "out")])
+    solid.start()
+    assert solid.step(STEP) is Status.OK
+    solid.unit.terminate()
+    (tmp_path / "case.toml").write_text(FILL)
+
+    def fluid_of(interface):
+        built = build_infiltration_fmu(
+            tmp_path / "out" / "forming.nc", tmp_path / "case.toml", tmp_path / "fluid.fmu", fmi=3,
+            options=InfiltrationUnit(motion="volume", interface=interface, allow_incomplete=True),
+        )  # fmt: skip
+        resources = unpacked(built, tmp_path / "fluid")
+        return Instance(resources).start(), read_interface(resources / "interface.nc")
+
+    fluid, interface = fluid_of(unit)
+    _, resources = forming(5)
+    of_solid = read_interface(resources / "interface.nc")
+    np.testing.assert_array_equal(interface.patches.of_cell, of_solid.patches.of_cell)
+    solid, _ = forming(5)
+    volume = fluid.get("preform_volume")
+    assert solid.step(STEP) is Status.OK
+    for name in ("volume_rate", "reference_pressure"):
+        assert fluid.set(name, solid.get(name)) is Status.OK
+    assert fluid.step(STEP) is Status.OK
+    volume = volume + STEP * solid.get("volume_rate")
+    np.testing.assert_allclose(fluid.get("preform_volume"), volume, rtol=1e-12)
+    assert solid.set("pore_pressure", fluid.get("pore_pressure")) is Status.OK
+    # with the slope of the fixed-stress split the volume gives way to the pressure
+    fluid.set("volume_rate_slope", solid.get("volume_rate_slope"))
+    assert fluid.step(STEP) is Status.OK
+    assert (fluid.get("preform_volume") > volume + STEP * solid.get("volume_rate")).all()
+    assert fluid.get("pore_pressure").max() > 0.0, "the punch presses on the resin"
+    whole, every = fluid_of(0)
+    assert whole.get("pore_pressure").shape == (16,) and not every.is_coarse
+    with pytest.raises(InputError, match="another sheet"):
+        other = build_fmu(
+            patch_file, tmp_path / "other.fmu", fmi=3, overrides=["blank.edge_length='4 mm'"]
+        )
+        fluid_of(other)
+
+
 # --- conduct of the infiltration unit -------------------------------------------------------------
 
 
