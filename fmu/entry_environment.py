@@ -13,8 +13,7 @@ from pathlib import Path
 def prepare(entry):
     """Leave the search path as it was, and make lcmchain importable."""
     folder = os.path.dirname(entry)
-    while folder in sys.path:
-        sys.path.remove(folder)
+    sys.path[:] = [path for path in sys.path if path.rstrip("/\\") != folder]
     # A host that is no Python starts the interpreter outside of the environment it was started in.
     if find_spec("lcmchain") is None:
         _add_environment()

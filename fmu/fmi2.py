@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import math
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
 
 from pythonfmu import Fmi2Slave
-from pythonfmu.enums import Fmi2Status
 
 from lcmchain.fmu.description2 import model_description
 from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.interrupts import outermost, watch
+from lcmchain.fmu.messages import Report
 from lcmchain.fmu.saved_state import SavedState, Unreadable
 from lcmchain.fmu.status import CATEGORIES, Status
 from lcmchain.fmu.unit import Unit
@@ -30,15 +30,14 @@ class UnitSlave2(Fmi2Slave):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         watch()
-        self.unit = open_unit(kwargs["resources"], self.instance_name, self._hear, arrays=False)
+        self.unit = open_unit(
+            kwargs["resources"], self.instance_name, report_to(self.log_queue), arrays=False
+        )
         self.guid = self.unit.definition.guid
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description of the unit."""
         return model_description(self.unit.definition)
-
-    def _hear(self, status: Status, category: str, text: str) -> None:
-        self.log(text, Fmi2Status(int(status)), category)
 
     # --- course of a simulation -------------------------------------------------------------------
 
@@ -117,6 +116,20 @@ class UnitSlave2(Fmi2Slave):
     @outermost
     def _fmu_state_from_bytes(state: bytes) -> SavedState | Unreadable:
         return read_state(state)
+
+
+class Logged(NamedTuple):
+    """A message as the exporters of both versions read it."""
+
+    status: int
+    category: str
+    msg: str
+    debug: bool = False
+
+
+def report_to(queue: list[Logged]) -> Report:
+    """Return what puts messages where the exporter takes them from."""
+    return lambda status, category, text: queue.append(Logged(int(status), category, text))
 
 
 def set_texts(unit: Unit, vrs: list[int], values: list[str]) -> None:

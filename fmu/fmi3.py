@@ -14,11 +14,11 @@ from pythonfmu3.enums import Fmi3Status
 from pythonfmu3.fmi3slave import Fmi3StepResult
 
 from lcmchain.fmu.description3 import model_description
-from lcmchain.fmu.fmi2 import set_texts, whole
+from lcmchain.fmu.fmi2 import report_to, set_texts, whole
 from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.interrupts import outermost, watch
 from lcmchain.fmu.saved_state import SavedState, Unreadable
-from lcmchain.fmu.status import CATEGORIES, Status
+from lcmchain.fmu.status import CATEGORIES
 from lcmchain.fmu.variables import Kind
 
 # pythonfmu3 reads as many values as the master says, which may be more than there are: beyond the
@@ -34,16 +34,15 @@ class UnitSlave3(Fmi3Slave):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         watch()
-        self.unit = open_unit(kwargs["resources"], self.instance_name, self._hear, arrays=True)
+        self.unit = open_unit(
+            kwargs["resources"], self.instance_name, report_to(self.log_queue), arrays=True
+        )
         self.guid = self.unit.definition.guid
         self._spare = [float("nan")] * self.unit.layout.slot_count
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description of the unit."""
         return model_description(self.unit.definition)
-
-    def _hear(self, status: Status, category: str, text: str) -> None:
-        self.log(text, Fmi3Status(int(status)), category)
 
     # --- course of a simulation -------------------------------------------------------------------
 

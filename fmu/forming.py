@@ -194,13 +194,12 @@ class FormingPart(Part):
         simulation = self.simulation
         self._apply_inputs(size)
         self.before = simulation.state.position.copy()
-        target = simulation.time + size
         if self.wet is not None:
             pressure = self._interface.spread(self.values.field(PORE_PRESSURE))
             self.wet.set_fields({PORE_PRESSURE: pressure})
             self.wet.advance(size)
         else:
-            simulation.advance_to(target)
+            simulation.advance_to(self.target)
         simulation.require_resolved()
         self.step = size
         if simulation.control.step > 0.0:

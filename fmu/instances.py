@@ -11,9 +11,10 @@ from typing import Any
 
 from lcmchain import __version__
 from lcmchain.errors import InputError, LcmchainError
+from lcmchain.fmu.messages import Report
 from lcmchain.fmu.part import Part, UnitDefinition
 from lcmchain.fmu.saved_state import SavedState, Unreadable
-from lcmchain.fmu.unit import Report, Unit
+from lcmchain.fmu.unit import Unit
 
 #: File in the resources of a unit that says what it holds; written by ``fmu/build.py``.
 UNIT_FILE = "unit.json"
@@ -49,6 +50,9 @@ def open_unit(resources: str, name: str, report: Report, *, arrays: bool) -> Uni
     ------
     LcmchainError : there is no unit, or it was built with another lcmchain.
     """
+    # The exporters put the folder into the search path at every instantiation.
+    here = resources.rstrip("/\\")
+    sys.path[:] = [path for path in sys.path if path.rstrip("/\\") != here]
     try:
         definition, part = _definition(Path(resources))
         _remember(resources, definition, part)

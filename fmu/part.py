@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from lcmchain.fmu.messages import Messages
 from lcmchain.fmu.saved_state import PartState
-from lcmchain.fmu.status import Status
 from lcmchain.fmu.values import Values
 from lcmchain.fmu.variables import Variable
 
@@ -39,12 +39,15 @@ class Part(ABC):
     """The physics of a unit; all raise :class:`lcmchain.errors.LcmchainError` where they cannot.
 
     ``values`` holds the parameters and inputs; ``say(text, status)`` hands a message to the master.
+    ``target`` is the time since the start at which a step ends [s], as the master has it: sizes of
+    steps that are added up drift from it by rounding.
     """
 
     values: Values
-    say: Callable[..., None]
+    say: Messages
+    target: float = 0.0
 
-    def attach(self, values: Values, say: Callable[[str, Status], None]) -> None:
+    def attach(self, values: Values, say: Messages) -> None:
         """Take the values of the instance, and where messages go."""
         self.values, self.say = values, say
 
@@ -63,7 +66,7 @@ class Part(ABC):
 
     @abstractmethod
     def advance(self, size: float) -> None:
-        """Go on by exactly ``size`` > 0 [s] under the present inputs, all of them finite.
+        """Go on by ``size`` > 0 [s], to ``target``, under the present inputs, all of them finite.
 
         What is left after an exception is undone by :meth:`reinstate`.
         """

@@ -8,8 +8,7 @@ changes nothing; a step that cannot be done is undone. The adapters (:mod:`lcmch
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,18 +17,16 @@ from lcmchain.errors import LcmchainError
 from lcmchain.fmu import interrupts
 from lcmchain.fmu.guard import guarded
 from lcmchain.fmu.layout import Layout
+from lcmchain.fmu.messages import Messages, Report
 from lcmchain.fmu.part import Part, UnitDefinition
 from lcmchain.fmu.saved_state import PartState, SavedState
-from lcmchain.fmu.status import CATEGORY_OF, Phase, Refused, Status, StepOutcome
+from lcmchain.fmu.status import Phase, Refused, Status, StepOutcome
 from lcmchain.fmu.values import Values
 from lcmchain.fmu.variables import Kind, Variable
 from lcmchain.threads import use_threads
 
 # A master that sums up its steps drifts from ours by rounding, relative to the experiment's length.
 CLOCK_TOLERANCE = 1e-9
-
-#: Takes a message: its status, its category, and the text.
-Report = Callable[[Status, str, str], None]
 
 
 class Unit:
@@ -53,7 +50,7 @@ class Unit:
         self.phase = Phase.INSTANTIATED
         self.outcome = StepOutcome.NOT_READY
         self.message = ""
-        self._report = report
+        self.say = Messages(name, report)
         self._by_name = {variable.name: variable for variable in definition.variables}
         self._start_time: float | None = None if arrays else 0.0
         self._is_set_up = arrays  # FMI 3 has no call of its own for it
@@ -64,19 +61,6 @@ class Unit:
         part.attach(self.values, self.say)
         self._stale: set[str] = set()
         self._stale_all()
-
-    # --- messages ---------------------------------------------------------------------------------
-
-    def say(self, text: str, status: Status = Status.OK, *, aloud: bool = False) -> None:
-        """Hand a message to the master, and to stderr if it is not only an event, or ``aloud``.
-
-        Most masters show no log messages unless they are asked to, and pythonfmu hands them on
-        only when the call is over.
-        """
-        text = f"{self.name}: {text}"
-        self._report(status, CATEGORY_OF[status], text)
-        if aloud or status is not Status.OK:
-            print(text, file=sys.stderr, flush=True)
 
     # --- course of a simulation -------------------------------------------------------------------
 
@@ -131,6 +115,7 @@ class Unit:
         before = self.part.capture()
         try:
             use_threads(int(self.values.number("threads")) or None)
+            self.part.target = time + size - (self._start_time or 0.0)
             self._advance(size)
         except BaseException as error:
             self._undo(before)

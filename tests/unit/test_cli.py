@@ -218,9 +218,15 @@ def test_map_passes_si_values(monkeypatch, tmp_path, capsys):
 
 def test_fmu_build_reads_the_scene_first(monkeypatch, scene_file, tmp_path, capsys):
     calls = []
-    stand_in(monkeypatch, "lcmchain.fmu.build", build_fmu=lambda *paths: calls.append(paths))
+    stand_in(
+        monkeypatch,
+        "lcmchain.fmu.build",
+        build_fmu=lambda *paths, **options: calls.append((paths, options)),
+    )
     assert exit_code("fmu", "build", scene_file, "-o", tmp_path / "dome.fmu") == 0
-    assert calls == [(scene_file, tmp_path / "dome.fmu")]
+    ((paths, options),) = calls
+    assert paths == (scene_file, tmp_path / "dome.fmu")
+    assert (options["fmi"], options["part"], options["pore_pressure"]) == (2, "forming", False)
     assert exit_code("fmu", "build", scene_file, "-o", tmp_path / "dome.zip") == 2
     scene_file.write_text(SCENE.replace('"20 ms"', "20"), encoding="utf-8")
     assert exit_code("fmu", "build", scene_file, "-o", tmp_path / "dome.fmu") == 2
