@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -57,14 +57,23 @@ class FillingPart:
     filling : on a mesh with the solid's cells in their order.
     pace : how much the filling's clock runs faster than the solid's, whose process may be computed
         in less time than it takes.
+    on_step : called after every time step of the filling.
     """
 
     inputs = (VOLUME, VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE, POINTS)
 
-    def __init__(self, filling: Filling, *, pace: float = 1.0) -> None:
+    def __init__(
+        self,
+        filling: Filling,
+        on_step: Callable[[Filling], None] | None = None,
+        *,
+        pace: float = 1.0,
+    ) -> None:
         if not 0.0 < pace < np.inf:
             raise InputError(f"the pace of a filling must be positive, not {pace:g}")
-        self.filling, self.pace = filling, float(pace)
+        self.filling, self.on_step, self.pace = filling, on_step, float(pace)
+        #: Outcome and message of the last step (:class:`.state.FillingResult`).
+        self.ended = ("reached", "")
         # a window ends where the solid is, whether anything flows or not
         filling.options = replace(filling.options, stop_when_idle=False)
         none = np.zeros(filling.mesh.cell_count)
@@ -101,7 +110,7 @@ class FillingPart:
             start, rate = before / area, change / (area * span)
             lift = given[VOLUME_RATE_SLOPE] / (area * self.pace)
             filling.set_thickness(start, rate, lift, given[REFERENCE_PRESSURE])
-            filling.advance(filling.time + span)
+            self.ended = filling.advance(filling.time + span, self.on_step)
         except SimulationError as error:
             raise PartFailed(
                 str(error), time=self._time, step=step, inputs={VOLUME_RATE: change / step}

@@ -61,7 +61,8 @@ def build_fmu(
     fmi : version of the standard. part : what the unit computes.
     overrides : ``key=value`` texts for the scene.
     options : of the part; forming takes ``fields`` (names, None for those of the version) and
-        ``pore_pressure`` (whether a fluid may act in the pores).
+        ``pore_pressure`` (whether a fluid may act in the pores), and ``interface`` (patches of
+        elements at which fields are exchanged, 0 for the elements).
 
     Raises
     ------
@@ -69,45 +70,67 @@ def build_fmu(
         at the start, or the unit cannot be written.
     """
     out_path = Path(out_path)
+    require_target(out_path, fmi)
+    if part not in PARTS:
+        raise InputError(f'no part "{part}"; there is {", ".join(PARTS)}', key="--part")
+    scene = read_scene(scene_path, overrides)
+    with tempfile.TemporaryDirectory(prefix="lcmchain-fmu-") as name:
+        resources = Path(name)
+        entries = PARTS[part](scene, fmi, resources, **options)
+        unit = {
+            "part": part,
+            "scene": "scene/scene.toml",
+            "overrides": [*overrides, *stage_scene(scene, resources / "scene")],
+            **entries,
+        }
+        write_unit(out_path, fmi, unit, resources)
+    return out_path
+
+
+def require_target(out_path: Path, fmi: int) -> None:
+    """Refuse a file that is no unit, and a version of the standard that there is not.
+
+    Raises
+    ------
+    InputError : either of them.
+    """
     if out_path.suffix != ".fmu":
         raise InputError("the name of a functional mock-up unit ends in .fmu", file=out_path)
     if fmi not in EXPORTERS:
         raise InputError(f"there is no FMI {fmi} to build for; take 2 or 3", key="--fmi")
-    if part not in PARTS:
-        raise InputError(f'no part "{part}"; there is {", ".join(PARTS)}', key="--part")
-    scene = read_scene(scene_path, overrides)
-    entries = PARTS[part](scene, fmi, **options)
-    with tempfile.TemporaryDirectory(prefix="lcmchain-fmu-") as name:
-        resources = Path(name)
-        unit = {
-            "part": part,
-            "model_name": model_identifier(out_path.stem),
-            "scene": "scene/scene.toml",
-            "overrides": [*overrides, *stage_scene(scene, resources / "scene")],
-            "lcmchain_version": __version__,
-            **entries,
-        }
-        definition, _ = define(unit, resources)
-        unit["guid"] = definition.guid
-        _write_resources(resources, unit, fmi)
-        root = (description2 if fmi == 2 else description3).model_description(definition)
-        contents = {
-            "modelDescription.xml": description.as_bytes(root),
-            **_binaries(fmi, definition.model_name),
-            **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
-        }
-        for path in sorted(resources.rglob("*")):
-            if path.is_file():
-                contents[f"resources/{path.relative_to(resources).as_posix()}"] = path.read_bytes()
+
+
+def write_unit(out_path: Path, fmi: int, unit: dict[str, Any], resources: Path) -> None:
+    """Write a unit, whole or not at all.
+
+    Parameters
+    ----------
+    unit : what the part needs to define it (:func:`.instances.define`).
+    resources : folder with the files that it names; those of every unit are added.
+    """
+    unit = {
+        "model_name": model_identifier(out_path.stem), "lcmchain_version": __version__, **unit,
+    }  # fmt: skip
+    definition, _ = define(unit, resources)
+    unit["guid"] = definition.guid
+    _write_resources(resources, unit, fmi)
+    root = (description2 if fmi == 2 else description3).model_description(definition)
+    contents = {
+        "modelDescription.xml": description.as_bytes(root),
+        **_binaries(fmi, definition.model_name),
+        **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
+    }
+    for path in sorted(resources.rglob("*")):
+        if path.is_file():
+            contents[f"resources/{path.relative_to(resources).as_posix()}"] = path.read_bytes()
     with replacing(out_path) as temporary:
         _write_archive(temporary, contents)
     if (platform.system(), platform.machine()) not in PLATFORMS:
         warnings.warn(
             f"{EXPORTERS[fmi]} has binaries for Linux and Windows on x86-64 only: the unit cannot "
             f"be imported on this machine ({platform.system()} {platform.machine()})",
-            stacklevel=2,
+            stacklevel=3,
         )
-    return out_path
 
 
 def model_identifier(name: str) -> str:
@@ -119,13 +142,16 @@ def model_identifier(name: str) -> str:
 def _forming_entries(
     scene: Scene,
     fmi: int,
+    resources: Path,
     *,
     fields: Sequence[str] | None = None,
     pore_pressure: bool = False,
+    interface: int = 0,
 ) -> dict[str, Any]:
-    """Check a scene for forming, and return what its unit holds about it."""
-    from lcmchain.fmu.forming import abilities_of
+    """Check a scene for forming, write its interface, and return what its unit holds about it."""
+    from lcmchain.fmu.forming import abilities_of, sheet_mesh
     from lcmchain.fmu.forming_variables import FIELDS_OF_FMI2, field_names
+    from lcmchain.fmu.interface_fields import INTERFACE_FILE, interface_of
 
     blank = build_blank(scene.blank, scene.material.thickness)
     tools = build_tool_table(
@@ -140,6 +166,8 @@ def _forming_entries(
             raise InputError(f'no field "{name}"; there are {", ".join(known)}', key="--fields")
     if fields is None and fmi == 2:
         fields = FIELDS_OF_FMI2
+    title = f"interface of {scene.title}"
+    interface_of(sheet_mesh(scene), interface).write(resources / INTERFACE_FILE, {"title": title})
     return {"fields": None if fields is None else list(fields), "pore_pressure": pore_pressure}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
@@ -29,10 +29,12 @@ from lcmchain.fmu.forming_variables import (
     forming_variables,
 )
 from lcmchain.fmu.frames import require_writable, with_present, write_result
+from lcmchain.fmu.interface_fields import INTERFACE_FILE, at_interface
 from lcmchain.fmu.part import Part, UnitDefinition
 from lcmchain.fmu.saved_state import PartState
 from lcmchain.fmu.scene_parameters import SceneParameter, overrides, scene_parameters
 from lcmchain.fmu.variables import Variable, quoted
+from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.model import build_model
@@ -50,7 +52,7 @@ def sheet_mesh(scene: Scene) -> SheetMesh:
     return family_of(scene.element).mesh_of(build_blank(scene.blank, scene.material.thickness))
 
 
-def abilities_of(scene: Scene, *, pore_pressure: bool = False) -> Abilities:
+def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int = 0) -> Abilities:
     """Return what decides the variables of the unit of a scene.
 
     Raises
@@ -72,15 +74,21 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False) -> Abilities:
         has_thickness=has_thickness,
         has_fibre_volume_fraction=has_thickness and scene.material.fibre_density is not None,
         takes_pore_pressure=pore_pressure,
+        patch_count=patch_count,
     )
 
 
 def variables_of(
-    scene: Scene, fields: Sequence[str] | None = None, *, pore_pressure: bool = False
+    scene: Scene,
+    fields: Sequence[str] | None = None,
+    *,
+    pore_pressure: bool = False,
+    patch_count: int = 0,
 ) -> tuple[Variable, ...]:
     """Return the interface of the unit that forms a scene."""
     settable = [parameter.variable for parameter in scene_parameters(scene)]
-    return forming_variables(abilities_of(scene, pore_pressure=pore_pressure), settable, fields)
+    abilities = abilities_of(scene, pore_pressure=pore_pressure, patch_count=patch_count)
+    return forming_variables(abilities, settable, fields)
 
 
 def unit_guid(scene: Scene, variables: Sequence[Variable]) -> str:
@@ -94,7 +102,9 @@ def define_forming(unit: Mapping[str, Any], resources: Path) -> tuple[UnitDefini
     path = resources / unit["scene"]
     scene = read_scene(path, unit["overrides"])
     fields, pore_pressure = unit["fields"], bool(unit["pore_pressure"])
-    variables = variables_of(scene, fields, pore_pressure=pore_pressure)
+    interface = read_interface(resources / INTERFACE_FILE)
+    count = interface.size if interface.is_coarse else 0
+    variables = variables_of(scene, fields, pore_pressure=pore_pressure, patch_count=count)
     fingerprint = run_fingerprint(scene)
     definition = UnitDefinition(
         guid=unit_guid(scene, variables),
@@ -109,7 +119,7 @@ def define_forming(unit: Mapping[str, Any], resources: Path) -> tuple[UnitDefini
         stop_time=scene.process.time,
         step_size=scene.process.time / (scene.process.frames - 1),
     )
-    part = FormingPart(scene, path, unit["overrides"], pore_pressure=pore_pressure)
+    part = FormingPart(scene, path, unit["overrides"], interface, pore_pressure=pore_pressure)
     return definition, part
 
 
@@ -119,12 +129,20 @@ class FormingPart(Part):
     Parameters
     ----------
     scene : as built. path, overrides : where it was read, for values that a master sets.
+    interface : at which fields are exchanged.
     pore_pressure : whether a fluid may act.
     """
 
     def __init__(
-        self, scene: Scene, path: Path, given: Sequence[str], *, pore_pressure: bool
+        self,
+        scene: Scene,
+        path: Path,
+        given: Sequence[str],
+        interface: Interface,
+        *,
+        pore_pressure: bool,
     ) -> None:
+        self._interface = interface
         self._built_scene, self._path, self._given = scene, path, list(given)
         self._has_pores = pore_pressure
         self._parameters: tuple[SceneParameter, ...] = scene_parameters(scene)
@@ -177,7 +195,8 @@ class FormingPart(Part):
         self._apply_inputs(size)
         self.before = simulation.state.position.copy()
         if self.wet is not None:
-            self.wet.set_fields({PORE_PRESSURE: self.values.field(PORE_PRESSURE)})
+            pressure = self._interface.spread(self.values.field(PORE_PRESSURE))
+            self.wet.set_fields({PORE_PRESSURE: pressure})
             self.wet.advance(size)
         else:
             simulation.advance_to(self.target)
@@ -252,14 +271,15 @@ class FormingPart(Part):
 
     def outputs(self, group: str) -> Mapping[str, Any]:
         """Return the outputs of a group by name."""
-        return {
+        compute: dict[str, Callable[[], Mapping[str, Any]]] = {
             TOOLS: self._tool_outputs,
             ENERGY: self._energy_outputs,
             FIELDS: self._field_outputs,
             RATES: self._rate_outputs,
             SOLVER: self._solver_outputs,
             FLUID: self._fluid_outputs,
-        }[group]()
+        }
+        return at_interface(self._interface, compute[group](), self.step)
 
     def _tool_outputs(self) -> dict[str, float]:
         model, state = self.simulation.model, self.simulation.state

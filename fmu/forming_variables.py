@@ -112,6 +112,7 @@ class Abilities(NamedTuple):
     has_thickness : whether the elements predict a thickness.
     has_fibre_volume_fraction : whether they do, and the material states the density of its fibres.
     takes_pore_pressure : whether a fluid may act in the pores.
+    patch_count : values of a field at an interface coarser than the elements, 0 for one of each.
     """
 
     tools: Sequence[tuple[str, int]]
@@ -121,6 +122,12 @@ class Abilities(NamedTuple):
     has_thickness: bool
     has_fibre_volume_fraction: bool
     takes_pore_pressure: bool
+    patch_count: int = 0
+
+    @property
+    def field_size(self) -> int:
+        """Number of values of a field."""
+        return self.patch_count or self.element_count
 
 
 def forming_variables(
@@ -155,7 +162,7 @@ def forming_variables(
                 "Pressure",
                 0.0,
                 nominal=1e5,
-                size=abilities.element_count,
+                size=abilities.field_size,
             )  # fmt: skip
         )
     variables = (
@@ -187,7 +194,7 @@ def field_names(abilities: Abilities) -> list[str]:
 
 
 def _fields(abilities: Abilities, names: Sequence[str] | None) -> list[Variable]:
-    count = abilities.element_count
+    count = abilities.field_size
     found = [_output(*e, size=count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
     if abilities.takes_pore_pressure:
         found += [_output(*entry, size=count) for entry in FLUID_OUTPUTS]

@@ -36,6 +36,10 @@ def define(unit: dict[str, Any], resources: Path) -> tuple[UnitDefinition, Part]
         from lcmchain.fmu.forming import define_forming
 
         return define_forming(unit, resources)
+    if unit["part"] == "infiltration":
+        from lcmchain.fmu.infiltration import define_infiltration
+
+        return define_infiltration(unit, resources)
     raise InputError(f'this lcmchain {__version__} knows no unit of the part "{unit["part"]}"')
 
 

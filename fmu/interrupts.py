@@ -41,8 +41,11 @@ def watch() -> None:
         return
     present = signal.getsignal(signal.SIGINT)
     if present is not _handle and callable(present):
+        try:
+            signal.signal(signal.SIGINT, _handle)
+        except ValueError:
+            return  # a host that is no Python: it started the interpreter in another thread
         _before = present
-        signal.signal(signal.SIGINT, _handle)
 
 
 def take_noted() -> bool:

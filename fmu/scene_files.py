@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path, PurePath
 
 from lcmchain.errors import InputError
@@ -21,7 +20,7 @@ def stage_scene(scene: Scene, folder: Path) -> list[str]:
     folder.mkdir()
     (folder / "scene.toml").write_text(scene.source.text, encoding="utf-8")
     overrides: list[str] = []
-    for key, value in _named_files(scene):
+    for key, value in scene.source.files:
         place = PurePath(value)
         if place.is_absolute() or ".." in place.parts or place == PurePath("scene.toml"):
             # Files from elsewhere get a folder of their own, where no two share a name.
@@ -35,14 +34,3 @@ def stage_scene(scene: Scene, folder: Path) -> list[str]:
             raise InputError(f'"{value}" cannot be read: {error.strerror}', key=key) from None
     return overrides
 
-
-def _named_files(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Yield key and value of every entry of a scene that names a file."""
-    for index, tool in enumerate(scene.tools):
-        for entry in tool.shape.file_entries:
-            yield f"tools[{index}].shape.{entry}", getattr(tool.shape, entry)
-    for index, target in enumerate(scene.mapping):
-        yield f"mapping[{index}].mesh", target.mesh
-    file = getattr(scene.permeability, "file", None)
-    if file is not None:
-        yield "permeability.file", file

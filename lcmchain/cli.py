@@ -13,6 +13,15 @@ from lcmchain.atomic import replacing
 from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.fill import fill
+from lcmchain.commands.fmu_doctor import doctor
+from lcmchain.commands.fmu_infiltration import (
+    EntryName,
+    Interface,
+    Motion,
+    Source,
+    build_infiltration,
+    interface_of,
+)
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
 from lcmchain.commands.map import map_fields
@@ -149,6 +158,7 @@ def schema(
 
 
 app.command("map")(map_fields)
+fmu_app.command()(doctor)
 app.command()(fill)
 app.command()(structure)
 app.command()(precice)
@@ -167,7 +177,8 @@ def fmu_build(
         int, typer.Option("--fmi", metavar="2|3", help="Version of the standard: 2.0 or 3.0.")
     ] = 2,
     part: Annotated[
-        str, typer.Option("--part", metavar="PART", help="What the unit computes: forming.")
+        str,
+        typer.Option("--part", metavar="PART", help="What it computes: forming or infiltration."),
     ] = "forming",
     fields: Annotated[
         str | None,
@@ -185,9 +196,22 @@ def fmu_build(
             help="Take the pressure of a fluid in the pores, and give what it exchanges.",
         ),
     ] = False,
+    interface: Interface = "0",
+    source: Source = None,
+    motion: Motion = "thickness",
+    name: EntryName = None,
     overrides: Overrides = None,
 ) -> None:
-    """Build a co-simulation unit that forms the scene."""
+    """Build a co-simulation unit that forms the scene, or fills the part that it has formed."""
+    names = fields and fields.split(",")
+    if part == "infiltration":
+        build_infiltration(
+            scene, out, source, fmi=fmi, fields=names,
+            interface=interface_of(interface, part), motion=motion,
+            name=name, overrides=overrides or (),
+        )  # fmt: skip
+        say(f"Wrote {out}")
+        return
     from lcmchain.scene import read_scene
 
     read_scene(scene, overrides or ())  # wrong input is told before anything is built
@@ -198,7 +222,8 @@ def fmu_build(
 
         options: dict[str, Any] = {}
         if part == "forming":
-            options = {"fields": fields and fields.split(","), "pore_pressure": pore_pressure}
+            patches = interface_of(interface, part)
+            options = {"fields": names, "pore_pressure": pore_pressure, "interface": patches}
         build_fmu(scene, out, fmi=fmi, part=part, overrides=overrides or (), **options)
     say(f"Wrote {out}")
 

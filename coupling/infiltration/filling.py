@@ -247,6 +247,19 @@ class Filling:
         )
         self._steps.forget()
 
+    def set_supply(self, gates: Sequence[Gate], vents: Sequence[Vent]) -> None:
+        """Go on with the same gates and vents, but other pressures, rates or schedules.
+
+        Raises
+        ------
+        InputError : other gates or vents.
+        """
+        names = [[place.name for place in places] for places in (gates, vents)]
+        if names != [[p.name for p in self.supply.gates], [p.name for p in self.supply.vents]]:
+            raise InputError("a filling keeps its gates and vents; give each under its name")
+        self.supply = Supply(gates, vents, self.mesh.node_count, self.supply.on_film)
+        self._steps.forget()
+
     def set_points(self, points: np.ndarray, step: float | None = None) -> None:
         """Move the nodes [m], shape (N, 3); fibres and film keep their volume.
 

@@ -15,6 +15,7 @@ from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup
 from lcmchain.errors import SimulationInterrupted
 from lcmchain.forming_run import stop_requests
+from lcmchain.scene.infiltration import Infiltration
 
 #: A checkpoint is written after this time of computing [s].
 CHECKPOINT_INTERVAL = 30.0
@@ -43,7 +44,7 @@ class FillingRun:
         #: What is advanced and saved: the filling, or the mould that closes on it.
         self.mover: Filling | Mould = self.mould or self.filling
         self.record = FillingRecord.empty()
-        self._node_area = _node_areas(setup)
+        self._node_area = node_areas(setup)
 
     def complete(self, *, resume: bool = False) -> FilledPart:
         """Advance to the end and return what was found.
@@ -132,14 +133,11 @@ class FillingRun:
 
     def _is_frame(self, share: float) -> bool:
         """Whether the filling has come to a share or a time that is to be saved."""
-        case = self.setup.case
-        if case.frame_interval is not None:
-            now, last = self.filling.time, self.record.frame_time[-1]
-            step, slack = case.frame_interval, 1e-12 * now / case.frame_interval
-        else:
-            now, last = share, self._saved_share()
-            step, slack = 1.0 / (case.frames - 1), 1e-9
-        return bool(np.floor(now / step + slack) > np.floor(last / step + slack))
+        return is_frame_due(
+            self.setup.case,
+            (self.filling.time, share),
+            (self.record.frame_time[-1], self._saved_share()),
+        )
 
     def _saved_share(self) -> float:
         """Filled share in the last saved state."""
@@ -153,7 +151,21 @@ class FillingRun:
         self._saved = time.perf_counter()
 
 
-def _node_areas(setup: FillingSetup) -> np.ndarray:
+def is_frame_due(case: Infiltration, now: tuple[float, float], last: tuple[float, float]) -> bool:
+    """Whether a filling has come to a time or a filled share at which its fields are to be saved.
+
+    now, last : time [s] and filled share, at present and in the last saved state.
+    """
+    if case.frame_interval is not None:
+        here, before = now[0], last[0]
+        step, slack = case.frame_interval, 1e-12 * here / case.frame_interval
+    else:
+        here, before = now[1], last[1]
+        step, slack = 1.0 / (case.frames - 1), 1e-9
+    return bool(np.floor(here / step + slack) > np.floor(before / step + slack))
+
+
+def node_areas(setup: FillingSetup) -> np.ndarray:
     """Area of the mesh that belongs to each node [m2], (N,): equal parts of its cells."""
     cells = setup.mesh.cells
     there = cells >= 0

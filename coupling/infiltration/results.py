@@ -201,7 +201,8 @@ class FilledPart:
     def is_pressed(self) -> bool:
         """Whether something presses on the part, so that its thickness changes."""
         case = self.setup.case
-        return case.closure is not None or case.with_forming is not None
+        moved = bool(np.any(self.thickness != self.thickness[:1]))
+        return case.closure is not None or case.with_forming is not None or moved
 
     @property
     def fill_time(self) -> np.ndarray:

@@ -116,7 +116,7 @@ def write_filled(
     """Write fields, pictures and report of a filled part, as :func:`fill_part` does."""
     report = filling_report(name, filled)
     report.wall_s = wall_s
-    write_filling(Path(out_dir) / f"{name}{ENDING}", filled, report, options, tell)
+    _write(Path(out_dir) / f"{name}{ENDING}", filled, report, options, tell)
     return report
 
 
@@ -164,10 +164,25 @@ def _fits(checkpoint: Path, fingerprint: dict[str, str]) -> bool:
     return True
 
 
-def write_filling(
+def title_of(filled: FilledPart, report: FillingReport) -> str:
+    """Return what was filled, in words."""
+    of_part = str(filled.setup.part.dataset.attrs.get("title", ""))
+    of_part = of_part.partition(OF_MAPPING)[0]
+    return f"{of_part}: {report.name}".lstrip(": ")
+
+
+def write_filling(path: Path, filled: FilledPart, report: FillingReport) -> None:
+    """Write the netCDF file of a filling, whole or not at all."""
+    about = {
+        "title": f"{title_of(filled, report)}: infiltration",
+        "filling_warnings": "\n".join(report.warnings),
+    }
+    write_netcdf(path, filling_groups(filled, about))
+
+
+def _write(
     out: Path, filled: FilledPart, report: FillingReport, options: FillOptions, tell: Tell
 ) -> None:
-    """Write the files of a filling; ``out`` is their name without what it ends in."""
     endings = dict(FILES)
     if not options.picture:
         endings = {what: end for what, end in endings.items() if what not in PICTURES}
@@ -180,11 +195,8 @@ def write_filling(
     report.files = {what: path.name for what, path in files.items()}
     share = report.filled_share
     tell(share, "writing the filling")
-    of_part = str(filled.setup.part.dataset.attrs.get("title", ""))
-    of_part = of_part.partition(OF_MAPPING)[0]
-    title = f"{of_part}: {report.name}".lstrip(": ")
-    about = {"title": f"{title}: infiltration", "filling_warnings": "\n".join(report.warnings)}
-    write_netcdf(files["netcdf"], filling_groups(filled, about))
+    title = title_of(filled, report)
+    write_filling(files["netcdf"], filled, report)
     if options.vtu:
         write_vtu(files["vtu"], filled)
         write_series(files["series"], filled)

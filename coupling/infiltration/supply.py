@@ -52,7 +52,7 @@ class Supply:
         node_count: int,
         on_film: float | TimeTable = 0.0,
     ) -> None:
-        self.gates, self.vents, self._on_film = tuple(gates), tuple(vents), on_film
+        self.gates, self.vents, self.on_film = tuple(gates), tuple(vents), on_film
         owner: dict[int, str] = {}
         for place in self._places:
             kind = "gate" if isinstance(place, Gate) else "vent"
@@ -142,7 +142,7 @@ class Supply:
     def _tables(self) -> list[TimeTable]:
         quantities = [gate.pressure for gate in self.gates]
         quantities += [gate.flow_rate for gate in self.gates]
-        quantities += [*(vent.pressure for vent in self.vents), self._on_film]
+        quantities += [*(vent.pressure for vent in self.vents), self.on_film]
         return [quantity for quantity in quantities if isinstance(quantity, TimeTable)]
 
     def next_switch(self, time: float) -> float:
@@ -158,7 +158,7 @@ class Supply:
 
     def longest_step(self, time: float) -> float:
         """Longest step [s] over which the pressure on the film may be taken as constant."""
-        table = self._on_film
+        table = self.on_film
         if not isinstance(table, TimeTable):
             return np.inf
         end = int(np.searchsorted(table.times, time, side="right"))

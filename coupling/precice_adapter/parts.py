@@ -17,9 +17,8 @@ from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
 from lcmchain.coupling.infiltration.filling_run import FillingRun, Tell
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.report import filling_report
 from lcmchain.coupling.infiltration.setup import set_up
-from lcmchain.coupling.infiltration.stage import ENDING, FillOptions, write_filling
+from lcmchain.coupling.infiltration.stage import FillOptions, write_filled
 from lcmchain.coupling.iteration.consolidation import Column, FluidColumn, SolidColumn
 from lcmchain.coupling.iteration.interface import CoupledPart
 from lcmchain.coupling.precice_adapter.case import (
@@ -77,8 +76,7 @@ def _infiltration(part: InfiltrationPart, directory: Path, name: str, tell: Tell
     def write(out: Path) -> list[Path]:
         full = run.filling.state.full.all()
         filled = run.found("filled" if full else "reached", f"{fluid.time:.6g} s are reached")
-        report = filling_report(name, filled)
-        write_filling(out / f"{name}{ENDING}", filled, report, FillOptions(), tell)
+        report = write_filled(filled, name=name, out_dir=out, options=FillOptions(), tell=tell)
         return [out / file for file in report.files.values()]
 
     def on_window(_: Any) -> None:

@@ -1,6 +1,7 @@
 """The unit in a program that is no Python, which must be given the library of Python."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -8,6 +9,8 @@ import sysconfig
 from pathlib import Path
 
 import pytest
+
+from lcmchain.fmu.doctor import Level, examine
 
 STEP = 5e-4
 
@@ -53,3 +56,26 @@ def test_host_without_it_is_told_that_a_symbol_of_python_is_missing(host, unpack
     done = run_host(host, unpacked, LD_PRELOAD="")
     assert done.returncode == 65
     assert "undefined symbol" in done.stderr
+
+
+def test_doctor_tells_the_host_what_it_lacks_and_how_to_start_it(host, unit, unpacked, monkeypatch):
+    if sys.prefix == sys.base_prefix or not python_library().is_file():
+        pytest.skip("needs a virtual environment and the shared library of its Python")
+    monkeypatch.setenv("LD_PRELOAD", "")
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")
+    (missing,) = (f for f in examine(unit, host=str(host)).findings if f.level is Level.MISSING)
+    assert "brings no Python" in missing.text
+    start = missing.remedy.removeprefix("start it as: ").removesuffix(" host ...")
+    preload, path = re.fullmatch(r"LD_PRELOAD=(\S+) PATH=(\S+):\$PATH", start).groups()
+    # started as told, without an activated environment, it runs
+    monkeypatch.delenv("VIRTUAL_ENV", raising=False)
+    path = f"{path}:/usr/bin:/bin"
+    done = run_host(host, unpacked, LD_PRELOAD=preload, PATH=path)
+    assert done.returncode == 0, done.stderr
+    # and the doctor agrees; with another python3 in front it does not
+    monkeypatch.setenv("LD_PRELOAD", preload)
+    assert not examine(unit, host=str(host)).runs
+    monkeypatch.setenv("PATH", path)
+    diagnosis = examine(unit, host=str(host))
+    assert diagnosis.runs, diagnosis.findings
+    assert any("gets Python from" in finding.text for finding in diagnosis.findings)

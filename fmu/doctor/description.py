@@ -1,0 +1,130 @@
+"""The head of a model description: version, kinds, abilities and what they mean for a master."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from lcmchain.coupling.cosimulation.archive import read_xml
+from lcmchain.errors import InputError
+from lcmchain.fmu.doctor.findings import Finding, Level
+
+KINDS = {
+    "CoSimulation": "co-simulation",
+    "ModelExchange": "model exchange",
+    "ScheduledExecution": "scheduled execution",
+}
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a model description says before its variables.
+
+    Parameters
+    ----------
+    kinds : interface types, as the element names of FMI.
+    identifier : name of the binary; that of co-simulation where the unit has it.
+    abilities : attributes of that interface type, as they are written.
+    """
+
+    fmi_version: str
+    model_name: str
+    generation_tool: str
+    kinds: tuple[str, ...]
+    identifier: str
+    abilities: dict[str, str]
+    variable_count: int
+
+    def can(self, *names: str) -> bool:
+        """Return whether one of these abilities is declared."""
+        return any(self.abilities.get(name) in ("true", "1") for name in names)
+
+
+def read_description(folder: Path, unit: Path) -> Description:
+    """Read the model description of an unpacked unit.
+
+    Raises
+    ------
+    InputError : there is none, or it is none of FMI 1.0, 2.0 or 3.0.
+    """
+    path = folder / "modelDescription.xml"
+    if not path.is_file():
+        raise InputError("this is no unit: it holds no modelDescription.xml", file=unit)
+    root = read_xml(path.read_bytes(), f"{unit}: modelDescription.xml")
+    version = root.get("fmiVersion", "")
+    if root.tag != "fmiModelDescription" or version.split(".")[0] not in ("1", "2", "3"):
+        raise InputError(
+            f'its modelDescription.xml is not one of FMI 1.0, 2.0 or 3.0 (fmiVersion "{version}")',
+            file=unit,
+        )
+    found = [kind for kind in KINDS if root.find(kind) is not None]
+    head = root.find(found[0]) if found else root
+    if version.startswith("1"):  # there the name of the binary stands at the root
+        head = root
+        found = ["CoSimulation" if root.find("Implementation") is not None else "ModelExchange"]
+    identifier = head.get("modelIdentifier") if head is not None else None
+    if not found or not identifier:
+        raise InputError("its modelDescription.xml names no binary (modelIdentifier)", file=unit)
+    variables = root.find("ModelVariables")
+    return Description(
+        fmi_version=version,
+        model_name=root.get("modelName", ""),
+        generation_tool=root.get("generationTool", ""),
+        kinds=tuple(found),
+        identifier=identifier,
+        abilities={} if head is None else dict(head.attrib),
+        variable_count=0 if variables is None else len(variables),
+    )
+
+
+def findings_of(description: Description, *, is_python: bool) -> Iterator[Finding]:
+    """Yield what a master should know of a unit before it is loaded.
+
+    is_python : the tool that it needs is Python, which is looked at by itself.
+    """
+    kinds = " and ".join(KINDS[kind] for kind in description.kinds)
+    by = f", by {description.generation_tool}" if description.generation_tool else ""
+    yield Finding(
+        Level.OK, "unit",
+        f"{description.model_name}: FMI {description.fmi_version}, {kinds}, "
+        f"{description.variable_count} variables{by}",
+    )  # fmt: skip
+    if description.fmi_version.startswith("1"):
+        yield Finding(
+            Level.WARNING, "unit", "lcmchain cosim takes units of FMI 2.0 and 3.0",
+            "export it again for one of these",
+        )  # fmt: skip
+    if "CoSimulation" not in description.kinds:
+        yield Finding(
+            Level.WARNING, "unit", "it has no co-simulation; lcmchain cosim cannot use it",
+            "export it for co-simulation",
+        )  # fmt: skip
+        return
+    if not description.can("canGetAndSetFMUstate", "canGetAndSetFMUState"):
+        yield Finding(
+            Level.WARNING, "abilities",
+            "it cannot go back to a saved state (canGetAndSetFMUstate): no implicit coupling, no "
+            "retry of a failed step",
+        )  # fmt: skip
+    elif not description.can("canSerializeFMUstate", "canSerializeFMUState"):
+        yield Finding(
+            Level.NOTE, "abilities",
+            "its state cannot be stored (canSerializeFMUstate): no checkpoint of the system",
+        )  # fmt: skip
+    if not description.can("canHandleVariableCommunicationStepSize"):
+        yield Finding(
+            Level.WARNING, "abilities",
+            "it takes steps of one size only (canHandleVariableCommunicationStepSize)",
+            "give the system a constant step",
+        )  # fmt: skip
+    if description.can("canBeInstantiatedOnlyOncePerProcess"):
+        yield Finding(
+            Level.NOTE, "abilities", "a process can hold only one instance of it",
+        )  # fmt: skip
+    if description.can("needsExecutionTool") and not is_python:
+        yield Finding(
+            Level.WARNING, "tool",
+            "it needs the tool that exported it on this machine (needsExecutionTool)",
+            f"install {description.generation_tool or 'that tool'} and its licence",
+        )  # fmt: skip

@@ -1,0 +1,85 @@
+"""``lcmchain fmu build --part infiltration``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lcmchain.commands.folders import default_out, output_folder
+from lcmchain.errors import InputError
+
+Interface = Annotated[
+    str,
+    typer.Option(
+        "--interface",
+        metavar="N|F.fmu",
+        help="Exchange fields per patch of elements, so many of them, 0: per element; or, for an "
+        "infiltration, at the interface of that forming unit.",
+    ),
+]
+Source = Annotated[
+    Path | None,
+    typer.Option(
+        "--source",
+        metavar="SOURCE.nc",
+        help="Infiltration: forming.nc of a run or a mapped file; default that of the scene's run.",
+    ),
+]
+Motion = Annotated[
+    str,
+    typer.Option(
+        "--motion",
+        metavar="MOTION",
+        help="Infiltration: how the master moves the preform: none, thickness, volume.",
+    ),
+]
+EntryName = Annotated[
+    str | None,
+    typer.Option(
+        "--name", metavar="NAME", help="Infiltration: of the scene's entry, and of the result file."
+    ),
+]
+
+
+def interface_of(text: str, part: str) -> int | Path:
+    """Return the number of patches, or the unit whose interface is taken."""
+    if text.isdecimal():
+        return int(text)
+    if part == "forming" or not text.endswith(".fmu"):
+        raise InputError(f'"{text}" is no number of patches, 0 for the elements', key="--interface")
+    return Path(text)
+
+
+def build_infiltration(
+    case: Path,
+    out: Path,
+    source: Path | None,
+    *,
+    fmi: int,
+    fields: Sequence[str] | None,
+    interface: int | Path,
+    motion: str,
+    name: str | None,
+    overrides: Sequence[str],
+) -> None:
+    """Build a unit that fills a formed part as a scene or a case says."""
+    source = source or default_out(case) / "forming.nc"
+    if not source.is_file():
+        raise InputError(
+            f"there is no forming result; form it first with: lcmchain run {case}, or name a "
+            "forming.nc or a mapped file with --source",
+            file=source,
+        )
+    if out.suffix != ".fmu":
+        raise InputError("the name of a functional mock-up unit ends in .fmu", file=out)
+    with output_folder(out.parent, inputs=[case, source]):
+        from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
+
+        options = InfiltrationUnit(
+            motion=motion,  # type: ignore[arg-type]  # checked there
+            interface=interface, fields=fields, name=name,
+        )  # fmt: skip
+        build_infiltration_fmu(source, case, out, fmi=fmi, overrides=overrides, options=options)
