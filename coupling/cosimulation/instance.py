@@ -1,0 +1,405 @@
+"""One instance of a unit: the calls of FMI 2.0 and 3.0 behind one interface, on fmpy."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lcmchain.coupling.cosimulation.description import UnitDescription, Variable
+from lcmchain.errors import InputError, SimulationError
+
+#: Takes the status in words, the category and the text of a message of a unit.
+Log = Callable[[str, str, str], None]
+
+#: Words of a status by its number.
+STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
+DISCARD, FATAL = 2, 4
+LONGEST_MESSAGE = 2000
+
+
+class CallFailed(SimulationError):
+    """A call that the unit answered with an error.
+
+    ``discarded``: it did nothing and the unit can go on; ``reached``: how far a step came [s].
+    """
+
+    def __init__(self, message: str, *, discarded: bool = False, reached: float | None = None):
+        self.discarded, self.reached = discarded, reached
+        super().__init__(message)
+
+
+class EndRequested(SimulationError):
+    """A step before whose end the unit wants the simulation to end."""
+
+
+class Instance(Protocol):
+    """An instance of a unit. Every call raises CallFailed where the unit answers with an error."""
+
+    def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
+        """Tell the experiment, before the initialisation."""
+
+    def enter_initialization(self) -> None:
+        """Begin the initialisation."""
+
+    def exit_initialization(self) -> None:
+        """End the initialisation."""
+
+    def read(self, variable: Variable) -> NDArray[Any]:
+        """Return the values (n,) of a variable, a new array."""
+
+    def write(self, variable: Variable, values: Any) -> None:
+        """Set the values (n,) of a variable."""
+
+    def step(self, time: float, size: float, *, returns: bool) -> bool:
+        """Go on from ``time`` by ``size`` [s]; return whether the unit wants the simulation to end.
+
+        returns : it may go back to an earlier time.
+
+        Raises
+        ------
+        CallFailed : with ``discarded`` and ``reached`` where the unit refuses the step.
+        EndRequested : the unit wants the simulation to end before the end of the step.
+        """
+
+    def save(self) -> Any:
+        """Return a handle of the present state, valid until it is released."""
+
+    def restore(self, handle: Any) -> None:
+        """Return to a state."""
+
+    def release(self, handle: Any) -> None:
+        """Give a state back."""
+
+    def serialise(self, handle: Any) -> bytes:
+        """Return a state as bytes."""
+
+    def deserialise(self, content: bytes) -> Any:
+        """Return a handle of a state."""
+
+    def terminate(self) -> None:
+        """End the simulation."""
+
+    def free(self) -> None:
+        """Free the instance; nothing may be called after it."""
+
+
+def new_instance(
+    description: UnitDescription, folder: Path, name: str, log: Log, *, debug: bool = False
+) -> Instance:
+    """Load the library of an unpacked unit and make an instance.
+
+    Raises
+    ------
+    InputError : no library for this machine, one that cannot be loaded, or no instance.
+    """
+    kind = _Instance2 if description.major == 2 else _Instance3
+    return kind(description, folder, name, log, debug=debug)
+
+
+class _Access:
+    """Prepared arguments of reading and writing one variable: references and a place for values."""
+
+    def __init__(self, variable: Variable) -> None:
+        references = np.ascontiguousarray(variable.references)
+        self.count = references.size
+        self.size = variable.size
+        self._kept = references
+        self.references = (ctypes.c_uint * self.count).from_buffer(references)
+        if variable.is_text:
+            self.values: Any = None
+            self.memory: Any = (ctypes.c_char_p * self.size)()
+        else:
+            self.values = np.zeros(self.size, dtype=variable.dtype)
+            kind = np.ctypeslib.as_ctypes_type(variable.dtype)
+            self.memory = (kind * self.size).from_buffer(self.values)
+
+    def take(self, values: Any) -> None:
+        """Put values (n,) into the memory."""
+        if self.values is None:
+            self._texts = [str(text).encode() for text in values]
+            self.memory[:] = self._texts
+        else:
+            self.values[:] = values
+
+    def given(self) -> NDArray[Any]:
+        """Return a copy of what is in the memory."""
+        if self.values is not None:
+            return np.array(self.values)
+        texts = np.empty(self.size, dtype=object)
+        texts[:] = [(text or b"").decode("utf-8", errors="replace") for text in self.memory]
+        return texts
+
+
+class _Common:
+    """What both versions share: loading, messages, access to values, states."""
+
+    prefix = ""
+
+    def __init__(
+        self, description: UnitDescription, folder: Path, name: str, log: Log, *, debug: bool
+    ) -> None:
+        self.description, self.name = description, name
+        self._log = log
+        self._access: dict[Variable, _Access] = {}
+        self._last_words: list[str] = []
+        self._dead = False  # after a fatal error nothing may be called, not even free
+        self._alive = False
+        self._unit: Any = self._load(description, folder, name)
+        self._instantiate(debug)
+        self._alive = True
+
+    def _load(self, description: UnitDescription, folder: Path, name: str) -> Any:
+        from fmpy import fmi2, fmi3
+
+        library = self._library(folder, description)
+        if not library.is_file():
+            there = sorted(path.name for path in (folder / "binaries").glob("*") if path.is_dir())
+            raise InputError(
+                f'unit "{name}": the archive holds no library for this machine '
+                f"({library.parent.name}); it has {', '.join(there) or 'none'}"
+            )
+        # fmpy changes into the folder of the library, and stays there when loading fails
+        before = os.getcwd()
+        kind = fmi2.FMU2Slave if description.major == 2 else fmi3.FMU3Slave
+        try:
+            return kind(
+                guid=description.token,
+                modelIdentifier=description.model_identifier,
+                unzipDirectory=str(folder),
+                instanceName=name,
+            )
+        except Exception as error:  # fmpy raises plain exceptions
+            raise InputError(f'unit "{name}": its library cannot be loaded: {error}') from None
+        finally:
+            os.chdir(before)
+
+    def _library(self, folder: Path, description: UnitDescription) -> Path:
+        import fmpy
+
+        place = fmpy.platform if description.major == 2 else fmpy.platform_tuple
+        ending = fmpy.sharedLibraryExtension
+        return folder / "binaries" / place / f"{description.model_identifier}{ending}"
+
+    def _instantiate(self, debug: bool) -> None:
+        raise NotImplementedError
+
+    def _message(self, status: int, category: bytes | None, text: bytes | None) -> None:
+        """Take a message of the unit; whatever it holds, nothing goes wrong in here."""
+        words = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+        message = (text or b"").decode("utf-8", errors="replace").strip()[:LONGEST_MESSAGE]
+        if status > 0 and message:
+            self._last_words = [*self._last_words[-2:], message]
+        self._log(words, (category or b"").decode("utf-8", errors="replace"), message)
+
+    def _call(self, function: str, *arguments: Any) -> None:
+        """Call a function of the unit with the instance.
+
+        Raises
+        ------
+        CallFailed : its status is worse than a warning.
+        """
+        from fmpy.fmi1 import FMICallException
+
+        if self._dead:
+            raise CallFailed("it cannot be called after its fatal error")
+        self._last_words = []
+        try:
+            getattr(self._unit, self.prefix + function)(self._unit.component, *arguments)
+        except FMICallException as error:
+            status = int(error.status)
+            self._dead = status == FATAL
+            said = f": {'; '.join(self._last_words)}" if self._last_words else ""
+            word = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
+            raise CallFailed(
+                f"{self.prefix}{function} answered with {word}{said}", discarded=status == DISCARD
+            ) from None
+
+    def _prepared(self, variable: Variable) -> _Access:
+        access = self._access.get(variable)
+        if access is None:
+            access = self._access[variable] = _Access(variable)
+        return access
+
+    def _function(self, variable: Variable) -> str:
+        raise NotImplementedError
+
+    def _counts(self, access: _Access) -> tuple[int, ...]:
+        """Return what follows the values in a call."""
+        return ()
+
+    def read(self, variable: Variable) -> NDArray[Any]:
+        access = self._prepared(variable)
+        self._call(
+            f"Get{self._function(variable)}", access.references, access.count, access.memory,
+            *self._counts(access),
+        )  # fmt: skip
+        return access.given()
+
+    def write(self, variable: Variable, values: Any) -> None:
+        access = self._prepared(variable)
+        access.take(values)
+        self._call(
+            f"Set{self._function(variable)}", access.references, access.count, access.memory,
+            *self._counts(access),
+        )  # fmt: skip
+
+    # the names of the functions differ in two capitals
+    _state = "FMUState"
+    _deserialise = "DeserializeFMUState"
+    _byte: Any = ctypes.c_uint8
+
+    def save(self) -> Any:
+        handle = ctypes.c_void_p()
+        self._call(f"Get{self._state}", ctypes.byref(handle))
+        return handle
+
+    def restore(self, handle: Any) -> None:
+        self._call(f"Set{self._state}", handle)
+
+    def release(self, handle: Any) -> None:
+        if self._alive and not self._dead:
+            self._call(f"Free{self._state}", ctypes.byref(handle))
+
+    def serialise(self, handle: Any) -> bytes:
+        size = ctypes.c_size_t()
+        self._call(f"Serialized{self._state}Size", handle, ctypes.byref(size))
+        content = (self._byte * size.value)()
+        self._call(f"Serialize{self._state}", handle, content, size)
+        return bytes(content)
+
+    def deserialise(self, content: bytes) -> Any:
+        handle = ctypes.c_void_p()
+        given = (self._byte * len(content)).from_buffer_copy(content)
+        self._call(self._deserialise, given, len(content), ctypes.byref(handle))
+        return handle
+
+    def enter_initialization(self) -> None:
+        raise NotImplementedError
+
+    def exit_initialization(self) -> None:
+        self._call("ExitInitializationMode")
+
+    def terminate(self) -> None:
+        if self._alive and not self._dead:
+            self._call("Terminate")
+
+    def free(self) -> None:
+        if self._alive and not self._dead:
+            self._alive = False
+            self._unit.freeInstance()
+        self._alive = False
+
+
+class _Instance2(_Common):
+    prefix = "fmi2"
+    _state = "FMUstate"
+    _deserialise = "DeSerializeFMUstate"
+    _byte = ctypes.c_char
+
+    def _instantiate(self, debug: bool) -> None:
+        from fmpy import calloc, fmi2, free
+        from fmpy.logging import addLoggerProxy
+
+        callbacks = fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(
+            lambda _, __, status, category, text: self._message(status, category, text)
+        )
+        callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
+        callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+        addLoggerProxy(ctypes.byref(callbacks))
+        try:
+            self._unit.instantiate(callbacks=callbacks, loggingOn=debug)
+        except Exception:
+            raise _no_instance(self.name, self._last_words) from None
+
+    def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
+        given = tolerance is not None
+        self._call("SetupExperiment", given, tolerance or 0.0, start, True, stop)
+
+    def enter_initialization(self) -> None:
+        self._call("EnterInitializationMode")
+
+    def _function(self, variable: Variable) -> str:
+        kind = variable.type_name
+        return "Integer" if kind == "Enumeration" else kind
+
+    def step(self, time: float, size: float, *, returns: bool) -> bool:
+        try:
+            self._call("DoStep", time, size, not returns)
+        except CallFailed as failure:
+            if not failure.discarded:
+                raise
+            reached = self._status("Real", 2, ctypes.c_double())  # fmi2LastSuccessfulTime
+            if self._status("Boolean", 3, ctypes.c_int()):  # fmi2Terminated
+                raise EndRequested(_end_text(reached, str(failure))) from None
+            raise CallFailed(str(failure), discarded=True, reached=reached) from None
+        return False
+
+    def _status(self, kind: str, number: int, value: Any) -> Any:
+        """Ask for a status after a discarded step; None where the unit does not know it."""
+        try:
+            self._call(f"Get{kind}Status", number, ctypes.byref(value))
+        except CallFailed:
+            return None
+        return value.value
+
+
+class _Instance3(_Common):
+    prefix = "fmi3"
+
+    def _instantiate(self, debug: bool) -> None:
+        try:
+            self._unit.instantiate(
+                loggingOn=debug,
+                logMessage=lambda _, status, category, text: self._message(status, category, text),
+            )
+        except Exception:
+            raise _no_instance(self.name, self._last_words) from None
+
+    def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
+        self._experiment = (tolerance is not None, tolerance or 0.0, start, True, stop)
+
+    def enter_initialization(self) -> None:
+        self._call("EnterInitializationMode", *self._experiment)
+
+    def _function(self, variable: Variable) -> str:
+        return "Int64" if variable.kind == "Enumeration" else variable.kind
+
+    def _counts(self, access: _Access) -> tuple[int, ...]:
+        return (access.size,)
+
+    def step(self, time: float, size: float, *, returns: bool) -> bool:
+        event, end, early = (ctypes.c_bool() for _ in range(3))
+        reached = ctypes.c_double(time)
+        try:
+            self._call(
+                "DoStep", time, size, not returns, ctypes.byref(event), ctypes.byref(end),
+                ctypes.byref(early), ctypes.byref(reached),
+            )  # fmt: skip
+        except CallFailed as failure:
+            if not failure.discarded:
+                raise
+            raise CallFailed(str(failure), discarded=True, reached=reached.value) from None
+        if end.value and reached.value < time + size * (1.0 - 1e-9):
+            raise EndRequested(_end_text(reached.value, ""))
+        if early.value and not end.value:
+            raise CallFailed(
+                "it returned early, which was not allowed", discarded=True, reached=reached.value
+            )
+        return end.value
+
+
+def _no_instance(name: str, said: list[str]) -> InputError:
+    reason = f": {'; '.join(said)}" if said else " and did not say why"
+    return InputError(f'unit "{name}" could not be instantiated{reason}')
+
+
+def _end_text(reached: float | None, said: str) -> str:
+    place = "" if reached is None else f" at {reached:g} s"
+    return f"it asked for the end of the simulation{place}{f' ({said})' if said else ''}"

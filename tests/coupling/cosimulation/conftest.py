@@ -1,0 +1,41 @@
+"""Small units in C, compiled once per session for FMI 2.0 and 3.0."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import models  # noqa: E402
+from unit_builder import build  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def units(tmp_path_factory) -> Path:
+    """A folder with the archives Mass_2.fmu, Mass_3.fmu, Tail_2.fmu ..."""
+    folder = tmp_path_factory.mktemp("units")
+    for model in models.ALL:
+        for version in (2, 3):
+            build(model, version, folder)
+    build(models.ONE_WAY, 2, folder)
+    return folder
+
+
+@pytest.fixture
+def assembled(units, tmp_path):
+    """Assemble a system from the tables of its file; closed after the test."""
+    from lcmchain.coupling.cosimulation.assembly import assemble
+    from lcmchain.coupling.cosimulation.system_file import system_from
+
+    made = []
+
+    def make(data, log=None):
+        folder = tmp_path / f"unpacked_{len(made)}"
+        system = system_from(data, None, directory=units)
+        made.append(assemble(system, folder, log or (lambda text: None)))
+        return made[-1]
+
+    yield make
+    for assembly in made:
+        assembly.close()
