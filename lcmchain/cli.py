@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from lcmchain.atomic import replacing
+from lcmchain.commands.cosim import cosim
 from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.fill import fill
@@ -148,6 +149,7 @@ def schema(
 app.command("map")(map_fields)
 app.command()(fill)
 app.command()(structure)
+app.command()(cosim)
 
 
 @fmu_app.callback()

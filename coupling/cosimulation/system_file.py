@@ -36,6 +36,9 @@ from lcmchain.scene.walk import documents_of
 
 SUFFIX = ".toml"
 
+#: Group of the record that no unit may be named like.
+CONVERGENCE_GROUP = "coupling"
+
 _LINK = re.compile(r"\s*([^\s.]+)\.(.+?)\s*->\s*([^\s.]+)\.(.+?)\s*")
 
 Relative = Annotated[float, Number(1e-6, Range(0.0, 1.0, (0.0,)))]
@@ -230,6 +233,11 @@ class System(SceneModel):
         for number, name in enumerate(names):
             if name in names[:number]:
                 raise wrong(f'two units are named "{name}"', field=f"units[{number}].name")
+            if name == CONVERGENCE_GROUP:
+                raise wrong(
+                    "the record keeps the convergence under this name; choose another one",
+                    field=f"units[{number}].name",
+                )
         for number, connection in enumerate(self.connections):
             source, _, target, _ = connection.ends
             for name in (source, target):
