@@ -80,7 +80,7 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
     InputError : an archive, a variable, a connection or a scheme that does not fit.
     SimulationError : a unit fails, or a loop of the initialisation does not converge.
     """
-    remarks: list[str] = []
+    remarks = list(system.remarks)
     unpacked: dict[str, tuple[Path, str]] = {}
     parts: dict[str, FmuPart] = {}
     settings = []

@@ -81,7 +81,13 @@ def resolve(entry: ConnectionEntry, parts: dict[str, FmuPart], remarks: list[str
             key=key,
         )
     _require_lossless(output, taken, key)
-    return Link(source, output, target, taken, _unit_conversion(output, taken, key, remarks), entry)
+    change = Conversion()
+    if entry.convert_units:
+        change = _unit_conversion(output, taken, key, remarks)
+    change = change.then(Conversion(entry.factor, entry.offset))
+    if not change.is_identity and not taken.is_real:
+        raise InputError(f'factor and offset are for real inputs, "{input_name}" is none', key=key)
+    return Link(source, output, target, taken, change, entry)
 
 
 def _require_lossless(output: Variable, taken: Variable, key: str) -> None:

@@ -134,11 +134,12 @@ class _Job:
         self._watch = DivergenceWatch(assembly.coupled.history.exchanges)
         self._wall_before = 0.0
         self._started = self._saved = clock.perf_counter()
-        silent = [n for n, p in assembly.parts.items() if not p.description.can_serialise]
-        self._can_save = not silent and all(p.description.can_save for p in assembly.parts.values())
-        if not self._can_save:
-            names = ", ".join(silent) or "a unit"
-            self.said.log(f"remark: no checkpoints, because the state of {names} cannot be written")
+        descriptions = {name: part.description for name, part in assembly.parts.items()}
+        silent = [n for n, d in descriptions.items() if not (d.can_save and d.can_serialise)]
+        self._can_save = not silent
+        if silent:
+            names = ", ".join(f'"{name}"' for name in silent)
+            self.said.log(f"remark: no checkpoints, because {names} cannot write a state")
 
     @property
     def wall_s(self) -> float:

@@ -115,6 +115,8 @@ def _value(variable: Variable, value: Any, key: str) -> Any:
 
 def _real(variable: Variable, value: Any, key: str) -> float:
     unit = variable.unit
+    if isinstance(value, dict) and set(value) == {"value"}:  # in the variable's own unit
+        value, unit = value["value"], None
     if isinstance(value, str):
         if unit is None:
             raise InputError(

@@ -75,6 +75,11 @@ class ConnectionEntry(SceneModel):
     link: Annotated[str, Text("press.force -> forming.punch.force_input")] = Field(
         description="From where to where: unit.output -> unit.input."
     )
+    factor: Bound = Field(default=1.0, description="The input is factor times the output ...")
+    offset: Bound = Field(default=0.0, description="... plus this, after the unit conversion.")
+    convert_units: Switch = Field(
+        default=True, description="Convert between the units of measurement of both ends."
+    )
     relative: Annotated[Relative | None, AbsentMeans("scheme.relative")] = Field(
         default=None, description="Tolerance, as a part of the field."
     )
@@ -224,6 +229,7 @@ class System(SceneModel):
 
     _directory: Path = PrivateAttr(default_factory=Path.cwd)
     _source: str = PrivateAttr(default="")
+    _remarks: list[str] = PrivateAttr(default_factory=list)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -257,6 +263,11 @@ class System(SceneModel):
     def source(self) -> str:
         """Return the text that it was read from."""
         return self._source
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Return what reading it has left open."""
+        return tuple(self._remarks)
 
     def digest(self) -> str:
         """Return a hash of all that decides the numbers of a run."""
