@@ -213,10 +213,11 @@ def _wanted(system: System) -> str:
 
 def _require_single(links: list[Link]) -> None:
     """Refuse two connections into one input, also where one of them sets a single value of it."""
-    taken: dict[tuple[str, int], str] = {}
+    taken: dict[tuple[str, str, int], str] = {}
     for link in links:
         for reference in link.input.references:
-            place = (link.target.name, int(reference))
+            # in FMI 2 every type counts its own references
+            place = (link.target.name, link.input.type_name, int(reference))
             if place in taken:
                 raise InputError(
                     f'"{taken[place]}" and "{link.entry.link}" set the same input',

@@ -77,6 +77,8 @@ class DivergenceWatch:
             earlier = self._changes[distance - 1][number]
             swing = self._swings.setdefault((number, distance), _Swing())
             before = float(np.linalg.norm(earlier))
+            if size == before == 0.0:  # two units that go at once: nothing in between
+                continue
             opposite = float(change @ earlier) < OPPOSITE * size * before
             if not (opposite and size > LEAST_GROWTH * before > 0.0):
                 swing.count = 0

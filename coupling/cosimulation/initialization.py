@@ -15,12 +15,15 @@ from scipy.sparse.csgraph import connected_components
 from lcmchain.coupling.cosimulation.connections import Link
 from lcmchain.coupling.cosimulation.instance import CallFailed
 from lcmchain.coupling.cosimulation.part import FmuPart
+from lcmchain.coupling.iteration.measures import largest_size
 from lcmchain.coupling.iteration.quasi_newton import QuasiNewton
 from lcmchain.errors import SimulationError
 
 #: Iterations of a loop, and the change that ends them, relative to the values.
 MOST_ITERATIONS = 100
 TOLERANCE = 1e-12
+#: Growth over the first answers beyond which a loop has no solution: there y + 1 is y.
+HOPELESS = 1e12
 
 
 def initialise(parts: Sequence[FmuPart], links: Sequence[Link]) -> dict[str, int]:
@@ -95,21 +98,23 @@ def _solve(loop: list[Link]) -> int:
     newton = QuasiNewton(relaxation=1.0, windows_reused=0)
     newton.begin_window()
     given: list[NDArray[Any]] | None = None
+    first = 0.0
     for iteration in range(1, MOST_ITERATIONS + 1):
         answers = {link: link.fetch() for link in loop}
         if given is None:
             for link in loop:
                 link.deliver(answers[link])
             given = [answers[link] for link in loop]
+            first = max((largest_size(answers[link]) for link in signals), default=0.0) or 1.0
             continue
+        if any(not largest_size(answers[link]) < HOPELESS * first for link in signals):
+            break
         if all(_same(before, answers[link]) for before, link in zip(given, loop)):
             return iteration
         proposed = dict(answers)
         if signals:
             x = np.concatenate([v for v, link in zip(given, loop) if link.is_signal])
             answer = np.concatenate([answers[link] for link in signals])
-            if not np.all(np.isfinite(answer)):
-                break
             weights = np.full(x.size, 1.0 / max(float(np.abs(answer).max()), 1e-300))
             following, at = newton.propose(x, answer, weights), 0
             for link in signals:
@@ -130,5 +135,4 @@ def _same(before: NDArray[Any], now: NDArray[Any]) -> bool:
     """Whether values agree up to the tolerance, texts and switches exactly."""
     if now.dtype.kind != "f":
         return bool(np.array_equal(before, now))
-    size = float(np.abs(now).max()) if now.size else 0.0
-    return bool(np.all(np.abs(now - before) <= TOLERANCE * size))
+    return bool(np.all(np.abs(now - before) <= TOLERANCE * largest_size(now)))

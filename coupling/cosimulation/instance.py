@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import functools
+import itertools
 import os
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
@@ -296,6 +299,30 @@ class _Common:
         self._alive = False
 
 
+#: Units of FMI 2 by the environment that they are given; fmpy's library for their messages keeps
+#: one callback for the whole process, so that all units share one that finds out whose it is.
+_speakers: weakref.WeakValueDictionary[int, _Instance2] = weakref.WeakValueDictionary()
+_environments = itertools.count(1)
+
+
+def _message2(
+    environment: int | None, name: bytes | None, status: int, category: bytes, text: bytes
+) -> None:
+    speaker = _speakers.get(environment or 0)
+    if speaker is None:  # a unit that does not pass on what it was given
+        named = (name or b"").decode("utf-8", errors="replace")
+        speaker = next((one for one in list(_speakers.values()) if one.name == named), None)
+    if speaker is not None:
+        speaker._message(status, category, text)
+
+
+@functools.cache
+def _logger2() -> Any:
+    from fmpy import fmi2
+
+    return fmi2.fmi2CallbackLoggerTYPE(_message2)
+
+
 class _Instance2(_Common):
     prefix = "fmi2"
     _state = "FMUstate"
@@ -307,9 +334,10 @@ class _Instance2(_Common):
         from fmpy.logging import addLoggerProxy
 
         callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(
-            lambda _, __, status, category, text: self._message(status, category, text)
-        )
+        self._environment = next(_environments)
+        _speakers[self._environment] = self
+        callbacks.logger = _logger2()
+        callbacks.componentEnvironment = self._environment
         callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
         callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
         addLoggerProxy(ctypes.byref(callbacks))

@@ -38,7 +38,7 @@ def draw_signals(path: Path | str, recorder: Recorder, title: str) -> str:
             axis.set_visible(False)
         left_out = sum(len(group) for _, group in panels[MOST_PANELS:])
         for axis, (name, group) in zip(axes.flat, shown):
-            left_out += _draw_panel(axis, recorder, name, group)
+            _draw_panel(axis, recorder, name, group)
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
         headline(figure, title, "Signals of the units; of fields the mean, in a band of all values")
@@ -57,11 +57,14 @@ def _panels(recorder: Recorder) -> list[tuple[str, list[Variable]]]:
     groups: dict[tuple[str, str, bool], list[Variable]] = {}
     for unit, variable in scalars_of(recorder):
         groups.setdefault((unit, variable.unit_text, variable.is_field), []).append(variable)
-    return [(unit, group) for (unit, _, _), group in groups.items()]
+    return [
+        (unit, group[first : first + MOST_CURVES])
+        for (unit, _, _), group in groups.items()
+        for first in range(0, len(group), MOST_CURVES)
+    ]
 
 
-def _draw_panel(axis: Any, recorder: Recorder, unit: str, group: list[Variable]) -> int:
-    """Draw a panel; return how many variables found no place."""
+def _draw_panel(axis: Any, recorder: Recorder, unit: str, group: list[Variable]) -> None:
     times = np.array(recorder.times)
     for variable, colour in zip(group, SERIES):
         rows = np.stack(recorder.values[f"{unit}.{variable.name}"]).astype(np.float64)
@@ -81,4 +84,3 @@ def _draw_panel(axis: Any, recorder: Recorder, unit: str, group: list[Variable])
     axis.spines["right"].set_visible(False)
     axis.margins(x=0.0)
     axis.legend(loc="best", fontsize=6.5, frameon=True, framealpha=0.8, edgecolor="none")
-    return max(0, len(group) - MOST_CURVES)

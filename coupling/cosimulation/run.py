@@ -16,6 +16,7 @@ from lcmchain.coupling.cosimulation.checkpoint import (
     write_checkpoint,
 )
 from lcmchain.coupling.cosimulation.divergence import CouplingDiverges, DivergenceWatch, advice
+from lcmchain.coupling.cosimulation.instance import EndRequested
 from lcmchain.coupling.cosimulation.picture import draw_signals
 from lcmchain.coupling.cosimulation.recorder import Recorder, chosen
 from lcmchain.coupling.cosimulation.summary import summary_of
@@ -182,8 +183,9 @@ class _Job:
                 )
         if ending and coupled.time < end:
             raise SimulationError(
-                f'unit "{ending[0]}" asked for the end of the simulation at {coupled.time:g} s, '
-                f"before the stop time of {end:g} s; give that time as stop_time if it is meant"
+                f'unit "{ending[0]}": it asked for the end of the simulation at '
+                f"{coupled.time:g} s, before the stop time of {end:g} s; give that time as "
+                "stop_time if it is meant"
             )
         if self._stop.is_set() and coupled.time < end:
             raise SimulationInterrupted(self._interrupted(coupled.time))
@@ -209,6 +211,12 @@ class _Job:
     def _explained(self, error: PartFailed | NotConverged) -> SimulationError:
         """Return an error in the words of the system's file."""
         text = str(error)
+        if isinstance(error.__cause__, EndRequested):
+            part = error.part if isinstance(error, PartFailed) else ""
+            return SimulationError(
+                f'unit "{part}": {error.__cause__}, before the stop time of '
+                f"{self.system.stop_time:g} s; give that time as stop_time if it is meant"
+            )
         if isinstance(error, NotConverged):
             text = (
                 f"{text.partition(' Likely cause:')[0]} The units answer to each other more "

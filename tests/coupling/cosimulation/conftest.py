@@ -1,5 +1,6 @@
 """Small units in C, compiled once per session for FMI 2.0 and 3.0."""
 
+import itertools
 import sys
 from pathlib import Path
 
@@ -7,8 +8,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-import models  # noqa: E402
-from unit_builder import build  # noqa: E402
+import models
+from unit_builder import build
 
 
 @pytest.fixture(scope="session")
@@ -28,10 +29,10 @@ def assembled(units, tmp_path):
     from lcmchain.coupling.cosimulation.assembly import assemble
     from lcmchain.coupling.cosimulation.system_file import system_from
 
-    made = []
+    made, numbers = [], itertools.count()
 
     def make(data, log=None):
-        folder = tmp_path / f"unpacked_{len(made)}"
+        folder = tmp_path / f"unpacked_{next(numbers)}"
         system = system_from(data, None, directory=units)
         made.append(assemble(system, folder, log or (lambda text: None)))
         return made[-1]

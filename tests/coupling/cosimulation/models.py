@@ -110,7 +110,8 @@ COUNTER = Model(
         Var("steps", "local", "whole", 0),
     ],
     answer='count = first + steps; on = steps % 2; snprintf(word, 64, "%s %d", greeting, steps);',
-    advance="seen_on = on_in; seen_count = count_in; strcpy(seen_word, word_in); steps++; return 0;",
+    advance="""seen_on = on_in; seen_count = count_in; strcpy(seen_word, word_in); steps++;
+        return 0;""",
 )
 #: Falls and bounces; refuses steps above a size, fails or ends at a height.
 BALL = Model(
@@ -127,7 +128,9 @@ BALL = Model(
     ],
     answer="height = z;",
     advance="""
-        if (h > largest_step) { v->reached = t + largest_step; say(u, 2, "the step is too long"); return 2; }
+        if (h > largest_step) {
+            v->reached = t + largest_step; say(u, 2, "the step is too long"); return 2;
+        }
         if (t + h > failing_time) { say(u, 3, "the ball burst"); return 3; }
         for (double left = h; left > 0;) {
             double d = left;

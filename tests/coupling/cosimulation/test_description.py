@@ -1,4 +1,4 @@
-"""What the master reads of a unit: fields from names, dependencies, abilities; and what it refuses."""
+"""What the master reads of a unit: fields, dependencies, abilities; and what it refuses."""
 
 import zipfile
 

@@ -1,4 +1,4 @@
-"""Two masses in two units: analytic solution, orders of convergence, and the in-process coupling."""
+"""Two masses in two units: analytic solution, orders, and the in-process coupling."""
 
 import numpy as np
 import pytest

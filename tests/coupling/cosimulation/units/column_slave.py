@@ -1,4 +1,4 @@
-"""A column of Terzaghi's consolidation as a unit: which part is said by the class that is derived."""
+"""A column of Terzaghi's consolidation as a unit; a derived class says which of its parts."""
 
 import numpy as np
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Real  # noqa: F401
