@@ -45,7 +45,7 @@ def write_ssp(system: System, target: Path) -> None:
 
     Scheme, windows and record, for which the standard has no place, stand in an annotation. A
     whole field of FMI 2 is a connector for each of its values, one of FMI 3 a connector of its
-    name.
+    name; between the two a connection names the whole fields, which other tools do not read.
 
     Raises
     ------
@@ -203,6 +203,8 @@ def _connections(structure: Element, system: System, units: _Units) -> None:
         source, output, target, taken = entry.ends
         starts = _names(units[source][2].find(output), units[source][2])
         ends = _names(units[target][2].find(taken), units[target][2])
+        if len(starts) != len(ends):  # an array of FMI 3 and the values of a field of FMI 2
+            starts, ends = [output], [taken]
         for start, end in zip(starts, ends):
             connection = SubElement(
                 connections, f"{SSD}Connection", startElement=source, startConnector=start,

@@ -49,7 +49,7 @@ def read_ssp(path: Path | str, folder: Path, overrides: Sequence[str] = ()) -> S
     path = Path(path)
     unpack(path, folder)
     try:
-        data, remarks = _tables(folder)
+        data, remarks = _tables(folder, path)
         system = system_from(data, path, overrides, directory=folder)
     except InputError as error:
         if error.file is not None:
@@ -60,13 +60,14 @@ def read_ssp(path: Path | str, folder: Path, overrides: Sequence[str] = ()) -> S
     return system
 
 
-def _tables(folder: Path) -> tuple[dict[str, Any], list[str]]:
-    root = _load(folder, STRUCTURE_FILE)
-    structure = read_structure(root, lambda name: _load(folder, name))
+def _tables(folder: Path, path: Path) -> tuple[dict[str, Any], list[str]]:
+    root = _load(folder, STRUCTURE_FILE, path)
+    structure = read_structure(root, lambda name: _load(folder, name, path))
     if not structure.sources:
         raise InputError("the system has no components")
     names = _unit_names(structure)
-    descriptions = {p: _described(folder, s) for p, s in structure.sources.items()}
+    by_source = {s: _described(folder, s) for s in dict.fromkeys(structure.sources.values())}
+    descriptions = {place: by_source[source] for place, source in structure.sources.items()}
     kept = _annotation(root)
     units = _declared_units(root)
     data: dict[str, Any] = {"title": root.get("name") or "Co-simulation"}
@@ -96,11 +97,11 @@ def _tables(folder: Path) -> tuple[dict[str, Any], list[str]]:
     return data, structure.remarks
 
 
-def _load(folder: Path, name: str) -> Element:
+def _load(folder: Path, name: str, path: Path) -> Element:
     file = folder / name
     if not file.is_file():
         raise InputError(f"the archive holds no {name}")
-    return read_xml(file.read_bytes(), name)
+    return read_xml(file.read_bytes(), f"{path} ({name})")
 
 
 def _described(folder: Path, source: str) -> UnitDescription:

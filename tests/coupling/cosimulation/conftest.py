@@ -24,19 +24,25 @@ def units(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def assembled(units, tmp_path):
-    """Assemble a system from the tables of its file; closed after the test."""
+def assembled_in(tmp_path):
+    """Assemble a system from a folder and the tables of its file; closed after the test."""
     from lcmchain.coupling.cosimulation.assembly import assemble
     from lcmchain.coupling.cosimulation.system_file import system_from
 
     made, numbers = [], itertools.count()
 
-    def make(data, log=None):
+    def make(directory, data, log=None):
         folder = tmp_path / f"unpacked_{next(numbers)}"
-        system = system_from(data, None, directory=units)
+        system = system_from(data, None, directory=directory)
         made.append(assemble(system, folder, log or (lambda text: None)))
         return made[-1]
 
     yield make
     for assembly in made:
         assembly.close()
+
+
+@pytest.fixture
+def assembled(units, assembled_in):
+    """Assemble a system of the small units."""
+    return lambda data, log=None: assembled_in(units, data, log)
