@@ -109,7 +109,7 @@ class _Access:
     """Prepared arguments of reading and writing one variable: references and a place for values."""
 
     def __init__(self, variable: Variable) -> None:
-        references = np.ascontiguousarray(variable.references)
+        references: Any = np.ascontiguousarray(variable.references)
         self.count = references.size
         self.size = variable.size
         self._kept = references

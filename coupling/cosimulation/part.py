@@ -115,11 +115,12 @@ class FmuPart:
         """Return to a state, also to one that was read from a file."""
         with self._timed("states"):
             if isinstance(saved, SerialisedUnit):
-                handle = self._stated(lambda: self.instance.deserialise(saved.content.tobytes()))
-                saved = SavedUnit(saved.time, handle, self.instance)
+                content = saved.content.tobytes()
+                handle = self._stated(lambda: self.instance.deserialise(content))
+                kept = SavedUnit(saved.time, handle, self.instance)
             else:
+                kept = saved
                 self.spent.rollback_count += 1
-            kept = saved
             self._stated(lambda: self.instance.restore(kept.handle))
             self.time, self.wants_end = saved.time, False
 

@@ -162,7 +162,7 @@ def _registry() -> Any:
     import pint
 
     # exact: 1 degF is 5/9 K, also as the difference of two temperatures
-    registry = pint.UnitRegistry(non_int_type=Decimal)
+    registry: Any = pint.UnitRegistry(non_int_type=Decimal)
     registry.define("rev = turn")
     return registry
 

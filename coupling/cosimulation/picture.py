@@ -43,7 +43,7 @@ def draw_signals(path: Path | str, recorder: Recorder, title: str) -> str:
             axis.set_xlabel("time [s]")
         headline(figure, title, "Signals of the units; of fields the mean, in a band of all values")
         figure.subplots_adjust(
-            left=0.085 if columns == 2 else 0.16, right=0.985, top=1.0 - 0.75 / height,
+            left=0.085 if columns == 2 else 0.16, right=0.975, top=1.0 - 0.75 / height,
             bottom=0.42 / height, hspace=0.38, wspace=0.24,
         )  # fmt: skip
         save(figure, path)
@@ -54,12 +54,13 @@ def draw_signals(path: Path | str, recorder: Recorder, title: str) -> str:
 
 
 def _panels(recorder: Recorder) -> list[tuple[str, list[Variable]]]:
-    groups: dict[tuple[str, str, bool], list[Variable]] = {}
+    groups: dict[tuple[str, str, bool, bool], list[Variable]] = {}
     for unit, variable in scalars_of(recorder):
-        groups.setdefault((unit, variable.unit_text, variable.is_field), []).append(variable)
+        kind = (unit, variable.unit_text, variable.is_field, variable.is_real)
+        groups.setdefault(kind, []).append(variable)
     return [
         (unit, group[first : first + MOST_CURVES])
-        for (unit, _, _), group in groups.items()
+        for (unit, *_), group in groups.items()
         for first in range(0, len(group), MOST_CURVES)
     ]
 

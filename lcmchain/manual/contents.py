@@ -26,6 +26,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "infiltration",
         "formats",
         "fmu",
+        "cosim",
         "verify",
         "bench",
         "python",
