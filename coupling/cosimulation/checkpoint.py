@@ -12,6 +12,7 @@ import json
 import os
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,12 +52,9 @@ def write_checkpoint(path: Path, assembly: Assembly, recorder: Recorder, wall_s:
     tree, arrays = flattened({"system": saved, "recorder": recorder.save(), "spent": spent,
                               "wall_s": wall_s})  # fmt: skip
     header = {"fingerprint": fingerprint_of(assembly), "tree": tree, "count": len(arrays)}
+    named: dict[str, Any] = {f"array_{number}": array for number, array in enumerate(arrays)}
     content = io.BytesIO()
-    np.savez(
-        content,
-        header=np.array(json.dumps(header)),
-        **{f"array_{number}": array for number, array in enumerate(arrays)},
-    )
+    np.savez(content, header=np.array(json.dumps(header)), **named)
     body = content.getbuffer()
     with replacing(path) as temporary, open(temporary, "wb") as file:
         digest = hashlib.sha256(body).hexdigest()

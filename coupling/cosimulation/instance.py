@@ -32,7 +32,9 @@ class CallFailed(SimulationError):
     ``discarded``: it did nothing and the unit can go on; ``reached``: how far a step came [s].
     """
 
-    def __init__(self, message: str, *, discarded: bool = False, reached: float | None = None):
+    def __init__(
+        self, message: str, *, discarded: bool = False, reached: float | None = None
+    ) -> None:
         self.discarded, self.reached = discarded, reached
         super().__init__(message)
 

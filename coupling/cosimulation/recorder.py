@@ -108,7 +108,7 @@ class Recorder:
 
     def _variable(self, unit: str, variable: Variable) -> Any:
         rows = self._stacked(f"{unit}.{variable.name}")
-        attributes = {
+        attributes: dict[str, Any] = {
             "units": variable.unit_text,
             "long_name": variable.description or variable.name,
             "fmi_name": variable.name,

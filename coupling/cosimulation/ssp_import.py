@@ -160,13 +160,16 @@ def _links(
     whole: dict[tuple[Node, Node], dict[str, Any]] = {}
     counts: dict[tuple[Node, Node], int] = {}
     for start, end in single:
-        pair = _field(start, descriptions), _field(end, descriptions)
-        if pair[0] is not None and pair[1] is not None and _index(start) == _index(end):
-            key = (start[0], pair[0]), (end[0], pair[1])
-            counts[key] = counts.get(key, 0) + 1
+        fields = _fields(start, end, descriptions)
+        if fields is not None:
+            counts[fields] = counts.get(fields, 0) + 1
     for (start, end), options in single.items():
-        key = _whole(start, end, descriptions, counts)
-        whole.setdefault(key or (start, end), options)
+        fields = _fields(start, end, descriptions)
+        if fields is None or any(
+            descriptions[place].variables[name].size != counts[fields] for place, name in fields
+        ):
+            fields = start, end
+        whole.setdefault(fields, options)
     links = {}
     for (start, end), options in whole.items():
         link = f"{names[start[0]]}.{start[1]} -> {names[end[0]]}.{end[1]}"
@@ -174,18 +177,14 @@ def _links(
     return links
 
 
-def _whole(
-    start: Node,
-    end: Node,
-    descriptions: dict[Place, UnitDescription],
-    counts: dict[tuple[Node, Node], int],
+def _fields(
+    start: Node, end: Node, descriptions: dict[Place, UnitDescription]
 ) -> tuple[Node, Node] | None:
+    """Return the fields of FMI 2 that a connection of two values with the same index belongs to."""
     one, other = _field(start, descriptions), _field(end, descriptions)
     if one is None or other is None or _index(start) != _index(end):
         return None
-    key = (start[0], one), (end[0], other)
-    sizes = {descriptions[node[0]].variables[node[1]].size for node in key}
-    return key if sizes == {counts[key]} else None
+    return (start[0], one), (end[0], other)
 
 
 def _field(node: Node, descriptions: dict[Place, UnitDescription]) -> str | None:

@@ -1,7 +1,7 @@
 """A press whose force is limited, as a functional mock-up unit (FMI 2.0).
 
-It drives its ram at the closing velocity, and slower the nearer the force comes to the limit; at the
-limit it stands. The drive follows the wanted velocity with a lag of first order.
+It drives its ram at the closing velocity, and slower the nearer the force comes to the limit; at
+the limit it stands. The drive follows the wanted velocity with a lag of first order.
 
     pythonfmu build -f examples/cosimulation/press.py -d examples/cosimulation
 """

@@ -53,7 +53,7 @@ def main(out: Path) -> None:
         print("{:10} {:10.2f} {:12.2f} {:27.1f}".format(name, *records[name]))
     force, travel, velocity = records["limited"]
     assert 0.9 * LIMIT < force < 1.05 * LIMIT, "the press must keep its limit, and come to it"
-    assert abs(velocity) < 50.0, "at the limit the ram stands, but for a tenth of its velocity"
+    assert 0.0 < velocity < 60.0, "before the limit the ram has slowed from 500 mm/s"
     free_force, free_travel, _ = records["free"]
     assert free_force > 1.5 * LIMIT and free_travel > travel + 2.0, "without it, it goes on"
     assert abs(records["implicit"][0] - force) < 0.05 * LIMIT, "both schemes agree"
