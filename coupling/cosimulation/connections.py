@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lcmchain.coupling.cosimulation.description import TRUTHS, Variable
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.physical_units import Conversion, UnitError, conversion
 from lcmchain.coupling.cosimulation.system_file import ConnectionEntry
+from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
 from lcmchain.coupling.iteration import PartFailed
 from lcmchain.errors import InputError
 

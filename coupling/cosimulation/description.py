@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.archive import read_xml
 from lcmchain.coupling.cosimulation.physical_units import (
@@ -20,78 +19,11 @@ from lcmchain.coupling.cosimulation.physical_units import (
     unit_from_base,
     unit_from_name,
 )
+from lcmchain.coupling.cosimulation.structured_fields import with_fields
+from lcmchain.coupling.cosimulation.variable import LEFT_OUT, TEXT, Variable
 from lcmchain.errors import InputError, shortened
 
 MODEL_DESCRIPTION = "modelDescription.xml"
-
-#: Element types of a variable and how its values lie in memory; a text has none.
-MEMORY = {
-    "Real": "f8", "Integer": "i4", "Boolean2": "i4", "Enumeration2": "i4",
-    "Float64": "f8", "Float32": "f4", "Int64": "i8", "UInt64": "u8", "Int32": "i4",
-    "UInt32": "u4", "Int16": "i2", "UInt16": "u2", "Int8": "i1", "UInt8": "u1",
-    "Enumeration": "i8", "Boolean": "?",
-}  # fmt: skip
-REALS = ("Real", "Float64", "Float32")
-TEXT = "String"
-TRUTHS = ("Boolean", "Boolean2")
-#: Types that nothing is exchanged of.
-LEFT_OUT = ("Binary", "Clock")
-
-_INDEXED = re.compile(r"(.+)\[(\d+(?:,\s*\d+)*)\]")
-
-
-@dataclass(frozen=True, eq=False)
-class Variable:
-    """A variable, or several that are the values of one field.
-
-    Parameters
-    ----------
-    name : of the variable; of a field of FMI 2 without its index.
-    kind : its type in the standard; ``Boolean2`` and ``Enumeration2`` are those of FMI 2.
-    references : value references (n,) in FMI 2, (1,) in FMI 3.
-    size : number of its values. is_field : whether it is an array.
-    start : texts of the start values, empty where there are none.
-    unit : None where the description states none; ``relative``: it measures differences.
-    """
-
-    name: str
-    kind: str
-    causality: str
-    variability: str
-    initial: str | None
-    references: NDArray[np.uint32]
-    size: int
-    is_field: bool
-    start: tuple[str, ...] = ()
-    unit: PhysicalUnit | None = None
-    relative: bool = False
-    description: str = ""
-
-    @property
-    def is_real(self) -> bool:
-        return self.kind in REALS
-
-    @property
-    def is_text(self) -> bool:
-        return self.kind == TEXT
-
-    @property
-    def is_signal(self) -> bool:
-        """Whether it changes continuously; anything else changes at communication points."""
-        return self.is_real and self.variability == "continuous"
-
-    @property
-    def dtype(self) -> np.dtype:
-        """Return how its values lie in memory; objects for texts."""
-        return np.dtype(object if self.is_text else MEMORY[self.kind])
-
-    @property
-    def type_name(self) -> str:
-        return self.kind.removesuffix("2")
-
-    @property
-    def unit_text(self) -> str:
-        return "1" if self.unit is None else self.unit.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +109,7 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
         for entry in parsed.modelVariables
         if entry.type not in LEFT_OUT and entry.causality != "independent"
     ]
-    variables, elements, owner = _with_fields(scalars) if major == 2 else (
+    variables, elements, owner = with_fields(scalars) if major == 2 else (
         {v.name: v for v in scalars}, {}, {}
     )  # fmt: skip
     return UnitDescription(
@@ -295,73 +227,6 @@ def _variable(
         unit,
         entry.name in relative or bool(declared is not None and declared.relativeQuantity),
         entry.description or "",
-    )
-
-
-def _with_fields(
-    scalars: Sequence[Variable],
-) -> tuple[dict[str, Variable], dict[str, Variable], dict[str, str]]:
-    """Put the scalars ``name[1]``, ``name[2]``... together; they keep the order of their indices.
-
-    Returns the variables, the scalars that are values of a field, and the fields of these.
-    """
-    groups: dict[str, list[tuple[tuple[int, ...], Variable]]] = {}
-    for scalar in scalars:
-        match = _INDEXED.fullmatch(scalar.name)
-        if match is not None:
-            index = tuple(int(number) for number in match[2].split(","))
-            groups.setdefault(match[1], []).append((index, scalar))
-    taken = {scalar.name for scalar in scalars}
-    fields: dict[str, Variable] = {}
-    for name, members in groups.items():
-        if name not in taken and _is_field(members):
-            fields[name] = _joined(name, [scalar for _, scalar in sorted(members, key=_index)])
-    variables: dict[str, Variable] = {}
-    elements: dict[str, Variable] = {}
-    owner: dict[str, str] = {}
-    for scalar in scalars:
-        match = _INDEXED.fullmatch(scalar.name)
-        if match is not None and match[1] in fields:
-            variables.setdefault(match[1], fields[match[1]])
-            elements[scalar.name] = scalar
-            owner[scalar.name] = match[1]
-        else:
-            variables[scalar.name] = scalar
-    return variables, elements, owner
-
-
-def _index(member: tuple[tuple[int, ...], Variable]) -> tuple[int, ...]:
-    return member[0]
-
-
-def _is_field(members: Sequence[tuple[tuple[int, ...], Variable]]) -> bool:
-    """Whether the indices fill an array that begins at 0 or 1, and all values are of one kind."""
-    indices = [index for index, _ in members]
-    ranks = {len(index) for index in indices}
-    alike = {(v.kind, v.causality, v.variability, v.unit) for _, v in members}
-    if len(ranks) != 1 or len(alike) != 1 or len(set(indices)) != len(indices):
-        return False
-    least, most = np.min(indices, axis=0), np.max(indices, axis=0)
-    return bool(np.all(least <= 1) and np.prod(most - least + 1) == len(indices))
-
-
-def _joined(name: str, members: Sequence[Variable]) -> Variable:
-    first = members[0]
-    starts = [scalar.start for scalar in members]
-    text = re.sub(r",? (element|cell|node|value|nr\.?|no\.?|index)? ?\d+$", "", first.description)
-    return Variable(
-        name,
-        first.kind,
-        first.causality,
-        first.variability,
-        first.initial,
-        np.concatenate([scalar.references for scalar in members]),
-        len(members),
-        True,
-        tuple(text for start in starts for text in start) if all(starts) else (),
-        first.unit,
-        first.relative,
-        text,
     )
 
 

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lcmchain.coupling.cosimulation.description import UnitDescription, Variable
+from lcmchain.coupling.cosimulation.description import UnitDescription
 from lcmchain.coupling.cosimulation.instance import CallFailed, Instance
+from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.coupling.iteration import PartFailed
 from lcmchain.coupling.iteration.interface import Fields
 from lcmchain.errors import InputError

@@ -8,8 +8,8 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from lcmchain.coupling.cosimulation.description import Variable
 from lcmchain.coupling.cosimulation.recorder import Recorder, scalars_of
+from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.report.style import RC, SERIES, headline, new_figure, save
 
 #: Most panels of the picture, and most curves of one.

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lcmchain.coupling.cosimulation.description import TRUTHS, Variable
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.system_file import RecorderEntry
+from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
 from lcmchain.errors import InputError
 
 if TYPE_CHECKING:

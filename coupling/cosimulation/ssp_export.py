@@ -16,12 +16,7 @@ import numpy as np
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
-from lcmchain.coupling.cosimulation.description import (
-    TRUTHS,
-    UnitDescription,
-    Variable,
-    read_description,
-)
+from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
 from lcmchain.coupling.cosimulation.physical_units import BASE, PhysicalUnit
 from lcmchain.coupling.cosimulation.ssp_import import ANNOTATION
 from lcmchain.coupling.cosimulation.ssp_structure import (
@@ -36,6 +31,7 @@ from lcmchain.coupling.cosimulation.ssp_structure import (
 )
 from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
 from lcmchain.coupling.cosimulation.system_file import System
+from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
 
 _KINDS = ("input", "output", "parameter", "calculatedParameter")
 

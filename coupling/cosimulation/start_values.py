@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lcmchain.coupling.cosimulation.description import TRUTHS, UnitDescription, Variable
+from lcmchain.coupling.cosimulation.description import UnitDescription
 from lcmchain.coupling.cosimulation.physical_units import UnitError, unit_from_name, value_of
+from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
 from lcmchain.errors import InputError, shortened
 
 
