@@ -114,8 +114,9 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
     except BaseException:
         free(parts)
         raise
-    for text in remarks:
-        log(f"remark: {text}")
+    for text in [*map(_changed, links), *(f"remark: {text}" for text in remarks)]:
+        if text:
+            log(text)
     return Assembly(system, parts, coupled, lines, links, loops, remarks)
 
 
@@ -130,6 +131,12 @@ def _loaded(
     """Return a unit with its instance; an archive that two units share is unpacked once."""
     begin = clock.perf_counter()
     file = system.directory / entry.fmu
+    if not file.is_file():
+        raise InputError(
+            f'there is no such file "{entry.fmu}" in {system.directory}; names are relative to '
+            "the file of the system",
+            key=f"units.{entry.name}.fmu",
+        )
     key = str(file.resolve())
     if key not in unpacked:
         place = folder / f"unit_{len(unpacked)}"
@@ -152,6 +159,15 @@ def _loaded(
     part = FmuPart(name, file, sha256, description, instance, system.start_time)
     part.spent.instantiation = clock.perf_counter() - begin
     return part
+
+
+def _changed(link: Link) -> str:
+    """Return in words what a connection does to a value; nothing where it does nothing."""
+    change = link.conversion
+    if change.is_identity:
+        return ""
+    units = f"{link.output.unit_text} to {link.input.unit_text}"
+    return f"connection {link.name}: {units}, {change.factor:g} v + {change.offset:g}"
 
 
 def _set_up(part: FmuPart, values: list, system: System) -> None:

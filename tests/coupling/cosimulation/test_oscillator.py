@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from lcmchain.coupling.iteration import CoupledSystem, Exchange, gauss_seidel, iqn_ils, jacobi
 
@@ -132,3 +134,21 @@ def test_windows_follow_the_error_of_the_extrapolation(assembled):
     assert sizes.max() > 2.0 * sizes.min()
     assert sizes.min() >= 1e-3 and sizes.max() <= 0.2
     assert assembly.coupled.time == STOP
+
+
+@settings(max_examples=12, deadline=None, derandomize=True,
+          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
+@given(data=st.data())
+def test_order_of_the_file_and_units_of_measurement_do_not_matter(assembled, data):
+    """Jacobi: any order of units and connections, any version, the mass in kg, g or t."""
+    versions = data.draw(st.tuples(st.sampled_from([2, 3]), st.sampled_from([2, 3])))
+    system = tables(20, "jacobi", versions)
+    system["units"] = data.draw(st.permutations(system["units"]))
+    system["connections"] = data.draw(st.permutations(system["connections"]))
+    text = data.draw(st.sampled_from(["2 kg", "2000 g", "0.002 t"]))
+    next(unit for unit in system["units"] if unit["name"] == "one")["start"]["mass"] = text
+    assembly = assembled(system)
+    assembly.coupled.advance_to(STOP)
+    plain = assembled(tables(20, "jacobi"))
+    plain.coupled.advance_to(STOP)
+    assert np.array_equal(positions(assembly.coupled), positions(plain.coupled))
