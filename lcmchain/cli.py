@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from lcmchain.atomic import replacing
+from lcmchain.commands.cosim import cosim
 from lcmchain.commands.coupon import coupon_app
 from lcmchain.commands.docs import docs
 from lcmchain.commands.fill import fill
@@ -162,6 +163,7 @@ fmu_app.command()(doctor)
 app.command()(fill)
 app.command()(structure)
 app.command()(precice)
+app.command()(cosim)
 
 
 @fmu_app.callback()

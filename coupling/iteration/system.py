@@ -152,6 +152,11 @@ class CoupledSystem:
                 on_window(self)
         self._means = {name: total / (end - begin) for name, total in sums.items()}
 
+    @property
+    def exchanged(self) -> list[Values]:
+        """Return the exchanged fields at the end of the last window, one array per exchange."""
+        return self._predictor.latest
+
     def set_fields(self, fields: Mapping[str, Values]) -> None:
         """Set inputs of parts from outside: names of ports, or ``"part.field"``."""
         for name, values in fields.items():

@@ -27,6 +27,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "formats",
         "fmu",
         "precice",
+        "cosim",
         "verify",
         "bench",
         "python",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Annotated, Any, Literal, Union
 
 from pydantic import BaseModel
@@ -14,6 +16,19 @@ from lcmchain.scene.scene import Scene
 
 #: What a table is without that entry; no other table has a form of this name.
 DEFAULT_FORM = "solid-shell"
+
+#: Model of the documents that are walked; other files of the same form name theirs.
+_document: ContextVar[type[BaseModel]] = ContextVar("_document", default=Scene)
+
+
+@contextmanager
+def documents_of(model: type[BaseModel]) -> Iterator[None]:
+    """Walk documents of another model than a scene within the block."""
+    token = _document.set(model)
+    try:
+        yield
+    finally:
+        _document.reset(token)
 
 
 def model_at(location: Sequence[str | int], data: Any) -> type[BaseModel] | None:
@@ -32,7 +47,7 @@ def field_at(location: Sequence[str | int], data: Any) -> FieldInfo | None:
 
 def annotation_at(location: Sequence[str | int], data: Any) -> Any:
     """Type of what stands at a location."""
-    annotation: Any = Scene
+    annotation: Any = _document.get()
     node = data
     for step in location:
         if isinstance(step, int):

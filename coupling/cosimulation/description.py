@@ -1,0 +1,249 @@
+"""What a unit is: its variables and fields, its abilities, and what depends on what."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lcmchain.coupling.cosimulation.archive import read_xml
+from lcmchain.coupling.cosimulation.physical_units import (
+    BASE,
+    PhysicalUnit,
+    UnitError,
+    unit_from_base,
+    unit_from_name,
+)
+from lcmchain.coupling.cosimulation.structured_fields import with_fields
+from lcmchain.coupling.cosimulation.variable import LEFT_OUT, TEXT, Variable
+from lcmchain.errors import InputError, shortened
+
+MODEL_DESCRIPTION = "modelDescription.xml"
+
+
+@dataclass(frozen=True, eq=False)
+class UnitDescription:
+    """What a model description says; the variables of FMI 2 that form fields are put together.
+
+    ``depends`` and ``depends_initially`` name the inputs that an output follows directly; an output
+    that is missing there may follow all.
+    """
+
+    model_name: str
+    fmi_version: str
+    major: int
+    model_identifier: str
+    token: str
+    generation_tool: str
+    variables: dict[str, Variable]
+    depends: dict[str, frozenset[str]]
+    depends_initially: dict[str, frozenset[str]]
+    can_save: bool
+    can_serialise: bool
+    variable_steps: bool
+    internal_step: float | None
+    only_once: bool
+    needs_tool: bool
+    remarks: list[str] = field(default_factory=list)
+    elements: dict[str, Variable] = field(default_factory=dict)
+
+    def find(self, name: str) -> Variable:
+        """Return a variable, a field, or one value of a field of FMI 2.
+
+        Raises
+        ------
+        InputError : there is none; names the nearest.
+        """
+        found = self.variables.get(name) or self.elements.get(name)
+        if found is not None:
+            return found
+        close = difflib.get_close_matches(name, self.variables, n=1, cutoff=0.5)
+        known = [v.name for v in self.variables.values() if v.causality in ("input", "output")]
+        hint = f'did you mean "{close[0]}"?' if close else f"there are {_some(known)}"
+        raise InputError(f'{self.model_name} has no variable "{shortened(name)}"; {hint}')
+
+
+def read_description(folder: Path, file: Path) -> UnitDescription:
+    """Read the model description of an unpacked unit.
+
+    Parameters
+    ----------
+    folder : where it is unpacked. file : its archive, for messages.
+
+    Raises
+    ------
+    InputError : no unit for co-simulation of FMI 2.0 or 3.0, or a description that cannot be read.
+    """
+    path = folder / MODEL_DESCRIPTION
+    if not path.is_file():
+        raise InputError(
+            f"is no functional mock-up unit: it holds no {MODEL_DESCRIPTION}", file=file
+        )
+    root = read_xml(path.read_bytes(), f"{file} ({MODEL_DESCRIPTION})")
+    version = root.get("fmiVersion", "")
+    if not version.startswith(("2.", "3.")):
+        raise InputError(f'is of FMI "{version}"; 2.0 and 3.0 are read', file=file)
+    if root.find("CoSimulation") is None:
+        raise InputError(
+            "offers no co-simulation (model exchange needs a solver, which no master here has); "
+            "export it for co-simulation",
+            file=file,
+        )
+    parsed, remarks = _parsed(path, file)
+    ability = parsed.coSimulation
+    identifier = ability.modelIdentifier or ""
+    if not re.fullmatch(r"[A-Za-z_]\w*", identifier, re.ASCII):
+        raise InputError(
+            f'its model identifier "{shortened(identifier)}" is no name of a library', file=file
+        )
+    major = int(version[0])
+    units = _units(parsed)
+    relative = _relative_names(root)
+    scalars = [
+        _variable(entry, major, units, relative, remarks)
+        for entry in parsed.modelVariables
+        if entry.type not in LEFT_OUT and entry.causality != "independent"
+    ]
+    variables, elements, owner = with_fields(scalars) if major == 2 else (
+        {v.name: v for v in scalars}, {}, {}
+    )  # fmt: skip
+    return UnitDescription(
+        parsed.modelName or identifier,
+        version,
+        major,
+        identifier,
+        parsed.guid or "",
+        parsed.generationTool or "",
+        variables,
+        _dependencies(parsed.outputs, owner),
+        _dependencies(parsed.initialUnknowns, owner),
+        can_save=_true(ability.canGetAndSetFMUstate),
+        can_serialise=_true(ability.canSerializeFMUstate),
+        variable_steps=_true(ability.canHandleVariableCommunicationStepSize),
+        internal_step=_number(getattr(ability, "fixedInternalStepSize", None)),
+        only_once=_true(ability.canBeInstantiatedOnlyOncePerProcess),
+        needs_tool=_true(ability.needsExecutionTool),
+        remarks=remarks,
+        elements=elements,
+    )
+
+
+def _parsed(path: Path, file: Path) -> tuple[Any, list[str]]:
+    """Parse with fmpy; what its schema complains about is a remark where it can be read even so."""
+    from fmpy import read_model_description
+    from fmpy.model_description import ValidationError
+
+    try:
+        return read_model_description(str(path)), []
+    except ValidationError as error:
+        remarks = [f"its {MODEL_DESCRIPTION} is not valid: {problem}" for problem in error.problems]
+    except Exception as error:  # fmpy raises plain exceptions
+        raise InputError(f"its {MODEL_DESCRIPTION} cannot be read: {error}", file=file) from None
+    try:
+        return read_model_description(str(path), validate=False), remarks[:3]
+    except Exception:
+        raise InputError(remarks[0], file=file) from None
+
+
+def _true(value: Any) -> bool:
+    return value is True or str(value).lower() in ("true", "1")
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
+def _units(parsed: Any) -> dict[str, PhysicalUnit | None]:
+    """Return the units that a description defines; None where nothing is known about one."""
+    units: dict[str, PhysicalUnit | None] = {}
+    for unit in parsed.unitDefinitions:
+        base = unit.baseUnit
+        try:
+            if base is None:
+                units[unit.name] = unit_from_name(unit.name)
+            else:
+                exponents = tuple(float(getattr(base, name)) for name in BASE)
+                units[unit.name] = unit_from_base(
+                    unit.name, exponents, float(base.factor), float(base.offset)
+                )
+        except UnitError:
+            units[unit.name] = None
+    return units
+
+
+def _relative_names(root: Any) -> frozenset[str]:
+    """Return the variables that measure differences, which fmpy does not read."""
+    names = set()
+    for entry in root.find("ModelVariables") or ():
+        for element in (entry, *entry):
+            if element.get("relativeQuantity") in ("true", "1"):
+                names.add(entry.get("name"))
+    return frozenset(names)
+
+
+def _variable(
+    entry: Any,
+    major: int,
+    units: dict[str, PhysicalUnit | None],
+    relative: frozenset[str],
+    remarks: list[str],
+) -> Variable:
+    kind = entry.type
+    if major == 2 and kind in ("Boolean", "Enumeration"):
+        kind += "2"
+    declared = entry.declaredType
+    name = entry.unit or (declared.unit if declared is not None else None)
+    unit = None
+    if name is not None:
+        if name not in units:
+            try:
+                units[name] = unit_from_name(name)
+            except UnitError:
+                units[name] = None
+        unit = units[name]
+        remark = f'its unit "{name}" is not known; values are taken as they are'
+        if unit is None and remark not in remarks:
+            remarks.append(remark)
+    size = int(np.prod(entry.shape)) if entry.shape else 1
+    start = entry.start
+    texts: tuple[str, ...] = ()
+    if start is not None:
+        texts = (start,) if kind == TEXT or not entry.shape else tuple(str(start).split())
+    return Variable(
+        entry.name,
+        kind,
+        entry.causality,
+        entry.variability,
+        entry.initial,
+        np.array([entry.valueReference], dtype=np.uint32),
+        size,
+        bool(entry.shape),
+        texts,
+        unit,
+        entry.name in relative or bool(declared is not None and declared.relativeQuantity),
+        entry.description or "",
+    )
+
+
+def _dependencies(unknowns: Sequence[Any], owner: dict[str, str]) -> dict[str, frozenset[str]]:
+    """Return the inputs that outputs follow, by the names of fields; one that says nothing is left
+    out."""
+    found: dict[str, set[str] | None] = {}
+    for unknown in unknowns:
+        name = owner.get(unknown.variable.name, unknown.variable.name)
+        if unknown.dependencies is None:
+            found[name] = None
+        elif found.get(name, set()) is not None:
+            names = {owner.get(entry.name, entry.name) for entry in unknown.dependencies}
+            found[name] = (found.get(name) or set()) | names
+    return {name: frozenset(names) for name, names in found.items() if names is not None}
+
+
+def _some(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:8])
+    return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown

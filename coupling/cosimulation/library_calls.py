@@ -1,0 +1,225 @@
+"""Calls into the library of a unit: loading, messages, access to values, states; on fmpy."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lcmchain.coupling.cosimulation.description import UnitDescription
+from lcmchain.coupling.cosimulation.instance import CallFailed, Log
+from lcmchain.coupling.cosimulation.variable import Variable
+from lcmchain.errors import InputError
+
+#: Words of a status by its number.
+STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
+DISCARD, FATAL = 2, 4
+LONGEST_MESSAGE = 2000
+
+
+class Access:
+    """Prepared arguments of reading and writing one variable: references and a place for values."""
+
+    def __init__(self, variable: Variable) -> None:
+        references: Any = np.ascontiguousarray(variable.references)
+        self.count = references.size
+        self.size = variable.size
+        self._kept = references
+        self.references = (ctypes.c_uint * self.count).from_buffer(references)
+        if variable.is_text:
+            self.values: Any = None
+            self.memory: Any = (ctypes.c_char_p * self.size)()
+        else:
+            self.values = np.zeros(self.size, dtype=variable.dtype)
+            kind = np.ctypeslib.as_ctypes_type(variable.dtype)
+            self.memory = (kind * self.size).from_buffer(self.values)
+
+    def take(self, values: Any) -> None:
+        """Put values (n,) into the memory."""
+        if self.values is None:
+            self._texts = [str(text).encode() for text in values]
+            self.memory[:] = self._texts
+        else:
+            self.values[:] = values
+
+    def given(self) -> NDArray[Any]:
+        """Return a copy of what is in the memory."""
+        if self.values is not None:
+            return np.array(self.values)
+        texts = np.empty(self.size, dtype=object)
+        texts[:] = [(text or b"").decode("utf-8", errors="replace") for text in self.memory]
+        return texts
+
+
+class LibraryCalls:
+    """What both versions share; see :class:`lcmchain.coupling.cosimulation.instance.Instance`."""
+
+    prefix = ""
+
+    def __init__(
+        self, description: UnitDescription, folder: Path, name: str, log: Log, *, debug: bool
+    ) -> None:
+        self.description, self.name = description, name
+        self._log = log
+        self._access: dict[Variable, Access] = {}
+        self._last_words: list[str] = []
+        self._dead = False  # after a fatal error nothing may be called, not even free
+        self._alive = False
+        self._unit: Any = self._load(description, folder, name)
+        self._instantiate(debug)
+        self._alive = True
+
+    def _load(self, description: UnitDescription, folder: Path, name: str) -> Any:
+        from fmpy import fmi2, fmi3
+
+        library = self._library(folder, description)
+        if not library.is_file():
+            there = sorted(path.name for path in (folder / "binaries").glob("*") if path.is_dir())
+            raise InputError(
+                f'unit "{name}": the archive holds no library for this machine '
+                f"({library.parent.name}); it has {', '.join(there) or 'none'}"
+            )
+        # fmpy changes into the folder of the library, and stays there when loading fails
+        before = os.getcwd()
+        kind = fmi2.FMU2Slave if description.major == 2 else fmi3.FMU3Slave
+        try:
+            return kind(
+                guid=description.token,
+                modelIdentifier=description.model_identifier,
+                unzipDirectory=str(folder),
+                instanceName=name,
+            )
+        except Exception as error:  # fmpy raises plain exceptions
+            raise InputError(f'unit "{name}": its library cannot be loaded: {error}') from None
+        finally:
+            os.chdir(before)
+
+    def _library(self, folder: Path, description: UnitDescription) -> Path:
+        import fmpy
+
+        place = fmpy.platform if description.major == 2 else fmpy.platform_tuple
+        ending = fmpy.sharedLibraryExtension
+        return folder / "binaries" / place / f"{description.model_identifier}{ending}"
+
+    def _instantiate(self, debug: bool) -> None:
+        raise NotImplementedError
+
+    def message(self, status: int, category: bytes | None, text: bytes | None) -> None:
+        """Take a message of the unit; whatever it holds, nothing goes wrong in here."""
+        words = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+        message = (text or b"").decode("utf-8", errors="replace").strip()[:LONGEST_MESSAGE]
+        if status > 0 and message:
+            self._last_words = [*self._last_words[-2:], message]
+        self._log(words, (category or b"").decode("utf-8", errors="replace"), message)
+
+    def call(self, function: str, *arguments: Any) -> None:
+        """Call a function of the unit with the instance.
+
+        Raises
+        ------
+        CallFailed : its status is worse than a warning.
+        """
+        from fmpy.fmi1 import FMICallException
+
+        if self._dead:
+            raise CallFailed("it cannot be called after its fatal error")
+        self._last_words = []
+        try:
+            getattr(self._unit, self.prefix + function)(self._unit.component, *arguments)
+        except FMICallException as error:
+            status = int(error.status)
+            self._dead = status == FATAL
+            said = f": {'; '.join(self._last_words)}" if self._last_words else ""
+            word = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
+            raise CallFailed(
+                f"{self.prefix}{function} answered with {word}{said}", discarded=status == DISCARD
+            ) from None
+
+    def _prepared(self, variable: Variable) -> Access:
+        access = self._access.get(variable)
+        if access is None:
+            access = self._access[variable] = Access(variable)
+        return access
+
+    def _function(self, variable: Variable) -> str:
+        raise NotImplementedError
+
+    def _counts(self, access: Access) -> tuple[int, ...]:
+        """Return what follows the values in a call."""
+        return ()
+
+    def read(self, variable: Variable) -> NDArray[Any]:
+        access = self._prepared(variable)
+        self.call(
+            f"Get{self._function(variable)}", access.references, access.count, access.memory,
+            *self._counts(access),
+        )  # fmt: skip
+        return access.given()
+
+    def write(self, variable: Variable, values: Any) -> None:
+        access = self._prepared(variable)
+        access.take(values)
+        self.call(
+            f"Set{self._function(variable)}", access.references, access.count, access.memory,
+            *self._counts(access),
+        )  # fmt: skip
+
+    # the names of the functions differ in two capitals
+    _state = "FMUState"
+    _deserialise = "DeserializeFMUState"
+    _byte: Any = ctypes.c_uint8
+
+    def save(self) -> Any:
+        handle = ctypes.c_void_p()
+        self.call(f"Get{self._state}", ctypes.byref(handle))
+        return handle
+
+    def restore(self, handle: Any) -> None:
+        self.call(f"Set{self._state}", handle)
+
+    def release(self, handle: Any) -> None:
+        if self._alive and not self._dead:
+            self.call(f"Free{self._state}", ctypes.byref(handle))
+
+    def serialise(self, handle: Any) -> bytes:
+        size = ctypes.c_size_t()
+        self.call(f"Serialized{self._state}Size", handle, ctypes.byref(size))
+        content = (self._byte * size.value)()
+        self.call(f"Serialize{self._state}", handle, content, size)
+        return bytes(content)
+
+    def deserialise(self, content: bytes) -> Any:
+        handle = ctypes.c_void_p()
+        given = (self._byte * len(content)).from_buffer_copy(content)
+        self.call(self._deserialise, given, len(content), ctypes.byref(handle))
+        return handle
+
+    def enter_initialization(self) -> None:
+        raise NotImplementedError
+
+    def exit_initialization(self) -> None:
+        self.call("ExitInitializationMode")
+
+    def terminate(self) -> None:
+        if self._alive and not self._dead:
+            self.call("Terminate")
+
+    def free(self) -> None:
+        if self._alive and not self._dead:
+            self._alive = False
+            self._unit.freeInstance()
+        self._alive = False
+
+
+def no_instance(name: str, said: list[str]) -> InputError:
+    reason = f": {'; '.join(said)}" if said else " and did not say why"
+    return InputError(f'unit "{name}" could not be instantiated{reason}')
+
+
+def end_text(reached: float | None, said: str) -> str:
+    place = "" if reached is None else f" at {reached:g} s"
+    return f"it asked for the end of the simulation{place}{f' ({said})' if said else ''}"

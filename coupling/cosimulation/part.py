@@ -1,0 +1,211 @@
+"""A unit as a part of a coupled system: fields in and out, steps, and states to return to."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lcmchain.coupling.cosimulation.description import UnitDescription
+from lcmchain.coupling.cosimulation.instance import CallFailed, Instance
+from lcmchain.coupling.cosimulation.variable import Variable
+from lcmchain.coupling.iteration import PartFailed
+from lcmchain.coupling.iteration.interface import Fields
+from lcmchain.errors import InputError
+
+
+@dataclass
+class Spent:
+    """What a unit has cost: times [s] and numbers of calls."""
+
+    instantiation: float = 0.0
+    initialisation: float = 0.0
+    steps: float = 0.0
+    exchange: float = 0.0
+    states: float = 0.0
+    step_count: int = 0
+    save_count: int = 0
+    rollback_count: int = 0
+    discard_count: int = 0
+
+    @property
+    def total(self) -> float:
+        return self.instantiation + self.initialisation + self.steps + self.exchange + self.states
+
+
+@dataclass(eq=False)
+class SavedUnit:
+    """A state that a unit keeps for the master; given back when nobody refers to it any more."""
+
+    time: float
+    handle: Any
+    instance: Instance
+
+    def __del__(self) -> None:
+        try:
+            self.instance.release(self.handle)
+        except CallFailed:
+            pass  # the unit has failed; the process goes on without that memory
+
+
+@dataclass(frozen=True)
+class SerialisedUnit:
+    """A state as bytes (n,) uint8, for a file."""
+
+    time: float
+    content: NDArray[np.uint8]
+
+
+@dataclass(eq=False)
+class FmuPart:
+    """A unit that satisfies :class:`lcmchain.coupling.iteration.CoupledPart`.
+
+    Its fields are its variables by their names, whole fields included, as float64 in the unit's own
+    units of measurement. What changes in jumps (whole numbers, switches, texts) does not go
+    through the coupling but is brought by ``bring`` just before every step.
+
+    Parameters
+    ----------
+    name : in the system. file : the archive. sha256 : of it.
+    time : begin [s].
+    """
+
+    name: str
+    file: Path
+    sha256: str
+    description: UnitDescription
+    instance: Instance
+    time: float
+    spent: Spent = field(default_factory=Spent)
+    returns: bool = False
+    bring: Callable[[], None] | None = None
+    wants_end: bool = False
+
+    def advance(self, step: float) -> None:
+        """Do one communication step.
+
+        Raises
+        ------
+        PartFailed : the unit refuses it or fails; says how far it came.
+        """
+        if self.bring is not None:
+            self.bring()
+        with self._timed("steps"):
+            self.spent.step_count += 1
+            try:
+                self.wants_end = self.instance.step(self.time, step, returns=self.returns)
+            except CallFailed as failure:
+                self.spent.discard_count += failure.discarded
+                raise PartFailed(_reason(failure)) from failure
+        self.time += step
+
+    def save(self) -> SavedUnit:
+        """Return the present state."""
+        with self._timed("states"):
+            self.spent.save_count += 1
+            return SavedUnit(self.time, self._stated(self.instance.save), self.instance)
+
+    def restore(self, saved: SavedUnit | SerialisedUnit) -> None:
+        """Return to a state, also to one that was read from a file."""
+        with self._timed("states"):
+            if isinstance(saved, SerialisedUnit):
+                content = saved.content.tobytes()
+                handle = self._stated(lambda: self.instance.deserialise(content))
+                kept = SavedUnit(saved.time, handle, self.instance)
+            else:
+                kept = saved
+                self.spent.rollback_count += 1
+            self._stated(lambda: self.instance.restore(kept.handle))
+            self.time, self.wants_end = saved.time, False
+
+    def serialised(self, saved: SavedUnit) -> SerialisedUnit:
+        """Return a saved state as bytes."""
+        with self._timed("states"):
+            content = self._stated(lambda: self.instance.serialise(saved.handle))
+        return SerialisedUnit(saved.time, np.frombuffer(content, dtype=np.uint8))
+
+    def set_fields(self, fields: Mapping[str, NDArray[np.float64]]) -> None:
+        """Take inputs by name.
+
+        Raises
+        ------
+        InputError : a name that is no input, or a wrong number of values.
+        """
+        for name, values in fields.items():
+            variable = self.description.find(name)
+            if variable.causality != "input":
+                raise InputError(f'"{name}" of unit "{self.name}" is no input')
+            if np.shape(values) != (variable.size,):
+                raise InputError(
+                    f"{self.name}.{name} has {variable.size} values, but gets {np.size(values)}"
+                )
+            self.write(variable, values)
+
+    def get_fields(self, names: Sequence[str]) -> Fields:
+        """Return variables by name at the present time.
+
+        Raises
+        ------
+        InputError : there is none of that name, or it is a text.
+        """
+        found: Fields = {}
+        for name in names:
+            variable = self.description.find(name)
+            if variable.is_text:
+                raise InputError(f'"{name}" of unit "{self.name}" is a text, not a field')
+            found[name] = self.read(variable).astype(np.float64)
+        return found
+
+    def read(self, variable: Variable) -> NDArray[Any]:
+        """Return the values (n,) of a variable in its own type.
+
+        Raises
+        ------
+        PartFailed : the unit does not give it.
+        """
+        with self._timed("exchange"), self._told(f'"{variable.name}" cannot be read'):
+            return self.instance.read(variable)
+
+    def write(self, variable: Variable, values: Any) -> None:
+        """Set the values (n,) of a variable.
+
+        Raises
+        ------
+        PartFailed : the unit does not take it.
+        """
+        with self._timed("exchange"), self._told(f'"{variable.name}" cannot be set'):
+            self.instance.write(variable, values)
+
+    def _stated(self, call: Callable[[], Any]) -> Any:
+        with self._told("its state cannot be saved or restored"):
+            return call()
+
+    @contextmanager
+    def _told(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except CallFailed as failure:
+            raise PartFailed(f"{what}: {failure}", part=self.name, time=self.time) from failure
+
+    @contextmanager
+    def _timed(self, what: str) -> Iterator[None]:
+        begin = clock.perf_counter()
+        try:
+            yield
+        finally:
+            setattr(self.spent, what, getattr(self.spent, what) + clock.perf_counter() - begin)
+
+
+def _reason(failure: CallFailed) -> str:
+    if not failure.discarded:
+        return str(failure)
+    if failure.reached is None or not math.isfinite(failure.reached):
+        return f"it refused the step ({failure})"
+    return f"it refused the step and came to {failure.reached:g} s ({failure})"

@@ -1,0 +1,254 @@
+"""Systems as SSP 1.0 archives, for other tools."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from lcmchain import __version__
+from lcmchain.atomic import replacing
+from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
+from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
+from lcmchain.coupling.cosimulation.physical_units import BASE, PhysicalUnit
+from lcmchain.coupling.cosimulation.ssp_import import ANNOTATION
+from lcmchain.coupling.cosimulation.ssp_structure import (
+    COMMON,
+    DESCRIPTION,
+    FMU_TYPE,
+    SSC,
+    SSD,
+    SSV,
+    STRUCTURE_FILE,
+    VALUES,
+)
+from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
+from lcmchain.coupling.cosimulation.system_file import System
+from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
+
+_KINDS = ("input", "output", "parameter", "calculatedParameter")
+
+
+def write_ssp(system: System, target: Path) -> None:
+    """Write a system with its units as an SSP 1.0 archive.
+
+    Scheme, windows and record, for which the standard has no place, stand in an annotation. A
+    whole field of FMI 2 is a connector for each of its values, one of FMI 3 a connector of its
+    name; between the two a connection names the whole fields, which other tools do not read.
+
+    Raises
+    ------
+    InputError : a unit cannot be read, or a start value does not fit it.
+    """
+    with tempfile.TemporaryDirectory(prefix="lcmchain-ssp-") as folder:
+        units = _units(system, Path(folder))
+        root = _document(system, units)
+        with replacing(target) as path, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(
+                STRUCTURE_FILE, ElementTree.tostring(root, "utf-8", xml_declaration=True)
+            )
+            for file, name in {file: name for file, name, _ in units.values()}.items():
+                with archive.open(f"resources/{name}", "w") as packed, open(file, "rb") as source:
+                    shutil.copyfileobj(source, packed)
+
+
+#: Archive, its name in the resources, and description, by the name of the unit.
+_Units = dict[str, tuple[Path, str, UnitDescription]]
+
+
+def _units(system: System, folder: Path) -> _Units:
+    units: _Units = {}
+    names: dict[str, str] = {}  # in the resources, by hash
+    for number, entry in enumerate(system.units):
+        file = system.directory / entry.fmu
+        place = unpack(file, folder / str(number))
+        description = read_description(place, file)
+        with_declared_units(entry.name, description, entry.quantities)
+        content = sha256_of(file)
+        name = Path(entry.fmu).name
+        if content not in names and name in names.values():
+            name = f"{entry.name}.fmu"
+        units[entry.name] = file, names.setdefault(content, name), description
+    return units
+
+
+def _document(system: System, units: _Units) -> Element:
+    for prefix, name in (("ssc", COMMON), ("ssd", DESCRIPTION), ("ssv", VALUES)):
+        ElementTree.register_namespace(prefix, name)
+    root = Element(f"{SSD}SystemStructureDescription", version="1.0", name=system.title)
+    root.set("generationTool", f"lcmchain {__version__}")
+    structure = SubElement(root, f"{SSD}System", name="system")
+    elements = SubElement(structure, f"{SSD}Elements")
+    used = _used(system, units)
+    measures: dict[str, PhysicalUnit] = {}
+    for entry in system.units:
+        _, source, description = units[entry.name]
+        component = SubElement(elements, f"{SSD}Component", name=entry.name, type=FMU_TYPE)
+        component.set("source", f"resources/{source}")
+        values = start_values(entry.name, description, entry.start)
+        connected = {**used[entry.name], **{variable.name: variable for variable, _ in values}}
+        _connectors(component, connected, description, measures)
+        _values(component, values, description, measures)
+    _connections(structure, system, units)
+    if measures:
+        _measures(SubElement(root, f"{SSD}Units"), measures)
+    SubElement(
+        root, f"{SSD}DefaultExperiment",
+        startTime=repr(system.start_time), stopTime=repr(system.stop_time),
+    )  # fmt: skip
+    annotations = SubElement(root, f"{SSD}Annotations")
+    annotation = SubElement(annotations, f"{SSC}Annotation", type=ANNOTATION)
+    SubElement(annotation, "settings").text = json.dumps(_kept(system))
+    return root
+
+
+def _used(system: System, units: _Units) -> dict[str, dict[str, Variable]]:
+    """Return the variables that connections use, by unit."""
+    used: dict[str, dict[str, Variable]] = {name: {} for name in units}
+    for connection in system.connections:
+        source, output, target, taken = connection.ends
+        for unit, name in ((source, output), (target, taken)):
+            used[unit][name] = units[unit][2].find(name)
+    return used
+
+
+def _names(variable: Variable, description: UnitDescription) -> list[str]:
+    """Return the names of its scalars in FMI 2, its own in FMI 3."""
+    if description.major == 3 or not variable.is_field:
+        return [variable.name]
+    by_reference = {int(e.references[0]): e.name for e in description.elements.values()
+                    if e.kind == variable.kind}  # fmt: skip
+    return [by_reference[int(reference)] for reference in variable.references]
+
+
+def _connectors(
+    component: Element,
+    variables: dict[str, Variable],
+    description: UnitDescription,
+    measures: dict[str, PhysicalUnit],
+) -> None:
+    connectors = SubElement(component, f"{SSD}Connectors")
+    for variable in variables.values():
+        if variable.causality not in _KINDS:
+            continue
+        for name in _names(variable, description):
+            connector = SubElement(
+                connectors, f"{SSD}Connector", name=name, kind=variable.causality
+            )
+            kind = SubElement(connector, f"{SSC}{_ssp_type(variable)}")
+            _note_unit(kind, variable, measures)
+    if len(connectors) == 0:
+        component.remove(connectors)
+
+
+def _note_unit(element: Element, variable: Variable, measures: dict[str, PhysicalUnit]) -> None:
+    if variable.is_real and variable.unit is not None:
+        element.set("unit", variable.unit.name)
+        measures.setdefault(variable.unit.name, variable.unit)
+
+
+def _ssp_type(variable: Variable) -> str:
+    if variable.is_real:
+        return "Real"
+    if variable.is_text:
+        return "String"
+    return "Boolean" if variable.kind in TRUTHS else "Integer"
+
+
+def _values(
+    component: Element,
+    values: list[tuple[Variable, Any]],
+    description: UnitDescription,
+    measures: dict[str, PhysicalUnit],
+) -> None:
+    if not values:
+        return
+    bindings = SubElement(component, f"{SSD}ParameterBindings")
+    binding = SubElement(bindings, f"{SSD}ParameterBinding")
+    inline = SubElement(binding, f"{SSD}ParameterValues")
+    parameters = SubElement(
+        SubElement(inline, f"{SSV}ParameterSet", version="1.0", name="start"), f"{SSV}Parameters"
+    )
+    for variable, given in values:
+        names = _names(variable, description)
+        entries = np.broadcast_to(given, (variable.size,))
+        for name, value in zip(names, entries):
+            parameter = SubElement(parameters, f"{SSV}Parameter", name=name)
+            kind = SubElement(
+                parameter, f"{SSV}{_ssp_type(variable)}", value=_text(variable, value)
+            )
+            _note_unit(kind, variable, measures)
+
+
+def _text(variable: Variable, value: Any) -> str:
+    if variable.kind in TRUTHS:
+        return str(bool(value)).lower()
+    return repr(float(value)) if variable.is_real else str(value)
+
+
+def _connections(structure: Element, system: System, units: _Units) -> None:
+    connections = SubElement(structure, f"{SSD}Connections")
+    for entry in system.connections:
+        source, output, target, taken = entry.ends
+        starts = _names(units[source][2].find(output), units[source][2])
+        ends = _names(units[target][2].find(taken), units[target][2])
+        if len(starts) != len(ends):  # an array of FMI 3 and the values of a field of FMI 2
+            starts, ends = [output], [taken]
+        for start, end in zip(starts, ends):
+            connection = SubElement(
+                connections, f"{SSD}Connection", startElement=source, startConnector=start,
+                endElement=target, endConnector=end,
+            )  # fmt: skip
+            if not entry.convert_units:
+                connection.set("suppressUnitConversion", "true")
+            if (entry.factor, entry.offset) != (1.0, 0.0):
+                SubElement(
+                    connection, f"{SSC}LinearTransformation",
+                    factor=repr(entry.factor), offset=repr(entry.offset),
+                )  # fmt: skip
+    if len(connections) == 0:
+        structure.remove(connections)
+
+
+def _measures(parent: Element, measures: dict[str, PhysicalUnit]) -> None:
+    for name, unit in sorted(measures.items()):
+        base = SubElement(SubElement(parent, f"{SSC}Unit", name=name), f"{SSC}BaseUnit")
+        for key, power in zip(BASE, unit.exponents):
+            if power:
+                base.set(key, f"{power:g}")
+        base.set("factor", repr(unit.factor))
+        base.set("offset", repr(unit.offset))
+
+
+def _kept(system: System) -> dict[str, Any]:
+    """Return what the standard has no place for, as tables of a system's file."""
+    window = {key: f"{value!r} s" if key != "residual" else value
+              for key, value in system.window.model_dump(exclude_none=True).items()}  # fmt: skip
+    return {
+        "title": system.title,
+        "window": window,
+        "scheme": system.scheme.model_dump(exclude_defaults=True),
+        "recorder": system.recorder.model_dump(mode="json", exclude_defaults=True),
+        "connections": {
+            connection.link: options
+            for connection in system.connections
+            if (options := connection.model_dump(
+                mode="json", exclude_defaults=True,
+                exclude={"link", "factor", "offset", "convert_units"},
+            ))
+        },
+        "units": {
+            unit.name: unit.model_dump(
+                exclude_defaults=True, include={"substeps", "quantities", "debug"}
+            )
+            for unit in system.units
+        },
+        **({} if system.unit_tolerance is None else {"unit_tolerance": system.unit_tolerance}),
+    }  # fmt: skip

@@ -1,0 +1,320 @@
+"""Systems from SSP 1.0 archives, as the tables of a system's file."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from lcmchain.coupling.cosimulation.archive import read_xml, unpack
+from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
+from lcmchain.coupling.cosimulation.physical_units import BASE, UnitError, unit_from_name
+from lcmchain.coupling.cosimulation.ssp_structure import (
+    SSC,
+    SSD,
+    STRUCTURE_FILE,
+    Given,
+    Node,
+    Structure,
+    node_text,
+    read_structure,
+    text_of,
+)
+from lcmchain.coupling.cosimulation.ssp_structure import Path as Place
+from lcmchain.coupling.cosimulation.system_file import System, system_from
+from lcmchain.errors import InputError
+
+#: Type of the annotation that keeps what SSP 1.0 has no place for, as JSON.
+ANNOTATION = "lcmchain.cosimulation"
+#: Windows of a system that does not say how long they are.
+WINDOWS = 500
+
+
+def read_ssp(path: Path | str, folder: Path, overrides: Sequence[str] = ()) -> System:
+    """Unpack an SSP archive and return its system.
+
+    Nested systems are flattened: ``outer.inner`` becomes the unit ``outer_inner``.
+
+    Parameters
+    ----------
+    folder : an empty one that has to be there as long as the system is used.
+
+    Raises
+    ------
+    InputError : no SSP 1.0, damaged, or something in it that is not read; names the archive.
+    """
+    path = Path(path)
+    unpack(path, folder)
+    try:
+        data, remarks = _tables(folder, path)
+        system = system_from(data, path, overrides, directory=folder)
+    except InputError as error:
+        if error.file is not None:
+            raise
+        place = f"{error.key}: " if error.key else ""
+        raise InputError(f"{place}{error.message}", file=path) from None
+    system._remarks.extend(remarks)
+    return system
+
+
+def _tables(folder: Path, path: Path) -> tuple[dict[str, Any], list[str]]:
+    root = _load(folder, STRUCTURE_FILE, path)
+    structure = read_structure(root, lambda name: _load(folder, name, path))
+    if not structure.sources:
+        raise InputError("the system has no components")
+    names = _unit_names(structure)
+    by_source = {s: _described(folder, s) for s in dict.fromkeys(structure.sources.values())}
+    descriptions = {place: by_source[source] for place, source in structure.sources.items()}
+    kept = _annotation(root)
+    units = _declared_units(root)
+    data: dict[str, Any] = {"title": root.get("name") or "Co-simulation"}
+    data |= _experiment(root)
+    if "window" not in kept:
+        length = _seconds(data.get("stop_time", "1 s")) - _seconds(data.get("start_time", "0 s"))
+        kept["window"] = f"{length / WINDOWS!r} s"
+        structure.remarks.append(
+            f"the archive does not say how long a communication step is; {kept['window']} is "
+            "taken, --set window=... another one"
+        )
+    links = _links(structure, names, descriptions)
+    starts = _starts(structure, descriptions, units)
+    data["connections"] = [
+        link if table == {"link": link} else table for link, table in links.items()
+    ]
+    data["units"] = []
+    for place, source in structure.sources.items():
+        table: dict[str, Any] = {"name": names[place], "fmu": source}
+        if starts[place]:
+            table["start"] = starts[place]
+        quantities = _quantities(structure, place, descriptions[place])
+        if quantities:
+            table["quantities"] = quantities
+        data["units"].append(table)
+    _merge(data, kept)
+    return data, structure.remarks
+
+
+def _load(folder: Path, name: str, path: Path) -> Element:
+    file = folder / name
+    if not file.is_file():
+        raise InputError(f"the archive holds no {name}")
+    return read_xml(file.read_bytes(), f"{path} ({name})")
+
+
+def _described(folder: Path, source: str) -> UnitDescription:
+    file = folder / source
+    if not file.is_file():
+        raise InputError(f"the archive holds no {source}")
+    inner = unpack(file, folder / ".described" / source.replace("/", "_"))
+    return read_description(inner, Path(source))
+
+
+def _unit_names(structure: Structure) -> dict[Place, str]:
+    """Return names of units that the file of a system takes."""
+    names: dict[Place, str] = {}
+    for place in structure.sources:
+        name = re.sub(r"[^A-Za-z0-9_-]", "_", "_".join(place))
+        name = name if re.match(r"[A-Za-z]", name) else f"unit_{name}"
+        unique, number = name, 2
+        while unique in names.values():
+            unique, number = f"{name}_{number}", number + 1
+        names[place] = unique
+        if unique != ".".join(place):
+            structure.remarks.append(f'component "{".".join(place)}" is the unit "{unique}"')
+    return names
+
+
+def _experiment(root: Element) -> dict[str, Any]:
+    experiment = root.find(f"{SSD}DefaultExperiment")
+    found = {}
+    for key, name in (("start_time", "startTime"), ("stop_time", "stopTime")):
+        value = None if experiment is None else experiment.get(name)
+        if value is not None:
+            found[key] = f"{value} s"
+    if "stop_time" not in found:
+        found["stop_time"] = "1 s"
+    return found
+
+
+def _seconds(text: str) -> float:
+    return float(text.removesuffix(" s"))
+
+
+def _links(
+    structure: Structure, names: dict[Place, str], descriptions: dict[Place, UnitDescription]
+) -> dict[str, dict[str, Any]]:
+    """Return connections by their link; those of all values of two fields become one."""
+    single: dict[tuple[Node, Node], dict[str, Any]] = {}
+    for start, end, step in structure.links():
+        if start[0] not in structure.sources:
+            continue  # an input of the whole system, which is a start value or nothing
+        options: dict[str, Any] = {}
+        if step.factor != 1.0 or step.offset != 0.0:
+            options = {"factor": step.factor, "offset": step.offset}
+        if not step.convert_units:
+            options["convert_units"] = False
+        single[start, end] = options
+    whole: dict[tuple[Node, Node], dict[str, Any]] = {}
+    counts: dict[tuple[Node, Node], int] = {}
+    for start, end in single:
+        fields = _fields(start, end, descriptions)
+        if fields is not None:
+            counts[fields] = counts.get(fields, 0) + 1
+    for (start, end), options in single.items():
+        fields = _fields(start, end, descriptions)
+        if fields is None or any(
+            descriptions[place].variables[name].size != counts[fields] for place, name in fields
+        ):
+            fields = start, end
+        whole.setdefault(fields, options)
+    links = {}
+    for (start, end), options in whole.items():
+        link = f"{names[start[0]]}.{start[1]} -> {names[end[0]]}.{end[1]}"
+        links[link] = {"link": link, **options}
+    return links
+
+
+def _fields(
+    start: Node, end: Node, descriptions: dict[Place, UnitDescription]
+) -> tuple[Node, Node] | None:
+    """Return the fields of FMI 2 that a connection of two values with the same index belongs to."""
+    one, other = _field(start, descriptions), _field(end, descriptions)
+    if one is None or other is None or _index(start) != _index(end):
+        return None
+    return (start[0], one), (end[0], other)
+
+
+def _field(node: Node, descriptions: dict[Place, UnitDescription]) -> str | None:
+    """Return the field of FMI 2 that a scalar is a value of."""
+    description = descriptions[node[0]]
+    name = node[1].partition("[")[0]
+    return name if node[1] in description.elements and name in description.variables else None
+
+
+def _index(node: Node) -> str:
+    return node[1].partition("[")[2]
+
+
+def _starts(
+    structure: Structure,
+    descriptions: dict[Place, UnitDescription],
+    units: dict[str, tuple[tuple[float, ...], float, float]],
+) -> dict[Place, dict[str, Any]]:
+    """Return the start values of every component; later ones replace earlier ones."""
+    starts: dict[Place, dict[str, Any]] = {place: {} for place in structure.sources}
+    fed: dict[Node, list[Node]] = {}
+    for start, end, step in structure.links():
+        if start[0] not in structure.sources:
+            fed.setdefault(start, []).append(end)
+            if not step.is_plain and any(node == start for node, _ in structure.values):
+                raise InputError(
+                    f"the value of {node_text(start)} is transformed on its way to a component, "
+                    "which is not read; give the component its own value"
+                )
+    for node, given in structure.values:
+        targets = [node] if node[0] in structure.sources else fed.get(node, [])
+        known = [
+            target
+            for target in targets
+            if target[1]
+            in {**descriptions[target[0]].variables, **descriptions[target[0]].elements}
+        ]
+        if not known:
+            structure.remarks.append(f"the value of {node_text(node)} has no variable to go to")
+        for place, name in known:
+            starts[place][name] = _start(given, units, node)
+    return starts
+
+
+def _start(
+    given: Given, units: dict[str, tuple[tuple[float, ...], float, float]], node: Node
+) -> Any:
+    """Return a value as it stands in the file of a system."""
+    try:
+        if given.kind == "String":
+            return given.text
+        if given.kind == "Boolean":
+            return {"true": True, "1": True, "false": False, "0": False}[given.text]
+        if given.kind in ("Integer", "Enumeration"):
+            return int(given.text)
+        number = float(given.text)
+    except (ValueError, KeyError):
+        raise InputError(
+            f'the value of {node_text(node)}, "{given.text}", is no {given.kind}'
+        ) from None
+    if not given.unit:
+        return {"value": number}  # in the unit of the variable
+    if given.unit in units:
+        exponents, factor, offset = units[given.unit]
+        base = " ".join(f"{name}^{power:g}" for name, power in zip(BASE, exponents) if power)
+        return f"{factor * number + offset!r} {base.replace(' ', '*')}".strip()
+    return f"{number!r} {given.unit}"
+
+
+def _declared_units(root: Element) -> dict[str, tuple[tuple[float, ...], float, float]]:
+    """Return the units that the description defines and that are not known by their names."""
+    found = {}
+    for unit in root.findall(f"{SSD}Units/{SSC}Unit"):
+        name, base = unit.get("name", ""), unit.find(f"{SSC}BaseUnit")
+        try:
+            unit_from_name(name)
+        except UnitError:
+            if base is not None:
+                exponents = tuple(float(base.get(key, "0")) for key in BASE)
+                found[name] = (
+                    exponents,
+                    float(base.get("factor", 1)),
+                    float(base.get("offset", 0)),
+                )
+    return found
+
+
+def _quantities(structure: Structure, place: Place, description: UnitDescription) -> dict[str, str]:
+    """Return units that connectors state for variables to which the unit itself gives none."""
+    found = {}
+    for (owner, name), unit in structure.connector_units.items():
+        variable = description.variables.get(name)
+        if owner == place and variable is not None and variable.is_real and variable.unit is None:
+            try:
+                unit_from_name(unit)
+            except UnitError:
+                structure.remarks.append(
+                    f'the unit "{unit}" of {node_text((owner, name))} is not known'
+                )
+            else:
+                found[name] = unit
+    return found
+
+
+def _annotation(root: Element) -> dict[str, Any]:
+    """Return what an export of this program has kept beside the standard."""
+    for annotation in root.findall(f"{SSD}Annotations/{SSC}Annotation"):
+        if annotation.get("type") == ANNOTATION:
+            text = next((text_of(child) for child in annotation), None)
+            try:
+                kept = json.loads(text or "{}")
+            except ValueError:
+                raise InputError(f"the annotation {ANNOTATION} is damaged") from None
+            if isinstance(kept, dict):
+                return kept
+    return {}
+
+
+def _merge(data: dict[str, Any], kept: dict[str, Any]) -> None:
+    """Add what an annotation keeps: options of connections and units, scheme, windows, record."""
+    for key in ("title", "window", "scheme", "recorder", "unit_tolerance"):
+        if key in kept:
+            data[key] = kept[key]
+    options = kept.get("connections", {})
+    data["connections"] = [
+        {**(entry if isinstance(entry, dict) else {"link": entry}),
+         **options.get(entry if isinstance(entry, str) else entry["link"], {})}
+        for entry in data["connections"]
+    ]  # fmt: skip
+    for unit in data["units"]:
+        unit |= kept.get("units", {}).get(unit["name"], {})
+    order = list(kept.get("units", {}))
+    data["units"].sort(key=lambda unit: order.index(unit["name"]) if unit["name"] in order else 0)

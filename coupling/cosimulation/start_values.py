@@ -1,0 +1,142 @@
+"""Start values from the file of a system: read with their units, checked against the variables."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lcmchain.coupling.cosimulation.description import UnitDescription
+from lcmchain.coupling.cosimulation.physical_units import UnitError, unit_from_name, value_of
+from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
+from lcmchain.errors import InputError, shortened
+
+
+def start_values(
+    unit: str, description: UnitDescription, given: Mapping[str, Any]
+) -> list[tuple[Variable, Any]]:
+    """Return variables and their values (n,) in the unit's own types and units of measurement.
+
+    Raises
+    ------
+    InputError : no such variable, one that cannot be set, or a value that does not fit; names the
+        key.
+    """
+    found = []
+    for name, value in given.items():
+        key = f"units.{unit}.start.{name}"
+        try:
+            variable = description.find(name)
+        except InputError as error:
+            raise InputError(error.message, key=key) from None
+        _require_settable(variable, key)
+        found.append((variable, _values(variable, value, key)))
+    return found
+
+
+def with_declared_units(
+    unit: str, description: UnitDescription, quantities: Mapping[str, str]
+) -> None:
+    """Give variables without a unit of their own the one that the file of the system states.
+
+    Raises
+    ------
+    InputError : no such variable, one with a unit, or an unknown unit.
+    """
+    for name, text in quantities.items():
+        key = f"units.{unit}.quantities.{name}"
+        variable = description.variables.get(name)
+        if variable is None:
+            close = difflib.get_close_matches(name, description.variables, n=1)
+            hint = f'; did you mean "{close[0]}"?' if close else ""
+            raise InputError(f"the unit has no such variable{hint}", key=key)
+        if variable.unit is not None:
+            raise InputError(f"the unit itself gives it in {variable.unit.name}", key=key)
+        try:
+            physical = unit_from_name(text)
+        except UnitError as error:
+            raise InputError(str(error), key=key) from None
+        description.variables[name] = replace(variable, unit=physical)
+
+
+def _require_settable(variable: Variable, key: str) -> None:
+    if variable.causality == "structuralParameter":
+        raise InputError(
+            "is a structural parameter, which changes the sizes of fields; these cannot be set "
+            "here, export the unit with the sizes that are needed",
+            key=key,
+        )
+    settable = variable.causality in ("parameter", "input") or (
+        variable.variability != "constant" and variable.initial in ("exact", "approx")
+    )
+    if not settable:
+        raise InputError(
+            f"is {variable.causality}, {variable.variability}: it has no start value", key=key
+        )
+
+
+def _values(variable: Variable, value: Any, key: str) -> NDArray[Any]:
+    listed = isinstance(value, (list, tuple))
+    if listed and len(value) != variable.size:
+        raise InputError(
+            f"has {len(value)} values, but the variable has {variable.size}; give that many, or "
+            "one for all",
+            key=key,
+        )
+    entries = [_value(variable, entry, key) for entry in (value if listed else [value])]
+    values = np.empty(variable.size, dtype=variable.dtype)
+    values[:] = entries if listed else entries[0]
+    return values
+
+
+def _value(variable: Variable, value: Any, key: str) -> Any:
+    kind = variable.type_name
+    if variable.is_text:
+        if not isinstance(value, str):
+            raise InputError(f"must be a text in quotes, not {value!r}", key=key)
+        return value
+    if variable.kind in TRUTHS:
+        if not isinstance(value, bool):
+            raise InputError(f"must be true or false, not {value!r}", key=key)
+        return value
+    if variable.is_real:
+        return _real(variable, value, key)
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise InputError(f"must be a whole number ({kind}), not {value!r}", key=key)
+    limits = np.iinfo(variable.dtype)
+    if not limits.min <= value <= limits.max:
+        raise InputError(f"is beyond the range of {kind}", key=key)
+    return value
+
+
+def _real(variable: Variable, value: Any, key: str) -> float:
+    unit = variable.unit
+    if isinstance(value, dict) and set(value) == {"value"}:  # in the variable's own unit
+        value, unit = value["value"], None
+    if isinstance(value, str):
+        if unit is None:
+            raise InputError(
+                f'has no unit of measurement in the unit; write a plain number, not "'
+                f'{shortened(value)}", or give its unit in "quantities"',
+                key=key,
+            )
+        try:
+            return value_of(value, unit, relative=variable.relative)
+        except UnitError as error:
+            raise InputError(f"{error}; it is in {unit.name}", key=key) from None
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise InputError(f"must be a number, not {value!r}", key=key)
+    if not math.isfinite(value):
+        raise InputError("must be finite", key=key)
+    if unit is not None and not unit.is_plain:
+        raise InputError(
+            f'{value!r} has no unit; write it in quotes with one, for example "{value} '
+            f'{unit.name}"',
+            key=key,
+        )
+    return float(value)

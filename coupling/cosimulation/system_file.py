@@ -1,0 +1,327 @@
+"""The file of a system (TOML): units, connections, scheme, windows, what is recorded."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError, model_validator
+
+from lcmchain.errors import InputError
+from lcmchain.quantities.entry_types import (
+    FROM_FILE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    AbsentMeans,
+    Name,
+    Number,
+    PositiveTime,
+    Range,
+    Row,
+    Switch,
+    Text,
+    TimeOrZero,
+    wrong,
+)
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.explain import MOST_PROBLEMS, problems_of
+from lcmchain.scene.overrides import apply_overrides
+from lcmchain.scene.read import input_error, parse_toml, read_text, require_within_limits
+from lcmchain.scene.walk import documents_of
+
+SUFFIX = ".toml"
+
+#: Group of the record that no unit may be named like.
+CONVERGENCE_GROUP = "coupling"
+
+_LINK = re.compile(r"\s*([^\s.]+)\.(.+?)\s*->\s*([^\s.]+)\.(.+?)\s*")
+
+Relative = Annotated[float, Number(1e-6, Range(0.0, 1.0, (0.0,)))]
+Positive = Annotated[float, Number(1.0, POSITIVE)]
+Factor = Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0,)))]
+Order = Annotated[int, Number(1, Range(0, 2), whole=True)]
+Share = Annotated[float, Number(1e-3, Range(0.0, 1.0, (0.0,)))]
+NotNegative = Annotated[float, Number(1e-6, NOT_NEGATIVE)]
+Bound = Annotated[float, Number(0.0)]
+
+
+class UnitEntry(SceneModel):
+    """A unit of the system."""
+
+    name: Annotated[str, Name("press")] = Field(description="Name of the unit in the system.")
+    fmu: Annotated[str, Text("press.fmu")] = Field(
+        description="Archive of the unit, relative to the file of the system."
+    )
+    start: dict[str, Any] = Field(
+        default={}, description="Start values of parameters and inputs, quantities with units."
+    )
+    quantities: dict[str, str] = Field(
+        default={}, description="Units of variables to which the unit itself gives none."
+    )
+    substeps: Annotated[int, Number(1, Range(1, 1_000_000), whole=True)] = Field(
+        default=1, description="Steps of the unit within a window."
+    )
+    debug: Switch = Field(default=False, description="Ask the unit for all its messages.")
+
+
+class ConnectionEntry(SceneModel):
+    """An output that is led to an input; the numbers are in the unit of the input."""
+
+    link: Annotated[str, Text("press.force -> forming.punch.force_input")] = Field(
+        description="From where to where: unit.output -> unit.input."
+    )
+    factor: Bound = Field(default=1.0, description="The input is factor times the output ...")
+    offset: Bound = Field(default=0.0, description="... plus this, after the unit conversion.")
+    convert_units: Switch = Field(
+        default=True, description="Convert between the units of measurement of both ends."
+    )
+    relative: Annotated[Relative | None, AbsentMeans("scheme.relative")] = Field(
+        default=None, description="Tolerance, as a part of the field."
+    )
+    absolute: Annotated[Positive | None, AbsentMeans("none")] = Field(
+        default=None, description="Change that is small enough whatever the field."
+    )
+    scale: Annotated[Positive | None, AbsentMeans("its largest size so far")] = Field(
+        default=None, description="Size of the field, which weighs it against others."
+    )
+    relaxation: Factor = Field(default=1.0, description="Factor on top of the scheme's own.")
+    bounds: Annotated[
+        tuple[Bound, Bound] | None,
+        Row("[0.0, 1e6]", count=2, entries="numbers", units=False),
+        AbsentMeans("none"),
+    ] = Field(default=None, description="Least and largest value that an iteration tries.")
+    of_window: Literal["end", "mean"] = Field(
+        default="end", description="What is sent of sub-steps: the last value or their mean."
+    )
+    within: Literal["linear", "held"] = Field(
+        default="linear", description="What sub-steps of the target see between two windows."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if _LINK.fullmatch(self.link) is None:
+            raise wrong(
+                f'"{self.link}" is no connection; write "unit.output -> unit.input"', field="link"
+            )
+        return self
+
+    @property
+    def ends(self) -> tuple[str, str, str, str]:
+        """Return source, its variable, target and its variable."""
+        match = _LINK.fullmatch(self.link)
+        assert match is not None
+        source, output, target, name = match.groups()
+        return source, output, target, name
+
+
+class SchemeEntry(SceneModel):
+    """How the units go through a window."""
+
+    type: Literal["jacobi", "gauss-seidel", "fixed-point", "aitken", "iqn-ils", "iqn-mvj"] = Field(
+        default="jacobi",
+        description="jacobi and gauss-seidel go through each window once, the others iterate.",
+    )
+    order: Literal["serial", "parallel"] = Field(
+        default="serial",
+        description="Of the iterating schemes: one after the other or all at once.",
+    )
+    relative: Relative = Field(
+        default=1e-6, description="Tolerance of every connection, as a part of the field."
+    )
+    relaxation: Annotated[Factor | None, AbsentMeans("as the scheme has it")] = Field(
+        default=None, description="Factor of the first iteration."
+    )
+    most_iterations: Annotated[int, Number(50, Range(1, 100_000), whole=True)] = Field(
+        default=50, description="A window that needs more has failed."
+    )
+    windows_reused: Annotated[int, Number(20, Range(0, 1000), whole=True)] = Field(
+        default=20, description="IQN-ILS: windows whose differences are used again."
+    )
+    extrapolation: Annotated[
+        Order | None, AbsentMeans("0 for jacobi and gauss-seidel, 1 for the others")
+    ] = Field(default=None, description="Order of the extrapolation into a new window.")
+    on_failure: Literal["stop", "go_on"] = Field(
+        default="stop", description="What follows a window that does not converge."
+    )
+
+    @property
+    def explicit(self) -> bool:
+        return self.type in ("jacobi", "gauss-seidel")
+
+
+class WindowEntry(SceneModel):
+    """The communication steps."""
+
+    size: PositiveTime = Field(description="Size of the first window, and of all by default.")
+    smallest: Annotated[PositiveTime | None, AbsentMeans("size")] = Field(
+        default=None, description="A window that fails is halved down to this size."
+    )
+    largest: Annotated[PositiveTime | None, AbsentMeans("size")] = Field(
+        default=None, description="Windows that go easily grow up to this size."
+    )
+    residual: Annotated[Share | None, AbsentMeans("not looked at")] = Field(
+        default=None,
+        description="Wanted error of the extrapolation, as a part of the field; leads the size.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.smallest is not None and self.smallest > self.size:
+            raise wrong("must not be above size", field="smallest")
+        if self.largest is not None and self.largest < self.size:
+            raise wrong("must not be below size", field="largest")
+        return self
+
+    @property
+    def varies(self) -> bool:
+        return (self.smallest or self.size) < self.size or (self.largest or self.size) > self.size
+
+
+class RecorderEntry(SceneModel):
+    """What is recorded over time."""
+
+    variables: Annotated[
+        tuple[str, ...], Row('["press.force", "forming.*"]', entries="names", units=False)
+    ] = Field(default=("*.*",), description='Names of variables; "*" stands for any text.')
+    fields: Switch = Field(default=True, description="Record whole fields too.")
+    every: Annotated[int, Number(1, Range(1, 1_000_000), whole=True)] = Field(
+        default=1, description="Record every so many windows; the last one always."
+    )
+
+
+def _link_table(value: Any) -> Any:
+    return {"link": value} if isinstance(value, str) else value
+
+
+def _window_table(value: Any) -> Any:
+    return {"size": value} if isinstance(value, (str, int, float)) else value
+
+
+class System(SceneModel):
+    """Units that are simulated together."""
+
+    title: Annotated[str, Text("Press and part")] = Field(
+        default="Co-simulation", description="Title of the results."
+    )
+    start_time: TimeOrZero = Field(default="0 s", description="Begin.")  # type: ignore[assignment]
+    stop_time: PositiveTime = Field(description="End.")
+    window: Annotated[WindowEntry, BeforeValidator(_window_table)] = Field(
+        description='The communication steps: their size, such as "10 ms", or a table.'
+    )
+    units: tuple[UnitEntry, ...] = Field(
+        min_length=1, description="The units; serial schemes advance them in this order."
+    )
+    connections: tuple[Annotated[ConnectionEntry, BeforeValidator(_link_table)], ...] = Field(
+        default=(), description='Connections: "unit.output -> unit.input", or tables.'
+    )
+    scheme: SchemeEntry = Field(
+        default=SchemeEntry(), description="How the units go through a window."
+    )
+    recorder: RecorderEntry = Field(default=RecorderEntry(), description="What is recorded.")
+    unit_tolerance: Annotated[NotNegative | None, AbsentMeans("left to the units")] = Field(
+        default=None, description="Relative tolerance that the units are told."
+    )
+
+    _directory: Path = PrivateAttr(default_factory=Path.cwd)
+    _source: str = PrivateAttr(default="")
+    _remarks: list[str] = PrivateAttr(default_factory=list)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not self.stop_time > self.start_time:
+            raise wrong("must lie after start_time", field="stop_time")
+        names = [unit.name for unit in self.units]
+        for number, name in enumerate(names):
+            if name in names[:number]:
+                raise wrong(f'two units are named "{name}"', field=f"units[{number}].name")
+            if name == CONVERGENCE_GROUP:
+                raise wrong(
+                    "the record keeps the convergence under this name; choose another one",
+                    field=f"units[{number}].name",
+                )
+        for number, connection in enumerate(self.connections):
+            source, _, target, _ = connection.ends
+            for name in (source, target):
+                if name not in names:
+                    raise wrong(
+                        f'there is no unit "{name}"; there are {", ".join(names)}',
+                        field=f"connections[{number}]",
+                    )
+        return self
+
+    @property
+    def directory(self) -> Path:
+        """Return the folder to which the names of units are relative."""
+        return self._directory
+
+    @property
+    def source(self) -> str:
+        """Return the text that it was read from."""
+        return self._source
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Return what reading it has left open."""
+        return tuple(self._remarks)
+
+    def digest(self) -> str:
+        """Return a hash of all that decides the numbers of a run."""
+        told = self.model_dump(mode="json", exclude={"title": True, "recorder": True})
+        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def read_system(path: Path | str, overrides: Sequence[str] = ()) -> System:
+    """Read the file of a system.
+
+    Parameters
+    ----------
+    overrides : ``key=value`` texts, as for a scene; units go by their names.
+
+    Raises
+    ------
+    InputError : it cannot be read, is no TOML, or entries are wrong; all are named in one message.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError("is a folder; name the file of the system in it", file=path)
+    text = read_text(path)
+    return system_from(parse_toml(text, path), path, overrides, text=text)
+
+
+def system_from(
+    data: dict[str, Any],
+    path: Path | None,
+    overrides: Sequence[str] = (),
+    *,
+    directory: Path | None = None,
+    text: str = "",
+) -> System:
+    """Validate a parsed document.
+
+    Parameters
+    ----------
+    path : for messages, and for the folder where ``directory`` is not given.
+
+    Raises
+    ------
+    InputError : entries are wrong.
+    """
+    if overrides:
+        apply_overrides(data, overrides)
+    require_within_limits(data, path)
+    try:
+        system = System.model_validate(copy.deepcopy(data), context=FROM_FILE)
+    except ValidationError as error:
+        with documents_of(System):
+            problems = problems_of(error, data)
+        unexplained = max(error.error_count() - MOST_PROBLEMS, 0)
+        raise input_error(problems, path, unexplained=unexplained) from None
+    if directory is None:
+        directory = Path.cwd() if path is None else path.resolve().parent
+    system._directory, system._source = directory, text
+    return system

@@ -1,0 +1,91 @@
+"""``lcmchain cosim``: units of FMI 2.0 and 3.0, simulated together."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from lcmchain.commands.folders import default_out, output_folder
+from lcmchain.commands.options import Overrides, Strict
+from lcmchain.commands.terminal import console, progress_bar, require_none, say, warn
+from lcmchain.errors import InputError
+
+SSP_SUFFIX = ".ssp"
+
+
+def cosim(
+    system: Annotated[
+        Path,
+        typer.Argument(metavar="SYSTEM", help="File of the system (TOML), or an SSP archive."),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder of the results; default results/SYSTEM."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the checkpoint in DIR.")
+    ] = False,
+    export: Annotated[
+        Path | None,
+        typer.Option(
+            "--export", metavar="F.ssp", help="Write the system as an SSP archive, do not simulate."
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    strict: Strict = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Say nothing but warnings and errors.")
+    ] = False,
+) -> None:
+    """Simulate functional mock-up units together, by any coupling scheme."""
+    with _read(system, overrides or ()) as the_system:
+        if export is not None:
+            _export(the_system, system, export)
+            return
+        from lcmchain.coupling.cosimulation.run import run_system
+        from lcmchain.coupling.cosimulation.summary import cost_table
+
+        with output_folder(out or default_out(system), inputs=[system]) as folder:
+            with progress_bar(quiet=quiet) as progress:
+                summary = run_system(
+                    the_system, folder, resume=resume, progress=progress, inputs=(system,)
+                )
+    if not quiet:
+        console().print(cost_table(summary))
+        say(f"Results: {folder / 'cosimulation.nc'}")
+    for warning in summary["warnings"]:
+        warn(warning)
+    require_none(summary["warnings"], strict=strict)
+
+
+@contextmanager
+def _read(path: Path, overrides: Any) -> Iterator[Any]:
+    """Read a system; an SSP archive stays unpacked within the block."""
+    if path.is_dir():
+        raise InputError("is a folder; name the file of the system in it", file=path)
+    if not path.is_file():
+        raise InputError("there is no such file", file=path)
+    if path.suffix.lower() != SSP_SUFFIX:
+        from lcmchain.coupling.cosimulation.system_file import read_system
+
+        yield read_system(path, overrides)
+        return
+    from lcmchain.coupling.cosimulation.ssp_import import read_ssp
+
+    with tempfile.TemporaryDirectory(prefix="lcmchain-ssp-") as folder:
+        yield read_ssp(path, Path(folder), overrides)
+
+
+def _export(the_system: Any, source: Path, target: Path) -> None:
+    if target.suffix.lower() != SSP_SUFFIX:
+        raise InputError("the name of a system archive ends in .ssp", file=target)
+    from lcmchain.coupling.cosimulation.ssp_export import write_ssp
+
+    with output_folder(target.parent, inputs=[source]):
+        write_ssp(the_system, target)
+    say(f"Wrote {target}")
