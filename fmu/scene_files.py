@@ -33,4 +33,3 @@ def stage_scene(scene: Scene, folder: Path) -> list[str]:
         except OSError as error:
             raise InputError(f'"{value}" cannot be read: {error.strerror}', key=key) from None
     return overrides
-

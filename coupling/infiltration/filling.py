@@ -287,7 +287,6 @@ class Filling:
             state.thickness = start
         self._steps.forget()
 
-
     def set_permeability(self, tensor: np.ndarray, through: np.ndarray | None = None) -> None:
         """Take the permeability of fibres that have moved, see :meth:`Medium.set_permeability`.
 
