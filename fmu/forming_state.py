@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,10 @@ from lcmchain.state import State
 
 if TYPE_CHECKING:
     from lcmchain.fmu.forming import FormingPart
+
+
+# What a simulation keeps itself.
+_OF_SIMULATION = ("state", "control")
 
 
 def capture(part: FormingPart) -> PartState:
@@ -32,13 +36,8 @@ def capture(part: FormingPart) -> PartState:
     for number, frame in enumerate(part.frames):
         arrays |= {f"frame_{number}_{name}": array for name, array in frame.arrays.items()}
     if part.wet is not None:
-        saved = part.wet.save()
-        arrays |= {
-            "wet_pore_pressure": saved.pore_pressure,
-            "wet_volume": saved.volume,
-            "wet_area": saved.area,
-        }
-        values["wet_step"] = saved.step
+        for name, value in _of_coupling(part.wet.save()).items():
+            (arrays if isinstance(value, np.ndarray) else values)[f"wet_{name}"] = value
     return PartState(values, arrays)
 
 
@@ -76,11 +75,18 @@ def reinstate(part: FormingPart, saved: PartState) -> None:
 
 
 def _wet(state: State, control: StepControl, saved: PartState) -> SavedForming:
-    arrays = saved.arrays
-    return SavedForming(
-        state, control, arrays["wet_pore_pressure"], float(saved.values["wet_step"]),
-        arrays["wet_volume"], arrays["wet_area"],
-    )  # fmt: skip
+    held = {**saved.arrays, **saved.values}
+    names = [entry.name for entry in fields(SavedForming) if entry.name not in _OF_SIMULATION]
+    return SavedForming(state, control, **{name: held[f"wet_{name}"] for name in names})
+
+
+def _of_coupling(saved: SavedForming) -> dict[str, Any]:
+    """What a part of a coupling keeps beside the state of its simulation."""
+    return {
+        entry.name: getattr(saved, entry.name)
+        for entry in fields(saved)
+        if entry.name not in _OF_SIMULATION
+    }
 
 
 def _named(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
