@@ -85,7 +85,6 @@ def pass_on(
 
 def _spread(edges, flow, volume, pores, rate, full, records) -> np.ndarray:
     """Pass on what is too much; return which volumes (N,) found no neighbour with room."""
-    first, second = edges.T
     done = full.copy()
     while True:
         excess = volume - pores
@@ -94,11 +93,8 @@ def _spread(edges, flow, volume, pores, rate, full, records) -> np.ndarray:
             return over
         done |= over
         room = ~done & (volume < pores)
-        forth = np.flatnonzero(over[first] & room[second])
-        back = np.flatnonzero(over[second] & room[first])
-        source = np.concatenate([first[forth], second[back]])
-        target = np.concatenate([second[forth], first[back]])
-        share = _shares(np.concatenate([flow[forth], flow[back]]), source, len(volume))
+        source, target, between = _neighbours(edges, flow, over, room)
+        share = _shares(between, source, len(volume))
         stuck = over.copy()
         stuck[source] = False
         if stuck.any():
@@ -108,6 +104,20 @@ def _spread(edges, flow, volume, pores, rate, full, records) -> np.ndarray:
         volume += np.bincount(target, moved, minlength=len(volume))
         rate += np.bincount(target, share * rate[source], minlength=len(volume))
         volume[over] = pores[over]
+
+
+def _neighbours(
+    edges: np.ndarray, flow: np.ndarray, these: np.ndarray, those: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edges from some volumes to others: rows of both ends, and conductances."""
+    first, second = edges.T
+    forth = np.flatnonzero(these[first] & those[second])
+    back = np.flatnonzero(these[second] & those[first])
+    return (
+        np.concatenate([first[forth], second[back]]),
+        np.concatenate([second[forth], first[back]]),
+        np.concatenate([flow[forth], flow[back]]),
+    )
 
 
 def _shares(flow: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
@@ -120,7 +130,7 @@ def _shares(flow: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
 
 
 def _draw(edges, flow, volume, records) -> bool:
-    first, second = edges.T
+    """Let drained volumes take what they lack from wet neighbours; return whether all could."""
     done = np.zeros(len(volume), dtype=bool)
     while True:
         under = volume < 0.0
@@ -128,11 +138,8 @@ def _draw(edges, flow, volume, records) -> bool:
             return True
         done |= under
         wet = ~done & (volume > 0.0)
-        forth = np.flatnonzero(under[first] & wet[second])
-        back = np.flatnonzero(under[second] & wet[first])
-        target = np.concatenate([first[forth], second[back]])
-        source = np.concatenate([second[forth], first[back]])
-        share = _shares(np.concatenate([flow[forth], flow[back]]), target, len(volume))
+        target, source, between = _neighbours(edges, flow, under, wet)
+        share = _shares(between, target, len(volume))
         lost = under.copy()
         lost[target] = False
         if lost.any():

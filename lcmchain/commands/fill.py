@@ -10,7 +10,17 @@ from typing import Annotated, Any
 import typer
 
 from lcmchain.commands.folders import default_out, output_folder
-from lcmchain.commands.options import Overrides, Strict
+from lcmchain.commands.options import (
+    AllowIncomplete,
+    LengthUnit,
+    MaximumDistance,
+    Overrides,
+    Quiet,
+    Register,
+    Results,
+    SavedFrame,
+    Strict,
+)
 from lcmchain.commands.terminal import length_of, progress_bar, require_none, say, warn
 from lcmchain.errors import InputError
 
@@ -33,36 +43,21 @@ def fill(
         Path | None,
         typer.Option("--mesh", metavar="TARGET", help="Mesh to map onto first; default none."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the results; default results/NAME."),
-    ] = None,
+    out: Results = None,
     name: Annotated[
         str, typer.Option(metavar="NAME", help="Name of the part and its files.")
     ] = "infiltration",
     overrides: Overrides = None,
-    maximum_distance: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help='Farthest distance to map over, such as "2 mm".'),
-    ] = None,
-    length_unit: Annotated[str, typer.Option(help="Unit of the mesh of --mesh.")] = "m",
-    frame: Annotated[
-        int, typer.Option(metavar="N", help="Saved frame of forming, from 0; -1 is the last one.")
-    ] = -1,
-    register: Annotated[
-        bool,
-        typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
-    ] = False,
-    allow_incomplete: Annotated[
-        bool, typer.Option("--allow-incomplete", help="Accept fields of an unfinished run.")
-    ] = False,
+    maximum_distance: MaximumDistance = None,
+    length_unit: LengthUnit = "m",
+    frame: SavedFrame = -1,
+    register: Register = False,
+    allow_incomplete: AllowIncomplete = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the checkpoint in DIR.")
     ] = False,
     strict: Strict = False,
-    quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Say nothing but warnings and errors.")
-    ] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Fill the formed part with resin: front, pressure, dry spots."""
     if source.is_dir():

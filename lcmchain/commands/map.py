@@ -8,6 +8,16 @@ from typing import Annotated
 import typer
 
 from lcmchain.commands.folders import output_folder
+from lcmchain.commands.options import (
+    AllowAmbiguous,
+    AllowIncomplete,
+    LengthUnit,
+    MaximumDistance,
+    Method,
+    Register,
+    SavedFrame,
+    ThicknessLimit,
+)
 from lcmchain.commands.terminal import console, length_of, require_choice, say, time_of, warn
 from lcmchain.errors import InputError
 
@@ -23,19 +33,13 @@ def map_fields(
     kind: Annotated[
         str, typer.Option(help="What the mesh is for: infiltration or structure.")
     ] = "structure",
-    method: Annotated[str, typer.Option(help="Weights: overlap or closest.")] = "overlap",
+    method: Method = "overlap",
     order: Annotated[
         int, typer.Option(min=1, max=2, help="Fields within a face: 1 constant, 2 linear.")
     ] = 2,
-    maximum_distance: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help='Farthest distance to map over, such as "2 mm".'),
-    ] = None,
-    length_unit: Annotated[str, typer.Option(help="Unit of the target mesh.")] = "m",
-    frame: Annotated[
-        int,
-        typer.Option(metavar="N", help="Saved frame to map, from 0; -1 is the last one."),
-    ] = -1,
+    maximum_distance: MaximumDistance = None,
+    length_unit: LengthUnit = "m",
+    frame: SavedFrame = -1,
     time: Annotated[
         str | None,
         typer.Option(metavar="TIME", help='Saved state to map by its time, such as "120 ms".'),
@@ -44,10 +48,7 @@ def map_fields(
         bool,
         typer.Option("--all-frames", help="Also map every other state, on the moving mesh."),
     ] = False,
-    register: Annotated[
-        bool,
-        typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
-    ] = False,
+    register: Register = False,
     nodes: Annotated[
         bool, typer.Option("--nodes", help="Write values at the nodes of the mesh too.")
     ] = False,
@@ -55,10 +56,7 @@ def map_fields(
         bool,
         typer.Option("--verify", help="Estimate the error that the mapping adds to every field."),
     ] = False,
-    thickness_limit: Annotated[
-        float,
-        typer.Option(help="Largest relative difference of a solid's thickness from the formed."),
-    ] = 0.1,
+    thickness_limit: ThicknessLimit = 0.1,
     exports: Annotated[
         list[str] | None,
         typer.Option(
@@ -70,12 +68,8 @@ def map_fields(
     allow_unmapped: Annotated[
         bool, typer.Option("--allow-unmapped", help="Accept cells with no sheet nearby.")
     ] = False,
-    allow_ambiguous: Annotated[
-        bool, typer.Option("--allow-ambiguous", help="Accept the nearer of two layers.")
-    ] = False,
-    allow_incomplete: Annotated[
-        bool, typer.Option("--allow-incomplete", help="Accept fields of an unfinished run.")
-    ] = False,
+    allow_ambiguous: AllowAmbiguous = False,
+    allow_incomplete: AllowIncomplete = False,
 ) -> None:
     """Map the formed blank's fields onto another mesh."""
     from lcmchain.scene import MappingTarget

@@ -23,3 +23,31 @@ Overrides = Annotated[
 Strict = Annotated[
     bool, typer.Option("--strict", help="Take warnings as errors: exit code 1 where there are any.")
 ]
+Results = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Folder of the results; default results/NAME."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but warnings and errors.")]
+
+# How a forming result is mapped.
+MaximumDistance = Annotated[
+    str | None,
+    typer.Option(metavar="LENGTH", help='Farthest distance to map over, such as "2 mm".'),
+]
+LengthUnit = Annotated[str, typer.Option(help="Unit of the target mesh.")]
+Method = Annotated[str, typer.Option(help="Weights: overlap or closest.")]
+SavedFrame = Annotated[
+    int, typer.Option(metavar="N", help="Saved frame to map, from 0; -1 is the last one.")
+]
+Register = Annotated[
+    bool, typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion.")
+]
+ThicknessLimit = Annotated[
+    float, typer.Option(help="Largest relative difference of a solid's thickness from the formed.")
+]
+AllowAmbiguous = Annotated[
+    bool, typer.Option("--allow-ambiguous", help="Accept the nearer of two layers.")
+]
+AllowIncomplete = Annotated[
+    bool, typer.Option("--allow-incomplete", help="Accept fields of an unfinished run.")
+]

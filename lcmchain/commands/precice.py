@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from lcmchain.commands.folders import output_folder
+from lcmchain.commands.options import Quiet, Results
 from lcmchain.commands.terminal import progress_bar, say
 from lcmchain.errors import InputError
 
@@ -17,17 +18,12 @@ def precice(
         Path | None,
         typer.Argument(metavar="CASE.toml", help="What the participant simulates and exchanges."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the results; default results/NAME."),
-    ] = None,
+    out: Results = None,
     example: Annotated[
         Path | None,
         typer.Option("--example", metavar="DIR", help="Write a coupling to start from, and end."),
     ] = None,
-    quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Say nothing but warnings and errors.")
-    ] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Take part in a coupling through preCICE (version 3), with forming or infiltration."""
     if example is not None:

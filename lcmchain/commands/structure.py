@@ -8,7 +8,18 @@ from typing import Annotated
 import typer
 
 from lcmchain.commands.folders import output_folder
-from lcmchain.commands.options import Overrides
+from lcmchain.commands.options import (
+    AllowAmbiguous,
+    AllowIncomplete,
+    LengthUnit,
+    MaximumDistance,
+    Method,
+    Overrides,
+    Register,
+    Results,
+    SavedFrame,
+    ThicknessLimit,
+)
 from lcmchain.commands.terminal import length_of, require_choice, say, warn
 from lcmchain.errors import InputError
 
@@ -24,37 +35,19 @@ def structure(
         Path,
         typer.Option("--case", metavar="FILE.toml", help="Composite, supports, loads."),
     ],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the results; default results/NAME."),
-    ] = None,
+    out: Results = None,
     name: Annotated[
         str, typer.Option(metavar="NAME", help="Name of the part and its files.")
     ] = "structure",
     overrides: Overrides = None,
-    method: Annotated[str, typer.Option(help="Weights: overlap or closest.")] = "overlap",
-    maximum_distance: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help='Farthest distance to map over, such as "2 mm".'),
-    ] = None,
-    length_unit: Annotated[str, typer.Option(help="Unit of the target mesh.")] = "m",
-    frame: Annotated[
-        int, typer.Option(metavar="N", help="Saved frame to map, from 0; -1 is the last one.")
-    ] = -1,
-    register: Annotated[
-        bool,
-        typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion."),
-    ] = False,
-    thickness_limit: Annotated[
-        float,
-        typer.Option(help="Largest relative difference of a solid's thickness from the formed."),
-    ] = 0.1,
-    allow_ambiguous: Annotated[
-        bool, typer.Option("--allow-ambiguous", help="Accept the nearer of two layers.")
-    ] = False,
-    allow_incomplete: Annotated[
-        bool, typer.Option("--allow-incomplete", help="Accept fields of an unfinished run.")
-    ] = False,
+    method: Method = "overlap",
+    maximum_distance: MaximumDistance = None,
+    length_unit: LengthUnit = "m",
+    frame: SavedFrame = -1,
+    register: Register = False,
+    thickness_limit: ThicknessLimit = 0.1,
+    allow_ambiguous: AllowAmbiguous = False,
+    allow_incomplete: AllowIncomplete = False,
     solve: Annotated[
         bool, typer.Option("--solve/--no-solve", help="Run CalculiX, or write the deck alone.")
     ] = True,

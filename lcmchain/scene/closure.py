@@ -19,15 +19,10 @@ from lcmchain.quantities.entry_types import (
     PositiveTime,
     Pressure,
     Row,
-    TimeOrZero,
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.gates import as_row, require_times
-
-_Times = Annotated[
-    Annotated[tuple[TimeOrZero, ...], Row('"0 10 60 s"', minimum_count=2)] | None, AbsentMeans("")
-]
+from lcmchain.scene.over_time import Times, as_row, require_times
 
 
 class _Closure(SceneModel):
@@ -54,7 +49,7 @@ class Bag(_Closure):
     pressure: Annotated[tuple[Pressure, ...], Row('"1 bar"', minimum_count=1)] = Field(
         description="Pressure on the bag, or one for each of times, in the system of the vents'."
     )
-    times: _Times = Field(
+    times: Times = Field(
         default=None, description="Times of the pressures, which are linear between them."
     )
 
@@ -85,7 +80,7 @@ class Gap(_Closure):
         default=None,
         description="Time in which they close, at a constant speed from the thickest cell on.",
     )
-    times: _Times = Field(
+    times: Times = Field(
         default=None,
         description="Times of the gaps, which are linear between them, in place of closing_time.",
     )
@@ -126,7 +121,7 @@ class Press(_Closure):
     force: Annotated[tuple[Force, ...], Row('"10 kN"', minimum_count=1)] = Field(
         description="Force of the press, or one for each of times."
     )
-    times: _Times = Field(
+    times: Times = Field(
         default=None, description="Times of the forces, which are linear between them."
     )
     direction: Annotated[Direction | None, AbsentMeans("normal to each cell")] = Field(

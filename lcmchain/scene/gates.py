@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Annotated, Any, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -17,8 +16,8 @@ from lcmchain.quantities.entry_types import (
     TimeOrZero,
     wrong,
 )
-from lcmchain.quantities.units import split_row
 from lcmchain.scene.flow_places import NamedPlace, Where
+from lcmchain.scene.over_time import Times, as_row, require_times
 
 #: A place that may be left out.
 Arrival = Annotated[Where | None, AbsentMeans("")]
@@ -68,10 +67,7 @@ class Gate(_Opening):
     flow_rate: Annotated[
         Annotated[tuple[FlowRate, ...], Row('"5 ml/s"', minimum_count=1)] | None, AbsentMeans("")
     ] = Field(default=None, description="Flow rate of the whole gate, or one for each of times.")
-    times: Annotated[
-        Annotated[tuple[TimeOrZero, ...], Row('"0 10 60 s"', minimum_count=2)] | None,
-        AbsentMeans(""),
-    ] = Field(
+    times: Times = Field(
         default=None,
         description="Times of the pressures or flow rates, which are linear between them and "
         "constant before and after.",
@@ -123,27 +119,6 @@ class Vent(_Opening):
     def in_words(self) -> str:
         """Place and times, for the check of a scene."""
         return super().in_words + (f", {self.when}" if self.when else "")
-
-
-def as_row(value: Any) -> Any:
-    """Take one value as a row of one."""
-    is_row = isinstance(value, str) and split_row(value) is not None
-    return (value,) if isinstance(value, str | int | float) and not is_row else value
-
-
-def require_times(kind: str, values: tuple[float, ...], times: tuple[float, ...] | None) -> None:
-    """Refuse values over time that are not as many as their times, or times that fall.
-
-    Raises
-    ------
-    PydanticCustomError : names the entry ``kind``, or the times.
-    """
-    count = 1 if times is None else len(times)
-    if len(values) != count:
-        wanted = "one value" if times is None else f"{count} values, as times has"
-        raise wrong(f"needs {wanted}, but has {len(values)}", field=kind)
-    if times is not None and any(b <= a for a, b in pairwise(times)):
-        raise wrong("must increase from one to the next", field="times")
 
 
 def _text(gate: Gate) -> str:

@@ -22,14 +22,14 @@ from lcmchain.quantities.entry_types import (
     Range,
     Row,
     Switch,
-    TimeOrZero,
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.closure import Closure
 from lcmchain.scene.flow_places import NamedPlace, Where
-from lcmchain.scene.gates import Arrival, Gate, Vent, as_row, require_times
+from lcmchain.scene.gates import Arrival, Gate, Vent
 from lcmchain.scene.names import with_own_names
+from lcmchain.scene.over_time import Times, as_row, require_times
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.resin import Resin
 from lcmchain.scene.with_forming import WithForming
@@ -92,10 +92,9 @@ class ResinFilm(SceneModel):
     pressure: Annotated[tuple[Pressure, ...], Row('"0.5 MPa"', minimum_count=1)] = Field(
         description="Pressure on the film, or one for each of times."
     )
-    times: Annotated[
-        Annotated[tuple[TimeOrZero, ...], Row('"0 10 60 s"', minimum_count=2)] | None,
-        AbsentMeans(""),
-    ] = Field(default=None, description="Times of the pressures, which are linear between them.")
+    times: Times = Field(
+        default=None, description="Times of the pressures, which are linear between them."
+    )
     capillary_pressure: Pressure = Field(
         default="0 MPa",  # type: ignore[assignment]
         description="Pressure that draws the resin into dry textile.",

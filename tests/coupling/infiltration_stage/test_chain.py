@@ -201,3 +201,14 @@ def test_the_command_fills_a_file(kit, tmp_path, capsys):
     ):
         assert command(*wrong) == 2
         assert message in capsys.readouterr().err
+
+
+def test_the_check_refuses_places_that_the_mesh_does_not_have(folder, capsys):
+    """Told before anything is formed, by the check as by the run."""
+    wrong = SCENE.replace('box = ["24 -26 -5 mm", "26 26 5 mm"]', 'set = "OUT"')
+    scene = folder / "no_set.toml"
+    scene.write_text(wrong, encoding="utf-8")
+    for verb in ("check", "run"):
+        assert command(verb, scene, "--out", folder / "none") == 2
+        assert 'vents[0] "right".set: the mesh has no set "OUT"' in capsys.readouterr().err
+    assert not (folder / "none").exists()
