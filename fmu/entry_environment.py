@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 
-def prepare(entry):
+def prepare(entry: str) -> None:
     """Leave the search path as it was, and make lcmchain importable."""
     folder = os.path.dirname(entry)
     sys.path[:] = [path for path in sys.path if path.rstrip("/\\") != folder]
@@ -33,7 +33,7 @@ def prepare(entry):
         raise ImportError(message) from error
 
 
-def _add_environment():
+def _add_environment() -> None:
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     for variable in ("VIRTUAL_ENV", "CONDA_PREFIX"):
         for library in (f"lib/{version}", "Lib"):
@@ -42,7 +42,7 @@ def _add_environment():
                 site.addsitedir(str(folder))
 
 
-def _give_back_interrupts():
+def _give_back_interrupts() -> None:
     """Let Ctrl-C end a host that is no Python, as it did before.
 
     The interpreter that the unit started there has taken the signal, and can answer to it only in

@@ -151,7 +151,7 @@ class Unit:
         stale = {v.group for v in self.layout.touched(slots)} & self._stale
         for group in stale:
             self._refresh(group)
-        return self.values.numbers[slots]
+        return self.values.numbers[slots].copy()
 
     @guarded
     @interrupts.outermost
