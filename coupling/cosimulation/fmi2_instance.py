@@ -46,7 +46,6 @@ class Fmi2Instance(LibraryCalls):
 
     def _instantiate(self, debug: bool) -> None:
         from fmpy import calloc, fmi2, free
-        from fmpy.logging import addLoggerProxy
 
         callbacks = fmi2.fmi2CallbackFunctions()
         self._environment = next(_environments)
@@ -55,7 +54,12 @@ class Fmi2Instance(LibraryCalls):
         callbacks.componentEnvironment = self._environment
         callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(calloc)
         callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
-        addLoggerProxy(ctypes.byref(callbacks))
+        try:
+            from fmpy.logging import addLoggerProxy
+
+            addLoggerProxy(ctypes.byref(callbacks))
+        except OSError:
+            pass  # fmpy has no such library for this machine: messages come without their values
         try:
             self._unit.instantiate(callbacks=callbacks, loggingOn=debug)
         except Exception:

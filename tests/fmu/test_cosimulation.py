@@ -1,11 +1,16 @@
 """The unit in the project's own master: as in fmpy, and as the direct run."""
 
+from contextlib import contextmanager
+
 import fmpy
 import numpy as np
+import pytest
 import xarray as xr
 
+from lcmchain.coupling.cosimulation import run as run_module
 from lcmchain.coupling.cosimulation.run import run_system
 from lcmchain.coupling.cosimulation.system_file import system_from
+from lcmchain.errors import SimulationInterrupted
 
 STEP = 5e-4
 STOP = 6 * STEP
@@ -47,3 +52,39 @@ def test_the_unit_runs_as_in_fmpy_bit_for_bit(unit, tmp_path):
     with xr.open_dataset(tmp_path / "forming" / "forming.nc") as forming:
         last = forming["thickness"].isel(time=-1).values
     assert np.array_equal(record["thickness"].values[-1], last)
+
+
+def test_a_resumed_forming_is_bit_identical(unit, tmp_path, monkeypatch):
+    """The state of the unit goes through the checkpoint's file into a new instance."""
+    system = system_from(
+        {
+            "stop_time": f"{STOP!r} s",
+            "window": f"{STEP!r} s",
+            "units": [{"name": "dome", "fmu": unit.name}],
+        },
+        None,
+        directory=unit.parent,
+    )
+    run_system(system, tmp_path / "whole")
+    looks = iter(range(100))
+
+    class StopAfterThree:
+        def is_set(self):
+            return next(looks) >= 6  # looked at twice in a window
+
+    @contextmanager
+    def stopping():
+        yield StopAfterThree()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run_module, "stop_requests", stopping)
+        with pytest.raises(SimulationInterrupted):
+            run_system(system, tmp_path / "parts")
+    run_system(system, tmp_path / "parts", resume=True)
+    whole, parts = (
+        xr.load_dataset(tmp_path / name / "cosimulation.nc", group="dome")
+        for name in ("whole", "parts")
+    )
+    assert np.ptp(whole["thickness"].values[-1]) > 1e-6
+    for name in whole:
+        assert np.array_equal(whole[name].values, parts[name].values), name
