@@ -59,8 +59,8 @@ class Filling:
         options: FillingOptions | None = None,
     ) -> None:
         self.options = options or FillingOptions()
-        self.medium = Medium(mesh, preform, edges)
         self.supply = Supply(gates, vents, mesh.node_count)
+        self.medium = Medium(mesh, preform, edges, self.supply.gate_nodes)
         self.liquid = Liquid(resin, temperature)
         self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
         if self.gravity.any() and not self.liquid.resin.density > 0.0:

@@ -14,10 +14,10 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import RaceTrack
 from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.pairs import Pairs, Sheet, conducting_pairs
 from lcmchain.coupling.infiltration.unfolding import flat_corners, plane_axes, unfold
 from lcmchain.errors import InputError
 
-_PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 _GAUSS = 1.0 / np.sqrt(3.0)
 
 
@@ -44,10 +44,15 @@ class Network:
     mesh : the sheet.
     permeability : tensors in space [m2], shape (C, 3, 3).
     tracks : channels along edges.
+    gates : rows of nodes that resin enters or leaves at.
     """
 
     def __init__(
-        self, mesh: FlowMesh, permeability: np.ndarray, tracks: Sequence[RaceTrack] = ()
+        self,
+        mesh: FlowMesh,
+        permeability: np.ndarray,
+        tracks: Sequence[RaceTrack] = (),
+        gates: np.ndarray | None = None,
     ) -> None:
         self.node_count = mesh.node_count
         self.cells = mesh.cells
@@ -64,35 +69,28 @@ class Network:
         self._axes, self._tensor = axes, tensor
         #: How the cells lie around the nodes.
         self.unfolding = unfold(mesh.cells, flat, mesh.node_count)
-        self._edges_of_cells(matrix, flat, self.unfolding.turns)
+        area = weights.sum(axis=1)
+        mean = -np.einsum(
+            "c,cai,cij,cbj->cab", area, self._mean_gradient, tensor, self._mean_gradient
+        )
+        turns = self.unfolding.turns
+        sheet = Sheet(mesh.cells, flat, turns, tensor, matrix, mean)
+        gates = np.empty(0, dtype=np.int64) if gates is None else gates
+        kept = [_sides_between(mesh.cells, gates), *(track.edges for track in tracks)]
+        self._take_pairs(conducting_pairs(sheet, np.concatenate(kept), gates))
+        self._take_corners(turns)
         self._add_tracks(mesh, tracks)
 
-    def _edges_of_cells(self, matrix: np.ndarray, flat: np.ndarray, turns: np.ndarray) -> None:
-        owner, low, high = [], [], []
-        for one, other in _PAIRS:
-            have = np.flatnonzero((self.cells[:, one] >= 0) & (self.cells[:, other] >= 0))
-            swap = self.cells[have, one] > self.cells[have, other]
-            owner.append(have)
-            low.append(np.where(swap, other, one))
-            high.append(np.where(swap, one, other))
-        c, a, b = (np.concatenate(parts) for parts in (owner, low, high))
-        ends = np.stack([self.cells[c, a], self.cells[c, b]], axis=1)
-        number = ends[:, 0] * self.node_count + ends[:, 1]
+    def _take_pairs(self, pairs: Pairs) -> None:
+        number = pairs.ends[:, 0] * self.node_count + pairs.ends[:, 1]
         unique, edge = np.unique(number, return_inverse=True)
         #: Node rows of each edge, the smaller first, (E, 2).
         self.edges = np.stack([unique // self.node_count, unique % self.node_count], axis=1)
-        between = flat[c, a] - flat[c, b]
-        self._pair_cell, self._pair_edge = c, edge.reshape(-1)
-        self._pair_flow = matrix[c, a, b]
-        moment = np.stack(
-            [
-                np.einsum("kij,kj->ki", turns[c, a], between),
-                np.einsum("kij,kj->ki", turns[c, b], -between),
-            ],
-            axis=1,
-        )
-        self._pair_between = moment
-        self._pair_moment = self._pair_flow[:, None, None] * moment
+        self._pair_cell, self._pair_edge = pairs.cell, edge.reshape(-1)
+        self._pair_flow, self._pair_between = pairs.flow, pairs.between
+        self._pair_moment = pairs.flow[:, None, None] * pairs.between
+
+    def _take_corners(self, turns: np.ndarray) -> None:
         cell, corner = np.nonzero(self.cells >= 0)
         turned = np.einsum(
             "kim,kmn,kjn->kij", turns[cell, corner], self._tensor[cell], turns[cell, corner]
@@ -214,6 +212,14 @@ class Network:
         slope = np.einsum("ca,cai->ci", values, self._mean_gradient)
         flow = -factor[:, None] * np.einsum("cij,cj->ci", self._tensor, slope)
         return np.einsum("ci,cij->cj", flow, self._axes)
+
+
+def _sides_between(cells: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Sides of cells with both ends among the nodes, (K, 2)."""
+    following = np.roll(cells, -1, axis=1)
+    following[cells[:, 3] < 0, 2] = cells[cells[:, 3] < 0, 0]
+    sides = np.stack([cells, following], axis=2).reshape(-1, 2)
+    return sides[np.isin(sides, nodes).all(axis=1)]
 
 
 def _gradients(flat: np.ndarray, quadrilateral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -68,6 +68,11 @@ class Supply:
                 owner[node] = place.name
 
     @property
+    def gate_nodes(self) -> np.ndarray:
+        """Nodes of all gates, whether open or not."""
+        return np.unique(np.concatenate([np.empty(0, int), *(gate.nodes for gate in self.gates)]))
+
+    @property
     def _places(self) -> tuple[Gate | Vent, ...]:
         return (*self.gates, *self.vents)
 
