@@ -29,11 +29,13 @@ class Conductances(NamedTuple):
         end's node [m4/(Pa s)], for both ends.
     spread (N, 3) : h K/µ integrated over each control volume, components 11, 22, 12 in the plane
         of its node [m5/(Pa s)].
+    scale (C,) : h/µ of the cells times the factor on their permeability [m/(Pa s)].
     """
 
     flow: np.ndarray
     moment: np.ndarray
     spread: np.ndarray
+    scale: np.ndarray
 
 
 class Network:
@@ -55,7 +57,7 @@ class Network:
         gates: np.ndarray | None = None,
     ) -> None:
         self.node_count = mesh.node_count
-        self.cells = mesh.cells
+        self.cells, self._points = mesh.cells, mesh.points
         flat = flat_corners(mesh.corners, mesh.normals)
         axes = np.stack(plane_axes(mesh.corners, mesh.normals), axis=1)
         tensor = np.einsum("cmi,cij,cnj->cmn", axes, permeability, axes)
@@ -152,6 +154,30 @@ class Network:
         """Vectors [m] from the other end of edges to this end, in the plane of its node, (K, 2)."""
         return self._direction[edges, ends]
 
+    def around(
+        self, nodes: np.ndarray, others: np.ndarray, conductances: Conductances
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Vectors (K, 2) [m] from the middle of nodes to others, in the mean plane around them.
+
+        Also their h K/µ integrated over the control volumes of the nodes, components 11, 22, 12
+        in that plane [m5/(Pa s)], and the area of those [m2].
+        """
+        cell, corner, node = self._corner
+        own = np.isin(node, nodes)
+        cell, area = cell[own], self.corner_areas[cell[own], corner[own]]
+        axes = self._axes[cell]
+        normal = np.cross(axes[:, 0], axes[:, 1])
+        _, vectors = np.linalg.eigh(np.einsum("k,ki,kj->ij", area, normal, normal))
+        weight = area * conductances.scale[cell]
+        plane = vectors[:, :2].T
+        within = np.einsum("pi,kmi->kpm", plane, axes)
+        tensor = np.einsum("k,kpm,kmn,kqn->pq", weight, within, self._tensor[cell], within)
+        away = self._points[others] - self._points[nodes].mean(axis=0)
+        length = np.linalg.norm(away, axis=1)
+        flat = away @ plane.T
+        flat *= (length / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]
+        return flat, tensor[(0, 1, 0), (0, 1, 1)], float(area.sum())
+
     def edge_mean(self, values: np.ndarray) -> np.ndarray:
         """Mean over the cells at each edge of values per cell (C,), shape (E,)."""
         size = len(self.edges)
@@ -201,7 +227,7 @@ class Network:
             flow = flow + factor * self._track_flow
             moment = moment + factor[:, None, None] * self._track_moment
             spread = spread + float(factor.mean()) * self._track_spread
-        return Conductances(flow, moment, spread)
+        return Conductances(flow, moment, spread, scale)
 
     def velocity(self, potential: np.ndarray, factor: np.ndarray) -> np.ndarray:
         """Darcy velocity of the cells, -K/µ ∇u [m/s], shape (C, 3); nan where a node has no u.

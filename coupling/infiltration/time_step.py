@@ -21,7 +21,13 @@ from lcmchain.coupling.infiltration.film_supply import FilmFlow, FilmSinking, Fi
 from lcmchain.coupling.infiltration.network import Conductances
 from lcmchain.coupling.infiltration.outcome import idle_outcome
 from lcmchain.coupling.infiltration.overflow import FULL, Passed, Stuck, pass_on
-from lcmchain.coupling.infiltration.pressure import Boundary, Flow, Lift, solve_flow
+from lcmchain.coupling.infiltration.pressure import (
+    Boundary,
+    Flow,
+    Lift,
+    longest_free_step,
+    solve_flow,
+)
 from lcmchain.coupling.infiltration.state import FillingState
 from lcmchain.coupling.infiltration.supply import OpenGate, Priming, prime
 from lcmchain.errors import SimulationError
@@ -32,6 +38,8 @@ if TYPE_CHECKING:
 MOST_CUTS = 60
 #: So many steps in a row, each below this share of what is left of the time, lead nowhere.
 MOST_TINY_STEPS, TINY = 2000, 1e-9
+#: Of time steps in which the front comes to rest against gravity: their flow lags behind.
+MOST_GROWTH = 1.1
 # Of the pore volume, over all that is left of the time: less is no flow.
 NO_FLOW = 1e-10
 
@@ -179,7 +187,7 @@ class TimeStep:
         timed |= situation.film is not None and len(situation.film.fed) > 0
         if self._kept is not None and not timed:
             stage = self._kept[1]
-            return situation, stage, min(limit, self._wish(stage, situation))
+            return self._resting(situation, stage, min(limit, self._wish(stage, situation)))
         step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
         for _ in range(MOST_CUTS):
             if not step > 0.0:
@@ -195,7 +203,20 @@ class TimeStep:
         if situation.lift is not None:
             fastest = np.max(np.abs(_thickness_rate(situation, stage)) / state.thickness)
             step = min(step, options.largest_compaction / max(fastest, 1e-300))
-        return situation, stage, min(step, wish)
+        return self._resting(situation, stage, min(step, wish))
+
+    def _resting(
+        self, situation: Situation, stage: Stage, step: float
+    ) -> tuple[Situation, Stage, float]:
+        """Flow and step where the front may come to rest against gravity within the step."""
+        free = longest_free_step(stage.flow, situation.pores, self._height())
+        if step <= free:
+            return situation, stage, step
+        step = min(step, max(free, MOST_GROWTH * situation.state.next_step))
+        return situation, self._stage(situation, situation.state, step, resting=True), step
+
+    def _height(self) -> np.ndarray:
+        return self.filling.height(self.filling.medium.mesh.points)
 
     def _wish(self, stage: Stage, situation: Situation) -> float:
         """Step in which the front crosses as many control volumes as the options say."""
@@ -227,7 +248,7 @@ class TimeStep:
         conductances = self._conductances_at(situation, ahead)
         later = self.filling.supply.at_time(situation.gates, state.time + step)
         there = replace(situation, conductances=conductances, gates=later)
-        second = self._stage(there, ahead, step)
+        second = self._stage(there, ahead, step, resting=bool(self.filling.gravity.any()))
         along = 0.5 * (stage.flow.along + second.flow.along)
         rate = 0.5 * (rate + _thickness_rate(situation, second))
         pores_end = self._pores_at(situation, rate, step)
@@ -311,15 +332,20 @@ class TimeStep:
             thickness=thickness,
         )
 
-    def _stage(self, situation: Situation, state: FillingState, step: float) -> Stage:
-        """Flow of a state, with gates at their rate unless that needs more than their pressure."""
+    def _stage(
+        self, situation: Situation, state: FillingState, step: float, resting: bool = False
+    ) -> Stage:
+        """Flow of a state, with gates at their rate unless that needs more than their pressure.
+
+        resting : the step may be longer than the front takes to come to rest against gravity.
+        """
         gates = situation.gates
         limited = [gate.rate is None for gate in gates]
         shut = np.zeros(len(state.full), dtype=bool)
         film = situation.film
         spent = np.zeros(0 if film is None else len(film.fed), dtype=bool)
         for _ in range(2 * len(gates) + 12):
-            flow = self._solve(situation, state, step, limited, shut, spent)
+            flow = self._solve(situation, state, step, limited, shut, spent, resting)
             pressure, rate = self._at_gates(situation, flow)
             changed = False
             for k, gate in enumerate(gates):
@@ -350,6 +376,7 @@ class TimeStep:
         limited: list[bool],
         shut: np.ndarray,
         spent: np.ndarray,
+        resting: bool,
     ) -> Flow:
         filling, count = self.filling, len(state.full)
         network = filling.medium.network
@@ -364,7 +391,8 @@ class TimeStep:
             if not at_pressure:
                 tied.append((nodes, float(gate.rate or 0.0)))
             elif np.isfinite(gate.contact):
-                contact[nodes], outside[nodes] = gate.contact, gate.pressure
+                contact[nodes[0]], outside[nodes[0]] = gate.contact, gate.pressure
+                tied.append((nodes, 0.0))
             else:
                 fixed[nodes] = gate.pressure
         if situation.film is not None:
@@ -372,7 +400,8 @@ class TimeStep:
         pocket, compliance = self._pockets(situation, step)
         boundary = Boundary(
             fixed, source, tuple(tied), contact, outside, situation.state.air_pressure,
-            filling.height(filling.medium.mesh.points), pocket, compliance, situation.lift,
+            self._height(), pocket, compliance, situation.lift,
+            situation.pores / step if resting else None,
         )  # fmt: skip
         return solve_flow(
             network, situation.conductances, state.full, state.fill, boundary, state.pressure
@@ -411,12 +440,14 @@ class TimeStep:
             net[situation.film.fed] = 0.0
         scale = np.abs(stage.flow.along).max(initial=0.0)
         worst = int(np.argmax(net))
-        noise = 0.0
+        # Where next to nothing flows, the balance is a difference of what could.
+        conducted = np.max(np.abs(situation.conductances.flow), initial=0.0)
+        noise = 1e-13 * float(conducted * np.max(np.abs(stage.flow.pressure)))
         if situation.lift is not None:
             # What cells take in is a difference of pressures that may be next to nothing.
             lift = situation.lift
             pressure = np.abs(stage.flow.lifted) + np.abs(lift.reference)
-            noise = 1e-12 * float(np.max(lift.conductance * pressure))
+            noise += 1e-12 * float(np.max(lift.conductance * pressure))
         if net[worst] > 1e-6 * scale + noise and net[worst] > 0.0:
             place = ", ".join(f"{x:.6g}" for x in self.filling.mesh.points[worst])
             raise SimulationError(

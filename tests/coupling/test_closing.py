@@ -99,10 +99,13 @@ def test_closing_plates_squeeze_the_resin_out_of_both_ends(source):
     speed = (THICKNESS - 0.8e-3) / 2000.0
     time, (total, fibres, resin) = filled.history.time, filled.history.force.T
     late = time > 1000.0
-    h = THICKNESS - speed * time[late]
+    h = THICKNESS - speed * time
     half = 0.5 * LENGTH
-    expected = 2.0 * VISCOSITY * speed * half**3 / (3.0 * permeability(h) * h) * WIDTH
-    np.testing.assert_allclose(resin[late], expected, rtol=0.02)
+    squeeze = 2.0 * VISCOSITY * speed * half**3 / (3.0 * permeability(h) * h) * WIDTH
+    expected = squeeze[late]
+    np.testing.assert_allclose(resin[late], expected, rtol=5e-3)
+    # Exact at the nodes; between them the parabola is a polygon of ten sides.
+    np.testing.assert_allclose(resin[1:], squeeze[1:] * (1.0 - 0.25 / 10**2), rtol=2e-4)
     np.testing.assert_allclose(total, fibres + resin, rtol=1e-12)
     law = compaction_of(read_formed_part(source))
     alone = law.pressure(np.full(law.thickness.size, 0.8e-3)).mean() * LENGTH * WIDTH

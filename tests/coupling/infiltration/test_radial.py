@@ -104,6 +104,42 @@ def ellipse(filling, centre, share=0.95):
     return np.sqrt(values[1] / values[0]), np.arctan2(vectors[1, 0], vectors[0, 0]) % np.pi
 
 
+def test_a_hole_in_a_corner_is_a_quarter_of_one_in_the_middle():
+    filled = []
+    for mesh, gate in ((plate(40, 40, 0.4, 0.4), 20 * 41 + 20), (plate(20, 20, 0.2, 0.2), 0)):
+        filling = Filling(
+            mesh, Preform(HEIGHT, POROSITY, PERMEABILITY), VISCOSITY,
+            [Gate("hole", [gate], pressure=PRESSURE, radius=0.004)],
+            [Vent("far", [mesh.node_count - 1])],
+        )  # fmt: skip
+        filling.advance(60.0)
+        filled.append(filling.state.stored)
+    assert 4.0 * filled[1] == pytest.approx(filled[0], rel=5e-3)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 5.0])
+def test_a_hole_wider_than_the_edges_is_that_of_all_its_nodes(ratio):
+    """On any mesh as on a fine one, where nodes are many."""
+    tensor = PERMEABILITY * np.diag([np.sqrt(ratio), 1.0 / np.sqrt(ratio), 1.0])
+    radii = []
+    for edge in (0.012, 0.008, 0.004):
+        mesh = random_plate(edge, 0.36, 0.36, seed=6)
+        away = np.linalg.norm(mesh.points - [0.18, 0.18, 0.0], axis=1)
+        filling = Filling(
+            mesh, Preform(HEIGHT, POROSITY, tensor), VISCOSITY,
+            [Gate("hole", np.flatnonzero(away < 0.02), pressure=PRESSURE, radius=0.02)],
+            [Vent("rim", mesh.rim)],
+        )  # fmt: skip
+        filling.advance(40.0)
+        radii.append(front_radius(filling, hole=0.0))
+    if ratio == 1.0:
+        line = np.linspace(0.02, 0.3, 4000)
+        factor = POROSITY * VISCOSITY / (2.0 * PERMEABILITY * PRESSURE)
+        exact = factor * (line**2 * np.log(line / 0.02) - 0.5 * (line**2 - 0.02**2))
+        np.testing.assert_allclose(radii, np.interp(40.0, exact, line), rtol=0.015)
+    assert max(radii) / min(radii) < 1.02
+
+
 SHEETS = {
     "scattered": lambda edge: random_plate(edge, 0.36, 0.36, seed=2),
     "quadrilaterals": lambda edge: plate(round(0.36 / edge), round(0.36 / edge), 0.36, 0.36),
