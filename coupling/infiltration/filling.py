@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Vent
+from lcmchain.coupling.infiltration.factors import Work
 from lcmchain.coupling.infiltration.film_supply import Film, FilmSupply
 from lcmchain.coupling.infiltration.liquid import Liquid
 from lcmchain.coupling.infiltration.medium import Medium, check_thickness
@@ -132,6 +133,11 @@ class Filling:
     def pores(self) -> np.ndarray:
         """Pore volume of the control volumes now [m3], (N,)."""
         return self.medium.pores(self.state.thickness)
+
+    @property
+    def work(self) -> Work:
+        """Factorisations and solutions of the pressure's equations since the start."""
+        return self._steps.factors.work
 
     @property
     def filled_share(self) -> float:

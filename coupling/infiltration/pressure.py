@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
+from lcmchain.coupling.infiltration.factors import Factors
 from lcmchain.coupling.infiltration.front import Front, find_front
 from lcmchain.coupling.infiltration.network import Conductances, Network
 from lcmchain.errors import SimulationError
@@ -132,6 +132,7 @@ def solve_flow(
     fill: np.ndarray,
     boundary: Boundary,
     held: np.ndarray,
+    factors: Factors,
 ) -> Flow:
     """Return the flow for full nodes (N,) and fill factors (N,).
 
@@ -139,7 +140,7 @@ def solve_flow(
     """
     front = find_front(network, conductances, full, fill)
     system = _System(network, conductances, full, front, boundary)
-    return system.solve(held)
+    return system.solve(held, factors)
 
 
 class _System:
@@ -186,7 +187,7 @@ class _System:
             self.resistance = distance * np.maximum(held, 1.0)
         self.apart = (self.resistance < 1.0) & ~negative
 
-    def solve(self, held: np.ndarray) -> Flow:
+    def solve(self, held: np.ndarray, factors: Factors) -> Flow:
         unknown, known = self._unknowns(held)
         size = unknown.max(initial=-1) + 1
         pockets = np.arange(len(self.boundary.compliance)) + size
@@ -204,7 +205,7 @@ class _System:
         total = np.concatenate([total, np.zeros(len(pockets))])
         if len(pockets):
             self._add_pockets(unknown, known, pockets, parts, total)
-        solution = _solve_symmetric(parts, total)
+        solution = _solve_symmetric(parts, total, factors)
         potential = np.where(unknown >= 0, solution[np.maximum(unknown, 0)], 0.0) + known
         if len(pockets):
             inside = self.pocket >= 0
@@ -370,7 +371,7 @@ class _System:
 
 
 def _solve_symmetric(
-    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], right: np.ndarray
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], right: np.ndarray, factors: Factors
 ) -> np.ndarray:
     if not len(right):
         return np.zeros(1)
@@ -381,18 +382,4 @@ def _solve_symmetric(
             "measure, as where a thickness changes too fast"
         )
     matrix = csc_matrix(coo_matrix((entries, (rows, columns)), shape=(len(right), len(right))))
-    try:
-        factors = splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError as error:
-        raise SimulationError(
-            f"the equations of the resin's pressure cannot be solved ({error}): some of it is "
-            "neither at a gate or vent nor at the front"
-        ) from None
-    solution = factors.solve(right)
-    # One refinement: the balance of every node then holds to round-off.
-    return solution + factors.solve(right - matrix @ solution)
+    return factors.solve(matrix, right)

@@ -17,6 +17,7 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.air import Air, find_air, new_dry_spots
 from lcmchain.coupling.infiltration.carried import carry
+from lcmchain.coupling.infiltration.factors import Factors
 from lcmchain.coupling.infiltration.film_supply import FilmFlow, FilmSinking, FilmSupply
 from lcmchain.coupling.infiltration.network import Conductances
 from lcmchain.coupling.infiltration.outcome import idle_outcome
@@ -77,6 +78,7 @@ class TimeStep:
 
     def __init__(self, filling: Filling) -> None:
         self.filling = filling
+        self.factors = Factors()
         self._kept: tuple[Situation, Stage] | None = None
         self._moments: tuple[float, ...] = ()
         self._tiny = 0
@@ -404,8 +406,9 @@ class TimeStep:
             situation.pores / step if resting else None,
         )  # fmt: skip
         return solve_flow(
-            network, situation.conductances, state.full, state.fill, boundary, state.pressure
-        )
+            network, situation.conductances, state.full, state.fill, boundary, state.pressure,
+            self.factors,
+        )  # fmt: skip
 
     def _pockets(self, situation: Situation, step: float) -> tuple[np.ndarray, np.ndarray]:
         air = situation.air
