@@ -40,9 +40,7 @@ class Medium:
     def set_points(self, points: np.ndarray) -> None:
         """Take other node positions [m], shape (N, 3)."""
         self.mesh = self.mesh.moved(points)
-        self.network = Network(
-            self.mesh, self.preform.permeability, self.tracks, self._gates
-        )
+        self.network = Network(self.mesh, self.preform.permeability, self.tracks, self._gates)
         self.node_area = self.network.node_areas()
         self._kept = None
 

@@ -63,15 +63,13 @@ def conducting_pairs(sheet: Sheet, kept: np.ndarray, gates: np.ndarray) -> Pairs
     split = np.zeros(len(matrix), dtype=np.int64)
     quads = np.flatnonzero(sheet.cells[:, 3] >= 0)
     if len(quads):
-        at_gate = np.isin(sheet.cells[quads], gates).any(axis=1)
+        at_gate: np.ndarray = np.isin(sheet.cells[quads], gates).any(axis=1)
         own = raised(sheet.flat[quads], matrix[quads], sheet.mean[quads], at_gate)
         matrix[quads], split[quads] = own
     for _ in range(_ROUNDS):
         chosen = np.flatnonzero((sheet.cells[:, 3] < 0) | (split > 0))
         whole = np.setdiff1d(np.arange(len(split)), chosen)
-        triangles = cut(
-            sheet.cells, sheet.flat, sheet.turns, sheet.tensor, chosen, split
-        )
+        triangles = cut(sheet.cells, sheet.flat, sheet.turns, sheet.tensor, chosen, split)
         flip(triangles, kept)
         pairs = _joined(_of_cells(sheet, matrix, whole), _of_triangles(triangles))
         beside = _beside_negative(pairs, whole, sheet.cells)

@@ -81,7 +81,7 @@ def test_edges_flip_towards_the_fibres():
 
 
 def test_what_a_flipped_triangle_conducts_follows_the_cells_it_lies_in():
-    """Twice the thickness everywhere is twice the conductance; in one cell it acts near it alone."""
+    """Twice the thickness everywhere conducts twice as well; that of one cell acts near it."""
     mesh = random_plate(0.03, SIDE, SIDE, seed=4)
     network = network_of(mesh, tensor(8.0, 25.0))
     flow = network.conductances(np.ones(mesh.cell_count), 1.0).flow
@@ -126,8 +126,8 @@ def test_edges_of_gates_channels_and_other_materials_stay():
     one = tensor(9.0, 135.0)
     diagonal = np.array([[k * 9 + k, (k + 1) * 9 + k + 1] for k in range(8)])
     free = _numbers(network_of(mesh, one).edges)
-    for given in ({"tracks": [RaceTrack("gap", diagonal, 1e-12)]}, {"gates": diagonal.ravel()}):
-        kept = _numbers(network_of(mesh, one, **given).edges)
+    for named in ({"tracks": [RaceTrack("gap", diagonal, 1e-12)]}, {"gates": diagonal.ravel()}):
+        kept = _numbers(network_of(mesh, one, **named).edges)
         assert np.isin(_numbers(diagonal), kept).all()
         assert not np.isin(_numbers(diagonal), free).any()
     # A part that conducts a hundred times better keeps its border.

@@ -140,6 +140,30 @@ def test_a_hole_wider_than_the_edges_is_that_of_all_its_nodes(ratio):
     assert max(radii) / min(radii) < 1.02
 
 
+@pytest.mark.parametrize(("ratio", "within"), [(1.0, 0.01), (10.0, 0.1)])
+def test_a_hole_larger_than_its_only_node_fills_in_few_steps(ratio, within):
+    """While the front is next to the node, the hole takes no more resistance than there is."""
+    mesh = plate(60, 60, 0.15, 0.15)
+    tensor = PERMEABILITY * np.diag([np.sqrt(ratio), 1.0 / np.sqrt(ratio), 1.0])
+    middle = int(np.argmin(np.linalg.norm(mesh.points - mesh.points.mean(axis=0), axis=1)))
+    filling = Filling(
+        mesh, Preform(HEIGHT, POROSITY, tensor), VISCOSITY,
+        [Gate("hole", [middle], pressure=PRESSURE, radius=0.002)], [Vent("rim", mesh.rim)],
+    )  # fmt: skip
+
+    def few(filling):
+        assert filling.state.step_count < 100
+
+    filling.advance(5.0, few)
+    # Far away the hole is a round one of the mean of its semi-axes, where the sheet is isotropic.
+    hole = 0.5 * 0.002 * (ratio**0.25 + ratio**-0.25)
+    line = np.linspace(1.001 * hole, 0.2, 4000)
+    factor = POROSITY * VISCOSITY / (2.0 * PERMEABILITY * PRESSURE)
+    exact = factor * (line**2 * np.log(line / hole) - 0.5 * (line**2 - hole**2))
+    found = front_radius(filling, hole=0.0)
+    assert found == pytest.approx(np.interp(5.0, exact, line), rel=within)
+
+
 SHEETS = {
     "scattered": lambda edge: random_plate(edge, 0.36, 0.36, seed=2),
     "quadrilaterals": lambda edge: plate(round(0.36 / edge), round(0.36 / edge), 0.36, 0.36),
