@@ -93,8 +93,9 @@ class Gate:
     pressure : [Pa], or a table; the only one given, or the largest that a rate gate may need.
     flow_rate : [m3/s] of all nodes together, or a table; None for a pressure gate.
     schedule : when it is open.
-    radius : of one node only: radius of the hole [m] that the node stands for. A node alone
-        would have an effective radius of about a fifth of the mesh's edges.
+    radius : of the round hole [m] that the nodes stand for, those that lie in it, or the one
+        next to it. Without it the nodes act as a hole of their own size: one alone has an
+        effective radius of about a fifth of the mesh's edges.
     """
 
     name: str
@@ -111,10 +112,8 @@ class Gate:
         least = _least(self.flow_rate)
         if self.flow_rate is not None and not least >= 0.0:
             raise InputError(f'the flow rate of the gate "{self.name}" is negative ({least:g})')
-        if self.radius is not None and (len(self.nodes) != 1 or not self.radius > 0.0):
-            raise InputError(
-                f'the gate "{self.name}" has a radius: it needs one node and a positive radius'
-            )
+        if self.radius is not None and not self.radius > 0.0:
+            raise InputError(f'the radius of the gate "{self.name}" has to be positive')
 
 
 @dataclass(frozen=True)

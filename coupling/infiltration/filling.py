@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Vent
+from lcmchain.coupling.infiltration.factors import Work
 from lcmchain.coupling.infiltration.film_supply import Film, FilmSupply
 from lcmchain.coupling.infiltration.liquid import Liquid
 from lcmchain.coupling.infiltration.medium import Medium, check_thickness
@@ -59,9 +60,9 @@ class Filling:
         options: FillingOptions | None = None,
     ) -> None:
         self.options = options or FillingOptions()
-        self.medium = Medium(mesh, preform, edges)
         on_film = 0.0 if film is None else film.pressure
         self.supply = Supply(gates, vents, mesh.node_count, on_film)
+        self.medium = Medium(mesh, preform, edges, self.supply.gate_nodes)
         self.liquid = Liquid(resin, temperature)
         self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
         if self.gravity.any() and not self.liquid.resin.density > 0.0:
@@ -133,6 +134,11 @@ class Filling:
     def pores(self) -> np.ndarray:
         """Pore volume of the control volumes now [m3], (N,)."""
         return self.medium.pores(self.state.thickness)
+
+    @property
+    def work(self) -> Work:
+        """Factorisations and solutions of the pressure's equations since the start."""
+        return self._steps.factors.work
 
     @property
     def filled_share(self) -> float:

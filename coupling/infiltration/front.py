@@ -27,6 +27,11 @@ from lcmchain.coupling.infiltration.network import Conductances, Network
 # A neighbourhood so one-sided that its conductances nearly cancel takes part later, with more
 # full neighbours.
 LEAST_SHARE = 0.02
+# A volume k whose full neighbours i conduct less to it than this, as the sum of T_ik d·S⁻¹d, with
+# d = x_k - x_i, takes part later too: 1 for one neighbour on a lattice's line, 1/6 across the acute
+# corner of a cell whose fibres, four times as permeable along, run diagonally. Resin would leak
+# ahead of the front through it.
+LEAST_REACH = 0.25
 LEAST_WIDTH = 0.5
 # A node whose cells turn by half a circle, give or take this angle, lies on a straight rim.
 CORNER = np.radians(35.0)
@@ -79,12 +84,15 @@ def find_front(
     count = network.node_count
     total = np.bincount(fed, flow, minlength=count)
     strength = np.bincount(fed, np.abs(flow), minlength=count)
-    takes = total > LEAST_SHARE * strength
+    all_around = np.bincount(first, np.abs(conductances.flow), minlength=count)
+    all_around += np.bincount(second, np.abs(conductances.flow), minlength=count)
+    away = network.edge_vectors(edge, at.astype(np.int64))
+    reach = flow * squared_section(away, conductances.spread[fed])
+    reached = np.bincount(fed, reach, minlength=count) > LEAST_REACH
+    takes = (total > LEAST_SHARE * strength) & reached
     nodes = np.flatnonzero(takes)
     kept = takes[fed]
     member = np.searchsorted(nodes, fed[kept])
-    all_around = np.bincount(first, np.abs(conductances.flow), minlength=count)
-    all_around += np.bincount(second, np.abs(conductances.flow), minlength=count)
     moment = np.stack(
         [np.bincount(fed, moment[:, axis], minlength=count)[nodes] for axis in (0, 1)], axis=1
     )

@@ -23,8 +23,15 @@ class Medium:
     as long as neither the preform moves nor the viscosity changes.
     """
 
-    def __init__(self, mesh: FlowMesh, preform: Preform, tracks: Sequence[RaceTrack]) -> None:
+    def __init__(
+        self,
+        mesh: FlowMesh,
+        preform: Preform,
+        tracks: Sequence[RaceTrack],
+        gates: np.ndarray | None = None,
+    ) -> None:
         preform = preform.of_cells(mesh.cell_count)
+        self._gates = gates
         self.mesh, self.preform, self.tracks = mesh, preform, tuple(tracks)
         self.fibre_volume = mesh.areas * preform.thickness * (1.0 - preform.porosity)
         self._fraction = 1.0 - preform.porosity
@@ -57,7 +64,7 @@ class Medium:
 
     def _renew(self, mesh: FlowMesh) -> None:
         self.mesh = mesh
-        self.network = Network(self.mesh, self.preform.permeability, self.tracks)
+        self.network = Network(self.mesh, self.preform.permeability, self.tracks, self._gates)
         self.node_area = self.network.node_areas()
         self._kept = None
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import RaceTrack
 from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.pairs import Pairs, Sheet, conducting_pairs
 from lcmchain.coupling.infiltration.unfolding import flat_corners, plane_axes, unfold
 from lcmchain.errors import InputError
 
-_PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 _GAUSS = 1.0 / np.sqrt(3.0)
 
 
@@ -29,11 +29,13 @@ class Conductances(NamedTuple):
         end's node [m4/(Pa s)], for both ends.
     spread (N, 3) : h K/µ integrated over each control volume, components 11, 22, 12 in the plane
         of its node [m5/(Pa s)].
+    scale (C,) : h/µ of the cells times the factor on their permeability [m/(Pa s)].
     """
 
     flow: np.ndarray
     moment: np.ndarray
     spread: np.ndarray
+    scale: np.ndarray
 
 
 class Network:
@@ -44,13 +46,18 @@ class Network:
     mesh : the sheet.
     permeability : tensors in space [m2], shape (C, 3, 3).
     tracks : channels along edges.
+    gates : rows of nodes that resin enters or leaves at.
     """
 
     def __init__(
-        self, mesh: FlowMesh, permeability: np.ndarray, tracks: Sequence[RaceTrack] = ()
+        self,
+        mesh: FlowMesh,
+        permeability: np.ndarray,
+        tracks: Sequence[RaceTrack] = (),
+        gates: np.ndarray | None = None,
     ) -> None:
         self.node_count = mesh.node_count
-        self.cells = mesh.cells
+        self.cells, self._points = mesh.cells, mesh.points
         flat = flat_corners(mesh.corners, mesh.normals)
         axes = np.stack(plane_axes(mesh.corners, mesh.normals), axis=1)
         tensor = np.einsum("cmi,cij,cnj->cmn", axes, permeability, axes)
@@ -64,35 +71,28 @@ class Network:
         self._axes, self._tensor = axes, tensor
         #: How the cells lie around the nodes.
         self.unfolding = unfold(mesh.cells, flat, mesh.node_count)
-        self._edges_of_cells(matrix, flat, self.unfolding.turns)
+        area = weights.sum(axis=1)
+        mean = -np.einsum(
+            "c,cai,cij,cbj->cab", area, self._mean_gradient, tensor, self._mean_gradient
+        )
+        turns = self.unfolding.turns
+        sheet = Sheet(mesh.cells, flat, turns, tensor, matrix, mean)
+        gates = np.empty(0, dtype=np.int64) if gates is None else gates
+        kept = [_sides_between(mesh.cells, gates), *(track.edges for track in tracks)]
+        self._take_pairs(conducting_pairs(sheet, np.concatenate(kept), gates))
+        self._take_corners(turns)
         self._add_tracks(mesh, tracks)
 
-    def _edges_of_cells(self, matrix: np.ndarray, flat: np.ndarray, turns: np.ndarray) -> None:
-        owner, low, high = [], [], []
-        for one, other in _PAIRS:
-            have = np.flatnonzero((self.cells[:, one] >= 0) & (self.cells[:, other] >= 0))
-            swap = self.cells[have, one] > self.cells[have, other]
-            owner.append(have)
-            low.append(np.where(swap, other, one))
-            high.append(np.where(swap, one, other))
-        c, a, b = (np.concatenate(parts) for parts in (owner, low, high))
-        ends = np.stack([self.cells[c, a], self.cells[c, b]], axis=1)
-        number = ends[:, 0] * self.node_count + ends[:, 1]
+    def _take_pairs(self, pairs: Pairs) -> None:
+        number = pairs.ends[:, 0] * self.node_count + pairs.ends[:, 1]
         unique, edge = np.unique(number, return_inverse=True)
         #: Node rows of each edge, the smaller first, (E, 2).
         self.edges = np.stack([unique // self.node_count, unique % self.node_count], axis=1)
-        between = flat[c, a] - flat[c, b]
-        self._pair_cell, self._pair_edge = c, edge.reshape(-1)
-        self._pair_flow = matrix[c, a, b]
-        moment = np.stack(
-            [
-                np.einsum("kij,kj->ki", turns[c, a], between),
-                np.einsum("kij,kj->ki", turns[c, b], -between),
-            ],
-            axis=1,
-        )
-        self._pair_between = moment
-        self._pair_moment = self._pair_flow[:, None, None] * moment
+        self._pair_cell, self._pair_edge = pairs.cell, edge.reshape(-1)
+        self._pair_flow, self._pair_between = pairs.flow, pairs.between
+        self._pair_moment = pairs.flow[:, None, None] * pairs.between
+
+    def _take_corners(self, turns: np.ndarray) -> None:
         cell, corner = np.nonzero(self.cells >= 0)
         turned = np.einsum(
             "kim,kmn,kjn->kij", turns[cell, corner], self._tensor[cell], turns[cell, corner]
@@ -154,6 +154,30 @@ class Network:
         """Vectors [m] from the other end of edges to this end, in the plane of its node, (K, 2)."""
         return self._direction[edges, ends]
 
+    def around(
+        self, nodes: np.ndarray, others: np.ndarray, conductances: Conductances
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Vectors (K, 2) [m] from the middle of nodes to others, in the mean plane around them.
+
+        Also their h K/µ integrated over the control volumes of the nodes, components 11, 22, 12
+        in that plane [m5/(Pa s)], and the area of those [m2].
+        """
+        cell, corner, node = self._corner
+        own = np.isin(node, nodes)
+        cell, area = cell[own], self.corner_areas[cell[own], corner[own]]
+        axes = self._axes[cell]
+        normal = np.cross(axes[:, 0], axes[:, 1])
+        _, vectors = np.linalg.eigh(np.einsum("k,ki,kj->ij", area, normal, normal))
+        weight = area * conductances.scale[cell]
+        plane = vectors[:, :2].T
+        within = np.einsum("pi,kmi->kpm", plane, axes)
+        tensor = np.einsum("k,kpm,kmn,kqn->pq", weight, within, self._tensor[cell], within)
+        away = self._points[others] - self._points[nodes].mean(axis=0)
+        length = np.linalg.norm(away, axis=1)
+        flat = away @ plane.T
+        flat *= (length / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]
+        return flat, tensor[(0, 1, 0), (0, 1, 1)], float(area.sum())
+
     def edge_mean(self, values: np.ndarray) -> np.ndarray:
         """Mean over the cells at each edge of values per cell (C,), shape (E,)."""
         size = len(self.edges)
@@ -203,7 +227,7 @@ class Network:
             flow = flow + factor * self._track_flow
             moment = moment + factor[:, None, None] * self._track_moment
             spread = spread + float(factor.mean()) * self._track_spread
-        return Conductances(flow, moment, spread)
+        return Conductances(flow, moment, spread, scale)
 
     def velocity(self, potential: np.ndarray, factor: np.ndarray) -> np.ndarray:
         """Darcy velocity of the cells, -K/µ ∇u [m/s], shape (C, 3); nan where a node has no u.
@@ -214,6 +238,14 @@ class Network:
         slope = np.einsum("ca,cai->ci", values, self._mean_gradient)
         flow = -factor[:, None] * np.einsum("cij,cj->ci", self._tensor, slope)
         return np.einsum("ci,cij->cj", flow, self._axes)
+
+
+def _sides_between(cells: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Sides of cells with both ends among the nodes, (K, 2)."""
+    following = np.roll(cells, -1, axis=1)
+    following[cells[:, 3] < 0, 2] = cells[cells[:, 3] < 0, 0]
+    sides = np.stack([cells, following], axis=2).reshape(-1, 2)
+    return sides[np.isin(sides, nodes).all(axis=1)]
 
 
 def _gradients(flat: np.ndarray, quadrilateral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,13 +11,23 @@ if TYPE_CHECKING:
     from lcmchain.coupling.infiltration.time_step import Situation, Stage
 
 
+def share_in_words(share: float) -> str:
+    """Say which share of the pores is filled; never 100 % where some are not."""
+    if share < 0.9995:
+        return f"only {share:.1%} of the pores are filled"
+    left = 100.0 * (1.0 - share)
+    if left < 1e-6:
+        return "the pores are filled but for round-off"
+    return f"all but {left:.1g} % of the pores are filled"
+
+
 def idle_outcome(filling: Filling, situation: Situation, stage: Stage) -> tuple[str, str]:
     """Return outcome and message of a filling in which nothing moves any more."""
     state = filling.state
     time = f"{state.time:.6g} s"
     if state.full.all():
         return "filled", f"all pores are full after {time}"
-    share = f"{filling.filled_share:.1%} of the pores are full"
+    share = share_in_words(filling.filled_share)
     gelled = filling.liquid.gelled(state)
     if gelled.any():
         place = filling.mesh.points[gelled].mean(axis=0)

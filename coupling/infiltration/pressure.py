@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
+from lcmchain.coupling.infiltration.factors import Factors
 from lcmchain.coupling.infiltration.front import Front, find_front
 from lcmchain.coupling.infiltration.network import Conductances, Network
 from lcmchain.errors import SimulationError
@@ -71,6 +71,8 @@ class Boundary:
         the air has a given pressure, (N,).
     compliance : of each pocket, volume per pressure and time step [m3/(Pa s)].
     lift : cells that the pressure thickens.
+    room : pore volume over the time step that the front should come to rest in [m3/s], (N,); None
+        where the front is as it stands. See :meth:`_System._close_front`.
     """
 
     fixed: np.ndarray
@@ -83,6 +85,7 @@ class Boundary:
     pocket: np.ndarray
     compliance: np.ndarray = field(default_factory=lambda: np.zeros(0))
     lift: Lift | None = None
+    room: np.ndarray | None = None
 
 
 class Flow(NamedTuple):
@@ -111,6 +114,17 @@ class Flow(NamedTuple):
         return np.bincount(self.front.member, self.feed, minlength=len(self.front.nodes))
 
 
+def longest_free_step(flow: Flow, pores: np.ndarray, height: np.ndarray) -> float:
+    """Time step [s] in which no front volume comes to rest against its resin's weight.
+
+    pores [m3], height : ρ g·x [Pa], both (N,).
+    """
+    front = flow.front
+    rises = np.maximum(front.mean(height) - height[front.nodes], 0.0)
+    rate = front.total * front.ratio * rises / (front.distance * pores[front.nodes])
+    return 1.0 / float(rate.max(initial=1e-300))
+
+
 def solve_flow(
     network: Network,
     conductances: Conductances,
@@ -118,6 +132,7 @@ def solve_flow(
     fill: np.ndarray,
     boundary: Boundary,
     held: np.ndarray,
+    factors: Factors,
 ) -> Flow:
     """Return the flow for full nodes (N,) and fill factors (N,).
 
@@ -125,7 +140,7 @@ def solve_flow(
     """
     front = find_front(network, conductances, full, fill)
     system = _System(network, conductances, full, front, boundary)
-    return system.solve(held)
+    return system.solve(held, factors)
 
 
 class _System:
@@ -150,7 +165,12 @@ class _System:
         self._close_front()
 
     def _close_front(self) -> None:
-        """Potential of the air at the front, and how the front volumes share their inflow."""
+        """Potential of the air at the front, and how the front volumes share their inflow.
+
+        Resin that rises in a front volume holds itself back by its weight, at the rate λ. Where a
+        time step Δt is longer than 1/λ, the way to the front counts λ Δt times: no step then
+        takes the front beyond where it comes to rest, and a shorter one is not touched.
+        """
         front, boundary = self.front, self.boundary
         nodes, distance = front.nodes, front.distance
         below = front.mean(boundary.height)
@@ -160,9 +180,14 @@ class _System:
         # Conductances that vanish have the sign of their round-off.
         below_zero = front.flow < -1e-9 * front.total[front.member]
         negative = np.bincount(front.member, below_zero, minlength=len(nodes)) > 0
-        self.apart = (distance < 1.0) & ~negative
+        self.resistance = distance
+        if boundary.room is not None:
+            rises = np.maximum(below - boundary.height[nodes], 0.0)
+            held = front.total * front.ratio * rises / (distance * boundary.room[nodes])
+            self.resistance = distance * np.maximum(held, 1.0)
+        self.apart = (self.resistance < 1.0) & ~negative
 
-    def solve(self, held: np.ndarray) -> Flow:
+    def solve(self, held: np.ndarray, factors: Factors) -> Flow:
         unknown, known = self._unknowns(held)
         size = unknown.max(initial=-1) + 1
         pockets = np.arange(len(self.boundary.compliance)) + size
@@ -180,7 +205,7 @@ class _System:
         total = np.concatenate([total, np.zeros(len(pockets))])
         if len(pockets):
             self._add_pockets(unknown, known, pockets, parts, total)
-        solution = _solve_symmetric(parts, total)
+        solution = _solve_symmetric(parts, total, factors)
         potential = np.where(unknown >= 0, solution[np.maximum(unknown, 0)], 0.0) + known
         if len(pockets):
             inside = self.pocket >= 0
@@ -239,7 +264,7 @@ class _System:
         front, boundary = self.front, self.boundary
         i, j, flow = self.first, self.second, self.flow
         source, member = front.source, front.member
-        distance = front.distance[member]
+        distance = self.resistance[member]
         apart = self.apart[member]
         to_air = np.where(self.pocket >= 0, -self.air_height, self.air)[member]
         right = boundary.source + boundary.contact * (boundary.outside - boundary.height)
@@ -249,7 +274,7 @@ class _System:
         right += np.bincount(source, front.flow * to_air / distance, minlength=self.count)
         own = np.where(apart, front.flow / distance, front.flow)
         touched = np.flatnonzero(self.full & (boundary.contact != 0.0))
-        weight = np.where(self.apart, 0.0, (1.0 / front.distance - 1.0) / front.total)
+        weight = np.where(self.apart, 0.0, (1.0 / self.resistance - 1.0) / front.total)
         fed = coo_matrix((front.flow, (member, source)), shape=(len(front.nodes), self.count))
         fed = fed.tocsr()
         shared = (fed.T @ fed.multiply(weight[:, None])).tocoo()
@@ -296,7 +321,7 @@ class _System:
         inside = self.pocket[front.member] >= 0
         member, node = front.member[inside], front.source[inside]
         number = pockets[self.pocket[member]]
-        share = front.flow[inside] / front.distance[member]
+        share = front.flow[inside] / self.resistance[member]
         row = unknown[node]
         free = row >= 0
         for rows, columns in ((row, number), (number, row)):
@@ -316,11 +341,11 @@ class _System:
         front, boundary = self.front, self.boundary
         nodes, member = front.nodes, front.member
         mean = front.mean(potential)
-        potential[nodes] = mean - (mean - self.air) / front.distance
+        potential[nodes] = mean - (mean - self.air) / self.resistance
         upstream = potential[front.source]
         feed = np.where(
             self.apart[member],
-            front.flow * (upstream - self.air[member]) / front.distance[member],
+            front.flow * (upstream - self.air[member]) / self.resistance[member],
             front.flow * (upstream - potential[nodes][member]),
         )
         between = self.flow * (potential[self.first] - potential[self.second])
@@ -346,7 +371,7 @@ class _System:
 
 
 def _solve_symmetric(
-    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], right: np.ndarray
+    parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], right: np.ndarray, factors: Factors
 ) -> np.ndarray:
     if not len(right):
         return np.zeros(1)
@@ -357,18 +382,4 @@ def _solve_symmetric(
             "measure, as where a thickness changes too fast"
         )
     matrix = csc_matrix(coo_matrix((entries, (rows, columns)), shape=(len(right), len(right))))
-    try:
-        factors = splu(
-            matrix,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError as error:
-        raise SimulationError(
-            f"the equations of the resin's pressure cannot be solved ({error}): some of it is "
-            "neither at a gate or vent nor at the front"
-        ) from None
-    solution = factors.solve(right)
-    # One refinement: the balance of every node then holds to round-off.
-    return solution + factors.solve(right - matrix @ solution)
+    return factors.solve(matrix, right)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.atomic import replacing
+from lcmchain.coupling.infiltration.outcome import share_in_words
 from lcmchain.coupling.infiltration.places import place_text
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.report.fillings import filling_in_words, time_in_words
@@ -153,8 +154,8 @@ def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:
             middle = points[dry].mean(axis=0)
             at = points[dry][np.argmin(np.linalg.norm(points[dry] - middle, axis=1))]
             where = f"; the dry part is around {place_text(at)}"
-        share = filled.history.filled_share[-1]
-        yield f"only {share:.1%} of the pores are filled: {filled.message or filled.outcome}{where}"
+        share = share_in_words(filled.history.filled_share[-1])
+        yield f"{share}: {filled.message or filled.outcome}{where}"
     yield from _gelled(filled)
     spots = [
         (name, spot, left)

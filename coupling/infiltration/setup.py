@@ -196,9 +196,9 @@ def _gate(gate: scene.Gate, places: Places, key: str) -> Gate:
         return TimeTable(np.array(gate.times), np.array(values))
 
     pressure = over_time(gate.pressure) if gate.flow_rate is None else gate.pressure_limit
-    alone = gate.radius if gate.point is not None and len(nodes) == 1 else None
+    radius = None if gate.point is None else gate.radius
     return Gate(
-        gate.name, nodes, pressure, over_time(gate.flow_rate), _schedule(gate, places, key), alone
+        gate.name, nodes, pressure, over_time(gate.flow_rate), _schedule(gate, places, key), radius
     )
 
 

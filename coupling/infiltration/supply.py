@@ -14,18 +14,26 @@ from typing import Protocol
 import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import Gate, TimeTable, Vent, value_at
-from lcmchain.coupling.infiltration.front import principal_spread
+from lcmchain.coupling.infiltration.holes import (
+    hole_conductance,
+    mean_conductance,
+    radial_time,
+    while_filling,
+)
 from lcmchain.coupling.infiltration.network import Conductances, Network
 from lcmchain.coupling.infiltration.state import FillingState
 from lcmchain.errors import InputError
+
+#: Of the time in which a volume's pores would flow through it: what a gate floods takes this long.
+AT_ONCE = 1e-6
 
 
 @dataclass(frozen=True)
 class OpenGate:
     """A gate that is open: its number, present pressure or rate, and whether it passes resin on.
 
-    ``contact`` is the conductance from the gate's hole to its node, nan without a radius; it is
-    negative where the hole is larger than the node's effective radius.
+    ``contact`` is the conductance from the gate's hole to its nodes, nan without a radius; it is
+    negative where the hole is larger than the effective radius of the nodes.
     """
 
     number: int
@@ -74,6 +82,11 @@ class Supply:
                 owner[node] = place.name
 
     @property
+    def gate_nodes(self) -> np.ndarray:
+        """Nodes of all gates, whether open or not."""
+        return np.unique(np.concatenate([np.empty(0, int), *(gate.nodes for gate in self.gates)]))
+
+    @property
     def _places(self) -> tuple[Gate | Vent, ...]:
         return (*self.gates, *self.vents)
 
@@ -94,10 +107,10 @@ class Supply:
             limit = None if gate.pressure is None else value_at(gate.pressure, time)
             contact = np.nan
             if gate.radius is not None:
-                node = int(gate.nodes[0])
-                contact = hole_conductance(network, conductances, node, gate.radius)
-                if contact < 0.0 and not _surrounded(network, node, state.full):
-                    contact = np.inf
+                contact = hole_conductance(network, conductances, gate.nodes, gate.radius)
+                contact = while_filling(
+                    network, conductances, gate.nodes, contact, state.full, state.fill
+                )
             ready = bool(state.full[gate.nodes].all())
             found.append(OpenGate(number, gate, limit, rate, ready, contact))
         return found
@@ -229,10 +242,10 @@ def prime(
     drive = opened.pressure - float(np.max(state.air_pressure[nodes]))
     if drive <= 0.0:
         return Priming(opened.number, nodes, room, filled, np.inf, False)
+    least = AT_ONCE * whole / (mean_conductance(network, conductances, nodes) * drive)
     if opened.gate.radius is not None:
-        node = int(nodes[0])
-        duration = _radial_time(network, conductances, node, opened.gate.radius, pores, drive)
-        return Priming(opened.number, nodes, room, filled, duration, False)
+        duration = radial_time(network, conductances, opened.gate, pores, drive)
+        return Priming(opened.number, nodes, room, filled, max(duration, least), False)
     inside = np.zeros(network.node_count, dtype=bool)
     inside[opened.gate.nodes] = True
     first, second = network.edges.T
@@ -241,7 +254,7 @@ def prime(
     beyond = _share_beyond(network, inside)
     volume = float((beyond * pores)[nodes].sum())
     duration = volume / (4.0 * outward * drive) if outward > 0.0 else 0.0
-    return Priming(opened.number, nodes, room, filled, duration, True)
+    return Priming(opened.number, nodes, room, filled, max(duration, least), True)
 
 
 def _share_beyond(network: Network, inside: np.ndarray) -> np.ndarray:
@@ -250,55 +263,3 @@ def _share_beyond(network: Network, inside: np.ndarray) -> np.ndarray:
     covered = (inside[cells] | (cells < 0)).all(axis=1)
     outer = network.corner_sum(network.corner_areas * ~covered[:, None])
     return outer / network.node_areas()
-
-
-def _radial_time(network, conductances, node, radius, pores, drive) -> float:
-    area = network.node_areas()[node]
-    reach = np.sqrt(area / np.pi)
-    if reach <= radius:
-        return 0.0
-    larger, smaller = principal_spread(conductances.spread[[node]])
-    mean = np.sqrt(larger * smaller)[0] / area
-    bracket = reach**2 * np.log(reach / radius) - 0.5 * (reach**2 - radius**2)
-    return float(pores[node] / area / (2.0 * mean * drive) * bracket)
-
-
-def _surrounded(network: Network, node: int, full: np.ndarray) -> bool:
-    """Whether all neighbours of a node are full.
-
-    A hole that is larger than what its node stands for takes resistance away from the field around
-    the node: more than there is, as long as only the node itself is full.
-    """
-    first, second = network.edges.T
-    return bool(full[second[first == node]].all() and full[first[second == node]].all())
-
-
-def hole_conductance(
-    network: Network, conductances: Conductances, node: int, radius: float
-) -> float:
-    """Conductance between a hole of a radius [m] around a node and the node [m3/(Pa s)].
-
-    The node's effective radius r_e is where the logarithmic field has the node's discrete
-    pressure: Σ T_j ln(ρ_j / r_e) = 2π κ over its neighbours at the distances ρ_j. After D. W.
-    Peaceman, SPE Journal 18 (1978) 183 and 23 (1983) 531 for anisotropic grids, here for any mesh.
-    """
-    first, second = network.edges.T
-    at = np.flatnonzero((first == node) | (second == node))
-    end = np.where(first[at] == node, 0, 1)
-    flow = conductances.flow[at]
-    safe = np.where(flow == 0.0, 1.0, flow)
-    away = network.edge_vectors(at, end)
-    area = network.node_areas()[node]
-    xx, yy, xy = conductances.spread[node] / area
-    mean = np.sqrt(xx * yy - xy * xy)
-    squared = yy * away[:, 0] ** 2 - 2.0 * xy * away[:, 0] * away[:, 1] + xx * away[:, 1] ** 2
-    distance = np.sqrt(squared / mean)
-    kept = (safe == flow) & (distance > 0.0)
-    total = flow[kept].sum()
-    effective = (np.sum(flow[kept] * np.log(distance[kept])) - 2.0 * np.pi * mean) / total
-    larger, smaller = principal_spread(conductances.spread[[node]])
-    ratio = (larger[0] / smaller[0]) ** 0.25
-    hole = np.log(0.5 * radius * (ratio + 1.0 / ratio))
-    if effective == hole:
-        return np.inf
-    return float(2.0 * np.pi * mean / (effective - hole))

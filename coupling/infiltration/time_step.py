@@ -17,11 +17,18 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.air import Air, find_air, new_dry_spots
 from lcmchain.coupling.infiltration.carried import carry
+from lcmchain.coupling.infiltration.factors import Factors
 from lcmchain.coupling.infiltration.film_supply import FilmFlow, FilmSinking, FilmSupply
 from lcmchain.coupling.infiltration.network import Conductances
 from lcmchain.coupling.infiltration.outcome import idle_outcome
 from lcmchain.coupling.infiltration.overflow import FULL, Passed, Stuck, pass_on
-from lcmchain.coupling.infiltration.pressure import Boundary, Flow, Lift, solve_flow
+from lcmchain.coupling.infiltration.pressure import (
+    Boundary,
+    Flow,
+    Lift,
+    longest_free_step,
+    solve_flow,
+)
 from lcmchain.coupling.infiltration.state import FillingState
 from lcmchain.coupling.infiltration.supply import OpenGate, Priming, prime
 from lcmchain.errors import SimulationError
@@ -34,6 +41,8 @@ MOST_CUTS = 60
 CUTS_OF_EXCESS = 12
 #: So many steps in a row, each below this share of what is left of the time, lead nowhere.
 MOST_TINY_STEPS, TINY = 2000, 1e-9
+#: Of time steps in which the front comes to rest against gravity: their flow lags behind.
+MOST_GROWTH = 1.1
 # Of the pore volume, over all that is left of the time: less is no flow.
 NO_FLOW = 1e-10
 # Of the pores of a control volume: what a full one may lack and stay so although they shrink, and
@@ -75,6 +84,7 @@ class TimeStep:
 
     def __init__(self, filling: Filling) -> None:
         self.filling = filling
+        self.factors = Factors()
         self._kept: tuple[Situation, Stage] | None = None
         self._moments: tuple[float, ...] = ()
         self._tiny = 0
@@ -187,9 +197,9 @@ class TimeStep:
         jumped = np.abs(situation.excess) > NEARLY * situation.pores
         timed = bool(jumped.any() or len(situation.air.volume) and options.trapped_air)
         timed |= situation.film is not None and len(situation.film.fed) > 0
-        if self._kept is not None and not timed:
+        if self._kept is not None and not timed and not situation.excess.any():
             stage = self._kept[1]
-            return situation, stage, min(limit, self._wish(stage, situation))
+            return self._resting(situation, stage, min(limit, self._wish(stage, situation)))
         step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
         for _ in range(MOST_CUTS if not situation.excess.any() else CUTS_OF_EXCESS):
             if not step > 0.0:
@@ -197,7 +207,7 @@ class TimeStep:
                     f"no time step is short enough at {state.time:.6g} s: the thickness or the "
                     "pressure changes too fast"
                 )
-            stage, of_stage = self._stage(situation, state, step), step
+            stage = self._stage(situation, state, step)
             wish = self._wish(stage, situation)
             if not timed or wish >= 0.999 * step:
                 break
@@ -205,8 +215,21 @@ class TimeStep:
         if situation.lift is not None:
             fastest = np.max(np.abs(_thickness_rate(situation, stage)) / state.thickness)
             step = min(step, options.largest_compaction / max(fastest, 1e-300))
-        step = min(step, wish)
-        return _at_the_same_rate(situation, step / of_stage), stage, step
+        situation, stage, step = self._resting(situation, stage, min(step, wish))
+        return _at_the_same_rate(situation, step / stage.step), stage, step
+
+    def _resting(
+        self, situation: Situation, stage: Stage, step: float
+    ) -> tuple[Situation, Stage, float]:
+        """Flow and step where the front may come to rest against gravity within the step."""
+        free = longest_free_step(stage.flow, situation.pores, self._height())
+        if step <= free:
+            return situation, stage, step
+        step = min(step, max(free, MOST_GROWTH * situation.state.next_step))
+        return situation, self._stage(situation, situation.state, step, resting=True), step
+
+    def _height(self) -> np.ndarray:
+        return self.filling.height(self.filling.medium.mesh.points)
 
     def _wish(self, stage: Stage, situation: Situation) -> float:
         """Step in which the front crosses as many control volumes as the options say."""
@@ -240,7 +263,7 @@ class TimeStep:
         conductances = self._conductances_at(situation, ahead)
         later = self.filling.supply.at_time(situation.gates, state.time + step)
         there = replace(situation, conductances=conductances, gates=later)
-        second = self._stage(there, ahead, step)
+        second = self._stage(there, ahead, step, resting=bool(self.filling.gravity.any()))
         along = 0.5 * (stage.flow.along + second.flow.along)
         rate = 0.5 * (rate + _thickness_rate(situation, second))
         pores_end = self._pores_at(situation, rate, step)
@@ -323,15 +346,20 @@ class TimeStep:
             thickness=thickness,
         )
 
-    def _stage(self, situation: Situation, state: FillingState, step: float) -> Stage:
-        """Flow of a state, with gates at their rate unless that needs more than their pressure."""
+    def _stage(
+        self, situation: Situation, state: FillingState, step: float, resting: bool = False
+    ) -> Stage:
+        """Flow of a state, with gates at their rate unless that needs more than their pressure.
+
+        resting : the step may be longer than the front takes to come to rest against gravity.
+        """
         gates = situation.gates
         limited = [gate.rate is None for gate in gates]
         shut = np.zeros(len(state.full), dtype=bool)
         film = situation.film
         spent = np.zeros(0 if film is None else len(film.fed), dtype=bool)
         for _ in range(2 * len(gates) + 12):
-            flow = self._solve(situation, state, step, limited, shut, spent)
+            flow = self._solve(situation, state, step, limited, shut, spent, resting)
             pressure, rate = self._at_gates(situation, flow)
             changed = False
             for k, gate in enumerate(gates):
@@ -362,6 +390,7 @@ class TimeStep:
         limited: list[bool],
         shut: np.ndarray,
         spent: np.ndarray,
+        resting: bool,
     ) -> Flow:
         filling, count = self.filling, len(state.full)
         network = filling.medium.network
@@ -376,7 +405,8 @@ class TimeStep:
             if not at_pressure:
                 tied.append((nodes, float(gate.rate or 0.0)))
             elif np.isfinite(gate.contact):
-                contact[nodes], outside[nodes] = gate.contact, gate.pressure
+                contact[nodes[0]], outside[nodes[0]] = gate.contact, gate.pressure
+                tied.append((nodes, 0.0))
             else:
                 fixed[nodes] = gate.pressure
         if situation.film is not None:
@@ -384,11 +414,13 @@ class TimeStep:
         pocket, compliance = self._pockets(situation, step)
         boundary = Boundary(
             fixed, source, tuple(tied), contact, outside, situation.state.air_pressure,
-            filling.height(filling.medium.mesh.points), pocket, compliance, situation.lift,
+            self._height(), pocket, compliance, situation.lift,
+            situation.pores / step if resting else None,
         )  # fmt: skip
         return solve_flow(
-            network, situation.conductances, state.full, state.fill, boundary, state.pressure
-        )
+            network, situation.conductances, state.full, state.fill, boundary, state.pressure,
+            self.factors,
+        )  # fmt: skip
 
     def _pockets(self, situation: Situation, step: float) -> tuple[np.ndarray, np.ndarray]:
         air = situation.air

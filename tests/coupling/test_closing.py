@@ -11,6 +11,7 @@ from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file, fill, fill_part
+from lcmchain.coupling.infiltration.time_step import TimeStep
 from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.fields.ugrid import UgridMesh, write_netcdf
 from lcmchain.scene import infiltration_from_text
@@ -44,6 +45,8 @@ RIGHT = '[[vents]]\nname = "right"\nbox = ["199 -1 -1 mm", "201 41 1 mm"]\n'
 BOTH = '[[vents]]\nname = "{0}"\nbox = ["{1} -1 -1 mm", "{2} 41 1 mm"]\nbleeds = true\n'
 ENDS = BOTH.format("left", -1, 1) + BOTH.format("right", 199, 201)
 WET = '[[wetted]]\nname = "all"\nbox = ["-1 -1 -1 mm", "201 41 1 mm"]\n'
+# Three times what the filling takes, with all iterations.
+MOST_STEPS = 800
 PLAIN = FillOptions(picture=False, vtu=False)
 
 
@@ -99,10 +102,13 @@ def test_closing_plates_squeeze_the_resin_out_of_both_ends(source):
     speed = (THICKNESS - 0.8e-3) / 2000.0
     time, (total, fibres, resin) = filled.history.time, filled.history.force.T
     late = time > 1000.0
-    h = THICKNESS - speed * time[late]
+    h = THICKNESS - speed * time
     half = 0.5 * LENGTH
-    expected = 2.0 * VISCOSITY * speed * half**3 / (3.0 * permeability(h) * h) * WIDTH
-    np.testing.assert_allclose(resin[late], expected, rtol=0.02)
+    squeeze = 2.0 * VISCOSITY * speed * half**3 / (3.0 * permeability(h) * h) * WIDTH
+    expected = squeeze[late]
+    np.testing.assert_allclose(resin[late], expected, rtol=5e-3)
+    # Exact at the nodes; between them the parabola is a polygon of ten sides.
+    np.testing.assert_allclose(resin[1:], squeeze[1:] * (1.0 - 0.25 / 10**2), rtol=2e-4)
     np.testing.assert_allclose(total, fibres + resin, rtol=1e-12)
     law = compaction_of(read_formed_part(source))
     alone = law.pressure(np.full(law.thickness.size, 0.8e-3)).mean() * LENGTH * WIDTH
@@ -114,8 +120,22 @@ def test_closing_plates_squeeze_the_resin_out_of_both_ends(source):
     assert np.abs(filled.history.balance_error).max() < 1e-10 * filled.history.stored[0]
 
 
+@pytest.fixture
+def few_steps(monkeypatch):
+    """Time steps that collapse are an error here, not a test that never ends."""
+    take, taken = TimeStep.take, []
+
+    def counted(self, until):
+        taken.append(until)
+        assert len(taken) <= MOST_STEPS, f"{MOST_STEPS} time steps do not suffice"
+        return take(self, until)
+
+    monkeypatch.setattr(TimeStep, "take", counted)
+    return taken
+
+
 @pytest.mark.parametrize("kind", ["bag", "press"])
-def test_resin_lifts_a_part_until_the_pressures_balance(source, kind):
+def test_resin_lifts_a_part_until_the_pressures_balance(source, kind, few_steps):
     """At the end of an infusion the resin is at the gate's pressure everywhere."""
     area = LENGTH * WIDTH
     closing = {

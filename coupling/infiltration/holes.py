@@ -1,0 +1,126 @@
+"""Gates that are round holes: what lies between the hole and the nodes that stand for it.
+
+Nodes that have the gate's pressure act as a hole of some size of their own, the effective radius,
+that depends on the mesh. It is where the logarithmic field around the hole has the pressure of the
+nodes: the field of the mesh is right at the neighbours j of the nodes i, and brings the same flow,
+
+    Σ T_ij ln(ρ_j / r_e) = θ κ
+
+with the distances ρ_j from the middle of the nodes, measured so that the sheet is isotropic, and
+the angle θ of the sheet around them. Between the nodes and the true hole, smaller or larger, acts
+what is left of the logarithm. After D. W. Peaceman, SPE Journal 18 (1978) 183 and 23 (1983) 531
+for anisotropic grids; here for any mesh in space, and for more than one node.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lcmchain.coupling.infiltration.boundaries import Gate
+from lcmchain.coupling.infiltration.front import find_front, principal_spread
+from lcmchain.coupling.infiltration.network import Conductances, Network
+
+
+def hole_conductance(
+    network: Network, conductances: Conductances, nodes: np.ndarray, radius: float
+) -> float:
+    """Conductance between a hole of a radius [m] and the nodes that lie in it [m3/(Pa s)].
+
+    Negative where the hole is larger than the nodes' effective radius; infinite where both are
+    the same, and for several nodes of which some are on the rim.
+    """
+    inside = np.zeros(network.node_count, dtype=bool)
+    inside[nodes] = True
+    first, second = network.edges.T
+    at = np.flatnonzero(inside[first] != inside[second])
+    flow = conductances.flow[at]
+    angle = 2.0 * np.pi
+    if len(nodes) == 1:
+        angle = float(network.unfolding.angle[nodes[0]])
+        away = network.edge_vectors(at, np.where(first[at] == nodes[0], 0, 1))
+        spread = conductances.spread[nodes[0]]
+        area = network.node_areas()[nodes[0]]
+    else:
+        if network.unfolding.inward[nodes].any():
+            return np.inf
+        beyond = np.where(inside[first[at]], second[at], first[at])
+        away, spread, area = network.around(nodes, beyond, conductances)
+    mean, size, hole = _logarithms(away, spread / area, radius)
+    total = flow.sum()
+    effective = (np.sum(flow * size) - angle * mean) / total
+    if effective == hole:
+        return np.inf
+    return float(angle * mean / (effective - hole))
+
+
+def _logarithms(
+    away: np.ndarray, spread: np.ndarray, radius: float
+) -> tuple[float, np.ndarray, float]:
+    """Mean of h K/µ; logarithms of the field around a round hole at places (K, 2), and at it.
+
+    Measured so that the sheet is isotropic the hole is an ellipse, of semi-axes a and b. Outside
+    the field is ln |z + sqrt(z² - a² + b²)| / 2, with z from the longer axis on, and that of a
+    round hole of the radius (a + b) / 2 far away.
+    """
+    xx, yy, xy = spread
+    values, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
+    stretch = (values[1] / values[0]) ** 0.25
+    # Where the sheet conducts least it becomes longer.
+    along, across = away @ axes[:, 0] * stretch, away @ axes[:, 1] / stretch
+    z = along + 1j * across
+    root = np.sqrt(z * z - radius**2 * (stretch**2 - stretch**-2))
+    size = 0.5 * np.maximum(np.abs(z + root), np.abs(z - root))
+    hole = 0.5 * radius * (stretch + 1.0 / stretch)
+    return float(np.sqrt(values[0] * values[1])), np.log(size), float(np.log(hole))
+
+
+def while_filling(
+    network: Network,
+    conductances: Conductances,
+    nodes: np.ndarray,
+    contact: float,
+    full: np.ndarray,
+    fill: np.ndarray,
+) -> float:
+    """Return the conductance between hole and nodes while the front is next to them.
+
+    A hole that is larger than what its nodes stand for takes resistance away from the field around
+    them. As long as that has little, at most half of it is taken.
+    """
+    inside = np.zeros(network.node_count, dtype=bool)
+    inside[nodes] = True
+    first, second = network.edges.T
+    out = np.flatnonzero(inside[first] != inside[second])
+    beyond = np.where(inside[first[out]], second[out], first[out])
+    if contact >= 0.0 or not np.isfinite(contact) or full[beyond].all():
+        return contact
+    front = find_front(network, conductances, full, fill)
+    fed = inside[front.source]
+    leaving = np.sum(front.flow[fed] / front.distance[front.member[fed]])
+    leaving += conductances.flow[out][full[beyond]].sum()
+    return -max(-contact, 2.0 * float(leaving))
+
+
+def mean_conductance(network: Network, conductances: Conductances, nodes: np.ndarray) -> float:
+    """Geometric mean of the principal values of h K/µ at nodes, averaged [m3/(Pa s)]."""
+    larger, smaller = principal_spread(conductances.spread[nodes])
+    return float(np.sqrt(np.maximum(larger * smaller, 0.0)).sum() / _area(network, nodes))
+
+
+def radial_time(
+    network: Network, conductances: Conductances, gate: Gate, pores: np.ndarray, drive: float
+) -> float:
+    """Time [s] in which a hole fills the volumes of its nodes, dry at first; drive : [Pa]."""
+    assert gate.radius is not None
+    area = _area(network, gate.nodes)
+    angle = float(network.unfolding.angle[gate.nodes[0]]) if len(gate.nodes) == 1 else 2.0 * np.pi
+    reach = np.sqrt(2.0 * area / angle)
+    if reach <= gate.radius:
+        return 0.0
+    mean = mean_conductance(network, conductances, gate.nodes)
+    bracket = reach**2 * np.log(reach / gate.radius) - 0.5 * (reach**2 - gate.radius**2)
+    return float(pores[gate.nodes].sum() / area / (2.0 * mean * drive) * bracket)
+
+
+def _area(network: Network, nodes: np.ndarray) -> float:
+    return float(network.node_areas()[nodes].sum())
