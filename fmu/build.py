@@ -150,7 +150,7 @@ def _forming_entries(
 ) -> dict[str, Any]:
     """Check a scene for forming, write its interface, and return what its unit holds about it."""
     from lcmchain.fmu.forming import abilities_of, sheet_mesh
-    from lcmchain.fmu.forming_variables import FIELDS_OF_FMI2, field_names
+    from lcmchain.fmu.forming_variables import FIELDS_OF_FMI2, FLUID_FIELDS_OF_FMI2, field_names
     from lcmchain.fmu.interface_fields import INTERFACE_FILE, interface_of
 
     blank = build_blank(scene.blank, scene.material.thickness)
@@ -165,7 +165,8 @@ def _forming_entries(
         if name not in known:
             raise InputError(f'no field "{name}"; there are {", ".join(known)}', key="--fields")
     if fields is None and fmi == 2:
-        fields = FIELDS_OF_FMI2
+        fields = [name for name in FIELDS_OF_FMI2 if name in known]
+        fields += FLUID_FIELDS_OF_FMI2 if pore_pressure else ()
     title = f"interface of {scene.title}"
     interface_of(sheet_mesh(scene), interface).write(resources / INTERFACE_FILE, {"title": title})
     return {"fields": None if fields is None else list(fields), "pore_pressure": pore_pressure}

@@ -102,6 +102,8 @@ FLUID_OUTPUTS = (
 
 #: Fields of a unit of FMI 2 unless others are asked for: there every entry is a variable.
 FIELDS_OF_FMI2 = ("thickness", "fibre_volume_fraction")
+#: Those that are added with a fluid.
+FLUID_FIELDS_OF_FMI2 = ("volume_rate", "volume_rate_slope", "reference_pressure", "fluid_thickness")
 
 
 class Abilities(NamedTuple):
@@ -197,7 +199,7 @@ def _fields(abilities: Abilities, names: Sequence[str] | None) -> list[Variable]
     count = abilities.field_size
     found = [_output(*e, size=count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
     if abilities.takes_pore_pressure:
-        found += [_output(*entry, size=count) for entry in FLUID_OUTPUTS]
+        found += [_output(*e, size=count) for e in FLUID_OUTPUTS if names is None or e[0] in names]
     return found
 
 

@@ -14,7 +14,7 @@ from lcmchain.fmu.interrupts import catching, outermost
 from lcmchain.fmu.status import Status
 
 # What a call answers that was refused; all others answer that there was an error.
-_ANSWERS: dict[str, Callable[[Any], Any]] = {
+_ANSWERS: dict[str, Callable[..., Any]] = {
     "get_numbers": lambda references: np.full(len(references), np.nan),
     "get_texts": lambda references: [""] * len(references),
     "save": lambda: None,
