@@ -47,7 +47,9 @@ class RecordPieces:
         self.close()
 
     def after_step(self, filling: Filling) -> None:
-        """Keep what a time step has led to."""
+        """Keep what a time step has led to, if the start was kept."""
+        if not self.frames:
+            return
         self._new.add_step(filling, self._node_areas)
         if is_frame_due(self._case, (filling.time, filling.filled_share), self._last):
             self._add_frame(filling)

@@ -142,7 +142,7 @@ class InfiltrationPart(Part):
             aloud=True,
         )
         _take_one_step(self.setup)
-        self.fluid = FillingPart(self.setup.filling(), self._after_step)
+        self.fluid = FillingPart(self.setup.filling(), self.record.after_step)
         self.record.clear()
         self.ended = ("reached", "the filling has not begun")
         self.vented_rate = np.zeros(len(self.setup.vents))
@@ -172,7 +172,7 @@ class InfiltrationPart(Part):
         else:
             if self.motion == "thickness":
                 self._set_thickness(size)
-            self.ended = self.filling.advance(self.present + size, self._after_step)
+            self.ended = self.filling.advance(self.present + size, self.record.after_step)
         if self.ended[0] == before[0] != "reached":
             self.ended = before  # the message says since when
         self.vented_rate = (self.filling.state.vented - vented) / size
@@ -206,10 +206,6 @@ class InfiltrationPart(Part):
     def _out_dir(self) -> Path | None:
         text = self.values.texts["out_dir"]
         return Path(text) if text else None
-
-    def _after_step(self, filling: Filling) -> None:
-        if self.record.frames:
-            self.record.after_step(filling)
 
     # --- inputs -----------------------------------------------------------------------------------
 

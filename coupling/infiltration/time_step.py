@@ -10,6 +10,7 @@ in a step and every step conserves resin to round-off.
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -83,7 +84,8 @@ class TimeStep:
     """Takes the time steps of a filling."""
 
     def __init__(self, filling: Filling) -> None:
-        self.filling = filling
+        # what holds this one; without a circle it is gone as soon as nobody holds it
+        self.filling: Filling = weakref.proxy(filling)
         self.factors = Factors()
         self._kept: tuple[Situation, Stage] | None = None
         self._moments: tuple[float, ...] = ()
