@@ -87,7 +87,7 @@ FIELD_OUTPUTS = (
 )
 #: Fields that a fluid in the pores exchanges, by the names of
 #: :mod:`lcmchain.coupling.iteration.interface`; ``fluid_thickness`` is its thickness, V/A.
-FLUID_OUTPUTS = (
+FLUID_OUTPUTS: tuple[tuple[str, str, str | None, str, str], ...] = (
     ("volume", "m3", "Volume", FLUID, "volume of the element"),
     ("volume_rate", "m3/s", "VolumeFlowRate", FLUID, "mean rate of volume over the last step"),
     ("volume_rate_slope", "m3/(s.Pa)", None, FLUID,
@@ -189,7 +189,8 @@ def forming_variables(
 
 def field_names(abilities: Abilities) -> list[str]:
     """Return the names of all fields that a unit can give."""
-    left_out = () if abilities.has_thickness else ("thickness", "thickness_rate")
+    left_out: tuple[str, ...] = ()
+    left_out += () if abilities.has_thickness else ("thickness", "thickness_rate")
     left_out += () if abilities.has_fibre_volume_fraction else ("fibre_volume_fraction",)
     entries = FIELD_OUTPUTS + (FLUID_OUTPUTS if abilities.takes_pore_pressure else ())
     return [entry[0] for entry in entries if entry[0] not in left_out]

@@ -63,7 +63,7 @@ def conducting_pairs(sheet: Sheet, kept: np.ndarray, gates: np.ndarray) -> Pairs
     split = np.zeros(len(matrix), dtype=np.int64)
     quads = np.flatnonzero(sheet.cells[:, 3] >= 0)
     if len(quads):
-        at_gate: np.ndarray = np.isin(sheet.cells[quads], gates).any(axis=1)
+        at_gate = np.asarray(np.isin(sheet.cells[quads], gates).any(axis=1))
         own = raised(sheet.flat[quads], matrix[quads], sheet.mean[quads], at_gate)
         matrix[quads], split[quads] = own
     for _ in range(_ROUNDS):
