@@ -7,7 +7,9 @@ from lcmchain.coupling.iteration import aitken, fixed_point, gauss_seidel, iqn_i
 from lcmchain.coupling.iteration.consolidation import (
     Column,
     FluidColumn,
+    OutflowColumn,
     SolidColumn,
+    SqueezedColumn,
     coupled_column,
     degree_of_consolidation,
     settlement_share,
@@ -119,6 +121,40 @@ def test_substeps_see_what_those_of_the_system_see(substeps):
     solid, fluid, _ = through_precice(config, COLUMN, substeps=substeps)
     scheme = iqn_ils(relaxation=0.3, most_iterations=400)
     assert agreement(in_process(COLUMN, scheme, 4, substeps=substeps), solid, fluid) < 1e-10
+
+
+def test_what_is_held_over_a_window_is_so_in_every_substep():
+    """A part with memory: the volumes that a rate changes, in three sub-steps."""
+    size = 1e-3 * COLUMN.time_scale
+    data = {"Rate": ("Fluid", 1), "Pressure": ("Solid", 1)}
+    config = Configured(
+        "Fluid", "Solid", MESHES, data, size, 3 * size, implicit=False, initial=("Solid",)
+    )
+    fluid, solid = OutflowColumn(COLUMN), SqueezedColumn(COLUMN)
+    rate, pressure = ("Rate", "{}-Mesh", RATE), ("Pressure", "{}-Mesh", PRESSURE)
+
+    def on(side, entry):
+        return entry[0], entry[1].format(side), entry[2]
+
+    run_pair(
+        Coupling(config),
+        lambda p: Adapter(
+            fluid, p, [Read(*on("Fluid", pressure))], [Write(*on("Fluid", rate))]
+        ).run(),
+        lambda p: Adapter(
+            solid, p, [Read(*on("Solid", rate), within="held")], [Write(*on("Solid", pressure))],
+            substeps=3,
+        ).run(),
+    )  # fmt: skip
+    system = coupled_column(
+        COLUMN, gauss_seidel(), size, direction="pressure_from_solid", prediction=0,
+        substeps={"solid": 3},
+    )  # fmt: skip
+    system.advance_to(3 * size)
+    expected = system.get_fields(["solid.thickness"])["solid.thickness"]
+    values = solid.get_fields(["thickness"])["thickness"]
+    np.testing.assert_allclose(values, expected, rtol=1e-12)
+    assert np.abs(values - COLUMN.cell).max() > 1e-6 * COLUMN.cell
 
 
 def test_the_fixed_stress_split_goes_through_precice_and_consolidates_after_terzaghi():
