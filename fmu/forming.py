@@ -10,7 +10,11 @@ from uuid import NAMESPACE_URL, uuid5
 
 import numpy as np
 
-from lcmchain.coupling.iteration.interface import PORE_PRESSURE, REFERENCE_PRESSURE
+from lcmchain.coupling.iteration.interface import (
+    PORE_PRESSURE,
+    PRESSURE_AT_REST,
+    REFERENCE_PRESSURE,
+)
 from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.elements.families import family_of
 from lcmchain.errors import InputError, SimulationError
@@ -18,6 +22,7 @@ from lcmchain.fields import derive_fields
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.fmu import forming_state
 from lcmchain.fmu.forming_variables import (
+    AT_REST,
     ENERGY,
     FIELDS,
     FLUID,
@@ -196,7 +201,8 @@ class FormingPart(Part):
         self.before = simulation.state.position.copy()
         if self.wet is not None:
             pressure = self._interface.spread(self.values.field(PORE_PRESSURE))
-            self.wet.set_fields({PORE_PRESSURE: pressure})
+            at_rest = bool(self.values.number(AT_REST))
+            self.wet.set_fields({PRESSURE_AT_REST if at_rest else PORE_PRESSURE: pressure})
             self.wet.advance(size)
         else:
             simulation.advance_to(self.target)

@@ -85,6 +85,8 @@ FIELD_OUTPUTS = (
     ("position_y", "m", "Length", FIELDS, "y of the element's centre"),
     ("position_z", "m", "Length", FIELDS, "z of the element's centre"),
 )
+#: Input that says how the pore pressure is meant.
+AT_REST = "pore_pressure_at_rest"
 #: Fields that a fluid in the pores exchanges, by the names of
 #: :mod:`lcmchain.coupling.iteration.interface`; ``fluid_thickness`` is its thickness, V/A.
 FLUID_OUTPUTS: tuple[tuple[str, str, str | None, str, str], ...] = (
@@ -93,6 +95,8 @@ FLUID_OUTPUTS: tuple[tuple[str, str, str | None, str, str], ...] = (
     ("volume_rate_slope", "m3/(s.Pa)", None, FLUID,
      "estimated derivative of volume_rate by the pressure, for the fixed-stress split"),
     ("reference_pressure", "Pa", "Pressure", FLUID, "pressure that volume_rate belongs to"),
+    ("pore_resistance", "Pa.s/m3", None, FLUID,
+     "of the last step, by which pore_pressure at rest falls with the rate of volume"),
     ("area", "m2", "Area", FLUID, "area of the element's mid-surface"),
     ("area_rate", "m2/s", "AreaRate", FLUID, "mean rate of area over the last step"),
     ("fluid_thickness", "m", "Thickness", FLUID, "volume over area"),
@@ -103,7 +107,9 @@ FLUID_OUTPUTS: tuple[tuple[str, str, str | None, str, str], ...] = (
 #: Fields of a unit of FMI 2 unless others are asked for: there every entry is a variable.
 FIELDS_OF_FMI2 = ("thickness", "fibre_volume_fraction")
 #: Those that are added with a fluid.
-FLUID_FIELDS_OF_FMI2 = ("volume_rate", "volume_rate_slope", "reference_pressure", "fluid_thickness")
+FLUID_FIELDS_OF_FMI2 = (
+    "volume_rate", "volume_rate_slope", "reference_pressure", "pore_resistance", "fluid_thickness",
+)  # fmt: skip
 
 
 class Abilities(NamedTuple):
@@ -165,6 +171,17 @@ def forming_variables(
                 0.0,
                 nominal=1e5,
                 size=abilities.field_size,
+            )  # fmt: skip
+        )
+        inputs.append(
+            Variable(
+                AT_REST,
+                Kind.BOOLEAN,
+                "input",
+                "discrete",
+                "true: pore_pressure is that at rest, and falls within a step with the rate of "
+                "volume by pore_resistance, which lets steps be longer than the thickness wave",
+                start=False,
             )  # fmt: skip
         )
     variables = (

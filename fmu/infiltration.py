@@ -22,7 +22,9 @@ from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.coupling.infiltration.stage import ENDING, fingerprint_of, write_filling
 from lcmchain.coupling.iteration.interface import (
     PORE_PRESSURE,
+    PRESSURE_AT_REST,
     REFERENCE_PRESSURE,
+    RESISTANCE,
     VOLUME_RATE,
     VOLUME_RATE_SLOPE,
 )
@@ -53,7 +55,7 @@ from lcmchain.threads import use_threads
 PART_FOLDER = "part"
 
 #: What the filling takes where the master moves the volume of its cells.
-VOLUME_INPUTS = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE)
+VOLUME_INPUTS = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
 
 #: Of a gate or vent that the master has shut: it never opens.
 SHUT = Schedule(-2.0, -1.0)
@@ -248,7 +250,9 @@ class InfiltrationPart(Part):
         if self.interface.is_coarse:
             for name in (VOLUME_RATE, VOLUME_RATE_SLOPE):
                 given[name] = self.interface.fields.shared(given[name])
-            given[REFERENCE_PRESSURE] = self.interface.spread(given[REFERENCE_PRESSURE])
+            for name in (REFERENCE_PRESSURE, RESISTANCE):
+                given[name] = self.interface.spread(given[name])
+            given[RESISTANCE] /= self.interface.fields.shared(np.ones(self.interface.size))
         self.fluid.set_fields(given)
 
     # --- outputs ----------------------------------------------------------------------------------
@@ -289,12 +293,13 @@ class InfiltrationPart(Part):
         }
 
     def _fields(self) -> dict[str, np.ndarray]:
-        found = self.fluid.get_fields([PORE_PRESSURE, "thickness", "volume"])
+        found = self.fluid.get_fields([PORE_PRESSURE, PRESSURE_AT_REST, "thickness", "volume"])
         network = self.filling.medium.network
         areas = network.corner_areas
         factor = (areas * self.filling.state.fill[network.cells]).sum(axis=1) / areas.sum(axis=1)
         values = {
             "pore_pressure": found[PORE_PRESSURE],
+            "pressure_at_rest": found[PRESSURE_AT_REST],
             "fill_factor": factor,
             "preform_thickness": found["thickness"],
         }

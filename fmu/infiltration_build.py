@@ -96,7 +96,7 @@ def build_infiltration_fmu(
         interface.write(resources / INTERFACE_FILE, {"title": title})
         fields = options.fields
         if fields is None and fmi == 2:
-            fields = FIELDS_OF_FMI2
+            fields = FIELDS_OF_FMI2 + (("pressure_at_rest",) if options.motion == "volume" else ())
         unit |= {
             "part": "infiltration",
             "motion": options.motion,

@@ -66,8 +66,14 @@ SUM_OUTPUTS: tuple[tuple[str, Kind, str | None, str | None, str], ...] = (
 )  # fmt: skip
 
 # Name, unit, type, description; per cell, or per patch of cells.
-FIELD_OUTPUTS = (
+FIELD_OUTPUTS: tuple[tuple[str, str, str, str], ...] = (
     ("pore_pressure", "Pa", "Pressure", "pressure of the resin, of the air where there is none"),
+    (
+        "pressure_at_rest",
+        "Pa",
+        "Pressure",
+        "pore_pressure, and pore_resistance times the rate of volume",
+    ),
     ("fill_factor", "1", "Fraction", "share of the pores that resin fills"),
     ("preform_thickness", "m", "Thickness", "thickness of the preform"),
     ("preform_volume", "m3", "Volume", "volume of the preform"),
@@ -89,6 +95,8 @@ FIELD_INPUTS: dict[Motion, tuple[tuple[str, str, str | None, float, str], ...]] 
         ("volume_rate_slope", "m3/(s.Pa)", None, 1e-14,
          "derivative of volume_rate by the pressure, for the fixed-stress split; 0: none"),
         ("reference_pressure", "Pa", "Pressure", 1e5, "pressure that volume_rate belongs to"),
+        ("pore_resistance", "Pa.s/m3", None, 1e12,
+         "by which the solid lets pressure_at_rest fall with the rate of volume; 0: none"),
     ),
 }  # fmt: skip
 

@@ -49,4 +49,13 @@ def at_interface(interface: Interface, found: Mapping[str, Any], step: float) ->
 
 
 def _up(name: str, interface: Interface) -> Callable[[np.ndarray], np.ndarray]:
+    if name == "pore_resistance":  # of elements side by side, each with its part of the rate
+        return lambda values: _side_by_side(values, interface)
     return interface.fields.total if name in SUMMED else interface.fields.mean
+
+
+def _side_by_side(resistance: np.ndarray, interface: Interface) -> np.ndarray:
+    acting = resistance > 0.0
+    conductance = np.divide(1.0, resistance, out=np.zeros_like(resistance), where=acting)
+    total = interface.fields.total(conductance)
+    return np.divide(1.0, total, out=np.zeros_like(total), where=total > 0.0)
