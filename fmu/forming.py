@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
@@ -252,14 +252,15 @@ class FormingPart(Part):
 
     def outputs(self, group: str) -> Mapping[str, Any]:
         """Return the outputs of a group by name."""
-        return {
+        compute: dict[str, Callable[[], Mapping[str, Any]]] = {
             TOOLS: self._tool_outputs,
             ENERGY: self._energy_outputs,
             FIELDS: self._field_outputs,
             RATES: self._rate_outputs,
             SOLVER: self._solver_outputs,
             FLUID: self._fluid_outputs,
-        }[group]()
+        }
+        return compute[group]()
 
     def _tool_outputs(self) -> dict[str, float]:
         model, state = self.simulation.model, self.simulation.state
