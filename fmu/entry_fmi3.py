@@ -3,9 +3,13 @@
 pythonfmu3 runs it in the Python of the importing process, whose environment must have lcmchain.
 """
 
-import lcmchain_unit_environment  # beside this file
+import importlib
 
-lcmchain_unit_environment.prepare(__file__)
+try:
+    environment = importlib.import_module("lcmchain_unit_environment")  # beside this file
+except ModuleNotFoundError:  # not in a unit
+    environment = importlib.import_module("lcmchain.fmu.entry_environment")
+environment.prepare(__file__)
 
 from lcmchain.fmu.fmi3 import Fmi3Slave, UnitSlave3  # noqa: E402
 

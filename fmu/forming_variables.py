@@ -206,8 +206,7 @@ def forming_variables(
 
 def field_names(abilities: Abilities) -> list[str]:
     """Return the names of all fields that a unit can give."""
-    left_out: tuple[str, ...] = ()
-    left_out += () if abilities.has_thickness else ("thickness", "thickness_rate")
+    left_out: tuple[str, ...] = () if abilities.has_thickness else ("thickness", "thickness_rate")
     left_out += () if abilities.has_fibre_volume_fraction else ("fibre_volume_fraction",)
     entries = FIELD_OUTPUTS + (FLUID_OUTPUTS if abilities.takes_pore_pressure else ())
     return [entry[0] for entry in entries if entry[0] not in left_out]
@@ -215,9 +214,9 @@ def field_names(abilities: Abilities) -> list[str]:
 
 def _fields(abilities: Abilities, names: Sequence[str] | None) -> list[Variable]:
     count = abilities.field_size
-    found = [_output(*e, size=count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
+    found = [_output(*e, count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
     if abilities.takes_pore_pressure:
-        found += [_output(*e, size=count) for e in FLUID_OUTPUTS if names is None or e[0] in names]
+        found += [_output(*e, count) for e in FLUID_OUTPUTS if names is None or e[0] in names]
     return found
 
 
@@ -252,7 +251,7 @@ def _constants(abilities: Abilities) -> list[Variable]:
     ]  # fmt: skip
 
 
-def _output(name, unit, declared, group, description, size=None) -> Variable:
+def _output(name, unit, declared, group, description, size=None):
     return Variable(
         name, Kind.REAL, "output", "continuous", description, unit, declared, size=size,
         group=group,
