@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lcmchain.coupling.infiltration.boundaries import RaceTrack
+from lcmchain.coupling.infiltration.delaunay import cut, flip
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.network import Network
 from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
@@ -96,6 +97,29 @@ def test_what_a_flipped_triangle_conducts_follows_the_cells_it_lies_in():
         ends = mesh.points[network.edges[np.flatnonzero(own)]].reshape(-1, 3)
         assert np.linalg.norm(ends - mesh.centroids[cell], axis=1).max() < 0.2
     np.testing.assert_allclose(total, flow, rtol=1e-9, atol=1e-12)
+
+
+def crossed(a, b):
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def test_flipping_gives_every_cell_its_area_again():
+    """The shares of the triangles in a cell, times their areas, sum to it."""
+    mesh = random_plate(0.03, SIDE, SIDE, seed=4)
+    count, flat = mesh.cell_count, mesh.corners[..., :2].copy()
+    turned = crossed(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]) < 0.0
+    cells = mesh.cells.copy()
+    cells[turned, :3], flat[turned, :3] = cells[turned, 2::-1], flat[turned, 2::-1]
+    turns = np.broadcast_to(np.eye(2), (count, 4, 2, 2))
+    tensors = np.broadcast_to(tensor(8.0, 25.0)[:2, :2], (count, 2, 2))
+    triangles = cut(cells, flat, turns, tensors, np.arange(count), np.zeros(count, dtype=int))
+    assert flip(triangles, np.empty((0, 2), dtype=int)) > 50
+    a, b, c = triangles.flat.swapaxes(0, 1)
+    area = 0.5 * crossed(b - a, c - a)
+    own = triangles.cell >= 0
+    found = np.bincount(triangles.cell[own], (area[:, None] * triangles.share)[own])
+    assert found.sum() == pytest.approx(SIDE**2, rel=1e-12)
+    np.testing.assert_allclose(found, mesh.areas, rtol=1e-9)
 
 
 def test_flipped_edges_have_the_vectors_of_the_sheet():
