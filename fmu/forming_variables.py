@@ -87,7 +87,7 @@ FIELD_OUTPUTS = (
 )
 #: Fields that a fluid in the pores exchanges, by the names of
 #: :mod:`lcmchain.coupling.iteration.interface`; ``fluid_thickness`` is its thickness, V/A.
-FLUID_OUTPUTS = (
+FLUID_OUTPUTS: tuple[tuple[str, str, str | None, str, str], ...] = (
     ("volume", "m3", "Volume", FLUID, "volume of the element"),
     ("volume_rate", "m3/s", "VolumeFlowRate", FLUID, "mean rate of volume over the last step"),
     ("volume_rate_slope", "m3/(s.Pa)", None, FLUID,
@@ -190,9 +190,9 @@ def field_names(abilities: Abilities) -> list[str]:
 
 def _fields(abilities: Abilities, names: Sequence[str] | None) -> list[Variable]:
     count = abilities.element_count
-    found = [_output(*e, count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
+    found = [_output(*e, size=count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
     if abilities.takes_pore_pressure:
-        found += [_output(*e, count) for e in FLUID_OUTPUTS if names is None or e[0] in names]
+        found += [_output(*e, size=count) for e in FLUID_OUTPUTS if names is None or e[0] in names]
     return found
 
 
