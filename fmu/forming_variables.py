@@ -214,9 +214,9 @@ def field_names(abilities: Abilities) -> list[str]:
 
 def _fields(abilities: Abilities, names: Sequence[str] | None) -> list[Variable]:
     count = abilities.field_size
-    found = [_output(*e, count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
+    found = [_output(*e, size=count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
     if abilities.takes_pore_pressure:
-        found += [_output(*e, count) for e in FLUID_OUTPUTS if names is None or e[0] in names]
+        found += [_output(*e, size=count) for e in FLUID_OUTPUTS if names is None or e[0] in names]
     return found
 
 

@@ -1,0 +1,132 @@
+"""A sheet and its resin as two units in the project's master, and as two objects in one process."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from lcmchain.coupling.cosimulation.run import run_system
+from lcmchain.coupling.cosimulation.system_file import system_from
+from lcmchain.coupling.filling_part import FillingPart
+from lcmchain.coupling.forming_fields import forming_datasets
+from lcmchain.coupling.infiltration.formed_part import read_formed_part
+from lcmchain.coupling.infiltration.setup import set_up
+from lcmchain.coupling.iteration import CoupledSystem, Exchange, Tolerance, iqn_ils
+from lcmchain.coupling.iteration.interface import (
+    PRESSURE_AT_REST,
+    REFERENCE_PRESSURE,
+    RESISTANCE,
+    VOLUME_RATE,
+    VOLUME_RATE_SLOPE,
+)
+from lcmchain.coupling.solids.explicit import ExplicitForming
+from lcmchain.fields import write_forming_netcdf
+from lcmchain.fmu.build import build_fmu
+from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.scene import read_infiltration, read_scene
+from lcmchain.solver.simulation import Simulation
+
+STEP, STOP = 1e-4, 1.5e-3
+SCENE = """
+process = { time = "10 ms", mass_damping = "200 1/s" }
+blank = { size = ["40 mm", "10 mm"], edge_length = "5 mm" }
+material = { preset = "MD600" }
+contact = { friction = 0.0 }
+[[tools]]
+name = "die"
+shape = { type = "plate", side = "below" }
+position = "0 0 -0.502 mm"
+[[tools]]
+name = "press"
+shape = { type = "plate", side = "above" }
+position = "0 0 0.502 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "0.1 mm", profile = "linear" }
+"""
+CASE = """
+time = "10 ms"
+resin = { law = "constant", viscosity = "1 mPa*s" }
+permeability = { law = "constant", k1 = "1e-11 m^2", k2 = "1e-11 m^2", k3 = "1e-12 m^2" }
+[[wetted]]
+name = "all"
+box = ["-30 -10 -5 mm", "30 10 5 mm"]
+[[vents]]
+name = "ends"
+rim = true
+bleeds = true
+"""
+FORWARD = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pair")
+    (folder / "scene.toml").write_text(SCENE)
+    (folder / "case.toml").write_text(CASE)
+    scene = read_scene(folder / "scene.toml")
+    simulation = Simulation.from_scene(scene)
+    start = forming_datasets(scene, simulation, [simulation.snapshot()])
+    write_forming_netcdf(folder / "blank.nc", start)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def in_process(sources):
+    """Return sheet and resin after the same windows, by the same scheme."""
+    sheet = ExplicitForming.from_scene(read_scene(sources / "scene.toml"))
+    case = read_infiltration(sources / "case.toml")
+    resin = FillingPart(set_up(read_formed_part(sources / "blank.nc"), case).filling())
+    exchanges = [Exchange("sheet", "resin", name) for name in FORWARD]
+    exchanges.append(Exchange("resin", "sheet", PRESSURE_AT_REST, tolerance=Tolerance(1e-6)))
+    system = CoupledSystem(
+        {"sheet": sheet, "resin": resin}, exchanges, iqn_ils(relaxation=1.0), window=STEP
+    )
+    while system.time < 0.999 * STOP:
+        system.advance(STEP)
+    return sheet, resin, system
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_units_give_the_result_of_the_process(sources, in_process, tmp_path, fmi):
+    sheet, resin, coupled = in_process
+    build_fmu(sources / "scene.toml", tmp_path / "sheet.fmu", fmi=fmi, pore_pressure=True)
+    build_infiltration_fmu(
+        sources / "blank.nc", sources / "case.toml", tmp_path / "resin.fmu", fmi=fmi,
+        options=InfiltrationUnit(motion="volume"),
+    )  # fmt: skip
+    system = system_from(
+        {
+            "stop_time": f"{STOP!r} s",
+            "window": f"{STEP!r} s",
+            "units": [
+                {
+                    "name": "sheet",
+                    "fmu": "sheet.fmu",
+                    "start": {"pore_pressure_at_rest": True, "threads": 1},
+                },
+                {"name": "resin", "fmu": "resin.fmu"},
+            ],
+            "connections": [
+                *(f"sheet.{name} -> resin.{name}" for name in FORWARD),
+                {"link": "resin.pressure_at_rest -> sheet.pore_pressure"},
+            ],
+            "scheme": {"type": "iqn-ils", "relative": 1e-6, "relaxation": 1.0},
+        },
+        None,
+        directory=tmp_path,
+    )
+    summary = run_system(system, tmp_path / "out")
+    assert summary["window_count"] == len(coupled.history.accepted)
+    with xr.open_dataset(tmp_path / "out" / "cosimulation.nc", group="resin") as record:
+        pressure = record["pore_pressure"].values[-1]
+    with xr.open_dataset(tmp_path / "out" / "cosimulation.nc", group="sheet") as record:
+        thickness = record["fluid_thickness"].values[-1]
+        force = float(record["press_force"].values[-1])
+    wanted = resin.get_fields(["pore_pressure"])["pore_pressure"]
+    assert wanted.max() > 1e3
+    np.testing.assert_allclose(pressure, wanted, rtol=1e-8)
+    wanted = sheet.get_fields(["thickness"])["thickness"]
+    np.testing.assert_allclose(thickness, wanted, rtol=1e-8)
+    tools = sheet.simulation.model.tools
+    wanted = sheet.simulation.state.tool_force[1] @ tools.direction[1]
+    assert abs(force) == pytest.approx(abs(wanted), rel=1e-8)
