@@ -105,7 +105,7 @@ class FillingPart:
         points = given[POINTS].reshape(-1, 3)
         try:
             if not np.array_equal(points, filling.state.points):
-                filling.set_points(points)
+                filling.carry_to(points)
             area = filling.mesh.areas
             start, rate = before / area, change / (area * span)
             lift = given[VOLUME_RATE_SLOPE] / (area * self.pace)

@@ -278,20 +278,27 @@ class Filling:
         ------
         SimulationError : the fibres alone fill a cell.
         """
-        points = np.array(points, dtype=float)
-        state, medium = self.state, self.medium
-        volume, node_area = state.thickness * medium.mesh.areas, medium.node_area
-        medium.set_points(points)
-        state.film = state.film * (node_area / medium.node_area)
-        state.points = points.copy()
+        start, state = self._place(points), self.state
         if step is None:
-            medium.fibre_fraction(state.thickness)
+            self.medium.fibre_fraction(state.thickness)
         else:
-            start = volume / medium.mesh.areas
-            medium.fibre_fraction(np.minimum(start, state.thickness))
+            self.medium.fibre_fraction(np.minimum(start, state.thickness))
             state.thickness_rate = (state.thickness - start) / step
             state.thickness = start
+
+    def carry_to(self, points: np.ndarray) -> None:
+        """Move the nodes [m], shape (N, 3); cells, fibres and film keep their volume."""
+        self.state.thickness = self._place(points)
+
+    def _place(self, points: np.ndarray) -> np.ndarray:
+        """Move the nodes, and return the thickness of cells that keep their volume (C,) [m]."""
+        state, medium = self.state, self.medium
+        volume, node_area = state.thickness * medium.mesh.areas, medium.node_area
+        state.points = np.array(points, dtype=float)
+        medium.set_points(state.points)
+        state.film = state.film * (node_area / medium.node_area)
         self._steps.forget()
+        return volume / medium.mesh.areas
 
     def set_permeability(self, tensor: np.ndarray, through: np.ndarray | None = None) -> None:
         """Take the permeability of fibres that have moved, see :meth:`Medium.set_permeability`.

@@ -182,7 +182,7 @@ class ExplicitForming:
     def _next_resistance(self) -> np.ndarray:
         """Return the resistances (element_count,) [Pa s/m³] that the explicit step can bear."""
         simulation = self.simulation
-        step = simulation.control.step or simulation.critical_step()
+        step = simulation.control.step
         mobility = np.empty(self._lanes.padded_count)
         resistance_mobilities(self._lanes, simulation.state.position, mobility)
         return 2.0 * DAMPED_SHARE / (step * mobility[self._lanes.place])
@@ -224,6 +224,8 @@ class ExplicitForming:
         ------
         PartFailed : a guard stopped the forming.
         """
+        if self.simulation.control.step == 0.0:  # of one that was not compiled, which finds a step
+            self.simulation.compile()
         simulation, state = self.simulation, self.simulation.state
         begin = self.time
         self._volume, self._area, self._step = self.volume(), self.area(), float(step)

@@ -15,6 +15,7 @@ from lcmchain.coupling.iteration import (
     CoupledSystem,
     Exchange,
     Tolerance,
+    WindowControl,
     fixed_stress_exchanges,
     iqn_ils,
 )
@@ -69,7 +70,9 @@ def coupled(solid, fluid, window):
     ]  # fmt: skip
     exchanges += fixed_stress_exchanges("solid", "fluid")
     parts = {"solid": solid, "fluid": fluid}
-    return CoupledSystem(parts, exchanges, iqn_ils(relaxation=1.0), window=window, prediction=0)
+    # where a control volume fills within a window, or not, by a hair, a shorter one decides it
+    control = WindowControl(window, smallest=min(window, 1.0), largest=window)
+    return CoupledSystem(parts, exchanges, iqn_ils(relaxation=1.0), window=control, prediction=0)
 
 
 def test_vacuum_infusion_keeps_mass_and_comes_where_the_similar_solution_is():

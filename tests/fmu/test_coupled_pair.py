@@ -77,7 +77,7 @@ def in_process(sources):
     case = read_infiltration(sources / "case.toml")
     resin = FillingPart(set_up(read_formed_part(sources / "blank.nc"), case).filling())
     exchanges = [Exchange("sheet", "resin", name) for name in FORWARD]
-    exchanges.append(Exchange("resin", "sheet", PRESSURE_AT_REST, tolerance=Tolerance(1e-6)))
+    exchanges.append(Exchange("resin", "sheet", PRESSURE_AT_REST, tolerance=Tolerance(1e-10)))
     system = CoupledSystem(
         {"sheet": sheet, "resin": resin}, exchanges, iqn_ils(relaxation=1.0), window=STEP
     )
@@ -110,7 +110,7 @@ def test_units_give_the_result_of_the_process(sources, in_process, tmp_path, fmi
                 *(f"sheet.{name} -> resin.{name}" for name in FORWARD),
                 {"link": "resin.pressure_at_rest -> sheet.pore_pressure"},
             ],
-            "scheme": {"type": "iqn-ils", "relative": 1e-6, "relaxation": 1.0},
+            "scheme": {"type": "iqn-ils", "relative": 1e-10, "relaxation": 1.0},
         },
         None,
         directory=tmp_path,
