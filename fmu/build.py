@@ -158,6 +158,7 @@ def _forming_entries(
         scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
     )
     require_no_initial_overlap(scene, blank, tools)
+    pore_pressure = pore_pressure or scene.wet_forming is not None
     known = field_names(abilities_of(scene, pore_pressure=pore_pressure))
     if fields == ["all"]:
         fields = known

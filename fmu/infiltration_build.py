@@ -16,6 +16,7 @@ from lcmchain.coupling.cosimulation.archive import read_member
 from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
 from lcmchain.coupling.infiltration.formed_part_file import write_part
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
+from lcmchain.coupling.wet_forming.sheet import blank_of_scene
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import require_target, write_unit
 from lcmchain.fmu.infiltration import PART_FOLDER
@@ -27,7 +28,7 @@ from lcmchain.mapping.patches import Patches
 from lcmchain.mapping.structure.stage import is_mapped
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.infiltration import Infiltration
-from lcmchain.scene.infiltration_file import read_infiltration
+from lcmchain.scene.infiltration_file import is_scene_file, read_infiltration
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class InfiltrationUnit:
 
 
 def build_infiltration_fmu(
-    source: Path | str,
+    source: Path | str | None,
     case: Path | str,
     out_path: Path | str,
     *,
@@ -69,7 +70,8 @@ def build_infiltration_fmu(
 
     Parameters
     ----------
-    source : forming result, of which the sheet's own faces are filled, or mapped file.
+    source : forming result, of which the sheet's own faces are filled, or mapped file; None for the
+        blank of a scene whose infiltration goes on while the blank is formed.
     case : file with resin, gates and vents, or a scene with infiltrations.
     out_path : the unit, ``*.fmu``; replaced only once the new one is complete.
     fmi : version of the standard. overrides : ``key=value`` texts for the case or scene.
@@ -86,9 +88,12 @@ def build_infiltration_fmu(
         resources = Path(name)
         the_case, unit = _stage_case(Path(case), overrides, resources, options.name)
         _require_still(the_case)
-        part = read_formed_part(
-            source, frame=options.frame, allow_incomplete=options.allow_incomplete
-        )
+        if source is None:
+            part = blank_of_scene(read_scene(case, overrides))
+        else:
+            part = read_formed_part(
+                source, frame=options.frame, allow_incomplete=options.allow_incomplete
+            )
         setup = set_up(part, the_case, Path(case).resolve().parent)
         interface = _interface(setup, options.interface, resources)
         write_part(resources / PART_FOLDER, _without_path(part))
@@ -179,12 +184,7 @@ def _stage_case(
 
 def _scene(path: Path, overrides: Sequence[str]) -> Scene | None:
     """Read a scene; None for a file that is the case of an infiltration."""
-    try:
-        words = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return None  # reading it as a case tells what is wrong
-    is_scene = any(line.strip().startswith(("[blank", "blank")) for line in words.splitlines())
-    return read_scene(path, overrides) if is_scene else None
+    return read_scene(path, overrides) if is_scene_file(path) else None
 
 
 def _require_still(case: Infiltration) -> None:

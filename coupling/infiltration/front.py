@@ -108,7 +108,9 @@ def squared_section(moment: np.ndarray, spread: np.ndarray) -> np.ndarray:
     """G · S⁻¹ G of moments (K, 2) and spreads (K, 3): κ L² / A of a straight front [1/(Pa s)]."""
     xx, yy, xy = spread.T
     gx, gy = moment.T
-    return (yy * gx * gx - 2.0 * xy * gx * gy + xx * gy * gy) / (xx * yy - xy * xy)
+    area = xx * yy - xy * xy  # vanishes where nothing conducts, as in resin that has gelled
+    section = yy * gx * gx - 2.0 * xy * gx * gy + xx * gy * gy
+    return np.divide(section, area, out=np.zeros_like(area), where=area > 0.0)
 
 
 def principal_spread(spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

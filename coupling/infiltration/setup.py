@@ -17,6 +17,7 @@ from lcmchain.coupling.infiltration.formed_part import (
     FormedPart,
     with_permeability,
 )
+from lcmchain.coupling.infiltration.law_factor import factor_of
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.permeable import require_permeable
 from lcmchain.coupling.infiltration.places import Places, place_text
@@ -75,7 +76,9 @@ class FillingSetup:
 
 
 def set_up(
-    part: FormedPart, case: scene.Infiltration, directory: Path | None = None
+    part: FormedPart,
+    case: scene.Infiltration,
+    directory: Path | None = None,
 ) -> FillingSetup:
     """Find the places of a scene on a part, and give the cells their material.
 
@@ -92,7 +95,8 @@ def set_up(
     places = _places(mesh, part.target)
     part = _with_regions(part, case, places, directory)
     require_permeable(part)
-    preform = Preform.from_mapped(part.dataset)
+    factor = factor_of(part, case.permeability, directory)
+    preform = Preform.from_mapped(part.dataset, factor=factor)
     gates = tuple(_gate(gate, places, key) for key, gate in _keyed("gates", case.gates))
     vents = tuple(
         _vent(vent, case.vent_pressure, places, key) for key, vent in _keyed("vents", case.vents)

@@ -30,6 +30,13 @@ def part_of_sheet(
     return FormedPart(target, fields.drop_vars(TIME), str(scene.source.path or "the scene"))
 
 
+def blank_of_scene(scene: Scene) -> FormedPart:
+    """Return the blank of a scene, before it is formed."""
+    simulation = Simulation.from_scene(scene)
+    points = simulation.model.blank.mid_surface(simulation.model.node_positions)
+    return part_of_sheet(scene, simulation, [simulation.snapshot()], points)
+
+
 def _blocks(cells: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:
     """Runs of cells of one type, in their order."""
     sides = np.count_nonzero(cells >= 0, axis=1)

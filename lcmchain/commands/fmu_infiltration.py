@@ -25,7 +25,8 @@ Source = Annotated[
     typer.Option(
         "--source",
         metavar="SOURCE.nc",
-        help="Infiltration: forming.nc of a run or a mapped file; default that of the scene's run.",
+        help="Infiltration: forming.nc of a run or a mapped file; default that of the scene's run, "
+        "or the blank where it is filled while it is formed.",
     ),
 ]
 Motion = Annotated[
@@ -66,8 +67,9 @@ def build_infiltration(
     overrides: Sequence[str],
 ) -> None:
     """Build a unit that fills a formed part as a scene or a case says."""
-    source = source or default_out(case) / "forming.nc"
-    if not source.is_file():
+    if source is None and not _flows_while_formed(case, overrides):
+        source = default_out(case) / "forming.nc"
+    if source is not None and not source.is_file():
         raise InputError(
             f"there is no forming result; form it first with: lcmchain run {case}, or name a "
             "forming.nc or a mapped file with --source",
@@ -75,7 +77,7 @@ def build_infiltration(
         )
     if out.suffix != ".fmu":
         raise InputError("the name of a functional mock-up unit ends in .fmu", file=out)
-    with output_folder(out.parent, inputs=[case, source]):
+    with output_folder(out.parent, inputs=[case] if source is None else [case, source]):
         from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
 
         options = InfiltrationUnit(
@@ -83,3 +85,11 @@ def build_infiltration(
             interface=interface, fields=fields, name=name,
         )  # fmt: skip
         build_infiltration_fmu(source, case, out, fmi=fmi, overrides=overrides, options=options)
+
+
+def _flows_while_formed(case: Path, overrides: Sequence[str]) -> bool:
+    """Whether a file is a scene whose infiltration goes on while the blank is formed."""
+    from lcmchain.scene import read_scene
+    from lcmchain.scene.infiltration_file import is_scene_file
+
+    return is_scene_file(case) and read_scene(case, overrides).wet_forming is not None

@@ -19,3 +19,15 @@ def infiltration_from_text(
 ) -> Infiltration:
     """Validate the text of the file of an infiltration."""
     return table_from_text(Infiltration, "infiltration", text, path, overrides)
+
+
+def is_scene_file(path: str | Path) -> bool:
+    """Whether a file is a scene and not the case of an infiltration: it has a blank.
+
+    A file that cannot be read is none; reading it as a case tells what is wrong.
+    """
+    try:
+        words = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return any(line.strip().startswith(("[blank", "blank")) for line in words.splitlines())

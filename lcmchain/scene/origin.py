@@ -1,4 +1,4 @@
-"""What the text of a scene in a result says: here the material that was formed."""
+"""What the text of a scene in a result says: the material that was formed, its permeability."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from lcmchain.errors import InputError
 from lcmchain.quantities.entry_types import FROM_FILE
 from lcmchain.scene.explain import problems_of
 from lcmchain.scene.overrides import apply_overrides
@@ -28,11 +29,29 @@ def formed_material(text: str) -> Any:
     ------
     InputError : it has no material, or one that this version does not know.
     """
+    return _scene_of(text, "material", "element").material
+
+
+def formed_permeability(text: str) -> Any:
+    """Return the permeability law of a scene that a result holds; None where there is none.
+
+    A law that this version does not know is none either: the values in the result stay valid.
+    """
+    if not text:
+        return None
+    try:
+        return _scene_of(text, "material", "element", "permeability").permeability
+    except InputError:
+        return None
+
+
+def _scene_of(text: str, *tables: str) -> Scene:
+    """The scene with these of its tables, and the least that it needs beside them."""
     data = parse_toml(text, None)
     given = [line.removeprefix(OVERRIDE) for line in text.splitlines() if line.startswith(OVERRIDE)]
-    apply_overrides(data, [item for item in given if item.startswith("material")])
-    alone = _REST | {key: data[key] for key in ("material", "element") if key in data}
+    apply_overrides(data, [item for item in given if item.startswith(tables)])
+    alone = _REST | {key: data[key] for key in tables if key in data}
     try:
-        return Scene.model_validate(alone, context=FROM_FILE).material
+        return Scene.model_validate(alone, context=FROM_FILE)
     except ValidationError as error:
         raise input_error(problems_of(error, alone), None) from None

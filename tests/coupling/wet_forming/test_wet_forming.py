@@ -74,7 +74,10 @@ def test_squeeze_flow_between_plates(squeezed):
     """p = mu h' (L² - x²) / (2 K h); per width its integral, 2 mu h' L³ / (3 K h)."""
     thickness = squeezed.filling.state.thickness.mean()
     assert thickness == pytest.approx(1.004e-3 - 0.06e-3, rel=0.01)
-    largest = VISCOSITY * SPEED * HALF**2 / (2.0 * PERMEABILITY * thickness)
+    # the surfaces of the plates give way to the pressure, which still rises a little
+    speed = -squeezed.forming.get_fields(["thickness_rate"])["thickness_rate"].mean()
+    assert speed == pytest.approx(SPEED, rel=0.03)
+    largest = VISCOSITY * speed * HALF**2 / (2.0 * PERMEABILITY * thickness)
     assert squeezed.filling.state.pressure.max() == pytest.approx(largest, rel=0.01)
     assert squeezed.force()[2] == pytest.approx(4.0 / 3.0 * largest * HALF * WIDTH, rel=0.01)
 
