@@ -31,9 +31,8 @@ class SavedFilling(NamedTuple):
 
     state: FillingState
     inputs: dict[str, np.ndarray]
-    time: float
     mean_pressure: np.ndarray
-    at_rest: np.ndarray
+    resisted: np.ndarray
 
 
 class FillingPart:
@@ -79,14 +78,13 @@ class FillingPart:
         none = np.zeros(filling.mesh.cell_count)
         names = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
         self._given = dict.fromkeys(names, none) | {POINTS: filling.state.points.ravel()}
-        self._time = filling.time / self.pace
         self._mean = np.full(filling.mesh.cell_count, np.nan)
-        self._at_rest = self.present_pressure()
+        self._resisted = none
 
     @property
     def time(self) -> float:
         """Present time of the solid's clock [s]."""
-        return self._time
+        return self.filling.time / self.pace
 
     def volume(self) -> np.ndarray:
         """Return the volumes of the cells (C,) [m³]."""
@@ -99,7 +97,7 @@ class FillingPart:
         ------
         PartFailed : the filling cannot do it.
         """
-        filling, given, span = self.filling, self._given, step * self.pace
+        filling, given, span, begin = self.filling, self._given, step * self.pace, self.time
         before = self.volume()
         change = given[VOLUME] - before if VOLUME in given else given[VOLUME_RATE] * step
         points = given[POINTS].reshape(-1, 3)
@@ -113,27 +111,23 @@ class FillingPart:
             self.ended = filling.advance(filling.time + span, self.on_step)
         except SimulationError as error:
             raise PartFailed(
-                str(error), time=self._time, step=step, inputs={VOLUME_RATE: change / step}
+                str(error), time=begin, step=step, inputs={VOLUME_RATE: change / step}
             ) from error
-        self._time += step
         lifted = filling.state.thickness - start - span * rate
         slope = np.where(lift > 0.0, span * lift, np.nan)
         self._mean = given[REFERENCE_PRESSURE] + lifted / slope
-        self._at_rest = self.pressure() + given[RESISTANCE] * (self.volume() - before) / step
+        self._resisted = given[RESISTANCE] * (self.volume() - before) / step
 
     def save(self) -> SavedFilling:
         """Return a copy of the state."""
         given = {name: values.copy() for name, values in self._given.items()}
-        return SavedFilling(
-            self.filling.save(), given, self._time, self._mean.copy(), self._at_rest.copy()
-        )
+        return SavedFilling(self.filling.save(), given, self._mean.copy(), self._resisted.copy())
 
     def restore(self, saved: SavedFilling) -> None:
         """Go back to a saved state; going on from it is bit-identical."""
         self.filling.restore(saved.state)
         self._given = {name: values.copy() for name, values in saved.inputs.items()}
-        self._time = saved.time
-        self._mean, self._at_rest = saved.mean_pressure.copy(), saved.at_rest.copy()
+        self._mean, self._resisted = saved.mean_pressure.copy(), saved.resisted.copy()
 
     def set_fields(self, fields: Mapping[str, np.ndarray]) -> None:
         """Take inputs.
@@ -162,7 +156,7 @@ class FillingPart:
         """
         found = {
             PORE_PRESSURE: self.pressure(),
-            PRESSURE_AT_REST: self._at_rest,
+            PRESSURE_AT_REST: self.pressure() + self._resisted,
             THICKNESS: self.filling.state.thickness,
             VOLUME: self.volume(),
         }

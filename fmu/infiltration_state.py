@@ -63,7 +63,8 @@ def _shapes(saved: SavedFilling) -> dict[str, tuple[int, ...]]:
         if isinstance(values, np.ndarray)
     }
     own |= {f"input {name}": values.shape for name, values in saved.inputs.items()}
-    return own | {"mean pressure": saved.mean_pressure.shape}
+    pressures = {"mean": saved.mean_pressure.shape, "resisted": saved.resisted.shape}
+    return own | pressures
 
 
 def _named(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

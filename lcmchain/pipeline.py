@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import xarray as xr
 
@@ -32,9 +32,6 @@ from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_head, run_summary
 from lcmchain.threads import use_threads
 from lcmchain.tools import ToolWarning
-
-if TYPE_CHECKING:
-    from lcmchain.coupling.wet_forming.wet_forming import WetForming
 
 
 @dataclass(frozen=True)
@@ -274,7 +271,7 @@ class _Job:
             raise
         self.summary.setdefault("infiltration", {})[name] = report.as_dict()
 
-    def _wet_forming(self) -> WetForming | None:
+    def _wet_forming(self) -> Any | None:
         """The resin that flows while the blank is formed, if there is any."""
         if self.scene.wet_forming is None:
             return None

@@ -17,7 +17,7 @@ def draw_curves(path: Path | str, filled: FilledPart, title: str) -> None:
     """Draw what gates there are, what presses on the part, and the volumes of resin over time."""
     history = filled.history
     panels: list[Callable] = [_gate_pressures, _gate_rates] if filled.setup.gates else []
-    panels += [_forces] if filled.is_pressed else []
+    panels += [_forces] if filled.history.force.shape[1] else []
     panels.append(_volumes)
     factor, unit = (1.0, "s") if history.time[-1] < 600.0 else (1.0 / 60.0, "min")
     time, count = factor * history.time, len(panels)

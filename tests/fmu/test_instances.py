@@ -57,7 +57,7 @@ for driver in drivers:
 
 def together(folders):
     program = TOGETHER.format(here=str(CALLS.parent), folders=folders)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
     found = [line for line in done.stdout.splitlines() if not line.startswith("[OK]")]
     return eval(found[-2]), int(found[-1])
@@ -140,7 +140,7 @@ print("grown", resident() - before)
 @pytest.mark.slow
 def test_instances_leave_no_memory_behind(folders, version):
     program = CYCLES.format(here=str(CALLS.parent), folder=folders[version, 5], count=200)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-2000:]
     assert int(done.stdout.split()[-1]) < 1_000_000
 

@@ -93,7 +93,7 @@ def run_master(arguments, folder, libraries="", ends_well=True):
 
 
 def bits_of(program, unit, folder, names=NAMES, libraries="", ends_well=True):
-    arguments = [sys.executable, "-c", program.format(names=names), unit]
+    arguments = [sys.executable, "-P", "-c", program.format(names=names), unit]
     found = run_master(arguments, folder, libraries, ends_well).stdout.splitlines()
     return [line for line in found if line.startswith(("0x", "-0x"))][-1]
 
@@ -107,7 +107,7 @@ def test_fmpy_on_the_command_line(built, tmp_path):
     arguments = ["-m", "fmpy", "simulate", built, "--stop-time", "5e-4"]
     run_master([sys.executable, *arguments, "--output-file", table], tmp_path)
     assert len(table.read_text().splitlines()) > 2
-    checked = run_master([sys.executable, "-m", "fmpy", "validate", built], tmp_path)
+    checked = run_master([sys.executable, "-P", "-m", "fmpy", "validate", built], tmp_path)
     assert "problem" not in checked.stdout.lower() or "no problems" in checked.stdout.lower()
 
 
@@ -137,7 +137,7 @@ def test_fmutool_finds_no_fault(built, tmp_path):
     if find_spec("fmu_manipulation_toolbox") is None:
         pytest.skip("needs the package fmu-manipulation-toolbox")
     program = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
-    done = run_master([sys.executable, "-c", program, "-input", built, "-check"], tmp_path)
+    done = run_master([sys.executable, "-P", "-c", program, "-input", built, "-check"], tmp_path)
     told = done.stdout + done.stderr
     assert "seems to be compliant" in told and "No semantic error" in told
     assert "ERROR" not in told
@@ -152,6 +152,6 @@ def test_fmucontainer(built, expected, tmp_path):
     (tmp_path / "box.json").write_text(json.dumps(container), encoding="utf-8")
     program = "from fmu_manipulation_toolbox.cli.fmucontainer import fmucontainer; fmucontainer()"
     arguments = ["-fmu-directory", tmp_path, "-container", "box.json"]
-    run_master([sys.executable, "-c", program, *arguments], tmp_path)
+    run_master([sys.executable, "-P", "-c", program, *arguments], tmp_path)
     names = tuple(name.replace(".", "_") for name in NAMES)
     assert bits_of(FMPY, tmp_path / "box.fmu", tmp_path, names=names) == expected

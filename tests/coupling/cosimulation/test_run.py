@@ -196,7 +196,7 @@ def test_a_checkpoint_of_other_units_or_settings_is_refused(units, tmp_path, mon
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_ctrl_c_leaves_a_checkpoint(units, tmp_path):
     path, out = system_file(units, tmp_path), tmp_path / "out"
-    command = [sys.executable, "-m", "lcmchain.cli", "cosim", str(path), "--out", str(out),
+    command = [sys.executable, "-P", "-m", "lcmchain.cli", "cosim", str(path), "--out", str(out),
                "--set", "stop_time=1000 s"]  # fmt: skip
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     log = out / "lcmchain.log"

@@ -12,7 +12,7 @@ from lcmchain.coupling.iteration import fixed_point, iqn_ils
 from lcmchain.coupling.iteration.consolidation import Column, coupled_column
 from lcmchain.coupling.precice_adapter.example import END, WINDOW, write_example
 
-COMMAND = [sys.executable, "-c", "from lcmchain.cli import main; main()"]
+COMMAND = [sys.executable, "-P", "-c", "from lcmchain.cli import main; main()"]
 #: The adapter is one process and needs no MPI, which the bindings would start.
 ENVIRONMENT = {**os.environ, "MPI4PY_RC_INITIALIZE": "0"}
 
@@ -21,7 +21,7 @@ ENVIRONMENT = {**os.environ, "MPI4PY_RC_INITIALIZE": "0"}
 def installed():
     # In a process of its own: where MPI is broken, the import ends it.
     tried = subprocess.run(
-        [sys.executable, "-c", "import precice; precice.Participant"], env=ENVIRONMENT,
+        [sys.executable, "-P", "-c", "import precice; precice.Participant"], env=ENVIRONMENT,
         capture_output=True,
     )  # fmt: skip
     if tried.returncode:
