@@ -265,7 +265,10 @@ def test_interrupt_ends_no_host(folder, tmp_path, moment):
     """The host exits as it wants to, and its results are kept."""
     program = HOST.format(here=str(CALLS.parent), folder=str(folder), out=str(tmp_path))
     host = subprocess.Popen(
-        [sys.executable, "-P", "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-P", "-c", program],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     line = ""
     while "ready" not in line:  # messages of the unit's log come before

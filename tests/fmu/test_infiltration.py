@@ -557,4 +557,10 @@ def test_fmi2_units_have_few_fields_unless_asked(made):
     assert names == {"pore_pressure", "fill_factor"}
     every = fmpy.read_model_description(str(made(fmi=2, motion="none", fields=("all",))))
     names = {v.name.partition("[")[0] for v in every.modelVariables if "[" in v.name}
-    assert names == {"pore_pressure", "pressure_at_rest", "fill_factor", "preform_thickness", "preform_volume"}
+    assert names == {
+        "pore_pressure",
+        "pressure_at_rest",
+        "fill_factor",
+        "preform_thickness",
+        "preform_volume",
+    }

@@ -186,7 +186,8 @@ def test_another_process_goes_on_bit_identically(one, unpacked, tmp_path):
     before, after = tmp_path / "before", tmp_path / "after"
     before.write_bytes(one.save().to_bytes())
     subprocess.run(
-        [sys.executable, "-P", "-c", RESTORED, f"{unpacked[0]}/resources", before, after], check=True
+        [sys.executable, "-P", "-c", RESTORED, f"{unpacked[0]}/resources", before, after],
+        check=True,
     )
     for k in range(1, 6):
         assert one.step(k * STEP, STEP) is Status.OK
