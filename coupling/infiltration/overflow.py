@@ -45,6 +45,7 @@ def pass_on(
     rate: np.ndarray,
     bleeds: np.ndarray,
     full: np.ndarray,
+    spare: float = 0.0,
 ) -> Passed | Stuck:
     """Pass the excess of over-full volumes on to those with room, as the edges conduct.
 
@@ -58,6 +59,7 @@ def pass_on(
         before it, (N,). rate : (N,), see :class:`Passed`.
     bleeds : nodes where excess leaves the sheet, (N,).
     full : those that were full before the step and take nothing, (N,).
+    spare : share of its pores that a volume may keep as excess where it finds no room.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def pass_on(
     vented[out] = (volume - pores)[out]
     volume[out] = pores[out]
     records: list[tuple[np.ndarray, ...]] = []
-    stuck = _spread(edges, flow, volume, pores, rate, full, records)
+    stuck = _spread(edges, flow, volume, pores, rate, full, spare, records)
     if stuck.any():
         room = (pores_before - before)[stuck]
         narrower = (volume - before - pores + pores_before)[stuck]
@@ -83,12 +85,12 @@ def pass_on(
     return Passed(volume, rate, vented, *joined)
 
 
-def _spread(edges, flow, volume, pores, rate, full, records) -> np.ndarray:
+def _spread(edges, flow, volume, pores, rate, full, spare, records) -> np.ndarray:
     """Pass on what is too much; return which volumes (N,) found no neighbour with room."""
-    done = full.copy()
+    done, kept = full.copy(), full.copy()
     while True:
         excess = volume - pores
-        over = (excess > 0.0) & ~full
+        over = (excess > 0.0) & ~kept
         if not over.any():
             return over
         done |= over
@@ -97,8 +99,11 @@ def _spread(edges, flow, volume, pores, rate, full, records) -> np.ndarray:
         share = _shares(between, source, len(volume))
         stuck = over.copy()
         stuck[source] = False
+        kept |= stuck & (excess <= spare * pores)
+        stuck &= ~kept
         if stuck.any():
             return stuck
+        over &= ~kept
         moved = share * excess[source]
         records.append((source, target, moved))
         volume += np.bincount(target, moved, minlength=len(volume))

@@ -317,6 +317,7 @@ class TimeStep:
             network.edges, situation.conductances.flow, state.resin_volume, volume, pores_end,
             situation.pores,
             rate + primed / step, situation.bleeds, state.full,
+            self.filling.options.largest_excess,
         )  # fmt: skip
         if isinstance(passed, Stuck):
             return passed

@@ -43,6 +43,8 @@ from lcmchain.tools.motion import FIXED
 WINDOWS = 400
 SHORTEST = 1.0 / 64.0
 LONGEST = 4.0
+#: Of the pores of a control volume, where the last air closes: tools press whole regions full.
+LARGEST_EXCESS = 0.01
 #: A difference of pressures [Pa] that moves no textile: a tenth of a millibar.
 NO_PRESSURE = 10.0
 
@@ -70,6 +72,7 @@ class WetForming:
             scene.source.directory,
         )  # fmt: skip
         self.filling: Filling = self.setup.filling()
+        self.filling.options = replace(self.filling.options, largest_excess=LARGEST_EXCESS)
         law = case.permeability or scene.permeability
         assert law is not None  # a scene without is refused
         self._permeability = MovingPermeability(
