@@ -3,6 +3,8 @@
 Without lcmchain only the standard library is there.
 """
 
+import atexit
+import gc
 import os
 import site
 import sys
@@ -18,6 +20,9 @@ def prepare(entry: str) -> None:
     if find_spec("lcmchain") is None:
         _add_environment()
     _give_back_interrupts()
+    # The exporter ends the interpreter in a thread of its own, with references that it has given
+    # back twice: collecting what is left then ended hosts with a segmentation fault.
+    atexit.register(gc.freeze)
     try:
         import numpy  # noqa: F401
 
