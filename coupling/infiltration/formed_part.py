@@ -180,7 +180,7 @@ def _mapped_part(dataset: xr.Dataset, file: str) -> FormedPart:
     }
     target = TargetMesh(
         points,
-        _blocks(corners),
+        blocks_of(corners),
         {},
         file=Path(file),
         cell_ids=ids.get("cell_id", np.empty(0, dtype=np.int64)),
@@ -192,8 +192,8 @@ def _mapped_part(dataset: xr.Dataset, file: str) -> FormedPart:
     return FormedPart(target, _one_state(dataset), file)
 
 
-def _blocks(corners: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:
-    """Runs of cells of one type."""
+def blocks_of(corners: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:
+    """Return runs of cells of one type, in their order; -1 in ``corners`` (C, 4) is none."""
     count = (corners >= 0).sum(axis=1)
     blocks, first = [], 0
     for sides, run in groupby(count.tolist()):
@@ -233,7 +233,7 @@ def _sheet_part(path: Path, frame: int) -> FormedPart:
     order = np.argsort(sheet.surface.faces[:, 3] < 0, kind="stable")
     used, faces = compact(sheet.surface.faces[order])
     target = TargetMesh(
-        sheet.surface.points[used], _blocks(faces), {}, file=path, cell_ids=order + 1,
+        sheet.surface.points[used], blocks_of(faces), {}, file=path, cell_ids=order + 1,
         node_ids=used + 1,
     )  # fmt: skip
     mesh = UgridMesh("sheet")

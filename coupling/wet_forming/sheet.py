@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
 
 import numpy as np
 
 from lcmchain.coupling.forming_fields import forming_datasets
-from lcmchain.coupling.infiltration.formed_part import FormedPart
+from lcmchain.coupling.infiltration.formed_part import FormedPart, blocks_of
 from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.scene import Scene
@@ -25,7 +24,7 @@ def part_of_sheet(
     snapshots : the start, and any later ones. points : of its mid-surface then (N, 3) [m].
     """
     cells = np.asarray(simulation.model.blank.sheet_faces, dtype=np.int64)
-    target = TargetMesh(points, _blocks(cells), {})
+    target = TargetMesh(points, blocks_of(cells), {})
     fields = forming_datasets(scene, simulation, snapshots)["/"].isel({TIME: -1})
     return FormedPart(target, fields.drop_vars(TIME), str(scene.source.path or "the scene"))
 
@@ -35,14 +34,3 @@ def blank_of_scene(scene: Scene) -> FormedPart:
     simulation = Simulation.from_scene(scene)
     points = simulation.model.blank.mid_surface(simulation.model.node_positions)
     return part_of_sheet(scene, simulation, [simulation.snapshot()], points)
-
-
-def _blocks(cells: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:
-    """Runs of cells of one type, in their order."""
-    sides = np.count_nonzero(cells >= 0, axis=1)
-    blocks, first = [], 0
-    for count, run in groupby(sides.tolist()):
-        last = first + len(list(run))
-        blocks.append(("triangle" if count == 3 else "quad", cells[first:last, :count]))
-        first = last
-    return tuple(blocks)

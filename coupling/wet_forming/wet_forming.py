@@ -66,9 +66,9 @@ class WetForming:
         case = _case_of(scene)
         self.scene, self.case, self.simulation = scene, case, simulation
         self.forming = ExplicitForming(simulation, surroundings=case.vent_pressure)
-        self._start = simulation.snapshot()
         self.setup = set_up(
-            part_of_sheet(scene, simulation, [self._start], self.forming.points()), case,
+            part_of_sheet(scene, simulation, [simulation.snapshot()], self.forming.points()),
+            case,
             scene.source.directory,
         )  # fmt: skip
         self.filling: Filling = self.setup.filling()
@@ -90,11 +90,6 @@ class WetForming:
     def history(self) -> History:
         """How the windows converged."""
         return self._system.history
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a user should know before."""
-        return self.setup.warnings
 
     def advance_to(
         self, time: float, on_window: Callable[[Simulation], None] | None = None
