@@ -11,6 +11,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+_ended: set[str] = set()
+
 
 def prepare(entry: str) -> None:
     """Leave the search path as it was, and make lcmchain importable."""
@@ -20,6 +22,9 @@ def prepare(entry: str) -> None:
     if find_spec("lcmchain") is None:
         _add_environment()
     _give_back_interrupts()
+    if sys.platform == "linux":
+        for library in Path(folder).parent.glob("binaries/*linux*/*.so"):
+            _end_once(str(library))
     # The exporter ends the interpreter in a thread of its own, with references that it has given
     # back twice: collecting what is left then ended hosts with a segmentation fault.
     atexit.register(gc.freeze)
@@ -47,14 +52,52 @@ def _add_environment() -> None:
                 site.addsitedir(str(folder))
 
 
+def _host_is_python() -> bool:
+    return bool(getattr(sys, "orig_argv", None))
+
+
+def _end_once(library: str) -> None:
+    """Release what the exporter's library holds before the end of the process does, twice.
+
+    At the end of a process the destructor of its static pointer runs first and the function that
+    empties this pointer after it (`onLibraryUnload` in pythonfmu and pythonfmu3): that counted down
+    in memory given back long before, and now and then the C library found its lists corrupted.
+    """
+    import ctypes
+
+    def loaded(more: int = 0) -> ctypes.CDLL | None:
+        try:
+            return ctypes.CDLL(library, mode=os.RTLD_NOLOAD | os.RTLD_NOW | more)
+        except OSError:  # a binary for another machine, or unloaded by now
+            return None
+
+    if library in _ended:
+        return
+    _ended.add(library)
+    if _host_is_python():
+
+        def end() -> None:
+            exporter = loaded()
+            if exporter is not None:
+                exporter.finalizePythonInterpreter()
+
+        atexit.register(end)
+        return
+    # Elsewhere that very function ends the interpreter, so the host's C library must call it. It
+    # keeps its address until then.
+    exporter = loaded(os.RTLD_NODELETE)
+    if exporter is not None:
+        ctypes.CDLL(None).__cxa_atexit(exporter.finalizePythonInterpreter, None, None)
+
+
 def _give_back_interrupts() -> None:
     """Let Ctrl-C end a host that is no Python, as it did before.
 
     The interpreter that the unit started there has taken the signal, and can answer to it only in
     a thread that no longer runs Python.
     """
-    if getattr(sys, "orig_argv", None):
-        return  # the process is a Python
+    if _host_is_python():
+        return
     import ctypes
     import signal
 
