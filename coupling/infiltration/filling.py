@@ -138,7 +138,7 @@ class Filling:
     @property
     def work(self) -> Work:
         """Factorisations and solutions of the pressure's equations since the start."""
-        return self._steps.factors.work
+        return self._steps.work
 
     @property
     def filled_share(self) -> float:

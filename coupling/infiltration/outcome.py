@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from lcmchain.coupling.infiltration.driven_flow import Stage
     from lcmchain.coupling.infiltration.filling import Filling
-    from lcmchain.coupling.infiltration.time_step import Situation, Stage
+    from lcmchain.coupling.infiltration.situation import Situation
 
 
 def share_in_words(share: float) -> str:

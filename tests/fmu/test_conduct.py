@@ -232,7 +232,9 @@ def test_a_parameter_that_makes_no_sense_is_told_and_a_reset_heals(rules):
 # --- Ctrl-C ---------------------------------------------------------------------------------------
 
 HOST = """
-import sys, time
+import signal, sys, time
+# A shell that starts tests in the background has it ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.path.insert(0, {here!r})
 from calls import Driver
 driver = Driver({folder!r})
@@ -276,7 +278,10 @@ def test_interrupt_ends_no_host(folder, tmp_path, moment):
         assert line, host.stderr.read()
     time.sleep(moment)
     os.kill(host.pid, signal.SIGINT)
-    out, err = host.communicate(timeout=60)
+    try:
+        out, err = host.communicate(timeout=120)
+    finally:
+        host.kill()
     assert out.splitlines()[-1:] == ["ended"], err
     assert "interrupted" in out + err
     assert (tmp_path / "forming.nc").is_file()
