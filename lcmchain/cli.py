@@ -238,8 +238,16 @@ def bench(
     filling: Annotated[
         bool, typer.Option("--filling", help="Of the infiltration, over the size of the mesh.")
     ] = False,
+    unit: Annotated[
+        bool, typer.Option("--unit", help="Of co-simulation units, beside the solver alone.")
+    ] = False,
 ) -> None:
-    """Measure the speed of the solver, the mapping or the infiltration on this machine."""
+    """Measure the speed of the solver, the mapping, the infiltration or units on this machine."""
+    if unit:
+        from lcmchain.fmu.benchmark import run_unit_bench
+
+        console().print(run_unit_bench())
+        return
     if filling:
         from lcmchain.coupling.infiltration.benchmark import run_filling_bench
 

@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
+from lcmchain.fields.netcdf_file import open_netcdf
 from lcmchain.mapping.search import closest_points
 from lcmchain.mapping.sheet import Sheet, read_sheet, saved_times_of
 from lcmchain.mapping.smooth_surface import SmoothSurface
@@ -161,7 +162,7 @@ def _thickened(weights: MappingWeights, before: Sheet, now: Sheet) -> MappingWei
 def _loaded(source: Path | str | xr.Dataset) -> xr.Dataset:
     if isinstance(source, xr.Dataset):
         return source
-    with xr.open_dataset(source, engine="netcdf4", mask_and_scale=False) as dataset:
+    with open_netcdf(source, mask_and_scale=False) as dataset:
         return dataset.load()
 
 

@@ -12,7 +12,8 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import CONVENTIONS, ROOT, UgridMesh, write_netcdf
+from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
+from lcmchain.fields.ugrid import CONVENTIONS, UgridMesh
 from lcmchain.mapping.patch_fields import PatchFields
 from lcmchain.mapping.patches import Patches, centres_of, group_cells, shared_edges
 from lcmchain.mapping.surface import Surface
@@ -133,7 +134,7 @@ def read_interface(path: Path | str) -> Interface:
     InputError : no such file, or none of an interface.
     """
     try:
-        with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as dataset:
+        with open_netcdf(path, decode_cf=False) as dataset:
             points = np.stack([dataset[name].values for name in MESH.coordinates], axis=1)
             cells = dataset[MESH.cell_nodes].values.astype(np.int64)
             of_cell = dataset[PATCH].values

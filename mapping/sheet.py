@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError, shortened
+from lcmchain.fields.netcdf_file import open_netcdf
 from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.bodies import holes_of, plies_of
 from lcmchain.mapping.source_checks import (
@@ -122,7 +123,7 @@ def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> S
     if not path.is_file():
         raise InputError("the forming result does not exist", file=path)
     try:
-        with xr.open_dataset(path, engine="netcdf4", mask_and_scale=False) as dataset:
+        with open_netcdf(path, mask_and_scale=False) as dataset:
             loaded = _frame_of(dataset, frame, str(path)).load()
     except UNREADABLE as error:
         reason = shortened(str(error), 300)
@@ -145,7 +146,7 @@ def saved_times_of(source: Path | str | xr.Dataset) -> np.ndarray:
         known = dimension in source.dims and clock in source.variables
         return np.array(source[clock].values, dtype=float) if known else np.zeros(0)
     try:
-        with xr.open_dataset(source, engine="netcdf4", mask_and_scale=False) as dataset:
+        with open_netcdf(source, mask_and_scale=False) as dataset:
             return saved_times_of(dataset)
     except UNREADABLE as error:
         reason = shortened(str(error), 300)

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from lcmchain.fields.ugrid import ROOT, UgridMesh
+from lcmchain.fields.netcdf_file import ROOT
+from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.mapping.target import TargetMesh
 
 SOLID = "solid"

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.mapping.error_picture import draw_errors
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.first_few import first_few

@@ -29,7 +29,7 @@ from lcmchain.errors import (
     SimulationInterrupted,
     UnfinishedRun,
 )
-from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.forming_run import stop_requests
 from lcmchain.results import (
     COMPLETE,

@@ -14,7 +14,8 @@ import xarray as xr
 from lcmchain import __version__
 from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
 from lcmchain.coupling.infiltration.results import FORCES, FilledPart
-from lcmchain.fields.ugrid import CONVENTIONS, ROOT, TIME, Variable
+from lcmchain.fields.netcdf_file import ROOT
+from lcmchain.fields.ugrid import CONVENTIONS, TIME, Variable
 from lcmchain.fields.vtu import frame_file, write_frame_list, write_mesh
 
 #: Groups of the netCDF file beside the root.

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.coupling.infiltration.formed_part import FormedPart
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import ROOT, write_netcdf
+from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
 from lcmchain.mapping.target import TargetMesh
 
 FIELDS, MESH = "part.nc", "part_mesh.npz"
@@ -50,7 +49,7 @@ def read_part(folder: Path) -> FormedPart:
     InputError : the files are not there, or are no part.
     """
     try:
-        with xr.open_dataset(folder / FIELDS, engine="netcdf4", mask_and_scale=False) as dataset:
+        with open_netcdf(folder / FIELDS, mask_and_scale=False) as dataset:
             dataset = dataset.load()
         with np.load(folder / MESH, allow_pickle=False) as data:
             about = json.loads(str(data["about"]))

@@ -21,7 +21,7 @@ from lcmchain.coupling.infiltration.report import FillingReport, filling_report
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.scene.infiltration import Infiltration
 
 #: What the names of the stage's files end in, before their suffix.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -32,7 +32,8 @@ from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.coupling.solids.local import LocalCompaction
 from lcmchain.errors import InputError
 from lcmchain.fields import write_forming_netcdf
-from lcmchain.fields.ugrid import TIME, write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
+from lcmchain.fields.ugrid import TIME
 from lcmchain.scene import read_infiltration, read_scene
 
 

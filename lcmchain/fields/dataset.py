@@ -15,12 +15,12 @@ from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.histories import Histories
 from lcmchain.fields.history_group import HISTORY, history_dataset
+from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.pressure import pressure_fields, tool_pressure
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
     NO_NODE,
-    ROOT,
     TIME,
     UgridMesh,
     Variable,

@@ -51,7 +51,7 @@ def derive_fields(
         return in_plane
 
     chord_0, chord = _dot(reference[..., 2, :], normal_0), _dot(current[..., 2, :], normal)
-    bend_0, bend = mesh.bend_part(mesh.node_positions), mesh.bend_part(positions)
+    bend_0, bend = mesh.initial_bend_part, mesh.bend_part(positions)
     stretch = _thickness_stretch(chord / chord_0, (bend - bend_0) / chord_0**2)
     fields = {"thickness": 2.0 * np.sqrt(chord_0**2 + bend_0) * stretch}
     if material.fibre_density is not None:

@@ -9,7 +9,7 @@ import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import SHEET
-from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.fields.netcdf_file import open_netcdf, write_netcdf
 
 
 def write_forming_netcdf(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:
@@ -47,6 +47,7 @@ def read_group(path: Path | str, group: str) -> xr.Dataset:
     if not Path(path).is_file():
         raise InputError("the forming result does not exist", file=path)
     try:
-        return xr.load_dataset(path, group=group, engine="netcdf4", mask_and_scale=False)
+        with open_netcdf(path, group=group, mask_and_scale=False) as dataset:
+            return dataset.load()
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read the group {group} ({error})", file=path) from None

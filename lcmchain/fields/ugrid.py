@@ -8,17 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from lcmchain.atomic import replacing
-from lcmchain.errors import OutputError
-
 CONVENTIONS = "CF-1.11 UGRID-1.0"
-ROOT = "/"
 
 #: Dimension of saved states, the same in every group, and its coordinate. VTK's reader finds time
 #: steps under this name only.
@@ -187,46 +182,3 @@ def saved_times(time: np.ndarray) -> Variable:
     }
     values = np.array(time, dtype=float)
     return (TIME,) if values.ndim else (), values, attributes
-
-
-def write_netcdf(path: Path | str, groups: Mapping[str, xr.Dataset]) -> None:
-    """Write datasets as the groups of a netCDF-4 file, whole or not at all.
-
-    The netCDF4 engine is used because it writes attributes as character arrays, which is how
-    VTK's UGRID reader knows a mesh. Numbers are stored in double precision, without loss.
-
-    Parameters
-    ----------
-    groups : datasets by the path of their group, ``"/"`` for the root.
-
-    Raises
-    ------
-    InputError : the place cannot be written.
-    OutputError : writing failed on the way.
-    """
-    with replacing(path) as temporary:
-        try:
-            for number, (name, dataset) in enumerate(groups.items()):
-                dataset.to_netcdf(
-                    temporary,
-                    mode="a" if number else "w",
-                    group=None if name == ROOT else name,
-                    format="NETCDF4",
-                    engine="netcdf4",
-                    encoding=_encoding(dataset),
-                )
-        except RuntimeError as error:  # netCDF4 wraps what goes wrong below it, a full disk too
-            raise OutputError(f"{error}; is the disk full?", file=path) from error
-
-
-def _encoding(dataset: xr.Dataset) -> dict[str, dict]:
-    encoding: dict[str, dict] = {}
-    for name, variable in dataset.variables.items():
-        options: dict = {}
-        if "_FillValue" not in variable.attrs:
-            options["_FillValue"] = None
-        if variable.ndim and variable.dtype.kind in "fi":
-            # Shuffled bytes compress smooth fields to about two thirds.
-            options |= {"zlib": True, "complevel": 4, "shuffle": True}
-        encoding[str(name)] = options
-    return encoding

@@ -52,53 +52,75 @@ def bend_part(elements: np.ndarray, neighbours: np.ndarray, positions: np.ndarra
     elements : (element_count, 8). neighbours : from :func:`edge_neighbours`.
     positions : (..., node_count, 3) [m].
     """
-    modes = np.einsum("km,...emd->...ekd", MODES, positions[..., elements, :])
-    tangents, half = modes[..., :2, :], modes[..., 2, :]
-    changes = modes[..., [5, 4], :]  # of the director along ξ (a6) and η (a5)
-    normal = np.cross(tangents[..., 0, :], tangents[..., 1, :])
+    # Axes of components lead, elements come last: NumPy is slow in loops over two or three.
+    corners = np.ascontiguousarray(np.moveaxis(positions, -1, 0))[..., elements]
+    modes = np.ascontiguousarray(np.moveaxis(corners @ MODES.T, -1, 0))
+    tangents, half = modes[:2], modes[2]
+    changes = modes[[5, 4]]  # of the director along ξ (a6) and η (a5)
+    normal = np.cross(tangents[0], tangents[1], axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        normal = normal / np.linalg.norm(normal, axis=-1)[..., None]
-    centre = positions[..., elements, :].mean(axis=-2)
-    metric = np.einsum("...kd,...ld->...kl", tangents, tangents)
-    inverse = _inverse(metric)
+        normal = normal / np.sqrt(_dot(normal, normal))
+    centre = corners.mean(axis=-1)
+    inverse = _inverse(_products(tangents, tangents))
 
     there = neighbours >= 0
-    way = np.where(there[..., None], centre[..., neighbours, :] - centre[..., None, :, :], 0.0)
-    turn = np.where(there[..., None], normal[..., neighbours, :] - normal[..., None, :, :], 0.0)
-    # (..., 4, E, 2) covariant, then the way along ξ and η
-    way = np.einsum("...ekd,...bed->...bek", tangents, way)
-    way = np.einsum("...ekl,...bel->...bek", inverse, way)
-    turn = np.einsum("...ekd,...bed->...bek", tangents, turn)
-    squares = np.einsum("...bek,...bel->...ekl", way, way)
-    ridge = RIDGE * np.trace(squares, axis1=-2, axis2=-1)
+    way = _to_neighbours(centre, neighbours, there)
+    turn = _to_neighbours(normal, neighbours, there)
+    # (2, 4, ..., E) covariant, then the way along ξ and η
+    way = _products(tangents, way)
+    way = _matrix_product(inverse, way)
+    turn = _products(tangents, turn)
+    squares = _products(way, way)
+    ridge = RIDGE * (squares[0, 0] + squares[1, 1])
     # an element without neighbours shares nothing
-    squares = squares + np.where(ridge > 0.0, ridge, 1.0)[..., None, None] * np.eye(2)
-    products = np.einsum("...bek,...bel->...ekl", way, turn)
-    shared = _inverse(squares) @ products  # ∂n/∂ξ_k·a_l
-    height = np.einsum("...ed,...ed->...e", half, normal)
-    turned = np.einsum("...ekl,...ekl->...e", shared @ inverse, shared)
+    ridge = np.where(ridge > 0.0, ridge, 1.0)
+    squares[0, 0] += ridge
+    squares[1, 1] += ridge
+    shared = _matrix_product(_inverse(squares), _products(way, turn))  # ∂n/∂ξ_k·a_l
+    height = _dot(half, normal)
+    turned = _contraction(_matrix_product(shared, inverse), shared)
     part = LARGEST_TURN / np.sqrt(np.maximum(turned, LARGEST_TURN**2))
-    shared = shared * height[..., None, None]
+    shared = shared * height
 
-    own = np.einsum("...ekd,...eld->...ekl", changes, tangents)
+    own = _products(changes, tangents)
     tilt = shared - own
-    tilt = np.einsum("...ekl,...ekl->...e", tilt @ inverse, tilt)
+    tilt = _contraction(_matrix_product(tilt, inverse), tilt)
     with np.errstate(invalid="ignore", divide="ignore"):
         agreement = np.maximum(1.0 - tilt / (LARGEST_TILT * height) ** 2, 0.0)
-    shared = shared * (part * agreement**2)[..., None, None]
-    own[..., 0, 1] = own[..., 1, 0] = 0.5 * (own[..., 0, 1] + own[..., 1, 0])
-    raised = shared @ inverse
-    mixed = 0.5 * (raised[..., 0, 1] + raised[..., 1, 0])
-    linear = raised[..., 0, 0] * own[..., 0, 0] + raised[..., 1, 1] * own[..., 1, 1]
-    linear += 2.0 * mixed * own[..., 0, 1]
-    return 2.0 * linear - np.einsum("...ekl,...ekl->...e", raised, shared)
+    shared = shared * (part * agreement**2)
+    own[0, 1] = own[1, 0] = 0.5 * (own[0, 1] + own[1, 0])
+    raised = _matrix_product(shared, inverse)
+    mixed = 0.5 * (raised[0, 1] + raised[1, 0])
+    linear = raised[0, 0] * own[0, 0] + raised[1, 1] * own[1, 1] + 2.0 * mixed * own[0, 1]
+    return 2.0 * linear - _contraction(raised, shared)
+
+
+def _to_neighbours(values: np.ndarray, neighbours: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Differences (4, 3, ..., E) of values (3, ..., E) from those of the neighbours, 0 for none."""
+    found = [np.where(own, values[..., k] - values, 0.0) for own, k in zip(there, neighbours)]
+    return np.array(found)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return (a * b).sum(axis=0)
+
+
+def _products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Sums over the second axis, (K, D, ...) and (L, D, ...) to (K, L, ...)."""
+    return (a[:, None] * b[None]).sum(axis=2)
+
+
+def _matrix_product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of matrices (K, L, ...) and (L, M, ...)."""
+    return (a[:, :, None] * b[None]).sum(axis=1)
+
+
+def _contraction(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return (a * b).sum(axis=(0, 1))
 
 
 def _inverse(A: np.ndarray) -> np.ndarray:
-    """Return the inverses of symmetric matrices (..., 2, 2); not a number where there is none."""
-    determinant = A[..., 0, 0] * A[..., 1, 1] - A[..., 0, 1] ** 2
-    cofactors = np.empty_like(A)
-    cofactors[..., 0, 0], cofactors[..., 1, 1] = A[..., 1, 1], A[..., 0, 0]
-    cofactors[..., 0, 1] = cofactors[..., 1, 0] = -A[..., 0, 1]
+    """Return the inverses of symmetric matrices (2, 2, ...); not a number where there is none."""
+    determinant = A[0, 0] * A[1, 1] - A[0, 1] ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
-        return cofactors / determinant[..., None, None]
+        return np.array([[A[1, 1], -A[0, 1]], [-A[0, 1], A[0, 0]]]) / determinant

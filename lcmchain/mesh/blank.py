@@ -196,6 +196,11 @@ class BlankMesh:
         """Return what (a3·n)² of bent elements misses of half the thickness² [m²]."""
         return bend_part(self.elements, self.neighbours, positions)
 
+    @cached_property
+    def initial_bend_part(self) -> np.ndarray:
+        """That of the undeformed mesh, shape (element_count,) [m²]."""
+        return self.bend_part(self.node_positions)
+
     def areas(self, positions: np.ndarray) -> np.ndarray:
         """Mid-surface area 4 |a1 × a2| of every element (..., element_count) [m²]."""
         a = self.base_vectors(positions)

@@ -52,6 +52,10 @@ class SheetMesh(Protocol):
     def bend_part(self, positions: np.ndarray) -> np.ndarray:
         """Return what (a3·n)² of bent elements misses of half the thickness² [m²]."""
 
+    @property
+    def initial_bend_part(self) -> np.ndarray:
+        """That of the undeformed mesh, shape (element_count,) [m²]."""
+
     def sides(self) -> dict[str, slice]:
         """Return the nodes that stand for the mid-surface nodes, by the side that they lie on.
 

@@ -57,6 +57,10 @@ class TriangleMesh:
     def bend_part(self, positions: np.ndarray) -> np.ndarray:
         return np.zeros(np.shape(positions)[:-2] + (self.element_count,))
 
+    @property
+    def initial_bend_part(self) -> np.ndarray:
+        return np.zeros(self.element_count)
+
     def sides(self) -> dict[str, slice]:
         return {"": slice(None)}
 

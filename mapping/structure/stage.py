@@ -13,7 +13,7 @@ import xarray as xr
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError, shortened
-from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.fields.netcdf_file import open_netcdf, write_netcdf
 from lcmchain.mapping.sheet import file_sha256
 from lcmchain.mapping.solid_file import SKIN, SOLID, file_groups
 from lcmchain.mapping.source_checks import UNREADABLE
@@ -142,12 +142,10 @@ def open_mapped(path: Path) -> xr.Dataset:
     InputError : it is no netCDF file.
     """
     try:
-        with xr.open_dataset(path, engine="netcdf4", mask_and_scale=False) as root:
+        with open_netcdf(path, mask_and_scale=False) as root:
             loaded = root.load()
         if not is_mapped(loaded) and SKIN.name in loaded:
-            with xr.open_dataset(
-                path, engine="netcdf4", mask_and_scale=False, group=SOLID
-            ) as solid:
+            with open_netcdf(path, mask_and_scale=False, group=SOLID) as solid:
                 loaded = solid.load()
     except UNREADABLE as error:
         reason = shortened(str(error), 300)

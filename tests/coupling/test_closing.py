@@ -13,7 +13,8 @@ from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file, fill, fill_part
 from lcmchain.coupling.infiltration.time_step import TimeStep
 from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
-from lcmchain.fields.ugrid import UgridMesh, write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
+from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.scene import infiltration_from_text
 
 LENGTH, WIDTH, COLUMNS, VISCOSITY = 0.2, 0.04, 20, 0.1

@@ -297,3 +297,19 @@ def test_nothing_of_the_exporter_is_left_to_destructors(folder):
     held, at_the_end = done.stdout.splitlines()
     assert int(held) > 0
     assert at_the_end == "None"
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the memory of Linux processes")
+def test_instances_leave_no_memory_behind(folder, tmp_path, count):
+    """Of 25 kB that each left once, 200 may leave 1 MB."""
+    program = Path(__file__).with_name("cycles.py")
+    done = subprocess.run(
+        [sys.executable, program, folder, str(count), tmp_path],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "NUMBA_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout.splitlines()[-1]) < 1e6 * max(count / 200, 0.5)
+    assert (tmp_path / "forming.nc").is_file()

@@ -16,7 +16,8 @@ from mutations import mutated_document, mutated_lines, near_document, to_toml
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.coupling.infiltration.stage import fill
-from lcmchain.fields.ugrid import UgridMesh, write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
+from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.scene import read_infiltration
 
 COLUMNS, ROWS, LENGTH, WIDTH = 6, 3, 0.12, 0.06

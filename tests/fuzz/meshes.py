@@ -14,7 +14,7 @@ import xarray as xr
 from contract import Case
 from mutations import mutated_bytes
 
-from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
 
 WIDTH = 0.1  # of the sheet [m]
 CELLS = 8  # of the sheet along a side

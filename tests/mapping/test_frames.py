@@ -9,7 +9,7 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import ROOT, write_netcdf
+from lcmchain.fields.netcdf_file import ROOT, write_netcdf
 from lcmchain.mapping import TargetMesh, compute_weights, map_file, read_sheet
 from lcmchain.mapping.frames import mapped_frames, material_places, positions_of, weights_at
 from lcmchain.mapping.surface import Surface

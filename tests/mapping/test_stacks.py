@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.mapping import Status, TargetMesh, compute_weights, map_file, read_sheet, transfer
 from lcmchain.mapping.bodies import present
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.mapping import MappingWeights, map_file, map_forming, read_sheet, read_target
 
 FIELDS = ["thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle"]

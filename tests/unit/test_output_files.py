@@ -24,8 +24,9 @@ from lcmchain.fields import (
     write_pvd,
     write_vtu,
 )
+from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.summary import field_warnings
-from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, saved_times, write_netcdf
+from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, saved_times
 from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import scene_from_text
 

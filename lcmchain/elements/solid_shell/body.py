@@ -119,7 +119,7 @@ class SolidShellBody:
             neighbour=_padded(mesh.neighbours.T, padded).T.copy(),
             # lets E33 vanish in the reference
             reference_curvature=_padded(
-                mesh.bend_part(mesh.node_positions) / (2.0 * geometry.height**2), padded
+                mesh.initial_bend_part / (2.0 * geometry.height**2), padded
             ),
         )
         body = cls(name, mesh, material, geometry, data, first_node, first_element)

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lcmchain.fields.ugrid import UgridMesh, write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
+from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.scene import infiltration_from_text
 
 LENGTH, WIDTH = 0.3, 0.06

@@ -23,7 +23,8 @@ from lcmchain.coupling.precice_adapter.example import write_example
 from lcmchain.coupling.precice_adapter.parts import build_part
 from lcmchain.coupling.solids.local import LocalCompaction
 from lcmchain.errors import InputError
-from lcmchain.fields.ugrid import UgridMesh, write_netcdf
+from lcmchain.fields.netcdf_file import write_netcdf
+from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.scene import read_infiltration
 
 from .in_memory import Configured, Coupling, run_pair
