@@ -8,7 +8,6 @@ starts an empty one.
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import os
 import platform
@@ -76,12 +75,8 @@ def source_key() -> str:
     return digest.hexdigest()
 
 
-@functools.cache
 def source_hash() -> str:
-    """Hash of every source file of lcmchain: which code this is, whatever its version says.
-
-    That of the first call, when the code of this process was read.
-    """
+    """Hash of every source file of lcmchain: which code this is, whatever its version says."""
     digest = hashlib.blake2b(digest_size=32)
     for folder in _package_folders():
         for file in _python_files(folder):

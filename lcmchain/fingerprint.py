@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -67,8 +68,14 @@ def run_fingerprint(scene: Any) -> Fingerprint:
     return Fingerprint(
         scene=hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest(),
         files=_file_hash(scene),
-        sources=source_hash(),
+        sources=_sources(),
     )
+
+
+@cache
+def _sources() -> str:
+    """Hash of the sources when this process first asked: a unit asks at every instantiation."""
+    return source_hash()
 
 
 def _file_hash(scene) -> str:

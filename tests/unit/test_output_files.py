@@ -503,7 +503,7 @@ def test_a_failed_write_leaves_the_old_file(datasets, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     broken = dict(datasets)
-    broken["/history"] = type("Full", (), {"variables": {}, "to_netcdf": fail})()
+    broken["/history"] = type("Full", (), {"variables": {}, "dump_to_store": fail})()
     with pytest.raises(OutputError, match="(?i)no space left"):
         write_forming_netcdf(path, broken)
     assert path.read_bytes() == before
