@@ -201,9 +201,20 @@ class Filling:
         wet: np.ndarray = ((cells < 0) | state.full[cells]).all(axis=1)
         velocity = medium.network.velocity(state.pressure - height, factor)
         return FillingFrame(
-            state.time, state.fill.copy(), state.pressure.copy(), state.cure.copy(),
+            state.time, state.fill.copy(), self._pressure_in_holes(), state.cure.copy(),
             state.temperature.copy(), state.film.copy(), np.where(wet[:, None], velocity, 0.0),
         )  # fmt: skip
+
+    def _pressure_in_holes(self) -> np.ndarray:
+        """Pressure of the nodes [Pa], (N,), of those in a gate's hole at most the gate's.
+
+        The equations know such nodes by the field around them, whose middle lies above the hole's.
+        """
+        pressure = self.state.pressure.copy()
+        for gate, own in zip(self.supply.gates, self.state.gate_pressure, strict=True):
+            if gate.radius is not None and np.isfinite(own):
+                pressure[gate.nodes] = np.minimum(pressure[gate.nodes], own)
+        return pressure
 
     def height(self, points: np.ndarray) -> np.ndarray:
         """ρ g·x of places (K, 3) [Pa]."""
