@@ -118,7 +118,13 @@ class FilmSupply:
 
     def start(self, count: int) -> np.ndarray:
         """Thickness of the film on the nodes at the start [m], (N,)."""
-        return np.array(np.broadcast_to(np.asarray(self.film.thickness, dtype=float), (count,)))
+        given = np.asarray(self.film.thickness, dtype=float)
+        if given.shape not in ((), (1,), (count,)):
+            raise InputError(
+                f"has the shape {given.shape}; give one number or ({count},), one per node",
+                key="film.thickness",
+            )
+        return np.array(np.broadcast_to(given, (count,)))
 
     def at(
         self, state: FillingState, medium: Medium, pores: np.ndarray, viscosity: np.ndarray,
