@@ -160,6 +160,25 @@ def test_trapped_air_is_compressed():
     assert filling.state.air_pressure[~filling.state.full] == pytest.approx(4e5, rel=1e-3)
 
 
+def test_trapped_air_goes_on_from_a_saved_state_to_the_same_bits():
+    mesh = random_plate(0.012, 0.3, 0.1, seed=2)
+    one, other = (
+        Filling(
+            mesh, Preform(0.003, 0.5, 1e-10), 0.1,
+            [Gate("inlet", mesh.node_sets["left"], pressure=3e5)], [],
+            options=FillingOptions(trapped_air=True, air_pressure=1e5),
+        )
+        for _ in range(2)
+    )  # fmt: skip
+    for time in (20.0, 23.0, 60.0):
+        other.restore(other.save())
+        for filling in (one, other):
+            filling.advance(time)
+    assert one.state.step_count > 20
+    for name in ("resin_volume", "pressure", "air_pressure"):
+        assert getattr(one.state, name).tobytes() == getattr(other.state, name).tobytes()
+
+
 def test_vent_that_stays_open_bleeds():
     mesh = plate(10, 2, 0.3, 0.1)
     filling = Filling(
