@@ -59,16 +59,18 @@ def find_air(
     room = (pores - state.resin_volume)[dry]
     volume = np.bincount(where, room, minlength=size)
     amount = np.bincount(where, room * state.air_pressure[dry], minlength=size)
-    held = amount / np.where(volume > 0.0, volume, 1.0)
+    most, least = np.full(size, -np.inf), np.full(size, np.inf)
+    np.maximum.at(most, where, state.air_pressure[dry])
+    np.minimum.at(least, where, state.air_pressure[dry])
+    # One pressure is its own mean, to the bit: looking twice at a state must not change it.
+    held = np.where(most == least, most, amount / np.where(volume > 0.0, volume, 1.0))
     lowest = np.full(size, np.inf)
     for _, vent, pressure in vents:
         reached = region[vent.nodes]
         np.minimum.at(lowest, reached[reached >= 0], pressure)
     vented = np.isfinite(lowest)
     if not compressed:
-        first = np.full(size, -np.inf)
-        np.maximum.at(first, where, state.air_pressure[dry])
-        held = first
+        held = most
     return Air(region, vented, np.where(vented, lowest, held), volume)
 
 

@@ -114,6 +114,8 @@ class Gate:
             raise InputError(f'the flow rate of the gate "{self.name}" is negative ({least:g})')
         if self.radius is not None and not self.radius > 0.0:
             raise InputError(f'the radius of the gate "{self.name}" has to be positive')
+        _require_number(f'flow rate of the gate "{self.name}"', self.flow_rate)
+        _require_number(f'pressure of the gate "{self.name}"', self.pressure)
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,7 @@ class Vent:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "nodes", _nodes(self.name, "vent", self.nodes))
+        _require_number(f'pressure of the vent "{self.name}"', self.pressure)
 
 
 @dataclass(frozen=True)
@@ -169,10 +172,22 @@ class RaceTrack:
 
 
 def _nodes(name: str, kind: str, nodes: np.ndarray) -> np.ndarray:
-    rows = np.unique(np.atleast_1d(np.asarray(nodes, dtype=np.int64)))
+    given = np.atleast_1d(np.asarray(nodes))
+    if given.size and given.dtype.kind not in "iu":
+        raise InputError(
+            f'the {kind} "{name}" takes rows of nodes, whole numbers, not {given.dtype} values; '
+            "numpy.flatnonzero makes rows of a mask"
+        )
+    rows = np.unique(given.astype(np.int64))
     if not len(rows):
         raise InputError(f'the {kind} "{name}" has no nodes; it lies outside the mesh')
     return rows
+
+
+def _require_number(what: str, quantity: float | TimeTable | None) -> None:
+    # A table has seen to its values itself.
+    if not (quantity is None or isinstance(quantity, TimeTable) or np.isfinite(quantity)):
+        raise InputError(f"the {what} is {quantity}, not a finite number")
 
 
 def _least(quantity: float | TimeTable | None) -> float:

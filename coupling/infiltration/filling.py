@@ -65,6 +65,8 @@ class Filling:
         self.medium = Medium(mesh, preform, edges, self.supply.gate_nodes)
         self.liquid = Liquid(resin, temperature)
         self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
+        if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
+            raise InputError("has to be three finite numbers [m/s2]", key="gravity")
         if self.gravity.any() and not self.liquid.resin.density > 0.0:
             raise InputError("gravity needs a resin with a density", key="resin.density")
         self.film = None if film is None else FilmSupply(film)
@@ -155,8 +157,11 @@ class Filling:
 
         Raises
         ------
+        InputError : the time is not a number.
         SimulationError : resin that is squeezed finds no way out, or no time step succeeds.
         """
+        if np.isnan(until):
+            raise InputError("the time to fill up to is not a number")
         outcome, message = "reached", f"{until:.6g} s are reached"
         while self.state.time < until:
             ended = self._steps.take(until)
@@ -201,9 +206,20 @@ class Filling:
         wet: np.ndarray = ((cells < 0) | state.full[cells]).all(axis=1)
         velocity = medium.network.velocity(state.pressure - height, factor)
         return FillingFrame(
-            state.time, state.fill.copy(), state.pressure.copy(), state.cure.copy(),
+            state.time, state.fill.copy(), self._pressure_in_holes(), state.cure.copy(),
             state.temperature.copy(), state.film.copy(), np.where(wet[:, None], velocity, 0.0),
         )  # fmt: skip
+
+    def _pressure_in_holes(self) -> np.ndarray:
+        """Pressure of the nodes [Pa], (N,), of those in a gate's hole at most the gate's.
+
+        The equations know such nodes by the field around them, whose middle lies above the hole's.
+        """
+        pressure = self.state.pressure.copy()
+        for gate, own in zip(self.supply.gates, self.state.gate_pressure, strict=True):
+            if gate.radius is not None and np.isfinite(own):
+                pressure[gate.nodes] = np.minimum(pressure[gate.nodes], own)
+        return pressure
 
     def height(self, points: np.ndarray) -> np.ndarray:
         """ρ g·x of places (K, 3) [Pa]."""
@@ -238,19 +254,19 @@ class Filling:
 
         Raises
         ------
+        InputError : values that are not finite, or for another number of cells.
         SimulationError : the fibres alone fill a cell.
         """
         count = self.medium.mesh.cell_count
-        thickness = check_thickness(thickness, count, "thickness")
-        self.medium.fibre_fraction(thickness)
-        self.state.thickness = thickness
-        given = np.zeros(count) if rate is None else rate
-        self.state.thickness_rate = check_thickness(given, count, "thickness rate")
-        none = np.zeros(count)
-        self.state.lift = check_thickness(none if lift is None else lift, count, "lift")
-        self.state.lift_reference = check_thickness(
-            none if reference is None else reference, count, "reference pressure"
+        none, state = np.zeros(count), self.state
+        given = (
+            check_thickness(thickness, count, "thickness"),
+            check_thickness(none if rate is None else rate, count, "thickness rate"),
+            check_thickness(none if lift is None else lift, count, "lift"),
+            check_thickness(none if reference is None else reference, count, "reference pressure"),
         )
+        self.medium.fibre_fraction(given[0])
+        state.thickness, state.thickness_rate, state.lift, state.lift_reference = given
         self._steps.forget()
 
     def set_supply(self, gates: Sequence[Gate], vents: Sequence[Vent]) -> None:
@@ -294,8 +310,13 @@ class Filling:
         """Move the nodes, and return the thickness of cells that keep their volume (C,) [m]."""
         state, medium = self.state, self.medium
         volume, node_area = state.thickness * medium.mesh.areas, medium.node_area
-        state.points = np.array(points, dtype=float)
-        medium.set_points(state.points)
+        points = np.array(points, dtype=float)
+        if points.shape != state.points.shape:
+            raise InputError(
+                f"the places of the nodes have the shape {points.shape}, not {state.points.shape}"
+            )
+        medium.set_points(points)
+        state.points = points
         state.film = state.film * (node_area / medium.node_area)
         self._steps.forget()
         return volume / medium.mesh.areas

@@ -64,9 +64,16 @@ class FilmSinking:
     left: float
     duration: float
 
-    def volumes(self, step: float) -> np.ndarray:
-        """What enters each of the nodes in a time step [m3]."""
-        return impregnate(**self.columns, step=step).passed * self.area
+    def volumes(self, step: float, growth: np.ndarray) -> np.ndarray:
+        """What enters each of the nodes in a time step [m3].
+
+        Columns that are through take as much more, or less, as their pores grow [m3]: else those
+        of a sheet that thickens would never be full.
+        """
+        sunk = impregnate(**self.columns, step=step)
+        entered, left = sunk.passed * self.area, sunk.film * self.area
+        through = np.isfinite(sunk.time_through)
+        return entered + np.where(through, np.clip(growth, -entered, left), 0.0)
 
 
 @dataclass(frozen=True)
@@ -118,7 +125,13 @@ class FilmSupply:
 
     def start(self, count: int) -> np.ndarray:
         """Thickness of the film on the nodes at the start [m], (N,)."""
-        return np.array(np.broadcast_to(np.asarray(self.film.thickness, dtype=float), (count,)))
+        given = np.asarray(self.film.thickness, dtype=float)
+        if given.shape not in ((), (1,), (count,)):
+            raise InputError(
+                f"has the shape {given.shape}; give one number or ({count},), one per node",
+                key="film.thickness",
+            )
+        return np.array(np.broadcast_to(given, (count,)))
 
     def at(
         self, state: FillingState, medium: Medium, pores: np.ndarray, viscosity: np.ndarray,

@@ -21,16 +21,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from lcmchain.coupling.infiltration.network import Conductances, Network
 
 # A neighbourhood so one-sided that its conductances nearly cancel takes part later, with more
-# full neighbours.
+# full neighbours, if there will be any.
 LEAST_SHARE = 0.02
-# A volume k whose full neighbours i conduct less to it than this, as the sum of T_ik d·S⁻¹d, with
-# d = x_k - x_i, takes part later too: 1 for one neighbour on a lattice's line, 1/6 across the acute
-# corner of a cell whose fibres, four times as permeable along, run diagonally. Resin would leak
-# ahead of the front through it.
+# A volume k whose full neighbours i conduct less to it than this, as the sum of T_ik d·(A_k K)⁻¹d,
+# with d = x_k - x_i, takes part later too: 1 for one neighbour on a lattice's line, 1/6 across the
+# acute corner of a cell whose fibres, four times as permeable along, run diagonally. Resin would
+# leak ahead of the front through it. Each cell counts with its own K: what lies beyond the volume
+# may be of any permeability.
 LEAST_REACH = 0.25
 LEAST_WIDTH = 0.5
 # A node whose cells turn by half a circle, give or take this angle, lies on a straight rim.
@@ -86,10 +89,12 @@ def find_front(
     strength = np.bincount(fed, np.abs(flow), minlength=count)
     all_around = np.bincount(first, np.abs(conductances.flow), minlength=count)
     all_around += np.bincount(second, np.abs(conductances.flow), minlength=count)
-    away = network.edge_vectors(edge, at.astype(np.int64))
-    reach = flow * squared_section(away, conductances.spread[fed])
+    reach = network.reach[edge, at.astype(np.int64)]
     reached = np.bincount(fed, reach, minlength=count) > LEAST_REACH
     takes = (total > LEAST_SHARE * strength) & reached
+    waits = (strength > 0.0) & ~takes
+    if waits.any():
+        takes |= waits & (total > 0.0) & _in_pocket_without(takes, full, network.edges)
     nodes = np.flatnonzero(takes)
     kept = takes[fed]
     member = np.searchsorted(nodes, fed[kept])
@@ -102,6 +107,19 @@ def find_front(
     ratio = np.clip(ratio, LEAST_WIDTH, limit)
     distance = 0.5 + ratio * np.clip(fill[nodes], 0.0, 1.0)
     return Front(nodes, member, source[kept], edge[kept], flow[kept], total[nodes], ratio, distance)
+
+
+def _in_pocket_without(takes: np.ndarray, full: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Whether a volume (N,) that waits for more full neighbours waits in vain.
+
+    In its pocket of volumes that are not full none takes resin, as in an acute corner of the mesh.
+    """
+    first, second = edges[~full[edges].any(axis=1)].T
+    links = coo_array((np.ones(len(first)), (first, second)), shape=(len(full), len(full)))
+    count, pocket = connected_components(links, directed=False)
+    alive = np.zeros(count, dtype=bool)
+    alive[pocket[takes]] = True
+    return ~alive[pocket]
 
 
 def squared_section(moment: np.ndarray, spread: np.ndarray) -> np.ndarray:

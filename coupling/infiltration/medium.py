@@ -133,7 +133,12 @@ def check_thickness(thickness: np.ndarray, count: int, name: str) -> np.ndarray:
     ------
     InputError : another number of values, or one that is not finite.
     """
-    values = np.array(np.broadcast_to(np.asarray(thickness, dtype=float), (count,)))
+    given = np.asarray(thickness, dtype=float)
+    if given.shape not in ((), (1,), (count,)):
+        raise InputError(
+            f"the {name} has the shape {given.shape}; give one number or ({count},), one per cell"
+        )
+    values = np.array(np.broadcast_to(given, (count,)))
     if not np.isfinite(values).all():
         cell = np.flatnonzero(~np.isfinite(values))[0]
         raise InputError(f"the {name} of cell {cell} is not a number")

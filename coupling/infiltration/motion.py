@@ -37,10 +37,11 @@ def move(
     rate += np.bincount(second[forth], along[forth], minlength=count)
     rate -= np.bincount(first[back], along[back], minlength=count)
     primed = np.zeros(count)
+    growth = pores_end - situation.pores
     for priming in situation.primings:
-        primed[priming.nodes] += priming.volumes(step)
+        primed[priming.nodes] += priming.volumes(step, growth[priming.nodes])
     received = step * rate + primed
-    squeezed = pores_end - situation.pores - situation.excess
+    squeezed = growth - situation.excess
     volume = state.resin_volume + np.where(state.full, squeezed, received)
     passed = pass_on(
         network.edges, situation.conductances.flow, state.resin_volume, volume, pores_end,

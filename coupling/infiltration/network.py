@@ -79,8 +79,8 @@ class Network:
         sheet = Sheet(mesh.cells, flat, turns, tensor, matrix, mean)
         gates = np.empty(0, dtype=np.int64) if gates is None else gates
         kept = [_sides_between(mesh.cells, gates), *(track.edges for track in tracks)]
-        self._take_pairs(conducting_pairs(sheet, np.concatenate(kept), gates))
         self._take_corners(turns)
+        self._take_pairs(conducting_pairs(sheet, np.concatenate(kept), gates))
         self._add_tracks(mesh, tracks)
 
     def _take_pairs(self, pairs: Pairs) -> None:
@@ -91,6 +91,9 @@ class Network:
         self._pair_cell, self._pair_edge = pairs.cell, edge.reshape(-1)
         self._pair_flow, self._pair_between = pairs.flow, pairs.between
         self._pair_moment = pairs.flow[:, None, None] * pairs.between
+        reach = np.bincount(self._pair_edge, pairs.flow * pairs.span)
+        #: Σ T d·(AK)⁻¹d over the cells at each edge, with the area A of each end's node, (E, 2).
+        self.reach = reach[:, None] / self.node_areas()[self.edges]
 
     def _take_corners(self, turns: np.ndarray) -> None:
         cell, corner = np.nonzero(self.cells >= 0)
@@ -121,6 +124,8 @@ class Network:
             np.add.at(
                 self._track_flow, edge, np.broadcast_to(track.conductance, len(edge)) / length
             )
+            # A channel passes the front on at once, however the sheet beside it lies.
+            self.reach[edge] = np.inf
             half = 0.5 * np.broadcast_to(track.section, len(edge)) * length
             for end in (0, 1):
                 np.add.at(self.track_volume, ends[:, end], half)

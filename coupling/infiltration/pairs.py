@@ -28,12 +28,14 @@ class Pairs(NamedTuple):
     ends (P, 2) : node rows, the smaller first. cell (P,) : whose material it is.
     flow (P,) : conductance per unit of h/µ [m2].
     between (P, 2, 2) : vectors from the other end to this one, in its plane [m], for both ends.
+    span (P,) : d·K⁻¹d with the vector d between them and the permeability K of the cell [1].
     """
 
     ends: np.ndarray
     cell: np.ndarray
     flow: np.ndarray
     between: np.ndarray
+    span: np.ndarray
 
 
 class Sheet(NamedTuple):
@@ -98,6 +100,7 @@ def _of_cells(sheet: Sheet, matrix: np.ndarray, rows: np.ndarray) -> Pairs:
         c,
         matrix[c, a, b],
         _both_ways(sheet.turns[c, a], sheet.turns[c, b], away),
+        _span(sheet.tensor[c][:, (0, 1, 0), (0, 1, 1)], away),
     )
 
 
@@ -106,7 +109,8 @@ def _of_triangles(triangles: Triangles) -> Pairs:
     flat = triangles.flat
     twice = _cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
     row, place = np.nonzero(triangles.cell >= 0)
-    xx, yy, xy = triangles.tensor[row, place].T
+    tensor = triangles.tensor[row, place]
+    xx, yy, xy = tensor.T
     for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         swap = triangles.nodes[:, a] > triangles.nodes[:, b]
         first, second = np.where(swap, b, a), np.where(swap, a, b)
@@ -117,13 +121,18 @@ def _of_triangles(triangles: Triangles) -> Pairs:
         flow = -(yy * p[:, 0] * q[:, 0] + xx * p[:, 1] * q[:, 1]) / (2.0 * twice[row])
         flow += xy * (p[:, 0] * q[:, 1] + p[:, 1] * q[:, 0]) / (2.0 * twice[row])
         ends = np.stack([triangles.nodes[every, first], triangles.nodes[every, second]], axis=1)
-        between = _both_ways(
-            triangles.turns[every, first],
-            triangles.turns[every, second],
-            flat[every, first] - flat[every, second],
-        )
-        parts.append(Pairs(ends[row], triangles.cell[row, place], flow, between[row]))
+        away = flat[every, first] - flat[every, second]
+        between = _both_ways(triangles.turns[every, first], triangles.turns[every, second], away)
+        span = _span(tensor, away[row])
+        parts.append(Pairs(ends[row], triangles.cell[row, place], flow, between[row], span))
     return _joined(*parts)
+
+
+def _span(tensor: np.ndarray, away: np.ndarray) -> np.ndarray:
+    """d·K⁻¹d of vectors (P, 2) and tensors (P, 3), components 11, 22, 12."""
+    xx, yy, xy = tensor.T
+    x, y = away.T
+    return (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
 
 
 def _both_ways(first: np.ndarray, second: np.ndarray, away: np.ndarray) -> np.ndarray:

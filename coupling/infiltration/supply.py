@@ -212,8 +212,8 @@ class Priming:
         """Time until the nodes are full [s]."""
         return self.duration * (1.0 - (self.filled**2 if self.squared else self.filled))
 
-    def volumes(self, step: float) -> np.ndarray:
-        """What enters each of the nodes in a time step [m3]."""
+    def volumes(self, step: float, growth: np.ndarray) -> np.ndarray:
+        """What enters each of the nodes in a time step [m3]; their growth comes in the next one."""
         if step >= self.left * (1.0 - 1e-12):
             return self.room
         if self.squared:

@@ -230,11 +230,13 @@ class Infiltration(SceneModel):
             [self.vent_pressure, *(v.pressure for v in self.vents if v.pressure is not None)]
         )
         for index, gate in enumerate(self.gates):
-            if gate.pressure is not None and max(gate.pressure) <= least:
+            at_most = gate.pressure_limit if gate.pressure is None else max(gate.pressure)
+            if at_most is not None and at_most <= least:
+                name = "pressure" if gate.pressure is not None else "pressure_limit"
                 raise wrong(
-                    f"is {max(gate.pressure):g} Pa at most, not above that of the vents "
+                    f"is {at_most:g} Pa at most, not above that of the vents "
                     f"({least:g} Pa): no resin would flow",
-                    field=f'gates[{index}] "{gate.name}".pressure',
+                    field=f'gates[{index}] "{gate.name}".{name}',
                 )
         if self.trapped_air and least <= 0.0:
             raise wrong(

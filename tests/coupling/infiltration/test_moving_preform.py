@@ -115,6 +115,24 @@ def test_moving_and_restoring_is_bit_identical():
     assert np.array_equal(states[0].pressure, states[1].pressure)
 
 
+def test_a_film_fills_columns_that_grow_in_few_steps():
+    """What a column lacks by its growth comes with it: else ever shorter steps close the gap."""
+    mesh = plate(8, 4, 0.08, 0.04)
+    through = 1e-12 * np.random.default_rng(0).uniform(0.8, 1.2, mesh.cell_count)
+    filling = Filling(
+        mesh, Preform(HEIGHT, 0.5, 1e-10, through), 0.1, [],
+        [Vent("end", mesh.node_sets["right"])], film=Film(2.0 * HEIGHT, 1e5),
+    )  # fmt: skip
+    filling.set_thickness(HEIGHT, rate=HEIGHT / 50.0)
+    outcome, _ = filling.advance(10.0)
+    state = filling.state
+    assert outcome == "reached" and state.full.all()
+    assert state.step_count < 100
+    assert abs(state.balance_error) <= 1e-10 * state.stored
+    on_top = (state.film * filling.medium.node_area).sum()
+    assert state.stored + on_top == pytest.approx(2.0 * HEIGHT * mesh.areas.sum(), rel=1e-12)
+
+
 def test_squeezed_without_a_way_out_is_an_error():
     mesh = plate(6, 2, 2.0 * HALF, WIDTH)
     filling = Filling(

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Schedule, TimeTable, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
+from lcmchain.coupling.infiltration.film_supply import Film
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
@@ -159,6 +160,25 @@ def test_trapped_air_is_compressed():
     assert filling.state.air_pressure[~filling.state.full] == pytest.approx(4e5, rel=1e-3)
 
 
+def test_trapped_air_goes_on_from_a_saved_state_to_the_same_bits():
+    mesh = random_plate(0.012, 0.3, 0.1, seed=2)
+    one, other = (
+        Filling(
+            mesh, Preform(0.003, 0.5, 1e-10), 0.1,
+            [Gate("inlet", mesh.node_sets["left"], pressure=3e5)], [],
+            options=FillingOptions(trapped_air=True, air_pressure=1e5),
+        )
+        for _ in range(2)
+    )  # fmt: skip
+    for time in (20.0, 23.0, 60.0):
+        other.restore(other.save())
+        for filling in (one, other):
+            filling.advance(time)
+    assert one.state.step_count > 20
+    for name in ("resin_volume", "pressure", "air_pressure"):
+        assert getattr(one.state, name).tobytes() == getattr(other.state, name).tobytes()
+
+
 def test_vent_that_stays_open_bleeds():
     mesh = plate(10, 2, 0.3, 0.1)
     filling = Filling(
@@ -203,6 +223,44 @@ def test_bad_input_is_named():
         Schedule(opens=2.0, closes=1.0)
     with pytest.raises(InputError, match="no cell has"):
         Filling(mesh, preform, 0.1, [gate], [vent], edges=[RaceTrack("far", [[0, 14]], 1e-14)])
+    with pytest.raises(InputError, match="rows of a mask"):
+        Gate("in", mesh.points[:, 0] < 0.01, pressure=1.0)
+    with pytest.raises(InputError, match="three finite numbers"):
+        Filling(mesh, preform, Water(), [gate], [vent], gravity=np.array([0.0, np.nan, 0.0]))
+    with pytest.raises(InputError, match=r"film.thickness: has the shape \(3,\)"):
+        through = Preform(0.003, 0.5, 1e-10, 1e-12)
+        Filling(mesh, through, 0.1, [], [vent], film=Film(np.ones(3), 1.0))
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_pressures_and_rates_are_finite_numbers(wrong):
+    for what in ({"pressure": wrong}, {"flow_rate": wrong}, {"flow_rate": 1.0, "pressure": wrong}):
+        with pytest.raises(InputError, match='of the gate "in" is'):
+            Gate("in", [0], **what)
+    with pytest.raises(InputError, match='of the vent "out" is'):
+        Vent("out", [0], pressure=wrong)
+
+
+def test_what_a_filling_refuses_changes_nothing():
+    mesh = plate(12, 2, 0.3, 0.1)
+    one, other = (line_fill(mesh) for _ in range(2))
+    for filling in (one, other):
+        filling.advance(10.0)
+    moved = mesh.points * np.array([1.0, 0.0, 1.0])
+    for refused, message in (
+        (lambda: one.set_thickness(0.004, rate=np.ones(3)), "thickness rate has the shape"),
+        (lambda: one.set_thickness(np.ones(3)), "thickness has the shape"),
+        (lambda: one.set_thickness(0.004, lift=np.nan), "lift of cell 0"),
+        (lambda: one.set_points(moved), "have no area"),
+        (lambda: one.set_points(mesh.points[:5]), "places of the nodes have the shape"),
+        (lambda: one.advance(np.nan), "not a number"),
+    ):
+        with pytest.raises(InputError, match=message):
+            refused()
+    for filling in (one, other):
+        filling.advance(60.0)
+        filling.restore(filling.save())
+    assert one.state.resin_volume.tobytes() == other.state.resin_volume.tobytes()
 
 
 def test_part_of_the_mesh_without_a_source_is_an_error():

@@ -140,6 +140,20 @@ def test_a_hole_wider_than_the_edges_is_that_of_all_its_nodes(ratio):
     assert max(radii) / min(radii) < 1.02
 
 
+def test_no_pressure_that_is_shown_is_above_the_gate():
+    """Nodes inside a hole stand for the field around it, which rises on towards its middle."""
+    mesh = random_plate(0.005, 0.1, 0.1, seed=1)
+    middle = mesh.points.mean(axis=0)
+    nodes = np.flatnonzero(np.linalg.norm(mesh.points - middle, axis=1) < 0.012)
+    filling = Filling(
+        mesh, Preform(HEIGHT, POROSITY, PERMEABILITY), VISCOSITY,
+        [Gate("hole", nodes, pressure=PRESSURE, radius=0.012)], [Vent("rim", mesh.rim)],
+    )  # fmt: skip
+    shown = [frame.pressure.max() for frame in filling.run(1e5).frames[1:]]
+    assert max(shown) <= PRESSURE * (1.0 + 1e-9)
+    assert max(shown) > 0.99 * PRESSURE
+
+
 @pytest.mark.parametrize(("ratio", "within"), [(1.0, 0.01), (10.0, 0.1)])
 def test_a_hole_larger_than_its_only_node_fills_in_few_steps(ratio, within):
     """While the front is next to the node, the hole takes no more resistance than there is."""

@@ -62,6 +62,14 @@ WRONG = {
         (HEAD + 'vent_pressure = "1 bar"', GATE, VENT),
         'gates[0] "left".pressure: is 100000 Pa at most, not above that of the vents',
     ),
+    "limit below the vents": (
+        (
+            HEAD + 'vent_pressure = "1 bar"',
+            GATE.replace("pressure =", "pressure_limit =") + 'flow_rate = "1 ml/s"',
+            VENT,
+        ),
+        'gates[0] "left".pressure_limit: is 100000 Pa at most, not above that of the vents',
+    ),  # fmt: skip
     "two places": ((HEAD, GATE + "rim = true", VENT), "but has box and rim"),
     "no place": ((HEAD, GATE.replace("box", "#box"), VENT), "but has none"),
     "both kinds": ((HEAD, GATE + 'flow_rate = "1 ml/s"', VENT), "but has pressure and flow_rate"),
