@@ -22,6 +22,7 @@ from lcmchain.fmu import description, description2, description3
 from lcmchain.fmu.documentation import documentation
 from lcmchain.fmu.instances import UNIT_FILE, define
 from lcmchain.fmu.scene_files import stage_scene
+from lcmchain.fmu.unanswered import answered
 from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import Scene, read_scene
 from lcmchain.tools.table import build_tool_table
@@ -194,7 +195,7 @@ def _binaries(fmi: int, model_name: str) -> dict[str, bytes]:
     folder = Path(str(files(EXPORTERS[fmi]))) / "resources" / "binaries"
     return {
         f"binaries/{path.parent.relative_to(folder).as_posix()}/{model_name}{path.suffix}": (
-            path.read_bytes()
+            answered(path.read_bytes())
         )
         for path in sorted(folder.rglob("*"))
         if path.suffix in (".so", ".dll", ".dylib")

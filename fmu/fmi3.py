@@ -23,7 +23,7 @@ from lcmchain.fmu.variables import Kind
 
 # pythonfmu3 reads as many values as the master says, which may be more than there are: beyond the
 # end of the list it would use nothing as an object.
-SPARE = 64
+SPARE = 1024
 
 
 class UnitSlave3(Fmi3Slave):
@@ -38,7 +38,7 @@ class UnitSlave3(Fmi3Slave):
             kwargs["resources"], self.instance_name, report_to(self.log_queue), arrays=True
         )
         self.guid = self.unit.definition.guid
-        self._spare = [float("nan")] * self.unit.layout.slot_count
+        self._spare = [float("nan")] * max(self.unit.layout.slot_count, SPARE)
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description of the unit."""

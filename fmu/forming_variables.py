@@ -196,18 +196,21 @@ def forming_variables(
         *COMMON_OUTPUTS,
         *_fields(abilities, fields),
     )
-    left_out: tuple[str, ...] = ()
-    if not abilities.has_fibre_volume_fraction:
-        left_out += ("fibre_volume_fraction",)
-    if not abilities.has_thickness:
-        left_out += ("thickness",)
-    return tuple(v for v in variables if not v.name.startswith(left_out))
+    left_out = {
+        f"{name}{suffix}" for name in _unknown(abilities) for suffix in ("", "_min", "_max")
+    }
+    return tuple(v for v in variables if v.name not in left_out)
+
+
+def _unknown(abilities: Abilities) -> tuple[str, ...]:
+    """Return the fields of :data:`FIELD_OUTPUTS` that the elements do not predict."""
+    left_out = () if abilities.has_thickness else ("thickness", "thickness_rate")
+    return left_out + (() if abilities.has_fibre_volume_fraction else ("fibre_volume_fraction",))
 
 
 def field_names(abilities: Abilities) -> list[str]:
     """Return the names of all fields that a unit can give."""
-    left_out: tuple[str, ...] = () if abilities.has_thickness else ("thickness", "thickness_rate")
-    left_out += () if abilities.has_fibre_volume_fraction else ("fibre_volume_fraction",)
+    left_out = _unknown(abilities)
     entries = FIELD_OUTPUTS + (FLUID_OUTPUTS if abilities.takes_pore_pressure else ())
     return [entry[0] for entry in entries if entry[0] not in left_out]
 

@@ -72,6 +72,8 @@ class Unit:
         for what, value in (("start", start_time), ("stop", stop_time)):
             if value is not None and not math.isfinite(value):
                 raise Refused(f"the {what} time is {value}")
+        if stop_time is not None and stop_time < start_time:
+            raise Refused(f"the stop time {stop_time:g} s lies before the start, {start_time:g} s")
         self._start_time, self._is_set_up = float(start_time), True
         return Status.OK
 

@@ -51,6 +51,7 @@ class UnitDescription:
     needs_tool: bool
     remarks: list[str] = field(default_factory=list)
     elements: dict[str, Variable] = field(default_factory=dict)
+    log_categories: tuple[str, ...] = ()
 
     def find(self, name: str) -> Variable:
         """Return a variable, a field, or one value of a field of FMI 2.
@@ -130,6 +131,7 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
         needs_tool=_true(ability.needsExecutionTool),
         remarks=remarks,
         elements=elements,
+        log_categories=tuple(category.name for category in parsed.logCategories),
     )
 
 

@@ -6,6 +6,7 @@ import ctypes
 import functools
 import itertools
 import weakref
+from contextlib import suppress
 from typing import Any
 
 from lcmchain.coupling.cosimulation.instance import CallFailed, EndRequested
@@ -16,6 +17,9 @@ from lcmchain.coupling.cosimulation.variable import Variable
 #: one callback for the whole process, so that all units share one that finds out whose it is.
 _speakers: weakref.WeakValueDictionary[int, Fmi2Instance] = weakref.WeakValueDictionary()
 _environments = itertools.count(1)
+
+#: Categories of messages that the standard names for calls which did not succeed.
+REASONS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 
 
 def _message2(
@@ -64,6 +68,16 @@ class Fmi2Instance(LibraryCalls):
             self._unit.instantiate(callbacks=callbacks, loggingOn=debug)
         except Exception:
             raise no_instance(self.name, self._last_words) from None
+        if not debug:
+            self._ask_for_reasons()
+
+    def _ask_for_reasons(self) -> None:
+        """Switch on the messages that say why a call failed; some units are silent otherwise."""
+        wanted = [name for name in self.description.log_categories if name in REASONS]
+        if wanted:
+            names = (ctypes.c_char_p * len(wanted))(*(name.encode() for name in wanted))
+            with suppress(CallFailed):
+                self.call("SetDebugLogging", True, len(wanted), names)
 
     def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
         given = tolerance is not None
@@ -83,7 +97,9 @@ class Fmi2Instance(LibraryCalls):
             if not failure.discarded:
                 raise
             reached = self._status("Real", 2, ctypes.c_double())  # fmi2LastSuccessfulTime
-            if self._status("Boolean", 3, ctypes.c_int()):  # fmi2Terminated
+            ends = self._status("Boolean", 3, ctypes.c_int())  # fmi2Terminated
+            # pythonfmu says so after every discard: an end needs a step towards it
+            if ends and (reached is None or reached > time):
                 raise EndRequested(end_text(reached, str(failure))) from None
             raise CallFailed(str(failure), discarded=True, reached=reached) from None
         return False

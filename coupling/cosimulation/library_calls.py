@@ -216,7 +216,8 @@ class LibraryCalls:
 
 
 def no_instance(name: str, said: list[str]) -> InputError:
-    reason = f": {'; '.join(said)}" if said else " and did not say why"
+    silent = " and gave no reason; it may with debug = true, or have printed one above"
+    reason = f": {'; '.join(said)}" if said else silent
     return InputError(f'unit "{name}" could not be instantiated{reason}')
 
 

@@ -91,4 +91,13 @@ def _draw_windows(counts: Any, sizes: Any, history: xr.Dataset) -> None:
     sizes.set_ylabel("window [s]")
     if (history["window_size"].values > 0.0).any():
         sizes.set_yscale("log")
+        sizes.set_ylim(*_of_a_decade(history["window_size"].values))
     sizes.set_xlabel("time [s]")
+
+
+def _of_a_decade(values: np.ndarray) -> tuple[float, float]:
+    """Return limits with a whole decade at least: windows of one size differ by rounding only."""
+    positive = values[values > 0.0]
+    least, most = float(positive.min()), float(positive.max())
+    margin = max(1.3, np.sqrt(10.0 * least / most))
+    return least / margin, most * margin

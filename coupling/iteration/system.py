@@ -233,7 +233,12 @@ class CoupledSystem:
             if tried is not None and outcome in STANDING:
                 self._accept(window, tried)
                 return size
-            self._iteration.undo(window)
+            try:
+                self._iteration.undo(window)
+            except SimulationError:  # what killed a part counts, not that it cannot go back then
+                if error is None:
+                    raise
+                raise error  # noqa: B904  # its cause is kept
             if shorter is None:
                 assert error is not None
                 raise error

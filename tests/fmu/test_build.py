@@ -314,3 +314,13 @@ def test_unit_of_the_2d_approach_forms_without_thickness(scene_file, tmp_path):
     assert result["hourglass_energy"][-1] == 0.0
     assert result["shear_angle_max"][-1] > 0.0 and result["internal_energy"][-1] > 0.0
     assert result["punch.force"][-1] < 0.0
+
+
+def test_a_tool_may_have_the_name_of_a_field(scene_file, tmp_path):
+    """Only fields that the elements do not predict are left out, whatever tools are called."""
+    text = scene_file.read_text(encoding="utf-8").replace('"punch"', '"thickness_gauge"')
+    (tmp_path / "flat.toml").write_text('element = "membrane-shell"\n' + text, encoding="utf-8")
+    unit = build_fmu(tmp_path / "flat.toml", tmp_path / "flat.fmu")
+    names = {v.name for v in read_model_description(str(unit)).modelVariables}
+    assert {"thickness_gauge.drive", "thickness_gauge.travel", "thickness_gauge.force"} <= names
+    assert not names & {"thickness_min", "thickness_max", "thickness[1]"}

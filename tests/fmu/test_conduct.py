@@ -14,6 +14,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from lcmchain.fmu.build import build_fmu
+from lcmchain.fmu.instances import open_unit
+from lcmchain.fmu.status import Status
 
 CALLS = Path(__file__).with_name("calls.py")
 STEP = 1e-4
@@ -203,6 +205,12 @@ def test_a_refused_call_stops_the_next_step_once(rules, number):
     assert results[2]["refused"]
     assert [results[k]["status"] for k in (1, 3, 5)] == [0, 2, 0]
     assert REFUSED[number][1] in results[4]["answer"][0]
+
+
+def test_an_experiment_that_ends_before_it_starts_is_refused(folder):
+    unit = open_unit(f"{folder}/resources", "one", lambda *_: None, arrays=False)
+    assert unit.set_up(5.0, 1.0) is Status.ERROR
+    assert unit.set_up(5.0, 5.0) is Status.OK
 
 
 @pytest.mark.parametrize("number", range(len(NO_STEPS)), ids=map(str, NO_STEPS))

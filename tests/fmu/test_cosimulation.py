@@ -10,7 +10,7 @@ import xarray as xr
 from lcmchain.coupling.cosimulation import run as run_module
 from lcmchain.coupling.cosimulation.run import run_system
 from lcmchain.coupling.cosimulation.system_file import system_from
-from lcmchain.errors import SimulationInterrupted
+from lcmchain.errors import SimulationError, SimulationInterrupted
 
 STEP = 5e-4
 STOP = 6 * STEP
@@ -88,3 +88,25 @@ def test_a_resumed_forming_is_bit_identical(unit, tmp_path, monkeypatch):
     assert np.ptp(whole["thickness"].values[-1]) > 1e-6
     for name in whole:
         assert np.array_equal(whole[name].values, parts[name].values), name
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_step_that_the_unit_refuses_is_told_with_its_words(version, unit, unit3, tmp_path):
+    """pythonfmu says after every refused step that the simulation should end; it is none."""
+    file = unit if version == 2 else unit3
+    start = {"punch.drive": True, "punch.velocity_input": "400 m/s"}
+    system = system_from(
+        {
+            "stop_time": f"{STOP!r} s",
+            "window": f"{STEP!r} s",
+            "units": [{"name": "dome", "fmu": file.name, "start": start}],
+        },
+        None,
+        directory=file.parent,
+    )
+    with pytest.raises(SimulationError) as caught:
+        run_system(system, tmp_path / "out")
+    told = str(caught.value)
+    assert told.startswith('coupled part "dome" failed at 0 s, step 0.0005 s: it refused the step')
+    assert "was stopped and undone" in told and "punch.velocity_input = 400.0" in told
+    assert "asked for the end" not in told

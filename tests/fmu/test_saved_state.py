@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from lcmchain import compile_cache
+from lcmchain.errors import SimulationError
 from lcmchain.fmu import forming
 from lcmchain.fmu.forming import sheet_mesh, variables_of
 from lcmchain.fmu.instances import open_unit, read_state
@@ -117,6 +118,16 @@ def test_bytes_that_are_no_state_are_refused(one, told):
         assert str(found) in told[-1]
 
 
+def test_no_flipped_bit_of_a_state_is_taken(one):
+    """Also among the numbers of its fields, where nothing but the check sum can tell."""
+    good = started(one).save().to_bytes()
+    for place in range(0, len(good), len(good) // 200):
+        content = bytearray(good)
+        content[place] ^= 1 << place % 8
+        assert isinstance(read_state(bytes(content)), Unreadable), place
+    assert isinstance(read_state(good), SavedState)
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -166,6 +177,41 @@ def test_rollback_over_five_steps_is_bit_identical(one):
         for name, array in other_state.arrays.items():
             assert my_state.arrays[name].tobytes() == array.tobytes(), name
     assert len({tuple(reached) for reached, _ in first}) == 5, "every step changes something"
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("punch.travel", Kind.REAL), ("internal_energy", Kind.REAL), ("thickness_min", Kind.REAL),
+     ("step_count", Kind.INTEGER)],
+)  # fmt: skip
+def test_outputs_of_every_group_are_those_of_the_last_step(one, name, kind):
+    started(one)
+    where = [one.layout.slots[name].start]
+    found = [float(one.get_numbers(where, kind)[0])]
+    for k in range(3):
+        assert one.step(k * STEP, STEP) is Status.OK
+        found.append(float(one.get_numbers(where, kind)[0]))
+    assert len(set(found)) == 4, found
+
+
+def test_a_step_that_fails_at_its_end_is_undone(one, told, monkeypatch):
+    """Not only where the solver itself goes back: whatever refuses what was computed."""
+    started(one)
+    assert one.step(0.0, STEP) is Status.OK
+    before = one.save()
+
+    def refuse(*_):
+        raise SimulationError("the mesh does not follow")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(one.part.simulation, "require_resolved", refuse)
+        assert one.step(STEP, STEP) is Status.DISCARD
+    assert "stopped and undone: the mesh does not follow" in told[-1]
+    after = one.save()
+    for key, array in before.part.arrays.items():
+        assert after.part.arrays[key].tobytes() == array.tobytes(), key
+    assert after.part.values == before.part.values
+    assert one.step(STEP, STEP) is Status.OK
 
 
 RESTORED = """

@@ -9,7 +9,7 @@ import xarray as xr
 from lcmchain.coupling.iteration import WindowControl, gauss_seidel, iqn_ils
 from lcmchain.coupling.iteration.consolidation import Column, coupled_column
 from lcmchain.coupling.iteration.history import History
-from lcmchain.coupling.iteration.plot import draw_history
+from lcmchain.coupling.iteration.plot import _of_a_decade, draw_history
 from lcmchain.errors import InputError
 
 
@@ -94,6 +94,16 @@ def test_picture_is_drawn(scheme, tmp_path):
     head = path.read_bytes()[:24]
     assert head.startswith(b"\x89PNG")
     assert struct.unpack(">II", head[16:24]) == (1440, 1200)
+
+
+@pytest.mark.parametrize("sizes", [[1e-4, 1e-4 + 1e-19], [5e-3, 4e-3], [1e-6, 1.0], [0.0, 2.0]])
+def test_the_axis_of_the_windows_shows_a_decade(sizes):
+    """Windows of one size would else fill an axis with their rounding, all labels alike."""
+    least, most = _of_a_decade(np.array(sizes))
+    assert most >= 9.999 * least
+    inside = [size for size in sizes if size > 0.0]
+    assert 1.2 * least < min(inside) and most > 1.2 * max(inside)
+    assert most / least < 2.0 * max(10.0, max(inside) / min(inside))
 
 
 def test_picture_of_a_history_without_windows_is_drawn(tmp_path):

@@ -123,6 +123,17 @@ def test_a_failed_part_is_named_with_time_step_and_inputs():
         assert words in str(failure)
 
 
+def test_the_cause_is_told_also_of_a_part_that_cannot_go_back_after_it():
+    system = rods(0.5, fixed_point(), refuses=lambda step, x: "it broke", window=0.5)
+
+    def lost(_):
+        raise PartFailed("its state cannot be restored", part="a")
+
+    system.parts["a"].restore = lost
+    with pytest.raises(PartFailed, match=r'part "a" failed at 0 s, step 0.5 s: it broke'):
+        system.advance(0.5)
+
+
 def test_what_is_no_number_is_refused_before_it_spreads():
     system = rods(0.5, fixed_point(), window=0.5)
     system.parts["a"].get_fields = lambda names: {"y": np.array([1.0, np.nan, np.inf])}
