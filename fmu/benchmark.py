@@ -156,7 +156,12 @@ def measure(version: int) -> UnitCost:
         count = len(values)
         values_in = _median(ACCESSES, master.access(INPUT, count, write=True))
         values_out = _median(ACCESSES, master.access(OUTPUT, count, write=False))
-        lists = _median(ACCESSES, lambda: (master.put(INPUT, values), master.get(OUTPUT, count)))
+
+        def by_lists() -> None:
+            master.put(INPUT, values)
+            master.get(OUTPUT, count)
+
+        lists = _median(ACCESSES, by_lists)
         master.slave.doStep(0.0, INTERVAL)
         state = _median(ACCESSES, master.rollback)
         bytes_of_state = _median(ACCESSES, master.serialized)
