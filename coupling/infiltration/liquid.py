@@ -80,7 +80,7 @@ class Liquid:
     def longest_step(self, state: FillingState) -> float:
         """Time step [s] in which curing resin thickens by a fifth at most, or little time passes.
 
-        The flow of a step is that of the viscosity at its start.
+        Resin that only warms or cools has no such limit: a step takes the mean of its ends.
         """
         wet = state.resin_volume > 0.0
         flowing = wet & (state.cure < self.resin.gel_cure)

@@ -13,6 +13,7 @@ from lcmchain.coupling.infiltration.film_supply import FilmFlow
 from lcmchain.coupling.infiltration.motion import Motion
 from lcmchain.coupling.infiltration.overflow import FULL, Passed
 from lcmchain.coupling.infiltration.situation import Situation
+from lcmchain.coupling.infiltration.state import FillingState
 
 if TYPE_CHECKING:
     from lcmchain.coupling.infiltration.filling import Filling
@@ -38,8 +39,7 @@ def finish_step(
     if situation.film is not None:
         _take_film(filling, situation.film, stages, primed, step)
     if filling.liquid.changes:
-        _carry(filling, situation, passed, primed, along, volume, step)
-        filling.liquid.rest(filling.medium, state, volume > 0.0, step)
+        age(filling, situation, motion, along, step, state)
     if filling.options.trapped_air:
         state.air_pressure = _compressed(
             situation.air, state.air_pressure, pores_end - volume, full,
@@ -99,16 +99,20 @@ def _count_boundaries(
         state.vented[number] += (bled + passed.vented)[vent.nodes].sum()
 
 
-def _carry(
+def age(
     filling: Filling,
     situation: Situation,
-    passed: Passed,
-    primed: np.ndarray,
+    motion: Motion,
     along: np.ndarray,
-    volume: np.ndarray,
     step: float,
+    into: FillingState,
 ) -> None:
-    state = situation.state
+    """Carry cure and temperature along with the resin, and let them go on where it is then.
+
+    ``into`` is the state that they are written into, at the time of the start of the step.
+    """
+    state, (passed, _, primed) = situation.state, motion
+    volume = passed.volume
     first, second = filling.medium.network.edges.T
     known = state.full[first] | state.full[second]
     source = np.concatenate([first[known], passed.source])
@@ -131,7 +135,8 @@ def _carry(
     for name, inlet in (("cure", cure), ("temperature", temperature)):
         value = getattr(state, name)
         carried = carry(value, state.resin_volume, volume, source, target, moved, entered, inlet)
-        setattr(state, name, carried)
+        setattr(into, name, carried)
+    filling.liquid.rest(filling.medium, into, volume > 0.0, step)
 
 
 def _compressed(

@@ -31,7 +31,7 @@ from lcmchain.coupling.infiltration.situation import (
     thickness_rate,
 )
 from lcmchain.coupling.infiltration.state import FillingState
-from lcmchain.coupling.infiltration.step_end import finish_step
+from lcmchain.coupling.infiltration.step_end import age, finish_step
 from lcmchain.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -190,6 +190,8 @@ class TimeStep:
         if isinstance(first, Stuck):
             return first.share
         ahead = predict(filling, situation, first, pores_end, state.thickness + step * rate)
+        if filling.liquid.changes:
+            age(filling, situation, first, stage.flow.along, step, ahead)
         conductances = self._conductances_at(situation, ahead)
         later = filling.supply.at_time(situation.gates, state.time + step)
         there = replace(situation, conductances=conductances, gates=later)
@@ -222,9 +224,11 @@ class TimeStep:
 
     def _conductances_at(self, situation: Situation, ahead: FillingState) -> Conductances:
         state, filling = situation.state, self.filling
-        if not state.thickness_rate.any() and situation.lift is None:
+        moves = state.thickness_rate.any() or situation.lift is not None
+        if not moves and not filling.liquid.changes:
             return situation.conductances
-        fluidity = filling.liquid.fluidity(filling.medium, state)
+        # What enters has the temperature of the start; nothing of it decides where resin is.
+        fluidity = filling.liquid.fluidity(filling.medium, ahead)
         return filling.medium.conductances(ahead.thickness, fluidity)
 
     def _snapped(self, time: float) -> float:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.optimize import brentq
 
 from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling
@@ -10,10 +11,12 @@ from lcmchain.coupling.infiltration.film_supply import Film
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.resin import (
+    ArrheniusViscosity,
     CastroMacoskoViscosity,
     ConstantTemperature,
     KamalSourour,
     MouldTemperature,
+    PrescribedTemperature,
 )
 from lcmchain.errors import InputError
 
@@ -72,6 +75,27 @@ def filling_without_cure_is_far_off(inlet, speed):
     run.advance(180.0)
     exact = quad(lambda x: viscosity_at(x / speed) * PHI * speed / K, 0, speed * 180.0)[0]
     return run.state.gate_pressure[0] < 0.6 * exact
+
+
+@pytest.mark.parametrize("warms", [1.0, -1.0])
+def test_resin_of_changing_temperature_fills_when_the_integral_of_its_fluidity_says(warms):
+    """x² grows with ∫ dt/µ: a step that took the viscosity of its start would lag behind."""
+    resin = ArrheniusViscosity(
+        reference_viscosity=0.1, activation_energy=4e4, reference_temperature=350.0
+    )
+    table = PrescribedTemperature((0.0, 300.0), (350.0 - 20.0 * warms, 350.0 + 20.0 * warms))
+    pressure = 1e5
+
+    def fluidity(time):
+        return 1.0 / resin.viscosity(np.array([table.inlet(time)]), np.zeros(1))[0]
+
+    def lag(end):
+        return quad(fluidity, 0.0, end)[0] - PHI * LENGTH**2 / (2.0 * K * pressure)
+
+    exact = brentq(lag, 1.0, 300.0)
+    run = filling(strip(60), resin, inlet={"pressure": pressure}, temperature=table)
+    run.advance(1e4)
+    assert run.time == pytest.approx(exact, rel=1e-3)
 
 
 def gelled_front(pressure, count=4000):
