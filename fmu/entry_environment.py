@@ -65,28 +65,17 @@ def _end_once(library: str) -> None:
     """
     import ctypes
 
-    def loaded(more: int = 0) -> ctypes.CDLL | None:
-        try:
-            return ctypes.CDLL(library, mode=os.RTLD_NOLOAD | os.RTLD_NOW | more)
-        except OSError:  # a binary for another machine, or unloaded by now
-            return None
-
     if library in _ended:
         return
     _ended.add(library)
-    if _host_is_python():
-
-        def end() -> None:
-            exporter = loaded()
-            if exporter is not None:
-                exporter.finalizePythonInterpreter()
-
-        atexit.register(end)
+    try:
+        # Held, it stays where it is until then, although masters unload it and remove its file.
+        exporter = ctypes.CDLL(library, mode=os.RTLD_NOLOAD | os.RTLD_NOW)
+    except OSError:  # the binary for another machine
         return
-    # Elsewhere that very function ends the interpreter, so the host's C library must call it. It
-    # keeps its address until then.
-    exporter = loaded(os.RTLD_NODELETE)
-    if exporter is not None:
+    if _host_is_python():
+        atexit.register(exporter.finalizePythonInterpreter)
+    else:  # that very function ends the interpreter: the host's C library must call it
         ctypes.CDLL(None).__cxa_atexit(exporter.finalizePythonInterpreter, None, None)
 
 
