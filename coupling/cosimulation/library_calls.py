@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from elftools.common.exceptions import ELFError
+from elftools.elf.elffile import ELFFile
 from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.description import UnitDescription
@@ -83,6 +85,7 @@ class LibraryCalls:
                 f'unit "{name}": the archive holds no library for this machine '
                 f"({library.parent.name}); it has {', '.join(there) or 'none'}"
             )
+        _require_whole(library, name)
         # fmpy changes into the folder of the library, and stays there when loading fails
         before = os.getcwd()
         kind = fmi2.FMU2Slave if description.major == 2 else fmi3.FMU3Slave
@@ -224,3 +227,20 @@ def no_instance(name: str, said: list[str]) -> InputError:
 def end_text(reached: float | None, said: str) -> str:
     place = "" if reached is None else f" at {reached:g} s"
     return f"it asked for the end of the simulation{place}{f' ({said})' if said else ''}"
+
+
+def _require_whole(library: Path, name: str) -> None:
+    """Refuse a library of Linux that was cut off: loading it ends the process by a signal."""
+    try:
+        with library.open("rb") as file:
+            if file.read(4) != b"\x7fELF":
+                return  # what the loader of the system makes of it is told by fmpy
+            size = file.seek(0, os.SEEK_END)
+            ends = [s["p_offset"] + s["p_filesz"] for s in ELFFile(file).iter_segments()]
+    except (ELFError, OSError):
+        ends, size = [1], 0
+    if max(ends, default=1) > size:
+        raise InputError(
+            f'unit "{name}": its library {library.name} is damaged, a part of it is missing; get '
+            "the unit again"
+        )

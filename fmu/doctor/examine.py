@@ -15,6 +15,7 @@ from lcmchain.fmu.doctor.binary import examine_binary, needs_python
 from lcmchain.fmu.doctor.description import findings_of, read_description
 from lcmchain.fmu.doctor.findings import Diagnosis, Level
 from lcmchain.fmu.doctor.host import examine_host, find_host, python_of
+from lcmchain.fmu.doctor.own import examine_own
 from lcmchain.fmu.doctor.python_content import python_content
 from lcmchain.fmu.doctor.python_needs import examine_library, examine_python
 
@@ -56,6 +57,7 @@ def examine(
         diagnosis.extend(findings_of(description, is_python=content is not None))
         binary = examine_binary(diagnosis, folder, description.identifier, description.fmi_version)
         symbols = frozenset() if binary is None else needs_python(binary)
+        examine_own(diagnosis, description, folder / "resources")
         _examine_command(diagnosis, folder / "resources")
         _tell_dependencies(diagnosis, folder / "documentation")
     if content is None and not symbols:

@@ -111,6 +111,22 @@ def test_unit_of_another_version_is_a_warning(unit, tmp_path):
     assert "built with lcmchain 0.0.1" in warning.text and diagnosis.runs
 
 
+@pytest.mark.parametrize(
+    "file, content",
+    [("unit.json", b"{"), ("unit.json", None), ("scene/scene.toml", None), ("interface.nc", b"")],
+)
+def test_own_unit_with_damaged_resources_cannot_run(unit, tmp_path, file, content):
+    other = tmp_path / "other.fmu"
+    with zipfile.ZipFile(unit) as old, zipfile.ZipFile(other, "w") as new:
+        for name in old.namelist():
+            if name != f"resources/{file}":
+                new.writestr(name, old.read(name))
+            elif content is not None:
+                new.writestr(name, content)
+    (missing,) = told(examine(other), Level.MISSING)
+    assert missing.subject == "resources" and missing.remedy == "build the unit again"
+
+
 # --- units of others ------------------------------------------------------------------------------
 
 

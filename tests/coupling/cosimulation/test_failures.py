@@ -159,9 +159,14 @@ def test_archives_without_a_library_for_this_machine_or_a_damaged_one(units, tmp
 
     with zipfile.ZipFile(units / "Ball_2.fmu") as archive:
         description = archive.read("modelDescription.xml")
+        whole = archive.read("binaries/linux64/Ball.so")
     for name, library, reason in (
         ("none", ("binaries/win64/Ball.dll", b""), r"no library for this machine .* it has win64"),
-        ("broken", ("binaries/linux64/Ball.so", b"\x7fELF nonsense"), "cannot be loaded"),
+        ("broken", ("binaries/linux64/Ball.so", b"\x7fELF nonsense"), "is damaged"),
+        # loading these would end the process by a signal
+        ("half", ("binaries/linux64/Ball.so", whole[: len(whole) // 2]), "is damaged"),
+        ("head", ("binaries/linux64/Ball.so", whole[:4096]), "is damaged"),
+        ("text", ("binaries/linux64/Ball.so", b"nonsense"), "cannot be loaded"),
     ):
         file = tmp_path / f"{name}.fmu"
         with zipfile.ZipFile(file, "w") as archive:
