@@ -79,8 +79,14 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int 
         has_thickness=has_thickness,
         has_fibre_volume_fraction=has_thickness and scene.material.fibre_density is not None,
         takes_pore_pressure=pore_pressure,
+        surroundings=surroundings_of(scene),
         patch_count=patch_count,
     )
+
+
+def surroundings_of(scene: Scene) -> float:
+    """Return the pressure around the sheet [Pa]: that of the vents of a resin in it, or 0."""
+    return 0.0 if scene.wet_forming is None else float(scene.wet_forming.vent_pressure)
 
 
 def variables_of(
@@ -178,7 +184,9 @@ class FormingPart(Part):
         simulation = Simulation(model)
         simulation.compile()
         self.scene, self.simulation = scene, simulation
-        self.wet = ExplicitForming(simulation) if self._has_pores else None
+        self.wet = None
+        if self._has_pores:
+            self.wet = ExplicitForming(simulation, surroundings=surroundings_of(scene))
         self.critical_step = simulation.critical_step()
         self.frames, self.step = (), 0.0
         self.before = simulation.state.position.copy()

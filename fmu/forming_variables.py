@@ -119,7 +119,8 @@ class Abilities(NamedTuple):
     element_count : elements of the blank. edge_length : of the blank [m]. title : of the scene.
     has_thickness : whether the elements predict a thickness.
     has_fibre_volume_fraction : whether they do, and the material states the density of its fibres.
-    takes_pore_pressure : whether a fluid may act in the pores.
+    takes_pore_pressure : whether a fluid may act in the pores. surroundings : pressure around the
+        sheet [Pa], in the scale of the fluid's.
     patch_count : values of a field at an interface coarser than the elements, 0 for one of each.
     """
 
@@ -131,6 +132,7 @@ class Abilities(NamedTuple):
     has_fibre_volume_fraction: bool
     takes_pore_pressure: bool
     patch_count: int = 0
+    surroundings: float = 0.0
 
     @property
     def field_size(self) -> int:
@@ -165,10 +167,11 @@ def forming_variables(
                 Kind.REAL,
                 "input",
                 "continuous",
-                "pressure of the fluid in the element's pores, of the surroundings at 0",
+                "pressure of the fluid in the element's pores, of the surroundings at "
+                f"{abilities.surroundings:g}",
                 "Pa",
                 "Pressure",
-                0.0,
+                abilities.surroundings,
                 nominal=1e5,
                 size=abilities.field_size,
             )  # fmt: skip

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import fmpy
 import numpy as np
 import pytest
 import xarray as xr
+from fmpy import read_model_description
 
 from lcmchain.coupling.cosimulation.run import run_system
 from lcmchain.coupling.cosimulation.system_file import system_from
@@ -130,3 +132,35 @@ def test_units_give_the_result_of_the_process(sources, in_process, tmp_path, fmi
     tools = sheet.simulation.model.tools
     wanted = sheet.simulation.state.tool_force[1] @ tools.direction[1]
     assert abs(force) == pytest.approx(abs(wanted), rel=1e-8)
+
+
+@pytest.mark.parametrize("around", [0.0, 1e5])
+def test_the_sheet_is_surrounded_by_the_pressure_of_the_vents(sources, tmp_path, around):
+    """In absolute pressures 1 bar in the pores loads nothing, as in the process."""
+    wet = f"""
+[permeability]
+law = "constant"
+k1 = "1e-11 m^2"
+k2 = "1e-11 m^2"
+k3 = "1e-12 m^2"
+[infiltration]
+time = "10 s"
+vent_pressure = "{around:g} Pa"
+resin = {{ law = "constant", viscosity = "0.02 Pa*s" }}
+film = {{ thickness = "0.5 mm", pressure = "{around + 100.0:g} Pa" }}
+with_forming = {{ }}
+[[infiltration.vents]]
+name = "rim"
+rim = true
+"""
+    (tmp_path / "wet.toml").write_text(SCENE + wet)
+    path = build_fmu(tmp_path / "wet.toml", tmp_path / "wet.fmu", fmi=3)
+    variables = {v.name: v for v in read_model_description(str(path)).modelVariables}
+    start = np.array(variables["pore_pressure"].start.split(), dtype=float)
+    assert set(start) == {around}
+    assert variables["pore_pressure"].description.endswith(f"surroundings at {around:g}")
+    result = fmpy.simulate_fmu(
+        str(path), stop_time=STEP, output_interval=STEP, output=["internal_energy", "thickness_min"]
+    )
+    # beside what the press does in this time
+    assert result["thickness_min"][-1] == pytest.approx(1.004e-3, rel=2e-3)
