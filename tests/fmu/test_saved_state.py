@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lcmchain import compile_cache
+from lcmchain import compile_cache, fingerprint
 from lcmchain.errors import SimulationError
 from lcmchain.fmu import forming
 from lcmchain.fmu.forming import sheet_mesh, variables_of
@@ -78,6 +78,8 @@ def test_a_state_of_other_files_or_sources_is_refused(one, told, part):
 def test_the_fingerprint_is_that_of_the_sources_that_run(open_one, tmp_path, monkeypatch, told):
     one = open_one()
     monkeypatch.setattr(compile_cache, "_package_folders", lambda: [tmp_path])
+    # asked anew, as another process would
+    monkeypatch.setattr(fingerprint, "_sources", fingerprint._sources.__wrapped__)
     other = open_one("other")
     assert other.definition.guid == one.definition.guid  # the interface is the same
     assert other.restore(one.save()) is Status.ERROR

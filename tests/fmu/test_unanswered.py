@@ -74,7 +74,7 @@ def test_functions_that_the_exporter_lacks_answer_and_the_unit_goes_on(folder):
     asked = sorted((WITH_ERROR | WITH_NOTHING) & offered)
     assert len(asked) > 20 and {"fmi3GetFloat32", "fmi3GetVariableDependencies"} < set(asked)
     done = subprocess.run(
-        [sys.executable, "-c", CALLS, folder, *asked], capture_output=True, text=True
+        [sys.executable, "-P", "-c", CALLS, folder, *asked], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr[-2000:]
     assert f"{len(asked)} answered" in done.stdout
