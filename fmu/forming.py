@@ -333,6 +333,8 @@ class FormingPart(Part):
             if name in fields:
                 field = fields[name]
                 values |= {name: field, f"{name}_min": field.min(), f"{name}_max": field.max()}
+        if "position_x" not in self.values.layout.slots:
+            return values
         centres = position[:, self.simulation.model.blank.elements].mean(axis=2)
         return values | {f"position_{axis}": x for axis, x in zip("xyz", centres)}
 

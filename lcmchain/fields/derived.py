@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.materials.law import Material
-from lcmchain.mesh.fibres import angle_of_shear, dragged_along
+from lcmchain.mesh.fibres import angle_of_shear, carried
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
 
@@ -38,14 +38,11 @@ def derive_fields(
     det F = (t / t0) cos γ, so that shear and compaction both raise it. Pressures follow from
     forces, not from positions alone (:mod:`lcmchain.fields.pressure`).
     """
-    reference = mesh.base_vectors(mesh.node_positions)
+    reference = mesh.initial_base_vectors
     current = mesh.base_vectors(np.asarray(positions, dtype=float))
     area_0, normal_0 = _length_and_direction(np.cross(reference[..., 0, :], reference[..., 1, :]))
     area, normal = _length_and_direction(np.cross(current[..., 0, :], current[..., 1, :]))
-    fibre_1, fibre_2 = (
-        dragged_along(reference, current, direction)
-        for direction in (mesh.fibre_direction_1, mesh.fibre_direction_2)
-    )
+    fibre_1, fibre_2 = (carried(own, current) for own in mesh.fibre_components)
     in_plane = _in_plane_fields(material, area_0 / area, normal, fibre_1, fibre_2)
     if not mesh.has_thickness:
         return in_plane

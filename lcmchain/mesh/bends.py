@@ -60,7 +60,7 @@ def bend_part(elements: np.ndarray, neighbours: np.ndarray, positions: np.ndarra
     normal = np.cross(tangents[0], tangents[1], axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         normal = normal / np.sqrt(_dot(normal, normal))
-    centre = corners.mean(axis=-1)
+    centre = corners @ np.full(corners.shape[-1], 1.0 / corners.shape[-1])
     inverse = _inverse(_products(tangents, tangents))
 
     there = neighbours >= 0

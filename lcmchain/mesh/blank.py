@@ -19,6 +19,7 @@ from lcmchain.errors import InputError
 from lcmchain.mesh.bends import bend_part, edge_neighbours
 from lcmchain.mesh.cells import cell_heights
 from lcmchain.mesh.cut import Cells
+from lcmchain.mesh.fibres import components
 from lcmchain.mesh.hexahedron import MODES
 from lcmchain.mesh.lattice import best_lattice
 from lcmchain.mesh.numbering import number_in_patches
@@ -186,6 +187,17 @@ class BlankMesh:
     def base_vectors(self, positions: np.ndarray) -> np.ndarray:
         """Covariant base vectors a1, a2, a3 at the element centres (..., element_count, 3, 3)."""
         return MODES[:3] @ positions[..., self.elements, :]
+
+    @cached_property
+    def initial_base_vectors(self) -> np.ndarray:
+        """Base vectors of the undeformed mesh (element_count, 3, 3)."""
+        return self.base_vectors(self.node_positions)
+
+    @cached_property
+    def fibre_components(self) -> tuple[np.ndarray, np.ndarray]:
+        """Components (element_count, 3) of both fibre directions in them."""
+        base = self.initial_base_vectors
+        return components(base, self.fibre_direction_1), components(base, self.fibre_direction_2)
 
     @cached_property
     def neighbours(self) -> np.ndarray:

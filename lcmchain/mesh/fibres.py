@@ -12,8 +12,18 @@ def dragged_along(reference: np.ndarray, current: np.ndarray, direction: np.ndar
 
     Contravariant components in the reference are carried by the current base.
     """
-    components = np.linalg.solve(np.swapaxes(reference, -1, -2), direction[..., None])
-    return np.sum(components * current, axis=-2)
+    return carried(components(reference, direction), current)
+
+
+def components(base: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the contravariant components (..., 3) of directions (..., 3) in bases (..., 3, 3)."""
+    return np.linalg.solve(np.swapaxes(base, -1, -2), direction[..., None])[..., 0]
+
+
+def carried(components: np.ndarray, current: np.ndarray) -> np.ndarray:
+    """Return the sum of base vectors (..., 3, 3) times components (..., 3)."""
+    first, second, third = (components[..., k, None] * current[..., k, :] for k in range(3))
+    return first + second + third
 
 
 def angle_of_shear(

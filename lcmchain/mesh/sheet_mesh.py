@@ -49,6 +49,14 @@ class SheetMesh(Protocol):
     def areas(self, positions: np.ndarray) -> np.ndarray:
         """Return the mid-surface areas (..., element_count) [m²] at the element centres."""
 
+    @property
+    def initial_base_vectors(self) -> np.ndarray:
+        """Base vectors of the undeformed mesh (element_count, 3, 3)."""
+
+    @property
+    def fibre_components(self) -> tuple[np.ndarray, np.ndarray]:
+        """Components (element_count, 3) of both fibre directions in them."""
+
     def bend_part(self, positions: np.ndarray) -> np.ndarray:
         """Return what (a3·n)² of bent elements misses of half the thickness² [m²]."""
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.fibres import components
 
 # Cells whose centre is nearer to a middle axis of the blank than this part of their size lie on it.
 ON_AXIS = 1e-6
@@ -79,6 +81,17 @@ class TriangleMesh:
         with np.errstate(invalid="ignore", divide="ignore"):
             normal = normal / np.linalg.norm(normal, axis=-1)[..., None]
         return np.concatenate([sides, normal[..., None, :]], axis=-2)
+
+    @cached_property
+    def initial_base_vectors(self) -> np.ndarray:
+        """Base vectors of the undeformed mesh (element_count, 3, 3)."""
+        return self.base_vectors(self.node_positions)
+
+    @cached_property
+    def fibre_components(self) -> tuple[np.ndarray, np.ndarray]:
+        """Components (element_count, 3) of both fibre directions in them."""
+        base = self.initial_base_vectors
+        return components(base, self.fibre_direction_1), components(base, self.fibre_direction_2)
 
     def _sides(self, positions: np.ndarray) -> np.ndarray:
         corners = positions[..., self.elements, :]
