@@ -74,13 +74,12 @@ class _Master:
             if self.version == 2
             else (FMU3Slave, description.instantiationToken)
         )
-        self._open: Callable[[], Any] = lambda: kind(
+        self.slave: Any = kind(
             guid=identifier,
             unzipDirectory=str(folder),
             modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName="bench",
         )
-        self.slave = self._open()
         self.references: dict[str, list[int]] = {}
         for variable in description.modelVariables:
             self.references.setdefault(variable.name.split("[")[0], []).append(

@@ -19,7 +19,7 @@ from lcmchain.errors import InputError
 from lcmchain.mesh.bends import bend_part, edge_neighbours
 from lcmchain.mesh.cells import cell_heights
 from lcmchain.mesh.cut import Cells
-from lcmchain.mesh.fibres import components
+from lcmchain.mesh.fibres import UndeformedFrame
 from lcmchain.mesh.hexahedron import MODES
 from lcmchain.mesh.lattice import best_lattice
 from lcmchain.mesh.numbering import number_in_patches
@@ -109,7 +109,7 @@ WEDGE_NODES = [0, 2, 1, 4, 6, 5]
 
 
 @dataclass(frozen=True)
-class BlankMesh:
+class BlankMesh(UndeformedFrame):
     """Hexahedral mesh of the undeformed blank with its fibre directions.
 
     Attributes
@@ -189,17 +189,6 @@ class BlankMesh:
         return MODES[:3] @ positions[..., self.elements, :]
 
     @cached_property
-    def initial_base_vectors(self) -> np.ndarray:
-        """Base vectors of the undeformed mesh (element_count, 3, 3)."""
-        return self.base_vectors(self.node_positions)
-
-    @cached_property
-    def fibre_components(self) -> tuple[np.ndarray, np.ndarray]:
-        """Components (element_count, 3) of both fibre directions in them."""
-        base = self.initial_base_vectors
-        return components(base, self.fibre_direction_1), components(base, self.fibre_direction_2)
-
-    @cached_property
     def neighbours(self) -> np.ndarray:
         """Elements across the edges (4, element_count), see :func:`edge_neighbours`."""
         return edge_neighbours(self.elements)
@@ -207,11 +196,6 @@ class BlankMesh:
     def bend_part(self, positions: np.ndarray) -> np.ndarray:
         """Return what (a3·n)² of bent elements misses of half the thickness² [m²]."""
         return bend_part(self.elements, self.neighbours, positions)
-
-    @cached_property
-    def initial_bend_part(self) -> np.ndarray:
-        """That of the undeformed mesh, shape (element_count,) [m²]."""
-        return self.bend_part(self.node_positions)
 
     def areas(self, positions: np.ndarray) -> np.ndarray:
         """Mid-surface area 4 |a1 × a2| of every element (..., element_count) [m²]."""

@@ -2,17 +2,41 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
 
-def dragged_along(reference: np.ndarray, current: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Return F·direction (..., 3) of base vectors (..., 3, 3).
+class UndeformedFrame:
+    """What of a mesh its undeformed positions decide, computed once: every output asks for it."""
 
-    Contravariant components in the reference are carried by the current base.
-    """
-    return carried(components(reference, direction), current)
+    node_positions: np.ndarray
+    fibre_direction_1: np.ndarray
+    fibre_direction_2: np.ndarray
+
+    def base_vectors(self, positions: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def bend_part(self, positions: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    @cached_property
+    def initial_base_vectors(self) -> np.ndarray:
+        """Base vectors of the undeformed mesh (element_count, 3, 3)."""
+        return self.base_vectors(self.node_positions)
+
+    @cached_property
+    def fibre_components(self) -> tuple[np.ndarray, np.ndarray]:
+        """Components (element_count, 3) of both fibre directions in them."""
+        base = self.initial_base_vectors
+        return components(base, self.fibre_direction_1), components(base, self.fibre_direction_2)
+
+    @cached_property
+    def initial_bend_part(self) -> np.ndarray:
+        """That of the undeformed mesh, shape (element_count,) [m²]."""
+        return self.bend_part(self.node_positions)
 
 
 def components(base: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -21,7 +45,7 @@ def components(base: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def carried(components: np.ndarray, current: np.ndarray) -> np.ndarray:
-    """Return the sum of base vectors (..., 3, 3) times components (..., 3)."""
+    """Return F·direction (..., 3): components (..., 3) of the reference in the current base."""
     first, second, third = (components[..., k, None] * current[..., k, :] for k in range(3))
     return first + second + third
 
@@ -42,12 +66,8 @@ def angle_of_shear(
 
 def shear_angles(mesh: SheetMesh, positions: np.ndarray) -> np.ndarray:
     """Return the shear angle of every element [rad] at node positions (..., node_count, 3)."""
-    reference = mesh.base_vectors(mesh.node_positions)
     current = mesh.base_vectors(positions)
     normal = np.cross(current[..., 0, :], current[..., 1, :])
     normal /= np.linalg.norm(normal, axis=-1)[..., None]
-    fibres = [
-        dragged_along(reference, current, direction)
-        for direction in (mesh.fibre_direction_1, mesh.fibre_direction_2)
-    ]
-    return angle_of_shear(fibres[0], fibres[1], normal)
+    first, second = (carried(own, current) for own in mesh.fibre_components)
+    return angle_of_shear(first, second, normal)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.mesh.fibres import components
+from lcmchain.mesh.fibres import UndeformedFrame
 
 # Cells whose centre is nearer to a middle axis of the blank than this part of their size lie on it.
 ON_AXIS = 1e-6
 
 
 @dataclass(frozen=True)
-class TriangleMesh:
+class TriangleMesh(UndeformedFrame):
     """Triangles on the mid-surface of an undeformed, flat blank.
 
     Attributes
@@ -59,10 +58,6 @@ class TriangleMesh:
     def bend_part(self, positions: np.ndarray) -> np.ndarray:
         return np.zeros(np.shape(positions)[:-2] + (self.element_count,))
 
-    @property
-    def initial_bend_part(self) -> np.ndarray:
-        return np.zeros(self.element_count)
-
     def sides(self) -> dict[str, slice]:
         return {"": slice(None)}
 
@@ -81,17 +76,6 @@ class TriangleMesh:
         with np.errstate(invalid="ignore", divide="ignore"):
             normal = normal / np.linalg.norm(normal, axis=-1)[..., None]
         return np.concatenate([sides, normal[..., None, :]], axis=-2)
-
-    @cached_property
-    def initial_base_vectors(self) -> np.ndarray:
-        """Base vectors of the undeformed mesh (element_count, 3, 3)."""
-        return self.base_vectors(self.node_positions)
-
-    @cached_property
-    def fibre_components(self) -> tuple[np.ndarray, np.ndarray]:
-        """Components (element_count, 3) of both fibre directions in them."""
-        base = self.initial_base_vectors
-        return components(base, self.fibre_direction_1), components(base, self.fibre_direction_2)
 
     def _sides(self, positions: np.ndarray) -> np.ndarray:
         corners = positions[..., self.elements, :]
