@@ -31,6 +31,7 @@ from lcmchain.commands.options import OutFolder, Overrides, SceneFile, Strict
 from lcmchain.commands.precice import precice
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.structure import structure
+from lcmchain.commands.study import study_app
 from lcmchain.commands.terminal import (
     console,
     print_error,
@@ -58,6 +59,7 @@ app.add_typer(new_app, name="new")
 app.add_typer(coupon_app, name="coupon")
 app.add_typer(identify_app, name="identify")
 app.add_typer(verify_app, name="verify")
+app.add_typer(study_app, name="study")
 
 
 def _show_version(asked: bool) -> None:
