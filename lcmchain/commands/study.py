@@ -83,6 +83,96 @@ def study_accuracy(
         warn(failure)
 
 
+@study_app.command("sweep")
+def study_sweep(
+    scene: SceneFile,
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            "--vary", metavar="KEY=VALUES", help="Values A|B|C or a range A..B; may be repeated."
+        ),
+    ],
+    sample_count: Annotated[
+        int | None,
+        typer.Option("--samples", min=2, metavar="N", help="Points of the ranges, spread evenly."),
+    ] = None,
+    out: OutFolder = None,
+    workers: WorkerCount = None,
+    threads: Threads = None,
+    scheduler: Scheduler = None,
+    overrides: Overrides = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run a scene over values of any of its entries."""
+    from lcmchain.study.sampling import read_entry
+    from lcmchain.study.variant import SceneText
+
+    text = SceneText.from_file(scene, tuple(overrides or ()))
+    title = text.scene().title
+    entries = [read_entry(entry) for entry in vary]
+    with output_folder(out or study_folder(scene, "sweep"), inputs=[scene]) as folder:
+        from lcmchain.study.sweep import run_sweep, sweep_table, write_sweep
+
+        with progress_bar(quiet=quiet) as progress:
+            runs = run_sweep(
+                text, folder, entries, count=sample_count,
+                workers=workers_of(workers, threads, scheduler), progress=progress,
+            )  # fmt: skip
+        write_sweep(folder, title, runs)
+    if not quiet:
+        console().print(sweep_table(title, runs))
+        say(f"Tables in {folder}")
+    for run in runs:
+        if run.failure:
+            warn(f"{run.variant.name}: no result, {run.failure}")
+
+
+@study_app.command("sensitivity")
+def study_sensitivity(
+    scene: SceneFile,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="KEY",
+            help="Scene entry with a number; may be repeated. Default: material and friction.",
+        ),
+    ] = None,
+    part: Annotated[
+        float, typer.Option("--part", metavar="P", help="Part by which each is changed.")
+    ] = 0.1,
+    out: OutFolder = None,
+    workers: WorkerCount = None,
+    threads: Threads = None,
+    scheduler: Scheduler = None,
+    overrides: Overrides = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find which inputs the results of a scene depend on."""
+    from lcmchain.study.variant import SceneText
+
+    text = SceneText.from_file(scene, tuple(overrides or ()))
+    text.scene()
+    with output_folder(out or study_folder(scene, "sensitivity"), inputs=[scene]) as folder:
+        from lcmchain.study.sensitivity import (
+            run_sensitivity,
+            sensitivity_table,
+            write_sensitivity,
+        )
+
+        with progress_bar(quiet=quiet) as progress:
+            found = run_sensitivity(
+                text, folder, vary or (), part=part,
+                workers=workers_of(workers, threads, scheduler), progress=progress,
+            )  # fmt: skip
+        write_sensitivity(folder / "sensitivity.csv", found)
+    if not quiet:
+        console().print(sensitivity_table(found))
+        say(f"Table in {folder}")
+    for failure in found.failures:
+        warn(failure)
+
+
 def study_folder(scene: Path, kind: str) -> Path:
     """Name the folder of a study: that of the scene's results, and what is studied."""
     return default_out(scene).with_name(f"{default_out(scene).name}_{kind}")

@@ -16,7 +16,7 @@ from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.variant import SceneText, Variant
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Setting:
     """One run of a study with its errors against the reference, by the names of ``QUANTITIES``."""
 
@@ -33,7 +33,7 @@ class Setting:
         return self.errors[quantity].typical
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AccuracyStudy:
     """What the settings cost, and what they are off by.
 
@@ -42,6 +42,7 @@ class AccuracyStudy:
     title : of the scene. settings : in the order of the study, without the reference.
     reference : the finest run. orders : by quantity, over the edge lengths of the three finest
         meshes, of which the reference is none: it differs in its process time as well.
+    as_it_is : name of the setting that is the scene as it stands; process_time : of it [s].
     """
 
     title: str
@@ -49,6 +50,7 @@ class AccuracyStudy:
     reference: Setting
     orders: Mapping[str, Convergence]
     as_it_is: str = ""
+    process_time: float = 0.0
 
     @property
     def quantities(self) -> list[str]:
@@ -78,7 +80,10 @@ class AccuracyStudy:
             for name in self.quantities
             if name in ("shear_angle", "thickness", "punch_force", "contour")
         ]
-        text = f"{scene.variant.name}: {', '.join(told)} for {scene.seconds:.2g} s"
+        text = (
+            f"{scene.variant.name}, {1e3 * self.process_time:.4g} ms: {', '.join(told)} for "
+            f"{scene.seconds:.2g} s"
+        )
         better = self.half_of("shear_angle", scene)
         if better is None:
             return f"{text}; no setting of the study halves the error of the shear angle"
@@ -142,6 +147,7 @@ def study_accuracy(
         reference=Setting(last, reference, differences(reference, reference)),
         orders=_orders(others, outcomes),
         as_it_is=scene_name(scene),
+        process_time=scene.process.time,
     )
 
 
