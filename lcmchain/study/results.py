@@ -12,27 +12,28 @@ from lcmchain.study.outcome import Outcome
 
 @dataclass(frozen=True)
 class Result:
-    """A number of a run: its name in files, title, unit, and factor from SI to that unit."""
+    """A number of a run: its name in files, titles, unit, and factor from SI to that unit."""
 
     name: str
     title: str
+    short: str
     unit: str
     scale: float = 1.0
 
     @property
     def heading(self) -> str:
-        return f"{self.title} [{self.unit}]" if self.unit else self.title
+        return f"{self.short}\n{self.unit}" if self.unit else self.short
 
 
 RESULTS = (
-    Result("thickness_mean", "mean thickness", "mm", 1e3),
-    Result("thickness_least", "least thickness", "mm", 1e3),
-    Result("shear_angle_mean", "mean shear angle", "°", 180.0 / math.pi),
-    Result("shear_angle_high", "shear angle, 99 %", "°", 180.0 / math.pi),
-    Result("fibre_volume_fraction_high", "v_f, 99 %", ""),
-    Result("wrinkle_height", "wrinkle height", "mm", 1e3),
-    Result("punch_force", "punch force", "N"),
-    Result("forming_work", "forming work", "mJ", 1e3),
+    Result("thickness_mean", "mean thickness", "t mean", "mm", 1e3),
+    Result("thickness_least", "least thickness", "t min", "mm", 1e3),
+    Result("shear_angle_mean", "mean shear angle", "γ mean", "°", 180.0 / math.pi),
+    Result("shear_angle_high", "shear angle, 99 %", "γ 99 %", "°", 180.0 / math.pi),
+    Result("fibre_volume_fraction_high", "v_f, 99 %", "v_f 99 %", ""),
+    Result("wrinkle_height", "wrinkle height", "wrinkle", "mm", 1e3),
+    Result("punch_force", "punch force", "force", "N"),
+    Result("forming_work", "forming work", "work", "mJ", 1e3),
 )
 _NUMBERS = {
     "thickness_least": "thickness_min_m",

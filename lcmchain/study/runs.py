@@ -26,6 +26,8 @@ from lcmchain.study.variant import SceneText, Variant
 RUNS = "runs"
 #: How often a run is made again whose worker was lost.
 RETRIES = 3
+#: A scheduler has to answer within this time [s].
+ANSWER_WITHIN = 10.0
 
 Progress = Callable[[float, float, str], None]
 
@@ -163,7 +165,7 @@ def _client(workers: Workers, count: int) -> Iterator[Any]:
         ) from None
     if workers.scheduler is not None:
         try:
-            client = Client(workers.scheduler, timeout=10.0)
+            client = Client(workers.scheduler, timeout=ANSWER_WITHIN)
         except (OSError, TimeoutError, ValueError) as error:
             raise InputError(
                 f"no dask scheduler answers at {workers.scheduler} ({error})", key="--scheduler"

@@ -22,7 +22,6 @@ from lcmchain.errors import InputError
 from lcmchain.scene import Scene
 from lcmchain.study.results import RESULTS, results_of
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.sampling import number_and_unit, with_unit
 from lcmchain.study.variant import SceneText, Variant
 
 #: Part by which inputs are lowered and raised.
@@ -31,6 +30,8 @@ PART = 0.1
 LEAST_SHOWN = 0.01
 #: Beginnings of the entries whose numbers are inputs where a user names none.
 TABLES = ("material.", "contact.friction")
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBERS = re.compile(rf"({_NUMBER}(?:\s+{_NUMBER})*)\s*([^\d\s.+-].*)?")
 _FROM_PRESET = re.compile(r" \(preset .*\)$")
 
 
@@ -80,13 +81,21 @@ def default_inputs(scene: Scene) -> dict[str, str]:
         ):
             continue
         value = _FROM_PRESET.sub("", text).strip('"')
-        try:
-            number, unit = number_and_unit(value)
-        except InputError:
-            continue
-        if number != 0.0 and not unit.startswith(("(", ",")):
+        if _scaled(value, 2.0) not in (None, _scaled(value, 1.0)):
             found[key] = value
     return found
+
+
+def _scaled(value: str, factor: float) -> str | None:
+    """Return a number or a row of numbers, with their unit, times a factor; None for any other.
+
+    A row, such as the coefficients of a polynomial, is scaled as a whole.
+    """
+    match = _NUMBERS.fullmatch(value)
+    if match is None:
+        return None
+    numbers = " ".join(f"{factor * float(number):.9g}" for number in match[1].split())
+    return f'"{numbers} {match[2]}"' if match[2] or " " in numbers else numbers
 
 
 def run_sensitivity(
@@ -119,9 +128,8 @@ def run_sensitivity(
     base = Variant("as it is", "sensitivity")
     variants = [base]
     for key, value in values.items():
-        number, unit = number_and_unit(value)
-        for sign, word in ((-1.0, "lower"), (1.0, "higher")):
-            changed = with_unit((1.0 + sign * part) * number, unit)
+        for factor, word in ((1.0 - part, "lower"), (1.0 + part, "higher")):
+            changed = _scaled(value, factor)
             variants.append(Variant(f"{key} {word}", "sensitivity", (f"{key}={changed}",)))
     outcomes = Study(text, folder, workers).outcomes(variants, progress)
     if outcomes[base.name].failure:
@@ -150,10 +158,10 @@ def _value_of(scene: Scene, key: str) -> str:
     known = {k: _FROM_PRESET.sub("", t) for k, t in (*scene.source.given, *scene.source.defaulted)}
     if key not in known:
         raise InputError(f'the scene has no entry "{key}" with a value', key="--vary")
-    number, _ = number_and_unit(known[key])
-    if number == 0.0:
-        raise InputError(f"{key} is zero: no part of it changes anything", key="--vary")
-    return known[key].strip('"')
+    value = known[key].strip('"')
+    if _scaled(value, 2.0) in (None, _scaled(value, 1.0)):
+        raise InputError(f"{key} is {value}, which is no number other than zero", key="--vary")
+    return value
 
 
 def _dependence(
@@ -171,9 +179,9 @@ def sensitivity_table(found: Sensitivity) -> Table:
     """Return a table for the terminal: what 1 % more of an input changes of each result."""
     shown = [r for r in RESULTS if found.of(r.name)]
     table = Table(title=f"Elasticities: {found.title}", title_justify="left")
-    table.add_column("input")
+    table.add_column("input", no_wrap=True)
     for result in shown:
-        table.add_column(result.title, justify="right")
+        table.add_column(result.short, justify="right")
     by_pair = {(d.key, d.result): d for d in found.dependences}
     strength = {
         key: max(
@@ -183,12 +191,16 @@ def sensitivity_table(found: Sensitivity) -> Table:
         for key in found.value
     }  # fmt: skip
     for key in sorted(found.value, key=lambda k: -strength[k]):
-        table.add_row(key, *(_cell(by_pair[key, r.name]) for r in shown))
+        table.add_row(_last_two(key), *(_cell(by_pair[key, r.name]) for r in shown))
     table.caption = (
         "percent that a result changes by when the input grows by one percent; ~ bends by more "
         "than half of that between the two runs"
     )
     return table
+
+
+def _last_two(key: str) -> str:
+    return ".".join(key.split(".")[-2:])
 
 
 def _cell(found: Dependence) -> str:

@@ -78,7 +78,7 @@ def sweep_table(title: str, runs: Sequence[SweptRun]) -> Table:
     for key in runs[0].entries:
         table.add_column(key.rpartition(".")[2].replace("_", " "))
     shown = known_results(runs)
-    for heading in [*(r.heading for r in shown), "time [s]"]:
+    for heading in [*(r.heading for r in shown), "time\ns"]:
         table.add_column(heading, justify="right")
     for run in runs:
         numbers = [
