@@ -14,7 +14,7 @@ knows of them; the error that is reported after the run does, as far as its mesh
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,8 +30,10 @@ from lcmchain.study.wish import Wish
 
 #: Elements along the edge of a square as large as the blank, of the pilots.
 PILOTS = (16.0, 22.6, 32.0)
-#: Of a budget so much goes into pilots at most; those that do not fit are left out.
-PILOT_SHARE = 0.35
+PILOT_RATIO = math.sqrt(2.0)
+#: Of a budget so much goes into pilots at most; the first one has so many elements along the edge.
+PILOT_SHARE = 0.3
+QUICK_PILOT = 8.0
 #: Orders that are believed: what coarse meshes show beyond is chance.
 LEAST_ORDER, MOST_ORDER = 0.7, 1.5
 #: Expected errors are to lie below the wish by this factor.
@@ -166,12 +168,8 @@ class Chooser:
 
     def _run_pilots(self) -> None:
         """Run the coarse meshes, then one of them for twice the process time."""
-        width, height = self.scene.blank.extent
         failure = ""
-        for count in PILOTS:
-            edge = math.sqrt(width * height) / count
-            if self.levels and not self._fits(edge):
-                break
+        for edge in self._pilot_edges():
             outcome = self._pilot(edge)
             failure = outcome.failure or failure
             if not outcome.failure:
@@ -183,6 +181,28 @@ class Chooser:
             )
         if self.wish.errors and len(self.levels) > 1:
             self._choose_time()
+
+    def _pilot_edges(self) -> Iterator[float]:
+        """Yield the edge lengths of the pilots [m]: of a budget no more than its part is used.
+
+        What time allows is found by the first and coarsest, then the two finest that fit follow.
+        """
+        width, height = self.scene.blank.extent
+        size = math.sqrt(width * height)
+        if self.wish.budget is None:
+            yield from (size / count for count in PILOTS)
+            return
+        first = size / QUICK_PILOT
+        yield first
+        seconds = self.pilot_seconds
+        left = PILOT_SHARE * self.wish.budget - seconds
+        part = 1.0 + PILOT_RATIO**-COST_POWER  # of both, by the finer one
+        finest = first * (part * seconds / left) ** (1.0 / COST_POWER) if left > 0.0 else first
+        finest = max(finest, size / PILOTS[-1])
+        if finest * PILOT_RATIO < first / PILOT_RATIO:
+            yield finest * PILOT_RATIO
+        if finest < first / PILOT_RATIO:
+            yield finest
 
     def _pilot(self, edge: float, time_factor: float = 1.0) -> Outcome:
         overrides = self._settings(edge, time_factor)
@@ -247,11 +267,23 @@ class Chooser:
         )
 
     def _judge(self, choice: Choice, outcome: Outcome) -> None:
-        """Note in the choice what the run has shown."""
-        before = [level for level in self.levels if level.edge > choice.edge_length / NO_BETTER]
-        seconds = outcome.seconds / choice.time_factor
-        self.levels = [*before, Level(choice.edge_length, seconds, outcome)]
-        choice.found = self._errors(self._laws(), choice.edge_length)
+        """Note in the choice what the run has shown.
+
+        Of a run on the finest mesh so far the law tells the error; of another one, what it differs
+        from the finest by, and the error of that one.
+        """
+        others = [
+            level
+            for level in self.levels
+            if not NO_BETTER < level.edge / choice.edge_length < 1.0 / NO_BETTER
+        ]
+        run = Level(choice.edge_length, outcome.seconds / choice.time_factor, outcome)
+        self.levels = sorted([*others, run], key=lambda level: -level.edge)
+        finest = self.levels[-1]
+        choice.found = self._errors(self._laws(), finest.edge)
+        if finest is not run:
+            beside = differences(outcome, finest.outcome)
+            choice.found = {n: e + beside[n].typical for n, e in choice.found.items()}
         choice.seconds = self.pilot_seconds + self.run_seconds
         choice.kept = all(
             choice.found.get(name, math.inf) <= allowed
@@ -303,12 +335,6 @@ class Chooser:
             middle = math.sqrt(low * high)
             low, high = (middle, high) if self._seconds(middle) > seconds else (low, middle)
         return high
-
-    def _fits(self, edge: float) -> bool:
-        """Tell whether a further pilot leaves enough of the budget for the run."""
-        if self.wish.budget is None:
-            return True
-        return self.pilot_seconds + self._seconds(edge) <= PILOT_SHARE * self.wish.budget
 
     def _overrides(self, choice: Choice) -> tuple[str, ...]:
         return self._settings(choice.edge_length, choice.time_factor)
