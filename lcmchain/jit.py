@@ -9,8 +9,10 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from lcmchain.threads import load_threading_library
+from lcmchain.vector_width import use_widest_vectors
 
 load_threading_library()
+use_widest_vectors()
 
 # 'nnan' and 'ninf' are left out on purpose: they let the compiler delete the guards' checks.
 FLOATING_POINT = {"contract", "nsz"}
