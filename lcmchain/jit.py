@@ -40,6 +40,18 @@ def routine(function: Callable[..., Any]) -> Dispatcher:
     return _compiled(function, error_model="numpy", fastmath=FLOATING_POINT)
 
 
+def span_routine(function: Callable[..., Any]) -> Dispatcher:
+    """Compile a serial function of loops over neighbouring nodes, for vectors.
+
+    Sums of a loop may be taken in lanes: in an order of their own, but always the same one. The
+    function must not allocate and keeps no array: the rows that it takes from arrays are not
+    counted as references, which would cost more than the loops.
+    """
+    return _compiled(
+        function, error_model="numpy", fastmath={*FLOATING_POINT, "reassoc"}, nogil=True, _nrt=False
+    )
+
+
 def kernel(function: Callable[..., Any]) -> Dispatcher:
     """Compile a loop over blocks of elements or chunks of nodes, parallel over the blocks."""
     return _compiled(
