@@ -1,10 +1,11 @@
 """Settings of a run that keep a wish: errors that it may have, or time that it may take.
 
-Three coarse meshes, the pilots, tell how the result depends on the edge length h: what it changes
-between them gives the order p and the error at any h (:mod:`lcmchain.study.convergence`), and their
-times what any h costs. A pilot of twice the process time tells what inertia and damping leave. The
-mesh is the coarsest whose expected error, with a margin, lies within the wish, or the finest that
-the time allows. The run itself is the check: what it differs from the finest pilot by shows its own
+Coarse meshes, the pilots, tell how the result depends on the edge length h: what it changes between
+them gives the order p and the error at any h (:mod:`lcmchain.study.convergence`), and their times
+what any h costs. One of half the process time tells what inertia and damping leave: errors that go
+with one over the time. The mesh is the coarsest whose expected error, with a margin, lies within
+the wish, or the finest that the time allows; as long as it lies far from the pilots, a finer pilot
+is run first. The run itself is the check: what it differs from the finest pilot by shows its own
 error, and where the wish turns out to be missed, a finer mesh is run.
 
 It holds as far as errors follow an order. Where wrinkles appear only on fine meshes no coarse run
@@ -28,29 +29,31 @@ from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.variant import SceneText, Variant
 from lcmchain.study.wish import Wish
 
-#: Elements along the edge of a square as large as the blank, of the pilots.
-PILOTS = (16.0, 22.6, 32.0)
+#: Elements along the edge of a square as large as the blank, of the pilots that are always run;
+#: even numbers, so that the middle of a symmetric blank is a node. Coarser ones follow no order.
+PILOTS = (20, 28, 40)
+#: Elements along the edge grow by this factor from one pilot to the next.
 PILOT_RATIO = math.sqrt(2.0)
+#: Pilots in all, and how much finer than the finest of them a mesh may be that they speak of.
+MOST_PILOTS = 7
+FARTHEST = 1.6
 #: Of a budget so much goes into pilots at most; the first one has so many elements along the edge.
 PILOT_SHARE = 0.3
-QUICK_PILOT = 8.0
-#: Orders that are believed: what coarse meshes show beyond is chance.
-LEAST_ORDER, MOST_ORDER = 0.7, 1.5
+QUICK_PILOT = 8
+#: Orders that are believed: what few meshes show beyond is chance.
+LEAST_ORDER, MOST_ORDER = 0.8, 2.0
 #: Expected errors are to lie below the wish by this factor.
 MARGIN = 0.8
-#: Part of a wish that the process time may take.
+#: Part of a wish that the process time may take, and what it leaves to the mesh at least.
 TIME_SHARE = 0.4
+LEAST_ROOM = 0.2
 #: Process times by that of the scene that are chosen from.
-TIME_FACTORS = (1.0, 2.0, 4.0)
+TIME_FACTORS = (0.5, 1.0, 2.0, 4.0)
 #: Solver time over h^-q, where pilots do not tell it.
 COST_POWER = 3.0
-#: A choice refines the finest pilot by no more than this; a run is repeated at most so often, and
-#: with edges shorter by this factor at least.
-MOST_REFINEMENT = 4.0
+#: A run is repeated at most so often, and with edges shorter by this factor at least.
 MOST_RUNS = 3
 NO_BETTER = 0.95
-#: What a mesh may be off by at least, where the process time leaves no room: part of the wish.
-LEAST_ROOM = 0.2
 
 
 class Level(NamedTuple):
@@ -181,6 +184,21 @@ class Chooser:
             )
         if self.wish.errors and len(self.levels) > 1:
             self._choose_time()
+            self._refine_pilots()
+
+    def _refine_pilots(self) -> None:
+        """Run finer pilots as long as the mesh that the wish needs lies far from all of them."""
+        if self.wish.budget is not None:
+            return
+        while len(self.levels) < MOST_PILOTS:
+            finest = self.levels[-1].edge
+            if self._choice().edge_length * FARTHEST > finest:
+                return
+            outcome = self._pilot(finest / PILOT_RATIO, self.time_factor)
+            if outcome.failure:
+                return
+            seconds = outcome.seconds / self.time_factor
+            self.levels.append(Level(finest / PILOT_RATIO, seconds, outcome))
 
     def _pilot_edges(self) -> Iterator[float]:
         """Yield the edge lengths of the pilots [m]: of a budget no more than its part is used.
@@ -206,36 +224,43 @@ class Chooser:
 
     def _pilot(self, edge: float, time_factor: float = 1.0) -> Outcome:
         overrides = self._settings(edge, time_factor)
-        name = f"pilot {_mm(edge)}" + (f", process x {time_factor:g}" if time_factor > 1.0 else "")
+        name = f"pilot {_mm(edge)}" + (f", process x {time_factor:g}" if time_factor != 1 else "")
         outcome = self.study.outcome(Variant(name, "pilot", overrides, edge), self.progress)
         self.pilot_seconds += outcome.seconds
         return outcome
 
     def _choose_time(self) -> None:
-        """Choose the process time by what twice of it changes: errors go with one over the time."""
-        edge, _, outcome = self.levels[-2]
-        longer = self._pilot(edge, 2.0)
-        if longer.failure:
+        """Choose the process time by what half of it changes.
+
+        Coarse meshes react to it more than fine ones: a longer process is only believed to be
+        needed by the finest pilot. Resin that flows meanwhile has times of its own.
+        """
+        if self.scene.wet_forming is not None:
             return
-        found = differences(outcome, longer)
-        errors = {name: 2.0 * found[name].typical for name in self.wish.errors}
-        errors = {name: error for name, error in errors.items() if math.isfinite(error)}
-
-        def leaves_room(factor: float) -> bool:
-            return all(e / factor <= TIME_SHARE * self.wish.errors[n] for n, e in errors.items())
-
-        allowed = TIME_FACTORS if self.wish.budget is None else TIME_FACTORS[:1]
-        fitting = [factor for factor in allowed if leaves_room(factor)]
-        self.time_factor = fitting[0] if fitting else allowed[-1]
-        self.time_errors = {name: error / self.time_factor for name, error in errors.items()}
+        allowed = TIME_FACTORS if self.wish.budget is None else (1.0,)
+        for level in self.levels[-2:]:
+            shorter = self._pilot(level.edge, 0.5)
+            if shorter.failure:
+                return
+            found = differences(shorter, level.outcome)
+            errors = {name: found[name].typical for name in self.wish.errors}
+            errors = {name: error for name, error in errors.items() if math.isfinite(error)}
+            fitting = [
+                factor
+                for factor in allowed
+                if all(e / factor <= TIME_SHARE * self.wish.errors[n] for n, e in errors.items())
+            ]
+            self.time_factor = fitting[0] if fitting else allowed[-1]
+            self.time_errors = {n: error / self.time_factor for n, error in errors.items()}
+            if self.time_factor <= 1.0:
+                return
 
     # --- the choice -------------------------------------------------------------------------------
 
     def _choice(self) -> Choice:
         """Return the coarsest mesh that keeps the wish by what is known so far."""
         laws = self._laws()
-        finest, coarsest = self.levels[-1].edge / MOST_REFINEMENT, self.levels[0].edge
-        edge, why, notes = coarsest, "the coarsest pilot will do", []
+        edge, why, notes = self.levels[0].edge, "the coarsest pilot will do", []
         for name, allowed in self.wish.errors.items():
             if name not in laws:
                 notes.append(f"the pilots tell nothing of the {BY_NAME[name].title}")
@@ -245,16 +270,20 @@ class Chooser:
             if needed < edge:
                 edge = needed
                 why = f"the {BY_NAME[name].title} needs edges of {_mm(needed)}"
-        if edge < finest:
-            notes.append(f"edges of {_mm(edge)} are expected to be needed, far from any pilot")
-            edge = finest
         if self.wish.budget is not None:
             affordable = self._affordable(self.wish.budget - self.pilot_seconds)
             if not self.wish.errors or affordable > edge:
                 edge, why = affordable, f"edges of {_mm(affordable)} are what the time allows"
         if self.time_factor > 1.0:
-            notes.append(f"the process takes {self.time_factor:g} times as long: inertia and "
-                         "damping would take too much of the wish")  # fmt: skip
+            notes.append(
+                f"the process takes {self.time_factor:g} times as long: inertia and damping would "
+                "take too much of the wish"
+            )
+        if self.time_factor < 1.0:
+            why += (
+                f"; {self.time_factor:g} of the process time is enough for that, forces and work "
+                "may be less accurate"
+            )
         return Choice(
             wish=self.wish.in_words(),
             edge_length=edge,
