@@ -12,6 +12,7 @@ from lcmchain.materials.st_venant_kirchhoff import (
     StiffnessMaterial,
 )
 from lcmchain.mesh.blank import Blank
+from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.infiltration_file import infiltration_from_text, read_infiltration
 from lcmchain.scene.json_schema import scene_json_schema
@@ -29,6 +30,7 @@ __all__ = [
     "AnyMaterial",
     "Blank",
     "Contact",
+    "Draping",
     "Element",
     "FabricMaterial",
     "FabricWithSetMaterial",

@@ -21,6 +21,7 @@ from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
 from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.mapping_target import MappingTarget
 from lcmchain.scene.names import with_own_names
@@ -93,6 +94,7 @@ class Scene(SceneModel):
             maximum_count=MOST_PRESSURES,
         ),
     ] = ()
+    draping: Draping = Field(default_factory=Draping)
     output: Output = Field(default_factory=Output)
     mapping: Annotated[
         tuple[MappingTarget, ...],
