@@ -55,7 +55,8 @@ def run_fingerprint(scene: Any) -> Fingerprint:
 
     Entries that are applied to the saved frames (title, ``[output]``, ``[[mapping]]``,
     ``[permeability]``, ``[infiltration]``, ``[fmu]``) are left out: a finished forming run serves a
-    changed mapping. So is ``[draping]``, except where the blank is draped. An infiltration that goes on while the blank is formed counts.
+    changed mapping. So is ``[draping]``, except where the blank is draped. An infiltration that
+    goes on while the blank is formed counts.
 
     Raises
     ------

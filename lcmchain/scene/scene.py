@@ -56,6 +56,8 @@ class SceneSource:
     sha256 : of that text; without overrides the same as of the file (less a byte-order mark).
     given, defaulted : dotted key and value as text, in the order of the tables.
     files : dotted key and value of every entry that names a file.
+    left_out : dotted keys of what was given but dropped with a change of the model
+        (:func:`lcmchain.scene.rungs.on_rung`).
     """
 
     path: Path | None
@@ -65,6 +67,7 @@ class SceneSource:
     given: list[tuple[str, str]] = field(default_factory=list)
     defaulted: list[tuple[str, str]] = field(default_factory=list)
     files: list[tuple[str, str]] = field(default_factory=list)
+    left_out: tuple[str, ...] = ()
 
 
 class Scene(SceneModel):
@@ -184,6 +187,8 @@ class Scene(SceneModel):
                 "--set permeability=none)",
                 field="permeability",
             )
+        if not self.element.has_forces:
+            self._check_draping()
         if self.pressure and not self.element.has_thickness:
             raise wrong(
                 f'acts on the faces of the sheet, but element = "{self.element.type}" has one '
@@ -208,6 +213,18 @@ class Scene(SceneModel):
                 field="material.thickness",
             )
         return self
+
+    def _check_draping(self) -> None:
+        """Refuse what a net without forces knows nothing of."""
+        loads = "pressure" if self.pressure else None
+        if self.infiltration is not None and self.infiltration.with_forming is not None:
+            loads = "infiltration.with_forming"
+        if loads is not None:
+            raise wrong(
+                f'acts on the sheet while it is formed, but element = "{self.element.type}" has no '
+                'forces; leave it out, or use element = "solid-shell"',
+                field=loads,
+            )
 
     @property
     def wet_forming(self) -> Infiltration | None:
