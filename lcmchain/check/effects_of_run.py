@@ -10,10 +10,11 @@ from lcmchain.scene import Infiltration, Scene, Structure
 
 def run_effects(scene: Scene, model: Model) -> list[Effect]:
     """Return the effects of a scene's model and its later stages, each with the reason."""
-    return [*effects_of(model), *_stages(scene)]
+    return [*effects_of(model), *later_stages(scene)]
 
 
-def _stages(scene: Scene) -> list[Effect]:
+def later_stages(scene: Scene) -> list[Effect]:
+    """Return the stages of a scene that follow forming, as effects."""
     found = [
         Effect(
             f"mapping to {target.name}", True, f"{target.kind} mesh {target.mesh}, {target.method}"

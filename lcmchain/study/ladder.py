@@ -15,18 +15,21 @@ from typing import Any
 
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
-from lcmchain.scene import Scene
+from lcmchain.scene import RUNGS, Scene, rung_of
 from lcmchain.study.variant import SceneText, Variant
 
 #: Names of what is varied.
 EDGE, TIME, BOTH = "edge length", "process time", "edge length and process time"
 CONTACT, STEP, DAMPING = "contact stiffness", "time step", "damping"
+RUNG = "model"
 
 #: Edge lengths, by that of the scene; the last one is that of the reference.
 EDGES = (3.0, 2.0, 1.5, 1.0, 0.75, 0.5)
 #: Process times of the scene's mesh, and of one with edges twice as long, by that of the scene.
 TIMES = (0.5, 2.0)
 TIMES_COARSE = (0.25, 0.5, 2.0)
+#: Edge lengths of the cheaper rungs.
+RUNG_EDGES = (1.0, 2.0)
 #: Process time of the reference, by that of the scene.
 LONGEST = 2.0
 
@@ -57,7 +60,7 @@ def ladder(text: SceneText, finest: float = EDGES[-1]) -> list[Variant]:
     if scene.process.mass_damping > 0.0:
         half = f'process.mass_damping="{0.5 * scene.process.mass_damping:.6g} 1/s"'
         variants.append(Variant("damping / 2", DAMPING, (half,), 0.5))
-    return [*variants, _with_both(scene, finest, LONGEST)]
+    return [*variants, *_on_rungs(text, scene), _with_both(scene, finest, LONGEST)]
 
 
 def chosen(text: SceneText, vary: Mapping[str, Sequence[str]]) -> list[Variant]:
@@ -123,6 +126,22 @@ def _of_contact(text: SceneText, scene: Scene) -> list[Variant]:
         )
         for factor in (0.5, 2.0)
     ]  # fmt: skip
+
+
+def _on_rungs(text: SceneText, scene: Scene) -> list[Variant]:
+    """Return the cheaper rungs of the model ladder, the quick ones on the coarse mesh as well."""
+    rungs = list(RUNGS)
+    variants = []
+    for model in rungs[: rungs.index(rung_of(scene))]:
+        for factor in RUNG_EDGES:
+            edge = factor * scene.blank.edge_length
+            variant = Variant(f"{model}, {_edge_text(edge)}", RUNG, (_edge(edge),), edge, model)
+            try:
+                text.scene_to_run(variant)
+            except InputError:  # a law that this rung does not know, or nothing to drape on
+                continue
+            variants.append(variant)
+    return variants
 
 
 def _edge(length: float) -> str:

@@ -47,6 +47,7 @@ RANK_OF_CORE = {
     "solver": 4,
     "statics": 4,
     "fields": 5,
+    "draping": 6,
     "report": 6,
     "coupons": 7,
     "identification": 7,

@@ -273,6 +273,44 @@ def largest_eigenvalue(a, b, c, d, e, f):
     return mean + 2.0 * deviation * math.cos(math.acos(cosine) / 3.0)
 
 
+@equation
+def corner_gradients(gradient):
+    """Return the derivatives of the corners' shape functions along fibre 1 and fibre 2."""
+    g1 = (-gradient[0][0] - gradient[1][0], gradient[0][0], gradient[1][0])
+    g2 = (-gradient[0][1] - gradient[1][1], gradient[0][1], gradient[1][1])
+    return g1, g2
+
+
+@routine
+def add_membrane_terms(membrane, nodes, node_weight, g1, g2, a1, a2, law, volume):
+    """Add a triangle's fibre and shear strains to D of its corners.
+
+    See :func:`nodal_frequency_bounds`. ``g1``, ``g2`` : of :func:`corner_gradients` [1/m];
+    ``volume`` : of the triangle [m³].
+    """
+    E11, E22, g12 = membrane_strain(a1, a2)
+    (S11, S22, S12), (C11, C22, C12) = plane_response(law, E11, E22, g12)
+    sum1, sum2, sum12 = 0.0, 0.0, 0.0
+    for c in range(CORNERS):
+        sum1 += abs(g1[c]) * node_weight[nodes[c]]
+        sum2 += abs(g2[c]) * node_weight[nodes[c]]
+        b = combination2(g1[c], a2, g2[c], a1)
+        sum12 += math.sqrt(dot(b, b))
+    tension1 = volume * (max(S11, 0.0) + abs(S12))
+    tension2 = volume * (max(S22, 0.0) + abs(S12))
+    for c in range(CORNERS):
+        node = nodes[c]
+        w = node_weight[node]
+        add_outer(membrane, node, volume * C11 * sum1 * abs(g1[c]) / w, a1)
+        add_outer(membrane, node, volume * C22 * sum2 * abs(g2[c]) / w, a2)
+        b = combination2(g1[c], a2, g2[c], a1)
+        length = math.sqrt(dot(b, b))
+        if length > 0.0:
+            add_outer(membrane, node, volume * max(C12, 0.0) * sum12 / length, b)
+        geometric = tension1 * sum1 * abs(g1[c]) + tension2 * sum2 * abs(g2[c])
+        add_multiple_of_identity(membrane, node, geometric / w)
+
+
 @routine
 def nodal_frequency_bounds(
     body, positions, mass, node_weight, membrane, bending, omega2, controlling_part
@@ -314,31 +352,9 @@ def nodal_frequency_bounds(
                 x[(3 * c + d) * LANES + lane] = positions[d, nodes[c]]
         u, gradient, weights, area = load_patch(x, data, lane)
         a1, a2, N, h = deformation(u, gradient, weights)
-        E11, E22, g12 = membrane_strain(a1, a2)
-        (S11, S22, S12), (C11, C22, C12) = plane_response(law, E11, E22, g12)
         volume = area * thickness
-
-        g1 = (-gradient[0][0] - gradient[1][0], gradient[0][0], gradient[1][0])
-        g2 = (-gradient[0][1] - gradient[1][1], gradient[0][1], gradient[1][1])
-        sum1, sum2, sum12 = 0.0, 0.0, 0.0
-        for c in range(CORNERS):
-            sum1 += abs(g1[c]) * node_weight[nodes[c]]
-            sum2 += abs(g2[c]) * node_weight[nodes[c]]
-            b = combination2(g1[c], a2, g2[c], a1)
-            sum12 += math.sqrt(dot(b, b))
-        tension1 = volume * (max(S11, 0.0) + abs(S12))
-        tension2 = volume * (max(S22, 0.0) + abs(S12))
-        for c in range(CORNERS):
-            node = nodes[c]
-            w = node_weight[node]
-            add_outer(membrane, node, volume * C11 * sum1 * abs(g1[c]) / w, a1)
-            add_outer(membrane, node, volume * C22 * sum2 * abs(g2[c]) / w, a2)
-            b = combination2(g1[c], a2, g2[c], a1)
-            length = math.sqrt(dot(b, b))
-            if length > 0.0:
-                add_outer(membrane, node, volume * max(C12, 0.0) * sum12 / length, b)
-            geometric = tension1 * sum1 * abs(g1[c]) + tension2 * sum2 * abs(g2[c])
-            add_multiple_of_identity(membrane, node, geometric / w)
+        g1, g2 = corner_gradients(gradient)
+        add_membrane_terms(membrane, nodes, node_weight, g1, g2, a1, a2, law, volume)
 
         squared = dot(N, N)
         inverse = 1.0 / math.sqrt(squared)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
+from pydantic import Field
+
+from lcmchain.quantities.entry_types import Switch
 from lcmchain.quantities.scene_model import SceneModel
 
 
@@ -11,5 +14,20 @@ class MembraneShellElement(SceneModel):
     """Superimposed membrane and shell triangles, the 2D approach; they predict no thickness."""
 
     has_thickness: ClassVar[bool] = False
+    has_forces: ClassVar[bool] = True
 
     type: Literal["membrane-shell"] = "membrane-shell"
+    bending: Switch = Field(
+        default=True,
+        description="The shell part; without it the sheet is a membrane that folds at no cost.",
+    )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the elements cannot predict, beside the thickness."""
+        if self.bending:
+            return ()
+        return (
+            "element.bending = false folds at no cost: neither where wrinkles come nor how large "
+            "they are is predicted, and folds are as short as the elements",
+        )
