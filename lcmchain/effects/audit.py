@@ -16,9 +16,11 @@ from lcmchain.effects import (
     enhanced_strain,
     face_pressure,
     fibre_bending,
+    fibre_modulus,
     friction,
     gravity,
     hourglass,
+    mass_scaling,
     memory,
     pore_pressure,
     supports,
@@ -46,6 +48,8 @@ EFFECTS = (
     supports,
     gravity,
     damping,
+    mass_scaling,
+    fibre_modulus,
 )
 
 

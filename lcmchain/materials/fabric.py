@@ -7,6 +7,7 @@ directions, axis 3 the reference normal.
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
@@ -255,6 +256,7 @@ class Fabric:
     is_diagonal = True
     constant_tangent = False
     couples_thickness = False
+    fibre_modulus_factor = 1.0
 
     def __init__(
         self,
@@ -282,6 +284,13 @@ class Fabric:
     @property
     def locks(self) -> bool:
         return self.locking is not None
+
+    def with_fibre_modulus(self, factor: float) -> Self:
+        """Return the fabric with C11 and C22 of the membrane times a factor."""
+        changed = copy.copy(self)
+        changed.law = self.law._replace(C11=factor * self.law.C11, C22=factor * self.law.C22)
+        changed.fibre_modulus_factor = factor * self.fibre_modulus_factor
+        return changed
 
     def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Return S^M (..., 6) and the tangent C^M (..., 6, 6) for strains E (..., 6).

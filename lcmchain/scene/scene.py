@@ -17,6 +17,7 @@ from lcmchain.effects.contact import Contact
 from lcmchain.effects.face_pressure import PressureOnFace
 from lcmchain.elements.families import SheetElement
 from lcmchain.elements.solid_shell.table import Element
+from lcmchain.materials.law import Material, with_fibre_modulus
 from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
 from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
@@ -123,6 +124,10 @@ class Scene(SceneModel):
         """Where the scene came from; empty for a scene built in Python."""
         return self._source or SceneSource(None, Path.cwd(), "", "")
 
+    def built_material(self) -> Material:
+        """Return the material as it is simulated, with the modulus of fibres that is asked for."""
+        return with_fibre_modulus(self.material.build(), self.process.fibre_modulus_factor)
+
     @property
     def history_interval(self) -> float:
         """Time between two samples of the histories [s]."""
@@ -194,6 +199,12 @@ class Scene(SceneModel):
             raise wrong(
                 f'is {share:g}, but only law = "fabric" has fibres; leave it out',
                 field="element.fibre_hourglass",
+            )
+        if self.process.fibre_modulus_factor != 1.0 and not self.material.has_fibres:
+            raise wrong(
+                f'is {self.process.fibre_modulus_factor:g}, but law = "{self.material.law}" has no '
+                "fibres whose modulus could be lowered; leave it out",
+                field="process.fibre_modulus_factor",
             )
         if self.process.time > MOST_SAMPLES * self.history_interval:
             raise wrong(

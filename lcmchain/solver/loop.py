@@ -20,6 +20,7 @@ from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.face_pressure import face_forces, face_pressures
 from lcmchain.effects.fibre_bending import fibre_bending_forces
 from lcmchain.effects.friction import friction
+from lcmchain.effects.gravity import weight_at
 from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
@@ -235,7 +236,7 @@ def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, d
             gap,
             vn,
             (wx * nx + wy * ny + wz * nz) / mass[node],
-            others / mass[node] - wz * environment.gravity,
+            others / mass[node] - wz * weight_at(environment.gravity, node),
             dt_last,
             dt,
         )
@@ -282,9 +283,9 @@ def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
     interval = 0.5 * (dt_last + dt)
     damping = environment.mass_damping
     for d in range(3):
-        gravity = -environment.gravity if d == 2 else 0.0
         kinetic, damped, weight = 0.0, 0.0, 0.0
         for node in range(first, last):
+            gravity = -weight_at(environment.gravity, node) if d == 2 else 0.0
             share = free[d, node]
             old = velocity[d, node]
             acceleration = force[d, node] / mass[node] + gravity
@@ -328,7 +329,7 @@ def move_supports(arrays, supports, environment, dt_last, dt):
                 continue
             old = velocity[d, node]
             new = (prescribed_position(supports, k, d, piece, s) - position[d, node]) / dt
-            gravity = -environment.gravity if d == 2 else 0.0
+            gravity = -weight_at(environment.gravity, node) if d == 2 else 0.0
             held = mass[node] * ((new - old) / interval - gravity) - arrays.force[d, node]
             arrays.support_force[group, d] += held
             arrays.support_impulse[group, d] += held * interval
