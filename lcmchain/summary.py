@@ -111,6 +111,7 @@ def run_summary(
         **added_mass(model),
         **fibre_strain_measures(datasets["/"], scene),
         "effects": [effect.name for effect in run_effects(scene, model) if effect.active],
+        "effects_switched": {switched.key: switched.setting for switched in scene.switched},
     }
     found = [
         *warnings,

@@ -10,6 +10,7 @@ from lcmchain.scene.fabrics import preset_remarks
 def scene_warnings(scene: Scene) -> list[str]:
     """Say what is allowed but probably not meant."""
     found = [] if scene.element.has_thickness else [NO_THICKNESS]
+    found += [switched.warning for switched in scene.switched]
     found += scene.material.remarks() + preset_remarks(scene.material)
     director = getattr(scene.element, "compaction_strain", None) == "director"
     if director and scene.tools and scene.material.has_fibres:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lcmchain.check.effect_cost import effect_parts
 from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
 from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
@@ -54,6 +55,7 @@ class CheckReport:
     element_count: int
     node_count: int
     effects: list[Effect]
+    effect_parts: dict[str, float]
     estimate: Estimate
     needed: ProcessTime
     gaps: list[InitialGap]
@@ -69,7 +71,7 @@ class CheckReport:
             entry_table("Given in the scene", self.scene.source.given),
             entry_table("Defaulted", self.scene.source.defaulted),
             *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
-            effect_table(self.effects),
+            effect_table(self.effects, self.effect_parts),
             *surface_table(self.gaps),
             *gap_table(self.gaps, material.thickness, self.initial_overlap),
             cost_table(
@@ -119,6 +121,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
         element_count=model.element_count,
         node_count=model.node_count,
         effects=run_effects(scene, model),
+        effect_parts=effect_parts(model),
         estimate=estimate_run(model),
         needed=needed,
         gaps=gaps,

@@ -23,12 +23,13 @@ from lcmchain.effects import (
     mass_scaling,
     memory,
     pore_pressure,
+    shear_locking,
     supports,
     thickness,
     tool_motion,
     transverse_shear,
 )
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch
 
 #: The files of the effects, in the order of reports.
 EFFECTS = (
@@ -40,6 +41,7 @@ EFFECTS = (
     hourglass,
     enhanced_strain,
     memory,
+    shear_locking,
     pore_pressure,
     face_pressure,
     contact,
@@ -55,4 +57,14 @@ EFFECTS = (
 
 def effects_of(model: Any) -> list[Effect]:
     """Return the effects of a :class:`lcmchain.model.Model`."""
-    return [effect for file in EFFECTS for effect in file.active(model)]
+    return [effect._replace(key=key_of(file)) for file in EFFECTS for effect in file.active(model)]
+
+
+def key_of(file: Any) -> str:
+    """Return the entry of ``[effects]`` of an effect's file, its name; empty without a switch."""
+    return file.__name__.rsplit(".", 1)[1] if hasattr(file, "SWITCH") else ""
+
+
+def switches() -> dict[str, Switch]:
+    """Return the switches by their entry of ``[effects]``, in the order of reports."""
+    return {key_of(file): file.SWITCH for file in EFFECTS if hasattr(file, "SWITCH")}

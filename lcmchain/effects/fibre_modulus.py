@@ -16,7 +16,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch, of_table, refused
+
+SWITCH = Switch(
+    entry="process.fibre_modulus_factor",
+    without="the larger time step; the fibres have their own modulus",
+    called=lambda scene: scene.process.fibre_modulus_factor != 1.0,
+    off=of_table("process", fibre_modulus_factor=1.0),
+    on=refused("the factor is 1; give process.fibre_modulus_factor"),
+)
 
 
 def active(model: Any) -> list[Effect]:

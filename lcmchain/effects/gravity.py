@@ -16,7 +16,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch, of_table
 from lcmchain.jit import INLINED
 
 
@@ -34,6 +34,15 @@ def _choose_weight(gravity, node):
     if isinstance(gravity, types.Array):
         return lambda gravity, node: gravity[node]
     return lambda gravity, node: gravity
+
+
+SWITCH = Switch(
+    entry="process.gravity",
+    without="the weight of the sheet",
+    called=lambda scene: scene.process.gravity,
+    off=of_table("process", gravity=False),
+    on=of_table("process", gravity=True),
+)
 
 
 def active(model: Any) -> list[Effect]:

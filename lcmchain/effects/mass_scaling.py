@@ -21,7 +21,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch, of_table, refused
 from lcmchain.effects.fibre_bending import FibreBending, frequency_bound
 from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range
 from lcmchain.quantities.scene_model import SceneModel
@@ -113,6 +113,15 @@ def added_mass(model: Any) -> dict[str, float]:
         "mass_added_total": float(added.sum() / mass.sum()),
         "mass_added_largest": float((added / mass).max()),
     }
+
+
+SWITCH = Switch(
+    entry="process.mass_scaling",
+    without="the larger time step; the sheet has its own inertia",
+    called=lambda scene: scene.process.mass_scaling is not None,
+    off=of_table("process", mass_scaling=None),
+    on=refused("no factor and no target step is given; give process.mass_scaling"),
+)
 
 
 def active(model: Any) -> list[Effect]:

@@ -39,6 +39,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "departures",
         "contact",
         "time-integration",
+        "larger-steps",
         "coupling",
         "pore-pressure",
         "filling",
@@ -53,7 +54,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "speed",
         "limits",
     ),
-    "Reference": ("scene-reference", "presets", "fields", "commands"),
+    "Reference": ("scene-reference", "effects", "presets", "fields", "commands"),
     "Development": ("extending",),
 }
 

@@ -189,6 +189,7 @@ class Material(Protocol):
     thickness : initial [m]. areal_mass [kg/m²]. density [kg/m³]. fibre_density [kg/m³] or None.
     is_diagonal : whether C^M and C^B are diagonal in the fibre axes.
     constant_tangent : whether C^M never changes.
+    compacts : whether the stiffness over the thickness grows with the compaction.
     shear_range : shear angle [rad] up to which the law was measured, None where nobody says.
     fibre_bending : stiffness per width of the fibres 1 and 2 against bending within the plane
         [N m]; zeros without.
@@ -206,6 +207,9 @@ class Material(Protocol):
     constant_tangent: bool
     shear_range: float | None
     fibre_bending: tuple[float, float]
+
+    @property
+    def compacts(self) -> bool: ...
 
     @property
     def locks(self) -> bool: ...

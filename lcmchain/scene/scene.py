@@ -13,8 +13,11 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from lcmchain.effects.audit import switches
 from lcmchain.effects.contact import Contact
+from lcmchain.effects.effect import Refusal
 from lcmchain.effects.face_pressure import PressureOnFace
+from lcmchain.effects.switches import EffectSettings, Switched, changes, settings_of
 from lcmchain.elements.families import SheetElement
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.materials.law import Material, with_fibre_modulus
@@ -81,6 +84,10 @@ class Scene(SceneModel):
         description="Kind of element and its options; a name alone takes the defaults.",
     )
     contact: Contact = Field(default_factory=Contact)
+    effects: EffectSettings = Field(
+        default_factory=EffectSettings,
+        description="Effects that are switched on or off, whatever the scene calls for.",
+    )
     tools: Annotated[
         tuple[Tool, ...],
         Row("[[tools]] ... for each tool", entries="tables", units=False, maximum_count=MOST_TOOLS),
@@ -118,11 +125,17 @@ class Scene(SceneModel):
     )
 
     _source: SceneSource | None = PrivateAttr(default=None)
+    _switched: tuple[Switched, ...] = PrivateAttr(default=())
 
     @property
     def source(self) -> SceneSource:
         """Where the scene came from; empty for a scene built in Python."""
         return self._source or SceneSource(None, Path.cwd(), "", "")
+
+    @property
+    def switched(self) -> tuple[Switched, ...]:
+        """Effects that ``[effects]`` has switched against what the other entries call for."""
+        return self._switched
 
     def built_material(self) -> Material:
         """Return the material as it is simulated, with the modulus of fibres that is asked for."""
@@ -169,6 +182,21 @@ class Scene(SceneModel):
             tool.completed(contact.friction, process.time, key=f'[{index}] "{tool.name}"')
             for index, tool in enumerate(tools)
         )
+
+    @model_validator(mode="after")
+    def _switch_effects(self) -> Self:
+        """Take effects out of the scene, or into it, before anything reads what it calls for."""
+        switched = []
+        for key, setting in settings_of(self).items():
+            try:
+                changed = changes(self, key, setting)
+            except Refusal as refusal:
+                raise wrong(f'is "{setting}", but {refusal}', field=f"effects.{key}") from None
+            if changed is not None:
+                self.__dict__.update(changed)  # the scene is frozen for everybody else
+                switched.append(Switched(key, setting, switches()[key]))
+        self._switched = tuple(switched)
+        return self
 
     @model_validator(mode="after")
     def _check_scene(self) -> Self:

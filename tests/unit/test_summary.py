@@ -145,6 +145,7 @@ def test_every_entry(scene, datasets):
         "fibre_strain_largest": 0.1,
         "fibre_strain_allowed": 0.002,
         "fibre_modulus_factor_possible": 1.0,
+        "effects_switched": {},
         "penetration_max_m": {"die": 2e-5, "press": 3e-5},
         "step_control": {"in-plane stiffness": 1000, "contact stiffness": 250},
         "step_halvings": 2,

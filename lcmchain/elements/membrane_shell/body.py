@@ -73,7 +73,7 @@ class MembraneShellBody:
         first_node: int,
         first_element: int,
     ) -> MembraneShellBody:
-        """Build the body; the family has no choices.
+        """Build the body; ``choices`` may ask for membranes alone.
 
         Raises
         ------
@@ -92,6 +92,7 @@ class MembraneShellBody:
             corner_node=patch_nodes_in_blocks(geometry, first_node),
             element_data=in_blocks(patch_rows(geometry)),
             element_count=mesh.element_count,
+            bending=True if getattr(choices, "bends", True) else None,
         )
         return cls(name, mesh, material, geometry, data, first_node, first_element)
 
@@ -159,7 +160,10 @@ class MembraneShellBody:
         return {
             "thickness": (False, "triangles on the mid-surface have none"),
             "compaction": (False, "the mid-surface has no thickness direction"),
-            "bending": (True, "C^B, superimposed on the membrane; rotation-free"),
+            "bending": (
+                self.data.bending is not None,
+                "C^B, superimposed on the membrane; rotation-free",
+            ),
             "transverse shear": (False, "the normal of a triangle stays normal"),
             "hourglass control": (False, "constant strain triangles have no zero-energy mode"),
             "enhanced strain": (False, "no thickness direction"),

@@ -39,6 +39,7 @@ class MembraneShellData(NamedTuple):
         (:func:`patch_nodes_in_blocks`).
     element_data : (block_count * 20 * 16,), see :func:`patch_rows`.
     element_count : without the padding of the last block.
+    bending : ``True``, or ``None`` where a sheet bends for nothing: its code is pruned.
     """
 
     law: Any
@@ -46,6 +47,7 @@ class MembraneShellData(NamedTuple):
     corner_node: np.ndarray
     element_data: np.ndarray
     element_count: int
+    bending: Any
 
 
 def patch_rows(geometry: TriangleGeometry) -> np.ndarray:
@@ -113,10 +115,10 @@ def store3(f, i, v):
 
 
 @equation
-def triangle_in_lane(i, x, data, law, thickness):
+def triangle_in_lane(i, x, data, law, thickness, bending):
     """Replace the node positions of the patch at ``x[i + row*16]`` by the internal forces."""
     u, gradient, weights, area = load_patch(x, data, i)
-    f1, f2, f3, f4, f5 = patch_forces(u, gradient, weights, area, law, thickness)
+    f1, f2, f3, f4, f5 = patch_forces(u, gradient, weights, area, law, thickness, bending)
     L = LANES
     store3(x, i + 3 * L, f1)
     store3(x, i + 6 * L, f2)
@@ -153,12 +155,18 @@ def membrane_shell_forces(body, positions, node_force, history):
     history : empty, no law with memory serves triangles yet.
     """
     patch_force_loop(
-        positions, body.corner_node, body.element_data, node_force, body.law, body.thickness
+        positions,
+        body.corner_node,
+        body.element_data,
+        node_force,
+        body.law,
+        body.thickness,
+        body.bending,
     )
 
 
 @kernel
-def patch_force_loop(positions, patch_node, element_data, node_force, law, thickness):
+def patch_force_loop(positions, patch_node, element_data, node_force, law, thickness, bending):
     block_count = patch_node.size // (PATCH_NODES * LANES)
     for block in prange(block_count):
         nodes = patch_node[block * PATCH_NODES * LANES : (block + 1) * PATCH_NODES * LANES]
@@ -166,7 +174,7 @@ def patch_force_loop(positions, patch_node, element_data, node_force, law, thick
         data = element_data[block * DATA_ROWS * LANES : (block + 1) * DATA_ROWS * LANES]
         gather_patches(positions, nodes, x)
         for lane in range(LANES):
-            triangle_in_lane(lane, x, data, law, thickness)
+            triangle_in_lane(lane, x, data, law, thickness, bending)
 
 
 @equation
@@ -204,6 +212,7 @@ def membrane_shell_state(
         body.element_data,
         body.law,
         body.thickness,
+        body.bending,
         strain,
         area_ratio,
         bending_energy,
@@ -212,7 +221,7 @@ def membrane_shell_state(
 
 @kernel
 def patch_state_loop(
-    positions, patch_node, element_data, law, thickness, strain, area_ratio, bending_energy
+    positions, patch_node, element_data, law, thickness, bends, strain, area_ratio, bending_energy
 ):
     block_count = patch_node.size // (PATCH_NODES * LANES)
     for block in prange(block_count):
@@ -236,7 +245,9 @@ def patch_state_loop(
             strain[element, 4] = 0.0
             strain[element, 5] = 0.0
             area_ratio[element] = math.sqrt(squared)
-            bending_energy[element] = area * thickness**3 / 24.0 * bending / squared
+            bending_energy[element] = 0.0
+            if bends is not None:
+                bending_energy[element] = area * thickness**3 / 24.0 * bending / squared
 
 
 # --- frequency bound ------------------------------------------------------------------------------
@@ -352,6 +363,8 @@ def nodal_frequency_bounds(
             slope += gradients[c]
         for row, B in enumerate(stiffnesses):
             D = volume * thickness * thickness / 12.0 * B
+            if body.bending is None:
+                D = 0.0
             G1, G2 = dot(h[row], dual1) / squared, dot(h[row], dual2) / squared
             total, first = 0.0, 0.0
             for k in range(1, PATCH_NODES):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
+
+from pydantic import PrivateAttr
 
 from lcmchain.quantities.scene_model import SceneModel
 
@@ -13,3 +15,16 @@ class MembraneShellElement(SceneModel):
     has_thickness: ClassVar[bool] = False
 
     type: Literal["membrane-shell"] = "membrane-shell"
+
+    _bends: bool = PrivateAttr(default=True)
+
+    @property
+    def bends(self) -> bool:
+        """Whether the triangles resist bending."""
+        return self._bends
+
+    def without_bending(self) -> Self:
+        """Return triangles that are membranes alone."""
+        changed = self.model_copy()
+        changed._bends = False
+        return changed

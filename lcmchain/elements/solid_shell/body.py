@@ -403,6 +403,10 @@ def kernel_options(
     material: Material, choices: Any, *, flat: bool, fibre_share: float = 1.0
 ) -> Options:
     """Choose the effects of the element: what material and reference geometry call for."""
+    # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it
+    enhanced = getattr(choices, "enhanced_strain", None)
+    if enhanced is None:
+        enhanced = material.couples_thickness or not flat
     conservative = choices.hourglass == "conservative" and not material.constant_tangent
     return Options(
         flat=True if flat else None,
@@ -410,8 +414,7 @@ def kernel_options(
         director=True if choices.compaction_strain == "director" else None,
         # a constant tangent needs no correction of the hourglass energy
         conservative=True if conservative else None,
-        # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it
-        enhanced=True if material.couples_thickness or not flat else None,
+        enhanced=True if enhanced else None,
         reference_bending=True if choices.bending_thickness == "reference" else None,
         zeta2=1.0 / 3.0,
         zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,
