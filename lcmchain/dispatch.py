@@ -17,6 +17,9 @@ from numba.extending import overload
 from lcmchain.compile_cache import key_cache_by_file
 from lcmchain.jit import INLINED
 
+# All functions that answer by class.
+_dispatched: list[Any] = []
+
 
 def required(stub: Callable[..., Any]) -> Callable[..., Any]:
     """Make a function that every class must implement; ``stub`` gives its name and arguments."""
@@ -51,6 +54,13 @@ def implements(function: Any, chosen_class: type) -> Callable[[Any], Any]:
     return register
 
 
+def inherit(new_class: type, old_class: type) -> None:
+    """Let a class answer all that another one answers so far, with the same functions."""
+    for function in _dispatched:
+        if old_class in function.implementations:
+            implements(function, new_class)(function.implementations[old_class])
+
+
 def is_implemented(function: Any, chosen_class: type) -> bool:
     """Tell whether a class answers a function itself."""
     return chosen_class in function.implementations
@@ -78,6 +88,7 @@ def _by_class(stub, default):
         return getattr(found, "py_func", found)
 
     function.implementations = implementations  # type: ignore[attr-defined]
+    _dispatched.append(function)
     # the arguments carry the names that the implementation gives them: no comparison of names
     overload(function, jit_options=INLINED, strict=False)(choose)
     return function

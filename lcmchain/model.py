@@ -17,6 +17,7 @@ from lcmchain.effects.fibre_bending import (
     build_fibre_bending,
     frequency_bound,
 )
+from lcmchain.effects.mass_scaling import weight_per_inertia, with_added_mass
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
@@ -62,7 +63,8 @@ class NodeData(NamedTuple):
     """Constants of the node kernel; every float is in SI.
 
     force_slot : (valence, node_count) where to find a node's corner forces.
-    mass : (node_count,) [kg]; area : (node_count,) reference area per face node [m²].
+    mass : (node_count,) [kg], with what is added for the time step.
+    area : (node_count,) reference area per face node [m²].
     free : (3, node_count) 1 where a displacement component is free, 0 where it is held.
     offset : (node_count,) distance of the sheet's surface from the node [m].
     """
@@ -81,7 +83,8 @@ class Environment(NamedTuple):
     tangential_ratio: float
     contact_damping_ratio: float
     mass_damping: float  # [1/s]
-    gravity: float  # acceleration along -z [m/s²]
+    # acceleration along -z by the weight [m/s²]; (node_count,) where mass is added selectively
+    gravity: float | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -130,6 +133,11 @@ class Model:
     @property
     def node_count(self) -> int:
         return self.nodes.mass.size
+
+    @property
+    def sheet_mass(self) -> np.ndarray:
+        """Mass of the nodes (node_count,) [kg] without what is added for the time step."""
+        return np.concatenate([body.node_mass for body in self.bodies])
 
     @property
     def node_positions(self) -> np.ndarray:
@@ -226,7 +234,7 @@ def build_model(
     ------
     InputError : a blank, tool or material that cannot be used; names the scene key.
     """
-    material = scene.material.build()
+    material = scene.built_material()
     mesh = family_of(scene.element).mesh_of(build_blank(scene.blank, material.thickness))
     return assemble_model(
         mesh,
@@ -293,6 +301,12 @@ def assemble_bodies(
     thickness = min(body.material.thickness for body in bodies)
     support_table, free = build_supports(supports, positions, float(process.time))
     fibre_bending = build_fibre_bending(bodies, placed[-1].last_force)
+    bodies = with_added_mass(
+        bodies,
+        process.mass_scaling,
+        step_safety=float(process.step_safety),
+        fibre_bending=fibre_bending,
+    )
     last_force = placed[-1].last_force
     if fibre_bending is not None:
         last_force += fibre_bending.padded_count * FORCE_ROWS
@@ -308,7 +322,7 @@ def assemble_bodies(
         corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
             force_slot=_force_slots(bodies, placed, fibre_bending, last_force),
-            mass=np.concatenate([body.node_mass for body in bodies]),
+            mass=np.concatenate([body.inertial_mass for body in bodies]),
             area=np.concatenate([body.node_area for body in bodies]),
             free=free,
             offset=offset,
@@ -322,7 +336,7 @@ def assemble_bodies(
             tangential_ratio=float(contact.tangential_ratio),
             contact_damping_ratio=float(contact.damping_ratio),
             mass_damping=float(process.mass_damping),
-            gravity=STANDARD_GRAVITY if process.gravity else 0.0,
+            gravity=weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
         ),
         averaging=process.damping_average if process.mass_damping > 0.0 else None,
         automatic_penalty=contact.penalty is None,

@@ -13,6 +13,7 @@ import xarray as xr
 
 from lcmchain import __version__
 from lcmchain.check import run_effects
+from lcmchain.check.fibre_strain import fibre_strain_measures, fibre_strain_warnings
 from lcmchain.check.quasi_static import (
     idle_energy,
     process_time_needed,
@@ -20,6 +21,7 @@ from lcmchain.check.quasi_static import (
     quasi_static_warnings,
 )
 from lcmchain.check.tools_without_touch import tools_never_touched
+from lcmchain.effects.mass_scaling import added_mass
 from lcmchain.fields import field_summary
 from lcmchain.fields.dataset import HISTORY
 from lcmchain.fields.summary import field_warnings, punch_index
@@ -114,7 +116,10 @@ def run_summary(
         ),
         "step_control": dict(simulation.control.history),
         "step_halvings": int(state.counters[HALVINGS]),
+        **added_mass(model),
+        **fibre_strain_measures(datasets["/"], scene),
         "effects": [effect.name for effect in run_effects(scene, model) if effect.active],
+        "effects_switched": {switched.key: switched.setting for switched in scene.switched},
     }
     found = [
         *warnings,
@@ -122,6 +127,7 @@ def run_summary(
         *field_warnings(datasets["/"], model.material),
         *run_warnings(summary, scene.material.thickness),
         *quasi_static_warnings(measures, scene, needed),
+        *fibre_strain_warnings(summary),
     ]
     return summary | {"warnings": list(dict.fromkeys(found)), "mapping": {}}
 

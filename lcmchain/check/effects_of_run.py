@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from lcmchain.effects.audit import effects_of
 from lcmchain.effects.effect import Effect
+from lcmchain.effects.switches import settings_of
 from lcmchain.model import Model
 from lcmchain.scene import Infiltration, Scene, Structure
 
 
 def run_effects(scene: Scene, model: Model) -> list[Effect]:
     """Return the effects of a scene's model and its later stages, each with the reason."""
-    return [*effects_of(model), *later_stages(scene)]
+    settings = settings_of(scene)
+    of_model = [
+        effect._replace(reason=f'effects.{effect.key} = "{settings[effect.key]}"; {effect.reason}')
+        if effect.key in settings
+        else effect
+        for effect in effects_of(model)
+    ]
+    return [*of_model, *later_stages(scene)]
 
 
 def later_stages(scene: Scene) -> list[Effect]:

@@ -122,7 +122,7 @@ def contact_omega2(model: Model) -> float:
     result, touched = 0.0, 0.0
     for body in model.bodies:
         sides = 1 if body.mesh.has_thickness else min(2, len(model.tool_names))
-        result = max(result, sides * penalty * float((body.node_area / body.node_mass).max()))
+        result = max(result, sides * penalty * float((body.node_area / body.inertial_mass).max()))
         touched += penalty * float(body.node_area.sum()) / (2 if body.mesh.has_thickness else 1)
     guided = tools.mass[tools.motion_kind == GUIDED]
     return result + float((touched / guided).sum())

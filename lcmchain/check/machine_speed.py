@@ -42,7 +42,7 @@ class Speed(NamedTuple):
 def machine_speed(model: Model) -> Speed:
     """Return the time that the last runs of such a model took here, else what is assumed."""
     threads = thread_count()
-    measured = _read().get(_key(model, threads))
+    measured = kept_numbers(FILE).get(speed_key(model, threads))
     if measured:
         threads_used = f"{threads} thread{'s' if threads > 1 else ''}"
         return Speed(min(measured), f"as the fastest of the last runs here with {threads_used}")
@@ -55,20 +55,25 @@ def record_speed(model: Model, threads: int, step_count: int, wall_s: float) -> 
     """Keep the time of a run for later estimates."""
     if step_count < FEWEST_STEPS:
         return
-    speeds, key = _read(), _key(model, threads)
-    speeds[key] = [*speeds.get(key, []), wall_s / (step_count * model.element_count)][-KEPT:]
+    time = wall_s / (step_count * model.element_count)
+    keep_numbers(FILE, kept_numbers(FILE), speed_key(model, threads), time)
+
+
+def keep_numbers(file: str, kept: dict[str, list[float]], key: str, value: float) -> None:
+    """Add a value to the last ones under a key, and write all that is kept to a file."""
+    kept[key] = [*kept.get(key, []), value][-KEPT:]
     try:
-        with replacing(_file()) as temporary:
-            temporary.write_text(json.dumps(speeds, indent=1), encoding="utf-8")
+        with replacing(_path(file)) as temporary:
+            temporary.write_text(json.dumps(kept, indent=1), encoding="utf-8")
     except (InputError, OutputError):
         pass  # a cache folder that cannot be written leaves the estimate as it is
 
 
-def _file() -> Path:
-    return user_cache_path("lcmchain", appauthor=False, opinion=False) / FILE
+def _path(file: str) -> Path:
+    return user_cache_path("lcmchain", appauthor=False, opinion=False) / file
 
 
-def _key(model: Model, threads: int) -> str:
+def speed_key(model: Model, threads: int) -> str:
     """Name of a machine, threads, kernels and size; sizes within a factor of two are one."""
     machine = hashlib.blake2b(processor().encode(), digest_size=6).hexdigest()
     kernels = ", ".join(sorted({body.kernel for body in model.bodies}))
@@ -76,10 +81,10 @@ def _key(model: Model, threads: int) -> str:
     return f"{machine}, {threads} threads, {kernels}, about {size} elements"
 
 
-def _read() -> dict[str, list[float]]:
-    """Return all that is kept; nothing where the file is absent or not ours to read."""
+def kept_numbers(file: str) -> dict[str, list[float]]:
+    """Return all that a file keeps; nothing where it is absent or not ours to read."""
     try:
-        kept = json.loads(_file().read_text(encoding="utf-8"))
+        kept = json.loads(_path(file).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     if not isinstance(kept, dict):

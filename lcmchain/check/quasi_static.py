@@ -87,8 +87,10 @@ def process_time_needed(model: Model) -> ProcessTime:
     for body in model.bodies:
         length = float(np.ptp(body.mesh.node_positions[:, :2], axis=0).max())
         speed, soft_speed = shear_wave_speeds(body.material)
-        periods.append(2.0 * length / speed)
-        softened.append(2.0 * length / soft_speed)
+        # added mass slows the waves down
+        slower = math.sqrt(float(body.inertial_mass.sum() / body.node_mass.sum()))
+        periods.append(2.0 * length / speed * slower)
+        softened.append(2.0 * length / soft_speed * slower)
     return ProcessTime(max(periods), max(softened), _holder_periods(model))
 
 

@@ -15,6 +15,7 @@ def scene_warnings(scene: Scene) -> list[str]:
         found.append(
             f"left out, as this model knows nothing of them: {', '.join(scene.source.left_out)}"
         )
+    found += [switched.warning for switched in scene.switched]
     found += scene.material.remarks() + preset_remarks(scene.material)
     director = getattr(scene.element, "compaction_strain", None) == "director"
     if director and scene.tools and scene.material.has_fibres:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.check.draping_preview import DrapingReport, check_draping, draping_preview
+from lcmchain.check.effect_cost import effect_parts
 from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
 from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
@@ -57,6 +58,7 @@ class CheckReport:
     element_count: int
     node_count: int
     effects: list[Effect]
+    effect_parts: dict[str, float]
     estimate: Estimate
     needed: ProcessTime
     gaps: list[InitialGap]
@@ -73,7 +75,7 @@ class CheckReport:
             entry_table("Given in the scene", self.scene.source.given),
             entry_table("Defaulted", self.scene.source.defaulted),
             *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
-            effect_table(self.effects),
+            effect_table(self.effects, self.effect_parts),
             *surface_table(self.gaps),
             *gap_table(self.gaps, material.thickness, self.initial_overlap),
             cost_table(
@@ -150,6 +152,7 @@ def _report(
         element_count=model.element_count,
         node_count=model.node_count,
         effects=run_effects(scene, model),
+        effect_parts=effect_parts(model),
         estimate=estimate_run(model),
         needed=needed,
         gaps=gaps,

@@ -16,17 +16,20 @@ from lcmchain.effects import (
     enhanced_strain,
     face_pressure,
     fibre_bending,
+    fibre_modulus,
     friction,
     gravity,
     hourglass,
+    mass_scaling,
     memory,
     pore_pressure,
+    shear_locking,
     supports,
     thickness,
     tool_motion,
     transverse_shear,
 )
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch
 
 #: The files of the effects, in the order of reports.
 EFFECTS = (
@@ -38,6 +41,7 @@ EFFECTS = (
     hourglass,
     enhanced_strain,
     memory,
+    shear_locking,
     pore_pressure,
     face_pressure,
     contact,
@@ -46,9 +50,21 @@ EFFECTS = (
     supports,
     gravity,
     damping,
+    mass_scaling,
+    fibre_modulus,
 )
 
 
 def effects_of(model: Any) -> list[Effect]:
     """Return the effects of a :class:`lcmchain.model.Model`."""
-    return [effect for file in EFFECTS for effect in file.active(model)]
+    return [effect._replace(key=key_of(file)) for file in EFFECTS for effect in file.active(model)]
+
+
+def key_of(file: Any) -> str:
+    """Return the entry of ``[effects]`` of an effect's file, its name; empty without a switch."""
+    return file.__name__.rsplit(".", 1)[1] if hasattr(file, "SWITCH") else ""
+
+
+def switches() -> dict[str, Switch]:
+    """Return the switches by their entry of ``[effects]``, in the order of reports."""
+    return {key_of(file): file.SWITCH for file in EFFECTS if hasattr(file, "SWITCH")}

@@ -11,6 +11,27 @@ Fields: ``bending_pressure``; it shows as ``displacement``.
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import of_the_elements
+from typing import Any
+
+from lcmchain.effects.effect import Refusal, Switch, of_the_elements, refused
+
+SWITCH = Switch(
+    entry="material.bending",
+    without="the moments that hold a sheet against wrinkles",
+    called=lambda scene: True,
+    off=lambda scene: {"element": _membrane(scene)},
+    on=refused("every element has it"),
+    unless="of solid-shells",
+)
+
+
+def _membrane(scene: Any) -> Any:
+    if scene.element.has_thickness:
+        raise Refusal(
+            "without C^B solid-shells have motions that nothing resists; use small values of "
+            'material.bending, or element = "membrane-shell", which can be a membrane alone'
+        )
+    return scene.element.without_bending()
+
 
 active = of_the_elements("bending")

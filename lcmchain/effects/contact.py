@@ -15,11 +15,12 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Refusal, Switch, refused
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import AbsentMeans, FrictionCoefficient, Number, Penalty, Range
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.tools.distance import EXTRUDED, FIELD, PLANE, REVOLVED
+from lcmchain.tools.motion import GUIDED
 
 # How the distance to a tool is computed, in words.
 SHAPES = {
@@ -80,6 +81,26 @@ class Contact(SceneModel):
     tangential_ratio: Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0,)))] = Field(
         default=0.5, description="Tangential over normal contact stiffness."
     )
+
+
+SWITCH = Switch(
+    entry="[[tools]]",
+    without="the tools: nothing but weight, pressures and supports acts on the sheet",
+    called=lambda scene: bool(scene.tools),
+    off=lambda scene: _without_tools(scene),
+    on=refused("there are no tools; add [[tools]]"),
+    unless="of a guided tool",
+)
+
+
+def _without_tools(scene: Any) -> dict[str, Any]:
+    guided = [tool.name for tool in scene.tools if tool.motion.kind == GUIDED]
+    if guided:
+        raise Refusal(
+            f"the guided tool {guided[0]} rests on its contact; give it another motion, or leave "
+            "the tool out"
+        )
+    return {"tools": ()}
 
 
 def active(model: Any) -> list[Effect]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch, of_table, refused
 from lcmchain.jit import equation
 
 
@@ -29,6 +29,15 @@ def damped_velocity(velocity, acceleration, damping, interval):
 def averaged_velocity(average, velocity, interval, time):
     """Return the running mean w of a velocity after an interval [s], with the time constant τ."""
     return average + min(interval / time, 1.0) * (velocity - average)
+
+
+SWITCH = Switch(
+    entry="process.mass_damping",
+    without="what calms vibrations of the sheet",
+    called=lambda scene: scene.process.mass_damping > 0.0,
+    off=of_table("process", mass_damping=0.0),
+    on=refused("its rate is 0; give process.mass_damping"),
+)
 
 
 def active(model: Any) -> list[Effect]:

@@ -1,4 +1,4 @@
-"""Whether a piece of physics is in a compiled model, and why."""
+"""Whether a piece of physics is in a compiled model, and why; and whether a scene may switch it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,57 @@ from typing import Any, NamedTuple
 
 
 class Effect(NamedTuple):
-    """A piece of physics, whether it is in the model, and why."""
+    """A piece of physics, whether it is in the model, and why.
+
+    key : entry of ``[effects]`` that it belongs to, empty for one that no scene can switch.
+    """
 
     name: str
     active: bool
     reason: str
+    key: str = ""
+
+
+class Refusal(ValueError):
+    """Why an effect cannot be switched as asked, in words that follow "is ..., but"."""
+
+
+class Switch(NamedTuple):
+    """What the entry of an effect in ``[effects]`` does to a scene.
+
+    entry : scene entries that call for the effect.
+    without : what a result leaves out, or why it needs the effect, in words.
+    called : tells whether a scene calls for it; None where only its mesh can tell.
+    off, on : return the entries of the scene that change, by their names; raise :class:`Refusal`.
+        ``off`` is asked where the scene calls for the effect, ``on`` where it does not.
+    unless : what makes ``off`` refuse, in words, where it does not always.
+    """
+
+    entry: str
+    without: str
+    called: Callable[[Any], bool | None]
+    off: Callable[[Any], dict[str, Any]]
+    on: Callable[[Any], dict[str, Any]]
+    unless: str = ""
+
+
+def refused(reason: str) -> Callable[[Any], dict[str, Any]]:
+    """Return the answer of a switch that no scene may turn that way."""
+
+    def refuse(scene: Any) -> dict[str, Any]:
+        raise Refusal(reason)
+
+    refuse.reason = reason  # type: ignore[attr-defined]
+    return refuse
+
+
+def of_table(table: str, **entries: Any) -> Callable[[Any], dict[str, Any]]:
+    """Return the answer of a switch that sets entries of a table."""
+
+    def change(scene: Any) -> dict[str, Any]:
+        return {table: getattr(scene, table).model_copy(update=entries)}
+
+    return change
 
 
 def of_the_elements(name: str) -> Callable[[Any], list[Effect]]:

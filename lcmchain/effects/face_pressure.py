@@ -20,7 +20,7 @@ import numpy as np
 from numba import prange
 from pydantic import Field, model_validator
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.pressed_elements import (
     CORNERS,
@@ -227,6 +227,15 @@ def face_frequencies(elements, position, pressure, omega2):
             mass = elements.mass[block * LANES + lane]
             bound = 8.0 * abs(pressure) * largest / mass if mass > 0.0 else 0.0
             omega2[block * LANES + lane] = bound
+
+
+SWITCH = Switch(
+    entry="[[pressure]]",
+    without="the pressures on the faces",
+    called=lambda scene: bool(scene.pressure),
+    off=lambda scene: {"pressure": ()},
+    on=refused("no pressure is given; add [[pressure]]"),
+)
 
 
 def active(model: Any) -> list[Effect]:

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import prange
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.elements.blocks import LANES, in_blocks
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel, routine
@@ -368,6 +368,18 @@ def store3(array, i, a):
     array[i] = a[0]
     array[i + LANES] = a[1]
     array[i + 2 * LANES] = a[2]
+
+
+SWITCH = Switch(
+    entry="material.bending.in_plane",
+    without="what gives bands of shear their width",
+    called=lambda scene: scene.material.bends_in_plane,
+    off=lambda scene: {"material": scene.material.without_in_plane_bending()},
+    on=refused(
+        "the material has no stiffness against it; give material.bending.in_plane > 0 (law = "
+        '"fabric")'
+    ),
+)
 
 
 def active(model: Any) -> list[Effect]:

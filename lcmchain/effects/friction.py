@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.elements.vectors import dot, plus
 from lcmchain.jit import equation
 
@@ -39,6 +39,19 @@ def friction(stick, slip_increment, normal, stiffness, limit):
     trial = (scale * trial[0], scale * trial[1], scale * trial[2])
     force = (-stiffness * trial[0], -stiffness * trial[1], -stiffness * trial[2])
     return trial, force, dissipated
+
+
+SWITCH = Switch(
+    entry="contact.friction, tools.friction",
+    without="the forces along the tools' surfaces: draw-in and the tools' forces",
+    called=lambda scene: any(tool.friction > 0.0 for tool in scene.tools),
+    off=lambda scene: {
+        "tools": tuple(tool.model_copy(update={"friction": 0.0}) for tool in scene.tools)
+    },
+    on=refused(
+        "no tool has a coefficient of friction above 0; give contact.friction or tools.friction"
+    ),
+)
 
 
 def active(model: Any) -> list[Effect]:

@@ -12,10 +12,42 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Effect
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from lcmchain.effects.effect import Effect, Switch, of_table
+from lcmchain.jit import INLINED
+
+
+def weight_at(gravity: Any, node: int) -> float:
+    """Return the acceleration of a node [m/s²] from one for all, or from an array (node_count,).
+
+    It differs from node to node where mass was added to some of them that weighs nothing
+    (:mod:`lcmchain.effects.mass_scaling`).
+    """
+    return gravity[node] if isinstance(gravity, np.ndarray) else gravity
+
+
+@overload(weight_at, jit_options=INLINED)
+def _choose_weight(gravity, node):
+    if isinstance(gravity, types.Array):
+        return lambda gravity, node: gravity[node]
+    return lambda gravity, node: gravity
+
+
+SWITCH = Switch(
+    entry="process.gravity",
+    without="the weight of the sheet",
+    called=lambda scene: scene.process.gravity,
+    off=of_table("process", gravity=False),
+    on=of_table("process", gravity=True),
+)
 
 
 def active(model: Any) -> list[Effect]:
-    g = model.environment.gravity
-    reason = f"{g:g} m/s2 along -z on the sheet" if g > 0.0 else "process.gravity = false"
-    return [Effect("gravity", g > 0.0, reason)]
+    if not np.any(model.environment.gravity):
+        return [Effect("gravity", False, "process.gravity = false")]
+    weight = float((model.environment.gravity * model.nodes.mass).sum())
+    g = weight / float(model.sheet_mass.sum())
+    return [Effect("gravity", True, f"{g:g} m/s2 along -z on the sheet")]

@@ -9,6 +9,17 @@ Fields: ``energy_hourglass`` (history).
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import of_the_elements
+from lcmchain.effects.effect import Switch, of_the_elements, refused
+
+SWITCH = Switch(
+    entry="element",
+    without="what resists the deformations that one integration point does not see",
+    called=lambda scene: scene.element.has_thickness,
+    off=refused(
+        "an element with one integration point in the plane has motions that nothing else "
+        "resists; element.hourglass chooses the kind"
+    ),
+    on=refused("triangles of constant strain have no such motions; leave it out"),
+)
 
 active = of_the_elements("hourglass control")

@@ -9,6 +9,14 @@ Fields: one per number, named by the law; ``energy_inelastic`` (history).
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import of_the_elements
+from lcmchain.effects.effect import Switch, of_the_elements, refused
+
+SWITCH = Switch(
+    entry="material.law",
+    without="what remains of a compaction that is taken back",
+    called=lambda scene: scene.material.remembers,
+    off=lambda scene: {"material": scene.material.without_memory()},
+    on=refused('the law remembers nothing; use law = "fabric-with-set"'),
+)
 
 active = of_the_elements("memory")

@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.pressed_elements import (
     CORNERS,
@@ -239,6 +239,18 @@ def trilinear_volumes(corners: np.ndarray) -> np.ndarray:
 
     bent = triple(1, 4, 6) + triple(4, 2, 5) + triple(6, 5, 3)
     return 8.0 * (triple(1, 2, 3) + bent / 3.0)
+
+
+SWITCH = Switch(
+    entry="infiltration.with_forming",
+    without="the part of the pressure that the fluid bears",
+    called=lambda scene: scene.wet_forming is not None,
+    off=refused(
+        "the fluid and the sheet are solved together; leave [infiltration.with_forming] out, and "
+        "the formed sheet is infiltrated afterwards"
+    ),
+    on=refused("no fluid flows while the sheet is formed; give [infiltration.with_forming]"),
+)
 
 
 def active(model: Any) -> list[Effect]:

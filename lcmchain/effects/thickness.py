@@ -9,6 +9,14 @@ Fields: ``thickness``, ``fibre_volume_fraction``.
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import of_the_elements
+from lcmchain.effects.effect import Switch, of_the_elements, refused
+
+SWITCH = Switch(
+    entry="element",
+    without="the faces of the sheet, its thickness and all that follows from it",
+    called=lambda scene: scene.element.has_thickness,
+    off=refused('thickness belongs to the elements; use element = "membrane-shell"'),
+    on=refused('thickness belongs to the elements; use element = "solid-shell"'),
+)
 
 active = of_the_elements("thickness")

@@ -14,8 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
+
+SWITCH = Switch(
+    entry="tools.motion",
+    without="the motion of the tools",
+    called=lambda scene: any(tool.motion.moves for tool in scene.tools),
+    off=refused("it is the process itself; change tools.motion"),
+    on=refused("no tool moves; give tools.motion"),
+)
 
 
 def active(model: Any) -> list[Effect]:

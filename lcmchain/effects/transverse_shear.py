@@ -9,6 +9,14 @@ Fields: none; it shows as ``displacement`` of the two faces.
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import of_the_elements
+from lcmchain.effects.effect import Switch, of_the_elements, refused
+
+SWITCH = Switch(
+    entry="element",
+    without="what keeps the directors upright",
+    called=lambda scene: scene.element.has_thickness,
+    off=refused("without it nothing keeps the directors of the solid-shell upright; leave it out"),
+    on=refused('the normal of a triangle stays normal; use element = "solid-shell"'),
+)
 
 active = of_the_elements("transverse shear")

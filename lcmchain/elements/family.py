@@ -90,7 +90,12 @@ class Body(Protocol):
     data : constants for the kernels.
     geometry : reference geometry, of the family's own kind.
     force_nodes : (element_count, corner_count) nodes of the mesh that get corner forces; -1: none.
-    node_mass : (mesh.node_count,) [kg]; node_area : (mesh.node_count,) [m²] per face node.
+    node_mass : (mesh.node_count,) [kg], of the fabric.
+    node_area : (mesh.node_count,) [m²] per face node.
+    inertial_mass : (mesh.node_count,) [kg], ``node_mass`` with what is added for the time step.
+    least_mass_factor : inertia over mass where least was added, 1 without added mass.
+    part_omega2 : bounds of ω² [1/s²] of the undeformed parts that mass can be added to, elements
+        or nodes, with the mass of the fabric; without compiled code, up to the small moduli.
     contact_offset : distance of the sheet's surface from its nodes [m].
     shortest_length : of the elements, what sets the in-plane wave's step [m].
     first_node, first_element : where its ranges begin.
@@ -109,6 +114,9 @@ class Body(Protocol):
     force_nodes: np.ndarray
     node_mass: np.ndarray
     node_area: np.ndarray
+    inertial_mass: np.ndarray
+    least_mass_factor: float
+    part_omega2: np.ndarray
     contact_offset: float
     shortest_length: float
     first_node: int
@@ -139,6 +147,9 @@ class Body(Protocol):
         first_element: int,
     ) -> Body:
         """Build the body of a mesh; ``choices`` is the scene's element table."""
+
+    def with_mass_factor(self, factor: np.ndarray) -> Body:
+        """Return the body with the inertia of its parts over their mass, as ``part_omega2``."""
 
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
         """Return strain energy and hourglass energy [J] at positions (3, node_count)."""

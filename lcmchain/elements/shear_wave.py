@@ -24,5 +24,6 @@ def shear_may_stiffen(body: Any, condition: Condition, omega2: float) -> bool:
     strain[3] = np.sqrt(max(1.0 - float(condition.area_stretch.min()) ** 2, 0.0))
     tangent = body.material.stress_and_tangent(strain)[1][3, 3]
     # a shear wave bends both pairs of sides: twice the 4 c²/l² of a wave along one
-    present = 8.0 * tangent / (body.material.density * body.shortest_length**2)
+    density = body.material.density * body.least_mass_factor
+    present = 8.0 * tangent / (density * body.shortest_length**2)
     return bool(present > SHEAR_SHARE * omega2)

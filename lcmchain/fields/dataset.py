@@ -177,7 +177,7 @@ def build_datasets(
     -------
     Datasets by group name. Face variables have the dimensions ``time`` and ``sheet_face``.
     """
-    own: Any = scene.material.build() if material is None else material
+    own: Any = scene.built_material() if material is None else material
     body = family_of(scene.element).build("sheet", blank, own, scene.element, 0, 0)
     past = []
     for positions in frames.positions:

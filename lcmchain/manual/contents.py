@@ -40,6 +40,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "departures",
         "contact",
         "time-integration",
+        "larger-steps",
         "coupling",
         "pore-pressure",
         "filling",
@@ -54,7 +55,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "speed",
         "limits",
     ),
-    "Reference": ("scene-reference", "presets", "fields", "commands"),
+    "Reference": ("scene-reference", "effects", "presets", "fields", "commands"),
     "Development": ("extending",),
 }
 

@@ -8,6 +8,7 @@ from typing import Any
 from lcmchain.atomic import replacing
 from lcmchain.manual.command_reference import command_page
 from lcmchain.manual.contents import FOLDER
+from lcmchain.manual.effect_reference import effect_page
 from lcmchain.manual.field_reference import field_page
 from lcmchain.manual.preset_reference import preset_page
 from lcmchain.manual.scene_reference import scene_page
@@ -17,6 +18,7 @@ def generated_pages(root: Any) -> dict[str, str]:
     """Return the Markdown of every generated page by topic; ``root`` is the group of commands."""
     return {
         "scene-reference": scene_page(),
+        "effects": effect_page(),
         "presets": preset_page(),
         "fields": field_page(),
         "commands": command_page(root),

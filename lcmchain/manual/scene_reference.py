@@ -156,7 +156,7 @@ def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "required"
     absent = next((extra.text for extra in field.metadata if _is_absent(extra)), None)
-    if absent is not None:
+    if absent is not None and (absent or field.default is None):
         return absent or "see the other entries"
     default = field.default
     if default is PydanticUndefined:  # a table whose own entries have defaults

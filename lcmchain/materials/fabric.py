@@ -7,6 +7,7 @@ directions, axis 3 the reference normal.
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
@@ -15,7 +16,13 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from lcmchain.jit import equation
-from lcmchain.materials.elementary import exponential, logarithm
+from lcmchain.materials.compaction import (
+    compaction_stress_and_tangent,
+    compaction_tangent_curvature,
+    compaction_tangent_slope,
+    linear_class,
+    linear_where_constant,
+)
 from lcmchain.materials.law import (
     bending_stiffness,
     hourglass_tangent,
@@ -55,9 +62,6 @@ from lcmchain.quantities.entry_types import (
 )
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.quantities.units import STIFFNESS
-
-# Below this strain the exponent of the compaction law is zero to double precision for c2 >= 1.
-SMALLEST_COMPACTION_STRAIN = 1e-16
 
 
 class FabricLaw(NamedTuple):
@@ -99,15 +103,6 @@ def shear_stress_and_tangent(law, g):
 
 
 @equation
-def compaction_stress_and_tangent(law, E33):
-    """Return S33 and dS33/dE33, Eq. (23): stiffening in compression, c0 in thickening."""
-    e = max(-E33, SMALLEST_COMPACTION_STRAIN)
-    exponent = law.c1 * exponential(law.c2 * logarithm(e))
-    modulus = law.c0 * exponential(min(exponent, 600.0))
-    return modulus * E33, modulus * (1.0 + law.c2 * exponent)
-
-
-@equation
 def shear_tangent_slope(law, g):
     """Return d²S12/dg², the slope of the shear tangent (odd in g)."""
     e = 0.5 * abs(g)
@@ -115,15 +110,6 @@ def shear_tangent_slope(law, g):
     second = 2.0 * law.s2 + e * (6.0 * law.s3 + e * (12.0 * law.s4))
     slope = 0.5 * (2.0 * first + e * second)
     return (slope if g >= 0.0 else -slope) + locking_tangent_slope(law, g)
-
-
-@equation
-def compaction_tangent_slope(law, E33):
-    """Return d²S33/dE33², the slope of the compaction tangent (0 in thickening)."""
-    e = max(-E33, SMALLEST_COMPACTION_STRAIN)
-    exponent = law.c1 * exponential(law.c2 * logarithm(e))
-    modulus = law.c0 * exponential(min(exponent, 600.0))
-    return -modulus * (law.c2 * exponent / e) * (1.0 + law.c2 + law.c2 * exponent)
 
 
 @equation
@@ -154,21 +140,6 @@ def stabilising_shear_curvature(law, g):
     size, first, second = rounded_shear(g)
     slope, curvature = shear_tangent_slope(law, size), shear_tangent_curvature(law, size)
     return first * first * curvature + second * slope
-
-
-@equation
-def compaction_tangent_curvature(law, E33):
-    """Return d³S33/dE33³ (0 in thickening)."""
-    if E33 >= 0.0:
-        return 0.0  # e**(c2 - 2) below would grow without bound for c2 < 2
-    e = max(-E33, SMALLEST_COMPACTION_STRAIN)
-    c2 = law.c2
-    X = law.c1 * exponential(c2 * logarithm(e))
-    modulus = law.c0 * exponential(min(X, 600.0))
-    first = c2 * X / e
-    second = (c2 - 1.0) * first / e
-    factor = 1.0 + c2 + c2 * X
-    return modulus * (first * first * (factor + c2) + second * factor)
 
 
 @implements(membrane_response, FabricLaw)
@@ -234,6 +205,8 @@ def fabric_plane_bending_stiffness(law):
 
 
 LockingFabricLaw = locking_class(FabricLaw)
+LinearFabricLaw = linear_class(FabricLaw)
+LinearLockingFabricLaw = linear_class(LockingFabricLaw)
 
 
 class Fabric:
@@ -255,6 +228,7 @@ class Fabric:
     is_diagonal = True
     constant_tangent = False
     couples_thickness = False
+    fibre_modulus_factor = 1.0
 
     def __init__(
         self,
@@ -268,7 +242,7 @@ class Fabric:
         locking: ShearLocking | None = None,
         in_plane_bending: float = 0.0,
     ) -> None:
-        self.law = with_locking(law, locking)
+        self.law = linear_where_constant(with_locking(law, locking))
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
         self.locking = locking
@@ -280,8 +254,19 @@ class Fabric:
         self.name = name
 
     @property
+    def compacts(self) -> bool:
+        return bool(self.law.c1 != 0.0)
+
+    @property
     def locks(self) -> bool:
         return self.locking is not None
+
+    def with_fibre_modulus(self, factor: float) -> Self:
+        """Return the fabric with C11 and C22 of the membrane times a factor."""
+        changed = copy.copy(self)
+        changed.law = self.law._replace(C11=factor * self.law.C11, C22=factor * self.law.C22)
+        changed.fibre_modulus_factor = factor * self.fibre_modulus_factor
+        return changed
 
     def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Return S^M (..., 6) and the tangent C^M (..., 6, 6) for strains E (..., 6).
@@ -555,6 +540,33 @@ class FabricMaterial(MaterialTable):
                 field="areal_mass",
             )
         return self
+
+    @property
+    def compacts(self) -> bool:
+        return self.compaction.c1 > 0.0
+
+    @property
+    def locks(self) -> bool:
+        return self.membrane.locking is not None
+
+    @property
+    def bends_in_plane(self) -> bool:
+        return self.bending.in_plane > 0.0
+
+    def without_compaction(self) -> Self:
+        """Return the fabric with the thickness stiffness of the undeformed one."""
+        return self._with("compaction", c1=0.0)
+
+    def without_locking(self) -> Self:
+        """Return the fabric whose shear law goes on beyond the locking angle."""
+        return self._with("membrane", locking_angle=None, locking_stiffness=None)
+
+    def without_in_plane_bending(self) -> Self:
+        """Return the fabric whose fibres have no stiffness against bending within the plane."""
+        return self._with("bending", in_plane=0.0)
+
+    def _with(self, table: str, **entries: Any) -> Self:
+        return self.model_copy(update={table: getattr(self, table).model_copy(update=entries)})
 
     @property
     def density(self) -> float:

@@ -27,14 +27,17 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from lcmchain.jit import equation
+from lcmchain.materials.compaction import (
+    compaction_stress_and_tangent,
+    compaction_tangent_curvature,
+    compaction_tangent_slope,
+    linear_class,
+)
 from lcmchain.materials.fabric import (
     Fabric,
     FabricCompaction,
     FabricLaw,
     FabricMaterial,
-    compaction_stress_and_tangent,
-    compaction_tangent_curvature,
-    compaction_tangent_slope,
     fabric_bending_stiffness,
     fabric_hourglass_tangent,
     shear_stress_and_tangent,
@@ -109,6 +112,8 @@ implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
 implements(hourglass_tangent, FabricWithSetLaw)(fabric_hourglass_tangent)
 
 LockingFabricWithSetLaw = locking_class(FabricWithSetLaw)
+LinearFabricWithSetLaw = linear_class(FabricWithSetLaw)
+LinearLockingFabricWithSetLaw = linear_class(LockingFabricWithSetLaw)
 
 
 class FabricWithSet(Fabric):
@@ -188,3 +193,14 @@ class FabricWithSetMaterial(FabricMaterial):
             self.compaction.permanent_set,
             **self.sheet_parameters(),
         )
+
+    @property
+    def remembers(self) -> bool:
+        return True
+
+    def without_memory(self) -> FabricMaterial:
+        """Return the fabric that leaves no set."""
+        own = dict(self.compaction)
+        own.pop("permanent_set")
+        entries = dict(self) | {"law": "fabric", "compaction": FabricCompaction(**own)}
+        return FabricMaterial(**entries)

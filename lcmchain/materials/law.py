@@ -27,6 +27,7 @@ from numba.extending import overload
 from numpy.typing import ArrayLike
 
 from lcmchain.dispatch import implements, is_implemented, optional, required
+from lcmchain.errors import InputError
 from lcmchain.jit import INLINED
 
 __all__ = [
@@ -48,6 +49,7 @@ __all__ = [
     "store_history",
     "tangent_curvature",
     "tangent_slope",
+    "with_fibre_modulus",
 ]
 
 
@@ -187,6 +189,7 @@ class Material(Protocol):
     thickness : initial [m]. areal_mass [kg/m²]. density [kg/m³]. fibre_density [kg/m³] or None.
     is_diagonal : whether C^M and C^B are diagonal in the fibre axes.
     constant_tangent : whether C^M never changes.
+    compacts : whether the stiffness over the thickness grows with the compaction.
     shear_range : shear angle [rad] up to which the law was measured, None where nobody says.
     fibre_bending : stiffness per width of the fibres 1 and 2 against bending within the plane
         [N m]; zeros without.
@@ -204,6 +207,9 @@ class Material(Protocol):
     constant_tangent: bool
     shear_range: float | None
     fibre_bending: tuple[float, float]
+
+    @property
+    def compacts(self) -> bool: ...
 
     @property
     def locks(self) -> bool: ...
@@ -251,6 +257,27 @@ def stabilising_tangent(
         return method(E)
     tangent = material.stress_and_tangent(E)[1]
     return tangent, material.tangent_slope(E), material.tangent_curvature(E)
+
+
+def with_fibre_modulus(material: Material, factor: float) -> Material:
+    """Return the material with the moduli of its fibres in the membrane times a factor.
+
+    A material with fibres offers a method of this name, and keeps ``fibre_modulus_factor``.
+
+    Raises
+    ------
+    InputError : the law does not tell fibres from the rest.
+    """
+    if factor == 1.0:
+        return material
+    method = getattr(material, "with_fibre_modulus", None)
+    if method is None:
+        raise InputError(
+            f"is {factor:g}, but the law of {material.name} has no fibres whose modulus could be "
+            "lowered; leave it out",
+            key="process.fibre_modulus_factor",
+        )
+    return method(factor)
 
 
 class MaterialWithMemory(Material, Protocol):

@@ -23,9 +23,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.dispatch import implements, optional
+from lcmchain.dispatch import implements, inherit, optional
 from lcmchain.jit import equation
-from lcmchain.materials import law as protocol
 
 
 class ShearLocking(NamedTuple):
@@ -114,10 +113,7 @@ def locking_class(law_class: Any) -> Any:
     twin.__module__ = law_class.__module__
     if hasattr(law_class, "remembers"):
         setattr(twin, "remembers", law_class.remembers)  # noqa: B010
-    for function in vars(protocol).values():
-        answers = getattr(function, "implementations", {})
-        if law_class in answers:
-            implements(function, twin)(answers[law_class])
+    inherit(twin, law_class)
     implements(locking_response, twin)(cubic_response)
     implements(locking_tangent_slope, twin)(cubic_tangent_slope)
     implements(locking_tangent_curvature, twin)(cubic_tangent_curvature)

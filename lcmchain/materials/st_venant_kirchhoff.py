@@ -110,6 +110,7 @@ class StVenantKirchhoff:
 
     is_diagonal = False
     constant_tangent = True
+    compacts = False
     shear_range: float | None = None
     locks = False
 

@@ -27,6 +27,26 @@ class MaterialTable(SceneModel):
         """Return the law with the constants of the sheet."""
         raise NotImplementedError
 
+    @property
+    def compacts(self) -> bool:
+        """Whether the stiffness over the thickness grows with the compaction."""
+        return False
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the law has a memory."""
+        return False
+
+    @property
+    def locks(self) -> bool:
+        """Whether the fabric locks in shear."""
+        return False
+
+    @property
+    def bends_in_plane(self) -> bool:
+        """Whether fibres resist bending within the plane."""
+        return False
+
     def remarks(self) -> list[str]:
         """Say what is allowed but probably not meant."""
         return []

@@ -96,6 +96,20 @@ def _cost(summary: Mapping[str, Any]) -> Iterator[Number]:
         total = max(sum(summary["step_control"].values()), 1)
         limited = ", ".join(f"{cause} ({count / total:.0%})" for cause, count in causes)
         yield Number("Steps", f"{summary['step_count']:,}", f"limited by {limited}")
+    if summary.get("fibre_modulus_factor", 1.0) != 1.0:
+        yield Number(
+            "Fibre modulus",
+            f"{summary['fibre_modulus_factor']:g} of the fabric's",
+            f"fibres strain by up to {100 * summary['fibre_strain_largest']:.2g} %, allowed are "
+            f"{100 * summary['fibre_strain_allowed']:.2g} %",
+        )
+    if summary.get("mass_added_largest", 0.0) > 0.0:
+        yield Number(
+            "Added mass",
+            f"{1e3 * summary['mass_added_kg']:.4g} g",
+            f"{percent(summary['mass_added_total'])} of the sheet's, at most "
+            f"{percent(summary['mass_added_largest'])} of a node's; its weight is not added",
+        )
     if "us_per_element_step" in summary:
         yield Number(
             "Computing time",

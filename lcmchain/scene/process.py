@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from lcmchain.effects.mass_scaling import MassScaling
 from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range, Rate, Switch
 from lcmchain.quantities.scene_model import SceneModel
 
@@ -28,4 +29,18 @@ class Process(SceneModel):
     gravity: Switch = Field(default=False, description="9.81 m/s2 along -z on the blank.")
     step_safety: Annotated[float, Number(0.9, Range(0.0, 1.0, (0.0,)))] = Field(
         default=0.9, description="Fraction of the critical time step that is used."
+    )
+    fibre_modulus_factor: Annotated[float, Number(0.25, Range(0.0, 1.0, (0.0,)))] = Field(
+        default=1.0,
+        description="Modulus of the fibres in the simulation over that of the fabric: a lower one "
+        "makes the time step larger.",
+    )
+    fibre_strain_allowed: Annotated[float, Number(0.002, Range(0.0, 0.1, (0.0,)))] = Field(
+        default=0.002,
+        description="Largest fibre strain that a lowered modulus may lead to; a run that exceeds "
+        "it warns and says which factor to use.",
+    )
+    mass_scaling: Annotated[MassScaling | None, AbsentMeans("no mass is added")] = Field(
+        default=None,
+        description="Inertia that is added to the sheet for a larger time step.",
     )

@@ -270,7 +270,7 @@ def _leaves(
             absent = next((extra.text for extra in extras if isinstance(extra, AbsentMeans)), None)
             if model_field.is_required():
                 text = ""
-            elif model_field.default is None and absent is not None:
+            elif absent is not None and (model_field.default is None or not absent):
                 text = absent
             else:
                 text = _value_text(model_field.default)

@@ -13,10 +13,14 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from lcmchain.effects.audit import switches
 from lcmchain.effects.contact import Contact
+from lcmchain.effects.effect import Refusal
 from lcmchain.effects.face_pressure import PressureOnFace
+from lcmchain.effects.switches import EffectSettings, Switched, changes, settings_of
 from lcmchain.elements.families import SheetElement
 from lcmchain.elements.solid_shell.table import Element
+from lcmchain.materials.law import Material, with_fibre_modulus
 from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
 from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
@@ -84,6 +88,10 @@ class Scene(SceneModel):
         description="Kind of element and its options; a name alone takes the defaults.",
     )
     contact: Contact = Field(default_factory=Contact)
+    effects: EffectSettings = Field(
+        default_factory=EffectSettings,
+        description="Effects that are switched on or off, whatever the scene calls for.",
+    )
     tools: Annotated[
         tuple[Tool, ...],
         Row("[[tools]] ... for each tool", entries="tables", units=False, maximum_count=MOST_TOOLS),
@@ -122,11 +130,21 @@ class Scene(SceneModel):
     )
 
     _source: SceneSource | None = PrivateAttr(default=None)
+    _switched: tuple[Switched, ...] = PrivateAttr(default=())
 
     @property
     def source(self) -> SceneSource:
         """Where the scene came from; empty for a scene built in Python."""
         return self._source or SceneSource(None, Path.cwd(), "", "")
+
+    @property
+    def switched(self) -> tuple[Switched, ...]:
+        """Effects that ``[effects]`` has switched against what the other entries call for."""
+        return self._switched
+
+    def built_material(self) -> Material:
+        """Return the material as it is simulated, with the modulus of fibres that is asked for."""
+        return with_fibre_modulus(self.material.build(), self.process.fibre_modulus_factor)
 
     @property
     def history_interval(self) -> float:
@@ -171,6 +189,21 @@ class Scene(SceneModel):
         )
 
     @model_validator(mode="after")
+    def _switch_effects(self) -> Self:
+        """Take effects out of the scene, or into it, before anything reads what it calls for."""
+        switched = []
+        for key, setting in settings_of(self).items():
+            try:
+                changed = changes(self, key, setting)
+            except Refusal as refusal:
+                raise wrong(f'is "{setting}", but {refusal}', field=f"effects.{key}") from None
+            if changed is not None:
+                self.__dict__.update(changed)  # the scene is frozen for everybody else
+                switched.append(Switched(key, setting, switches()[key]))
+        self._switched = tuple(switched)
+        return self
+
+    @model_validator(mode="after")
     def _check_scene(self) -> Self:
         if self.permeability is not None and self.material.fibre_density is None:
             raise wrong(
@@ -201,6 +234,12 @@ class Scene(SceneModel):
             raise wrong(
                 f'is {share:g}, but only law = "fabric" has fibres; leave it out',
                 field="element.fibre_hourglass",
+            )
+        if self.process.fibre_modulus_factor != 1.0 and not self.material.has_fibres:
+            raise wrong(
+                f'is {self.process.fibre_modulus_factor:g}, but law = "{self.material.law}" has no '
+                "fibres whose modulus could be lowered; leave it out",
+                field="process.fibre_modulus_factor",
             )
         if self.process.time > MOST_SAMPLES * self.history_interval:
             raise wrong(

@@ -11,6 +11,7 @@ import math
 
 from lcmchain.effects.contact import normal_force
 from lcmchain.effects.friction import friction
+from lcmchain.effects.gravity import weight_at
 from lcmchain.jit import span_routine
 from lcmchain.state import (
     CONTACT,
@@ -148,7 +149,7 @@ def normal_forces(arrays, tools, environment, tool, begin, end, dt_last, dt, wor
             gap,
             vx * nx + vy * ny + vz * nz,
             (wx * nx + wy * ny + wz * nz) / mass[i],
-            others / mass[i] - wz * gravity,
+            others / mass[i] - wz * weight_at(gravity, begin + i),
             dt_last,
             dt,
         )

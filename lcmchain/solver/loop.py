@@ -18,6 +18,7 @@ from numba import literal_unroll, prange
 from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.face_pressure import face_forces, face_pressures
 from lcmchain.effects.fibre_bending import fibre_bending_forces
+from lcmchain.effects.gravity import weight_at
 from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
@@ -197,11 +198,11 @@ def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
     damping = environment.mass_damping
     mass = arrays.mass[first:last]
     for d in range(3):
-        gravity = -environment.gravity if d == 2 else 0.0
         position, velocity = arrays.position[d, first:last], arrays.velocity[d, first:last]
         force, free = arrays.force[d, first:last], arrays.free[d, first:last]
         kinetic, damped, weight = 0.0, 0.0, 0.0
         for i in range(last - first):
+            gravity = -weight_at(environment.gravity, first + i) if d == 2 else 0.0
             share = free[i]
             old = velocity[i]
             acceleration = force[i] / mass[i] + gravity
@@ -245,7 +246,7 @@ def move_supports(arrays, supports, environment, dt_last, dt):
                 continue
             old = velocity[d, node]
             new = (prescribed_position(supports, k, d, piece, s) - position[d, node]) / dt
-            gravity = -environment.gravity if d == 2 else 0.0
+            gravity = -weight_at(environment.gravity, node) if d == 2 else 0.0
             held = mass[node] * ((new - old) / interval - gravity) - arrays.force[d, node]
             arrays.support_force[group, d] += held
             arrays.support_impulse[group, d] += held * interval

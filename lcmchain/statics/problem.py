@@ -100,7 +100,7 @@ class StaticProblem:
             )
         require_supports(self.model, self.held, self.held_middle)
         forces = np.zeros(shape) if self.forces is None else np.array(self.forces, dtype=float)
-        forces += np.outer(self.gravity, self.model.nodes.mass)
+        forces += np.outer(self.gravity, self.model.sheet_mass)
         object.__setattr__(self, "dead_forces", forces)
 
     @property

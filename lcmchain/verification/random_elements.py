@@ -160,7 +160,13 @@ def separate_elements(
     )
     contact = SimpleNamespace(penalty=1e9, tangential_ratio=0.5, damping_ratio=0.0)
     process = SimpleNamespace(
-        mass_damping=0.0, damping_average=None, gravity=False, time=1.0, frames=2, step_safety=0.9
+        mass_damping=0.0,
+        damping_average=None,
+        gravity=False,
+        time=1.0,
+        frames=2,
+        step_safety=0.9,
+        mass_scaling=None,
     )
     return assemble_model(
         blank,

@@ -162,7 +162,8 @@ def test_regenerate_writes_the_reference_pages(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(generated, "FOLDER", tmp_path)
     assert docs("--regenerate") == 0
     written = {file.name for file in tmp_path.iterdir()}
-    assert written == {"scene-reference.md", "presets.md", "fields.md", "commands.md"}
+    topics = ("scene-reference", "effects", "presets", "fields", "commands")
+    assert written == {f"{topic}.md" for topic in topics}
     assert (tmp_path / "commands.md").read_text("utf-8") == (site.FOLDER / "commands.md").read_text(
         "utf-8"
     )

@@ -198,6 +198,10 @@ def test_every_value_is_recorded_as_given_or_defaulted():
                 yield f"{prefix}{name}"
 
     unrecorded = set(leaf_keys(scene)) - set(recorded)
+    # a check lists all effects, and settings only where one is given
+    settings = {f"effects.{name}" for name in type(scene.effects).model_fields}
+    assert settings <= unrecorded
+    unrecorded -= settings
     assert unrecorded == {"blank.outline"}, "the alternative to blank.size"
     assert len(recorded) == len(scene.source.given) + len(scene.source.defaulted)
     assert {"blank.edge_length", "tools.holder.friction", "material.compaction.c1"} <= given_keys

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -51,7 +51,10 @@ COLLAPSED_AREA = 0.05
 # A body is found by identity: arrays have no single truth of being equal.
 @dataclass(frozen=True, eq=False)
 class MembraneShellBody:
-    """Triangles of one material; see :class:`lcmchain.elements.family.Body`."""
+    """Triangles of one material; see :class:`lcmchain.elements.family.Body`.
+
+    mass_factor : (mesh.node_count,) inertia of the nodes over their mass, None for their mass.
+    """
 
     name: str
     mesh: TriangleMesh
@@ -60,6 +63,7 @@ class MembraneShellBody:
     data: MembraneShellData | MembraneData
     first_node: int
     first_element: int
+    mass_factor: np.ndarray | None = None
 
     type = "membrane-shell"
     hourglass_tells = True  # there is none
@@ -129,6 +133,23 @@ class MembraneShellBody:
     @property
     def node_mass(self) -> np.ndarray:
         return self.material.areal_mass * self.node_area
+
+    @property
+    def inertial_mass(self) -> np.ndarray:
+        return self.node_mass if self.mass_factor is None else self.mass_factor * self.node_mass
+
+    @property
+    def least_mass_factor(self) -> float:
+        return 1.0 if self.mass_factor is None else float(self.mass_factor.min())
+
+    @property
+    def part_omega2(self) -> np.ndarray:
+        """Of the nodes."""
+        in_plane = self.material.wave_stiffness()[0] / self.material.density
+        return in_plane * self.fibre_bound[0]
+
+    def with_mass_factor(self, factor: np.ndarray) -> MembraneShellBody:
+        return replace(self, mass_factor=factor)
 
     @cached_property
     def node_area(self) -> np.ndarray:
@@ -218,9 +239,10 @@ class MembraneShellBody:
         in_plane = self.material.wave_stiffness()[0] / self.material.density
         # most nodes are whole ones, whatever weights the power iteration has given to them
         shortest = np.abs(self.geometry.gradient).sum(axis=1).max(axis=1)
+        factor = 1.0 if self.mass_factor is None else self.mass_factor
         return ReferenceFrequencies(
-            in_plane=float(in_plane * self.fibre_bound[0].max()),
-            at_nodes=float(in_plane * np.median(shortest) ** 2),
+            in_plane=float(in_plane * (self.fibre_bound[0] / factor).max()),
+            at_nodes=float(in_plane * np.median(shortest) ** 2 / np.median(factor)),
             over_thickness=0.0,
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 from pydantic import Field
 
@@ -31,3 +31,7 @@ class MembraneShellElement(SceneModel):
             "element.bending = false folds at no cost: neither where wrinkles come nor how large "
             "they are is predicted, and folds are as short as the elements",
         )
+
+    def without_bending(self) -> Self:
+        """Return triangles that are membranes alone."""
+        return self.model_copy(update={"bending": False})

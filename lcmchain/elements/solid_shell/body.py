@@ -45,7 +45,10 @@ COLLAPSED_STRETCH = 0.05
 # A body is found by identity: arrays have no single truth of being equal.
 @dataclass(frozen=True, eq=False)
 class SolidShellBody:
-    """Solid-shells of one material; see :class:`lcmchain.elements.family.Body`."""
+    """Solid-shells of one material; see :class:`lcmchain.elements.family.Body`.
+
+    mass_factor : (element_count,) inertia of the elements over their mass, None for their mass.
+    """
 
     name: str
     mesh: BlankMesh
@@ -55,6 +58,7 @@ class SolidShellBody:
     first_node: int
     first_element: int
     cut: CutElements | None = None
+    mass_factor: np.ndarray | None = None
 
     type = "solid-shell"
     contact_offset = 0.0  # the nodes lie on the faces
@@ -142,6 +146,30 @@ class SolidShellBody:
         return self.material.density * self._at_nodes(self.geometry.volume / 8.0)
 
     @cached_property
+    def inertial_mass(self) -> np.ndarray:
+        if self.mass_factor is None:
+            return self.node_mass
+        share = self.mass_factor * self.geometry.volume / 8.0
+        return self.material.density * self._at_nodes(share)
+
+    @cached_property
+    def least_mass_factor(self) -> float:
+        return 1.0 if self.mass_factor is None else float(self.mass_factor.min())
+
+    @cached_property
+    def part_omega2(self) -> np.ndarray:
+        """Of the elements; those near the cut share mass, and have the bound of their group."""
+        in_plane, normal = np.array(self.material.wave_stiffness()) / self.material.density
+        fibre = self._fibre_bounds_of_elements.copy()
+        if self.cut is not None:
+            fibre[self.cut.elements] = self.cut.fibre_bound
+        return np.maximum(in_plane * fibre, normal / self.geometry.height**2)
+
+    def with_mass_factor(self, factor: np.ndarray) -> SolidShellBody:
+        cut = None if self.cut is None else self.cut.with_mass_factor(factor)
+        return replace(self, cut=cut, mass_factor=factor)
+
+    @cached_property
     def node_area(self) -> np.ndarray:
         """Reference area of the nodes on their face [m²], a quarter of each element's."""
         return self._at_nodes(self.geometry.volume / (2.0 * self.geometry.height) / 4.0)
@@ -213,6 +241,8 @@ class SolidShellBody:
         mode = np.empty(self._padded_count, dtype=np.int64)
         frequency_bounds(self.data, positions, history, omega2, mode)
         omega2 = omega2[: self.mesh.element_count]
+        if self.mass_factor is not None:
+            omega2 /= self.mass_factor
         if self.cut is not None:
             # two bounds of the elements near the cut, of which the lower one counts
             bound, element = self.cut.highest_frequency(positions, history, len(omega2))
@@ -224,21 +254,31 @@ class SolidShellBody:
 
     def reference_frequencies(self) -> ReferenceFrequencies:
         in_plane, normal = np.array(self.material.wave_stiffness()) / self.material.density
-        whole, cut = self._fibre_bounds
+        factor = 1.0 if self.mass_factor is None else self.mass_factor
+        whole, cut, usual = self._fibre_bounds_of_elements / factor, 0.0, 0.0
+        if self.cut is not None:
+            whole[self.cut.elements] = 0.0
+            least = self.cut.least_mass_factor
+            cut, usual = self.cut.fibre_bound / least, self.cut.usual_bound / least
         return ReferenceFrequencies(
-            in_plane=float(in_plane * max(whole, cut)),
-            at_nodes=0.0 if self.cut is None else float(in_plane * self.cut.usual_bound),
-            over_thickness=float(normal / self.geometry.height.min() ** 2),
+            in_plane=float(in_plane * max(whole.max(), cut)),
+            at_nodes=float(in_plane * usual),
+            over_thickness=float((normal / (factor * self.geometry.height**2)).max()),
         )
 
     @cached_property
     def _fibre_bounds(self) -> tuple[float, float]:
         """Bounds of ω²/c² of whole elements and of those near the cut in the reference [1/m²]."""
-        whole = (self.geometry.K[:, :2, :2] ** 2).sum(axis=1).max(axis=1)
+        whole = self._fibre_bounds_of_elements.copy()
         if self.cut is None:
             return float(whole.max()), 0.0
         whole[self.cut.elements] = 0.0
         return float(whole.max()), self.cut.fibre_bound
+
+    @cached_property
+    def _fibre_bounds_of_elements(self) -> np.ndarray:
+        """Bounds (element_count,) of ω²/c² of the elements in the reference [1/m²]."""
+        return (self.geometry.K[:, :2, :2] ** 2).sum(axis=1).max(axis=1)
 
     def cause(self, code: int) -> str:
         return "in-plane stiffness" if code in IN_PLANE_MODES else "compaction (thickness)"
@@ -268,7 +308,8 @@ class SolidShellBody:
         strain[2] = 0.5 * (condition.thickness_stretch[thinnest] ** 2 - 1.0)
         tangent = self.material.stress_and_tangent(strain)[1][2, 2]
         height = self.geometry.height[thinnest]
-        if tangent / (self.material.density * height**2) > THICKNESS_SHARE * omega2:
+        density = self.material.density * self.least_mass_factor
+        if tangent / (density * height**2) > THICKNESS_SHARE * omega2:
             return True
         return shear_may_stiffen(self, condition, omega2)
 
@@ -362,6 +403,10 @@ def kernel_options(
     material: Material, choices: Any, *, flat: bool, fibre_share: float = 1.0
 ) -> Options:
     """Choose the effects of the element: what material and reference geometry call for."""
+    # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it
+    enhanced = getattr(choices, "enhanced_strain", None)
+    if enhanced is None:
+        enhanced = material.couples_thickness or not flat
     conservative = choices.hourglass == "conservative" and not material.constant_tangent
     return Options(
         flat=True if flat else None,
@@ -369,8 +414,7 @@ def kernel_options(
         director=True if choices.compaction_strain == "director" else None,
         # a constant tangent needs no correction of the hourglass energy
         conservative=True if conservative else None,
-        # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it
-        enhanced=True if material.couples_thickness or not flat else None,
+        enhanced=True if enhanced else None,
         reference_bending=True if choices.bending_thickness == "reference" else None,
         zeta2=1.0 / 3.0,
         zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,

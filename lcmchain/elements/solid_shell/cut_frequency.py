@@ -12,7 +12,8 @@ stiffness are shared out to the nodes by Cauchy's inequality, as in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -30,9 +31,10 @@ class CutElements:
     elements : their numbers in the body (count,). data : their constants.
     shares : scratch and constants of the bound. history_rows : values of an element's history.
     node : nodes of the body that they have, by corner (count, 8), numbered from 0 on.
-    volume : of each (count,) [m³]. mass : that they give to the nodes [kg].
+    volume : of each (count,) [m³].
     fibre_bound : bound of ω²/c² in the reference, c the speed of the fibre wave [1/m²].
     usual_bound : the same of a whole element.
+    mass_factor : inertia of the elements over their mass (count,), 1 without added mass.
     """
 
     elements: np.ndarray
@@ -41,9 +43,17 @@ class CutElements:
     history_rows: int
     node: np.ndarray
     volume: np.ndarray
-    mass: np.ndarray
     fibre_bound: float
     usual_bound: float
+    mass_factor: np.ndarray
+
+    @property
+    def least_mass_factor(self) -> float:
+        return float(self.mass_factor.min())
+
+    def with_mass_factor(self, factor: np.ndarray) -> CutElements:
+        """Return them with the inertia that the body's elements have over their mass."""
+        return replace(self, mass_factor=factor[self.elements])
 
     @classmethod
     def of_body(
@@ -89,9 +99,9 @@ class CutElements:
             history_rows=history_rows,
             node=node,
             volume=volume,
-            mass=data.density * np.bincount(node.ravel(), np.repeat(volume / 8.0, 8)),
             fibre_bound=float((2.0 / pitch * near.ratio).max() ** 2),
             usual_bound=4.0 / pitch**2,
+            mass_factor=np.ones(len(elements)),
         )
 
     def highest_frequency(
@@ -109,10 +119,16 @@ class CutElements:
         stiffness = self.shares.stiffness[:count] * self.volume[:, None, None]
         at_nodes = [np.bincount(self.node.ravel(), stiffness[..., k].ravel()) for k in range(6)]
         bounds = np.linalg.eigvalsh(np.moveaxis(np.array(at_nodes)[MATRIX], 2, 0))[:, -1]
-        bounds /= self.mass
+        bounds /= self._given_mass
         node = int(np.argmax(bounds))
         element = int(self.elements[np.flatnonzero((self.node == node).any(axis=1))[0]])
-        return float(bounds[node] + rest[:count].max()), element
+        return float(bounds[node] + (rest[:count] / self.mass_factor).max()), element
+
+    @cached_property
+    def _given_mass(self) -> np.ndarray:
+        """Inertia that the elements give to their nodes [kg]."""
+        share = self.data.density * self.mass_factor * self.volume / 8.0
+        return np.bincount(self.node.ravel(), np.repeat(share, 8))
 
 
 # Signs of ξ, η and ξη at the corners of the lower face.

@@ -27,7 +27,7 @@ def _names(past: tuple[Remembered, ...]) -> str:
 
 
 def _compaction(material: Material, options: Options) -> tuple[bool, str]:
-    if material.constant_tangent:
+    if not material.compacts:
         return False, "the law has a constant stiffness C33"
     measure = "normal thickness" if options.director is None else "length of the director"
     return True, f"C33 grows with the compaction, measured by the {measure}"
@@ -62,8 +62,10 @@ def _hourglass(material: Material, options: Options) -> str:
 
 
 def _enhanced_strain(material: Material, options: Options) -> tuple[bool, str]:
-    if options.enhanced is None:
-        return False, "normal and other strains do not couple, and the sheet is flat"
     if material.couples_thickness:
-        return True, "normal and other strains couple"
-    return True, "the sheet is curved or skewed at the start"
+        reason = "normal and other strains couple"
+    elif options.curved is not None:
+        reason = "the sheet is curved or skewed at the start"
+    else:
+        reason = "normal and other strains do not couple, and the sheet is flat"
+    return options.enhanced is not None, reason

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from lcmchain.quantities.entry_types import AbsentMeans, Number, Range, Switch, wrong
 from lcmchain.quantities.scene_model import SceneModel
@@ -52,6 +52,19 @@ class Element(SceneModel):
     in_plane_shear_hourglass: Switch = Field(
         default=True, description="Keep the in-plane shear row in the hourglass stabilisation."
     )
+
+    _enhanced_strain: bool | None = PrivateAttr(default=None)
+
+    @property
+    def enhanced_strain(self) -> bool | None:
+        """Whether the enhanced strain was asked for; None leaves it to material and mesh."""
+        return self._enhanced_strain
+
+    def with_enhanced_strain(self, there: bool) -> Self:
+        """Return the choices with the enhanced strain, or without it, whatever calls for it."""
+        changed = self.model_copy()
+        changed._enhanced_strain = there
+        return changed
 
     @model_validator(mode="after")
     def _check_bending(self) -> Self:

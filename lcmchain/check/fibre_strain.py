@@ -1,0 +1,57 @@
+"""Whether fibres with a lowered modulus strain no more than was allowed, and how low it may be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lcmchain.check.quasi_static import two_digits
+from lcmchain.scene import Scene
+
+# Fibres that hardly strain could have any modulus: none lower than this part is recommended.
+LEAST_FACTOR = 0.01
+
+
+def fibre_strain_measures(sheet: xr.Dataset, scene: Scene) -> dict[str, Any]:
+    """Return the largest fibre strain of all frames and what it says of the modulus.
+
+    Returns
+    -------
+    Under the names of ``summary.json``: ``fibre_modulus_factor``, ``fibre_strain_largest``
+    (magnitude, of both families in all frames), ``fibre_strain_allowed`` and
+    ``fibre_modulus_factor_possible``, with which the largest strain would come to what is allowed
+    if the forces in the fibres stayed the same: an estimate, which holds for small strains. Nothing
+    for a material without fibres.
+    """
+    if not scene.material.has_fibres:
+        return {}
+    process = scene.process
+    largest = max(float(np.abs(sheet[f"fibre_strain_{i}"].values).max()) for i in (1, 2))
+    possible = process.fibre_modulus_factor * largest / process.fibre_strain_allowed
+    possible = min(max(possible, LEAST_FACTOR), 1.0)
+    return {
+        "fibre_modulus_factor": process.fibre_modulus_factor,
+        "fibre_strain_largest": largest,
+        "fibre_strain_allowed": process.fibre_strain_allowed,
+        "fibre_modulus_factor_possible": -float(two_digits(-possible)),  # rounded up
+    }
+
+
+def fibre_strain_warnings(measures: Mapping[str, Any]) -> list[str]:
+    """Say in words where a lowered modulus lets fibres strain by more than was allowed."""
+    factor = measures.get("fibre_modulus_factor", 1.0)
+    if factor == 1.0 or measures["fibre_strain_largest"] <= measures["fibre_strain_allowed"]:
+        return []
+    possible = measures["fibre_modulus_factor_possible"]
+    cure = "leave it out" if possible == 1.0 else f"use {possible:g}"
+    largest = -float(two_digits(-measures["fibre_strain_largest"]))
+    return [
+        f"fibres strain by up to {100 * measures['fibre_strain_largest']:.2g} % (allowed: "
+        f"{100 * measures['fibre_strain_allowed']:.2g} %) with process.fibre_modulus_factor = "
+        f"{factor:g}: "
+        f"{cure}, or state that this strain does no harm, process.fibre_strain_allowed = "
+        f"{largest:g}"
+    ]

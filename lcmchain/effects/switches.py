@@ -1,0 +1,117 @@
+"""The table ``[effects]`` of a scene: an entry per effect, against what the scene calls for.
+
+``auto`` leaves an effect to scene and material. ``off`` takes it out of a scene that calls for it,
+before anything is built, so that its code is not compiled in either. ``on`` puts it into one that
+does not, where it is known with which numbers. What cannot be, is refused with the reason
+(:class:`lcmchain.effects.effect.Switch`, one in each effect's file).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field, create_model
+
+from lcmchain.effects.audit import switches
+from lcmchain.effects.effect import Refusal, Switch
+from lcmchain.quantities.entry_types import AbsentMeans
+from lcmchain.quantities.scene_model import SceneModel
+
+Setting = Annotated[Literal["auto", "on", "off"], AbsentMeans("")]
+
+#: The table ``[effects]``.
+EffectSettings: type[SceneModel] = create_model(  # type: ignore[call-overload]
+    "EffectSettings",
+    __base__=SceneModel,
+    __doc__="Effects that are switched on or off, whatever the scene calls for.",
+    **{
+        key: (Setting, Field(default="auto", description=f"Off leaves out {switch.without}."))
+        for key, switch in switches().items()
+    },
+)
+
+
+class Switched(NamedTuple):
+    """An effect that a scene has switched against what it calls for: its key and its setting."""
+
+    key: str
+    setting: str
+    switch: Switch
+
+    @property
+    def warning(self) -> str:
+        """What is to be known of the result."""
+        if self.setting == "on":
+            return f'effects.{self.key} = "on" adds what no other entry of the scene calls for'
+        return (
+            f'effects.{self.key} = "off" leaves out what the scene calls for '
+            f"({self.switch.entry}): {self.switch.without}"
+        )
+
+
+class Switchable(NamedTuple):
+    """An effect that could be switched: its entry, whether the scene has it, and why."""
+
+    name: str
+    state: Literal["on", "off"]
+    why: str
+
+
+def settings_of(scene: Any) -> dict[str, str]:
+    """Return the settings of a scene other than "auto", by entry of ``[effects]``."""
+    given = {key: getattr(scene.effects, key) for key in switches()}
+    return {key: setting for key, setting in given.items() if setting != "auto"}
+
+
+def changes(scene: Any, key: str, setting: str) -> dict[str, Any] | None:
+    """Return the entries of a scene that change; None where it is already as asked for.
+
+    Raises
+    ------
+    Refusal : the effect cannot be switched so in this scene; says why and what to do.
+    """
+    switch = switches()[key]
+    called = switch.called(scene)
+    if called is not None and called == (setting == "on"):
+        return None
+    return switch.off(scene) if setting == "off" else switch.on(scene)
+
+
+def with_effect(scene: Any, key: str, setting: str) -> Any:
+    """Return a copy of a scene with an effect switched "on" or "off".
+
+    Raises
+    ------
+    Refusal : the effect cannot be switched so in this scene.
+    """
+    changed = changes(scene, key, setting) or {}
+    changed["effects"] = scene.effects.model_copy(update={key: setting})
+    return scene.model_copy(update=changed)
+
+
+def switchable_effects(scene: Any) -> list[Switchable]:
+    """Return the effects that the other setting would change, for a study of what each costs.
+
+    Those that a scene has already switched stay as they are set.
+
+    Parameters
+    ----------
+    scene : a validated scene.
+    """
+    return list(_switchable(scene, settings_of(scene)))
+
+
+def _switchable(scene: Any, settled: Mapping[str, str]) -> Iterator[Switchable]:
+    for key, switch in switches().items():
+        if key in settled:
+            continue
+        called = switch.called(scene)
+        if called is None:
+            continue
+        try:
+            changes(scene, key, "off" if called else "on")
+        except Refusal:
+            continue
+        why = switch.entry if called else f"not called for by {switch.entry}"
+        yield Switchable(key, "on" if called else "off", why)

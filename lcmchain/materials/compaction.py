@@ -1,0 +1,89 @@
+"""Compaction of a fabric, C33 = c0 exp(c1 |E33|^c2): stiffening under pressure, or not.
+
+Source: Schäfer, Mitsch, Kärger, Eq. (23). The law costs an exponential and a logarithm per element
+and step. Where a fabric states no growth (c1 = 0) its C33 stays that of the undeformed fabric: such
+a law is a class of its own with the same parameters (:func:`linear_class`), and its kernels hold
+neither.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from lcmchain.dispatch import implements, inherit, optional
+from lcmchain.jit import equation
+from lcmchain.materials.elementary import exponential, logarithm
+
+# Below this strain the exponent of the compaction law is zero to double precision for c2 >= 1.
+SMALLEST_COMPACTION_STRAIN = 1e-16
+
+
+@optional
+def compaction_stress_and_tangent(law, E33):
+    """Return S33 and dS33/dE33, Eq. (23): stiffening in compression, c0 in thickening."""
+    e = max(-E33, SMALLEST_COMPACTION_STRAIN)
+    exponent = law.c1 * exponential(law.c2 * logarithm(e))
+    modulus = law.c0 * exponential(min(exponent, 600.0))
+    return modulus * E33, modulus * (1.0 + law.c2 * exponent)
+
+
+@optional
+def compaction_tangent_slope(law, E33):
+    """Return d²S33/dE33², the slope of the compaction tangent (0 in thickening)."""
+    e = max(-E33, SMALLEST_COMPACTION_STRAIN)
+    exponent = law.c1 * exponential(law.c2 * logarithm(e))
+    modulus = law.c0 * exponential(min(exponent, 600.0))
+    return -modulus * (law.c2 * exponent / e) * (1.0 + law.c2 + law.c2 * exponent)
+
+
+@optional
+def compaction_tangent_curvature(law, E33):
+    """Return d³S33/dE33³ (0 in thickening)."""
+    if E33 >= 0.0:
+        return 0.0  # e**(c2 - 2) below would grow without bound for c2 < 2
+    e = max(-E33, SMALLEST_COMPACTION_STRAIN)
+    c2 = law.c2
+    X = law.c1 * exponential(c2 * logarithm(e))
+    modulus = law.c0 * exponential(min(X, 600.0))
+    first = c2 * X / e
+    second = (c2 - 1.0) * first / e
+    factor = 1.0 + c2 + c2 * X
+    return modulus * (first * first * (factor + c2) + second * factor)
+
+
+@equation
+def linear_stress_and_tangent(law, E33):
+    return law.c0 * E33, law.c0
+
+
+@equation
+def no_tangent_change(law, E33):
+    return 0.0
+
+
+_linear_classes: dict[type, type] = {}
+
+
+def linear_class(law_class: Any) -> Any:
+    """Return the twin of a class of laws whose C33 never changes.
+
+    It must be a global of the class's own module, under its own name: compiled kernels on disk
+    look it up there.
+    """
+    entries = [*law_class.__annotations__.items()]
+    twin: Any = NamedTuple(f"Linear{law_class.__name__}", entries)  # type: ignore[misc]
+    twin.__doc__ = f"Parameters of :class:`{law_class.__name__}`, with a constant C33."
+    twin.__module__ = law_class.__module__
+    if hasattr(law_class, "remembers"):
+        setattr(twin, "remembers", law_class.remembers)  # noqa: B010
+    inherit(twin, law_class)
+    implements(compaction_stress_and_tangent, twin)(linear_stress_and_tangent)
+    implements(compaction_tangent_slope, twin)(no_tangent_change)
+    implements(compaction_tangent_curvature, twin)(no_tangent_change)
+    _linear_classes[law_class] = twin
+    return twin
+
+
+def linear_where_constant(law: Any) -> Any:
+    """Return the law itself, or its twin of :func:`linear_class` where c1 is 0."""
+    return law if law.c1 != 0.0 else _linear_classes[type(law)](*law)
