@@ -21,13 +21,17 @@ from lcmchain.study.variant import SceneText, Variant
 #: Names of what is varied.
 EDGE, TIME, BOTH = "edge length", "process time", "edge length and process time"
 CONTACT, STEP, DAMPING = "contact stiffness", "time step", "damping"
-RUNG = "model"
+RUNG, MASS, FIBRES = "model", "mass", "fibre modulus"
+QUICK = "half the time, softer fibres"
 
 #: Edge lengths, by that of the scene; the last one is that of the reference.
 EDGES = (3.0, 2.0, 1.5, 1.0, 0.75, 0.5)
 #: Process times of the scene's mesh, and of one with edges twice as long, by that of the scene.
 TIMES = (0.5, 2.0)
 TIMES_COARSE = (0.25, 0.5, 2.0)
+#: Inertia by the mass of the sheet, and fibre modulus by that of the fabric.
+MASSES = (4.0, 16.0)
+SOFTER_FIBRES = 0.25
 #: Edge lengths of the cheaper rungs.
 RUNG_EDGES = (1.0, 2.0)
 #: Process time of the reference, by that of the scene.
@@ -60,6 +64,7 @@ def ladder(text: SceneText, finest: float = EDGES[-1]) -> list[Variant]:
     if scene.process.mass_damping > 0.0:
         half = f'process.mass_damping="{0.5 * scene.process.mass_damping:.6g} 1/s"'
         variants.append(Variant("damping / 2", DAMPING, (half,), 0.5))
+    variants += _with_larger_steps(text, scene)
     return [*variants, *_on_rungs(text, scene), _with_both(scene, finest, LONGEST)]
 
 
@@ -128,6 +133,29 @@ def _of_contact(text: SceneText, scene: Scene) -> list[Variant]:
     ]  # fmt: skip
 
 
+def _with_larger_steps(text: SceneText, scene: Scene) -> list[Variant]:
+    """Return the scene with mass added, fibres softened, and with all that makes it quick."""
+    mass = "process.mass_scaling={{factor = {:g}}}"
+    softer = f"process.fibre_modulus_factor={SOFTER_FIBRES * scene.process.fibre_modulus_factor:g}"
+    quick = (softer, _time(0.5 * scene.process.time))
+    edge = scene.blank.edge_length
+    variants = [Variant(f"mass x {f:g}", MASS, (mass.format(f),), f) for f in MASSES] + [
+        Variant(f"fibre modulus x {SOFTER_FIBRES:g}", FIBRES, (softer,), SOFTER_FIBRES),
+        Variant(f"{_edge_text(edge)}, quick", QUICK, quick),
+        Variant(f"{_edge_text(0.75 * edge)}, quick", QUICK, (*quick, _edge(0.75 * edge))),
+    ]
+    return [v for v in variants if _fits(text, v)]
+
+
+def _fits(text: SceneText, variant: Variant) -> bool:
+    """Tell whether the scene allows a setting: no law without fibres has softer ones."""
+    try:
+        text.scene_to_run(variant)
+    except InputError:
+        return False
+    return True
+
+
 def _on_rungs(text: SceneText, scene: Scene) -> list[Variant]:
     """Return the cheaper rungs of the model ladder, the quick ones on the coarse mesh as well."""
     rungs = list(RUNGS)
@@ -135,13 +163,11 @@ def _on_rungs(text: SceneText, scene: Scene) -> list[Variant]:
     for model in rungs[: rungs.index(rung_of(scene))]:
         for factor in RUNG_EDGES:
             edge = factor * scene.blank.edge_length
-            variant = Variant(f"{model}, {_edge_text(edge)}", RUNG, (_edge(edge),), edge, model)
-            try:
-                text.scene_to_run(variant)
-            except InputError:  # a law that this rung does not know, or nothing to drape on
-                continue
-            variants.append(variant)
-    return variants
+            variants.append(
+                Variant(f"{model}, {_edge_text(edge)}", RUNG, (_edge(edge),), edge, model)
+            )
+    # not every rung knows the law, or has something to drape on
+    return [variant for variant in variants if _fits(text, variant)]
 
 
 def _edge(length: float) -> str:
