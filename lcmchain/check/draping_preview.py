@@ -56,7 +56,7 @@ def check_draping(
     Parameters
     ----------
     blank, tools : of the scene. remarks : found while they were built.
-    picture : of the start, drawn already; None for none.
+    picture : of the start, that the report names; None for none.
 
     Raises
     ------

@@ -23,6 +23,8 @@ def scene_warnings(scene: Scene) -> list[str]:
             'element.compaction_strain = "director" (as published) lets elements fold over on '
             'small radii under pressure; "normal" does not'
         )
+    if not scene.element.has_forces:
+        return found  # neither motion nor resolution of a tool is simulated
     process = scene.process
     moved = process.gravity or bool(scene.pressure)
     if not moved and not any(tool.motion.moves for tool in scene.tools):

@@ -121,11 +121,14 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
     except InputError as error:
         raise _with_picture(error, picture, scene, blank, marks) from None
     noted = [str(entry.message) for entry in tool_warnings]
+    report: CheckReport | DrapingReport
+    if model is None:
+        report = check_draping(scene, blank, tools, blank.remarks() + noted, picture)
+    else:
+        report = _report(scene, blank, model, gaps, noted, picture)
     if picture is not None:
         draw_start(picture, scene, blank)
-    if model is None:
-        return check_draping(scene, blank, tools, blank.remarks() + noted, picture)
-    return _report(scene, blank, model, gaps, noted, picture)
+    return report
 
 
 def _tools(scene: Scene, blank: BlankMesh) -> ToolTable:

@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 
 from lcmchain.draping.drape import Draped
+from lcmchain.draping.surface import end_travel
 from lcmchain.effects.effect import Effect
 from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
 from lcmchain.fields.summary import field_warnings
 from lcmchain.scene import Scene
-from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 
 #: Said of the face fields that a net does not know.
 CONSTANT_VOLUME = (
@@ -97,15 +97,8 @@ def _travels(scene: Scene, draped: Draped) -> np.ndarray:
 
     Tools that move under a load stay where they are: their travel is not known.
     """
-    tools = draped.tools
+    count = len(scene.tools)
+    times = (0.0, scene.process.time)
     return np.array(
-        [
-            [
-                prescribed_travel(tools, tool, time)[0]
-                if tools.motion_kind[tool] == PRESCRIBED
-                else 0.0
-                for tool in range(len(scene.tools))
-            ]
-            for time in (0.0, scene.process.time)
-        ]
-    ).reshape(2, len(scene.tools))
+        [[end_travel(draped.tools, tool, time) for tool in range(count)] for time in times]
+    ).reshape(2, count)

@@ -32,17 +32,46 @@ EXACT_SPACINGS = 3.0
 NO_GRADIENT = 1e-12
 
 
+class ToolShapes(NamedTuple):
+    """The columns of a :class:`lcmchain.tools.table.ToolTable` that a distance is read from.
+
+    Half of the table: compiled code takes every column along, and compiles in less time.
+    """
+
+    kind: np.ndarray
+    origin: np.ndarray
+    rotation: np.ndarray
+    aligned: np.ndarray
+    direction: np.ndarray
+    segment_start: np.ndarray
+    segments: np.ndarray
+    corner_start: np.ndarray
+    corners: np.ndarray
+    spacing: np.ndarray
+    grid_origin: np.ndarray
+    grid_shape: np.ndarray
+    box: np.ndarray
+    grid_start: np.ndarray
+    coefficients: np.ndarray
+    far_bound: np.ndarray
+
+    @classmethod
+    def of(cls, tools: ToolTable) -> ToolShapes:
+        """Return these columns of a table."""
+        return cls(*(getattr(tools, name) for name in cls._fields))
+
+
 class DrapedSurface(NamedTuple):
     """The surface of a net, as compiled code reads it.
 
-    tools : of the scene; tool, travel : which of them, and its travel [m].
+    tools : shapes of the scene's tools; tool, travel : which of them, and its travel [m].
     offset : of the mid-surface from the tool [m].
     has_plane : whether the plane of the blank belongs to it.
     plane_height : z of that plane [m]; plane_side : 1 where the punch moves towards +z, else -1.
     edge_radius : of the edge between them [m].
     """
 
-    tools: ToolTable
+    tools: ToolShapes
     tool: int
     travel: float
     offset: float
@@ -94,6 +123,7 @@ def draped_surface(scene: Scene, tools: ToolTable) -> DrapedSurface:
     """
     time = scene.process.time
     offset = 0.5 * scene.material.thickness
+    shapes = ToolShapes.of(tools)
     name = scene.draping.surface
     if name is not None:
         tool = _tool_named(scene, name)
@@ -103,7 +133,9 @@ def draped_surface(scene: Scene, tools: ToolTable) -> DrapedSurface:
                 "simulation; name a tool that is fixed or has a stroke",
                 key="draping.surface",
             )
-        return DrapedSurface(tools, tool, _travel(tools, tool, time), offset, False, 0.0, 1.0, 0.0)
+        return DrapedSurface(
+            shapes, tool, end_travel(tools, tool, time), offset, False, 0.0, 1.0, 0.0
+        )
     tool_or_none = _largest_stroke(tools, time, flat=False)
     if tool_or_none is None:
         raise InputError(
@@ -120,7 +152,7 @@ def draped_surface(scene: Scene, tools: ToolTable) -> DrapedSurface:
             key="draping.surface",
         )
     return DrapedSurface(
-        tools, tool, _travel(tools, tool, time), offset, True, scene.blank.height, side,
+        shapes, tool, end_travel(tools, tool, time), offset, True, scene.blank.height, side,
         _edge_radius(scene, tools, tool),
     )  # fmt: skip
 
@@ -154,7 +186,7 @@ def touching_tool(scene: Scene, tools: ToolTable) -> int | None:
 def _largest_stroke(tools: ToolTable, time: float, *, flat: bool) -> int | None:
     """Return the tool that has travelled farthest at a time [s]; planes count only if ``flat``."""
     ways = [
-        abs(_travel(tools, tool, time)) if flat or tools.kind[tool] != PLANE else 0.0
+        abs(end_travel(tools, tool, time)) if flat or tools.kind[tool] != PLANE else 0.0
         for tool in range(len(tools.kind))
     ]
     if not ways or max(ways) == 0.0:
@@ -162,19 +194,15 @@ def _largest_stroke(tools: ToolTable, time: float, *, flat: bool) -> int | None:
     return int(np.argmax(ways))
 
 
-def _travel(tools: ToolTable, tool: int, time: float) -> float:
+def end_travel(tools: ToolTable, tool: int, time: float) -> float:
+    """Return the prescribed travel of a tool at a time [m]; 0 where it has none."""
     if tools.motion_kind[tool] != PRESCRIBED:
         return 0.0
-    return float(_travel_at(tools, tool, time))
+    return float(prescribed_travel(tools, tool, time)[0])
 
 
 def _travel_vector(tools: ToolTable, tool: int, time: float) -> np.ndarray:
-    return _travel(tools, tool, time) * tools.direction[tool]
-
-
-@routine
-def _travel_at(tools, tool, time):
-    return prescribed_travel(tools, tool, time)[0]
+    return end_travel(tools, tool, time) * tools.direction[tool]
 
 
 def _edge_radius(scene: Scene, tools: ToolTable, tool: int) -> float:

@@ -11,7 +11,7 @@ from lcmchain.mesh.fibres import UndeformedFrame
 from lcmchain.mesh.hexahedron import MODES
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class MidSurfaceMesh(UndeformedFrame):
     """Mid-surface of an undeformed, flat blank; see :class:`lcmchain.mesh.sheet_mesh.SheetMesh`.
 

@@ -1,5 +1,7 @@
 """The model ladder: one scene on any rung, what is dropped on the way, and what a rung is."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -177,3 +179,24 @@ def nodal_forces(body, positions):
         for axis in range(3):
             np.add.at(total[axis], nodes[there, corner], of_corner[there, corner, axis])
     return total
+
+
+def test_the_command_line_takes_a_rung(tmp_path, capsys):
+    from lcmchain import cli
+
+    path = tmp_path / "dome.toml"
+    path.write_text(PLAIN + "[output]\npictures = false\nreport = false\n", encoding="utf-8")
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["run", str(path), "--model", "kinematic", "--out", str(tmp_path / "net")])
+    assert not stop.value.code
+    summary = json.loads((tmp_path / "net" / "summary.json").read_text())
+    assert summary["model"] == "kinematic"
+    assert summary["left_out"] == ["element.integration_points"]
+    assert "no wrinkles" in " ".join(capsys.readouterr().out.split())
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["check", str(path), "--model", "membrane", "--out", str(tmp_path / "check")])
+    said = " ".join(capsys.readouterr().out.split())
+    assert not stop.value.code and "largest shear angle" in said and "bending = false" in said
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["check", str(path), "--model", "shell", "--out", str(tmp_path / "check")])
+    assert stop.value.code == 2
