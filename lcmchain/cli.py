@@ -31,6 +31,7 @@ from lcmchain.commands.options import OutFolder, Overrides, SceneFile, Strict
 from lcmchain.commands.precice import precice
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.structure import structure
+from lcmchain.commands.study import study_app
 from lcmchain.commands.terminal import (
     console,
     print_error,
@@ -58,6 +59,7 @@ app.add_typer(new_app, name="new")
 app.add_typer(coupon_app, name="coupon")
 app.add_typer(identify_app, name="identify")
 app.add_typer(verify_app, name="verify")
+app.add_typer(study_app, name="study")
 
 
 def _show_version(asked: bool) -> None:
@@ -91,6 +93,17 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the last checkpoint in DIR.")
     ] = False,
+    within: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ERRORS",
+            help='Choose mesh and process time for these errors: "1 deg shear, 1 % thickness".',
+        ),
+    ] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help='Choose the mesh for this solver time, such as "20 s".'),
+    ] = None,
     overrides: Overrides = None,
     strict: Strict = False,
     quiet: Annotated[
@@ -98,6 +111,14 @@ def run(
     ] = False,
 ) -> None:
     """Form the blank, and map its fields to the meshes that the scene names."""
+    if within is not None or budget is not None:
+        from lcmchain.commands.run_chosen import run_chosen
+
+        run_chosen(
+            scene, out, within, budget, overrides or (),
+            threads=threads, resume=resume, strict=strict, quiet=quiet,
+        )  # fmt: skip
+        return
     from lcmchain.scene import read_scene
 
     the_scene = read_scene(scene, overrides or ())

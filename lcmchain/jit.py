@@ -9,8 +9,10 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from lcmchain.threads import load_threading_library
+from lcmchain.vector_width import use_widest_vectors
 
 load_threading_library()
+use_widest_vectors()
 
 # 'nnan' and 'ninf' are left out on purpose: they let the compiler delete the guards' checks.
 FLOATING_POINT = {"contract", "nsz"}
@@ -36,6 +38,18 @@ def strict_equation(function: Callable[..., Any]) -> Dispatcher:
 def routine(function: Callable[..., Any]) -> Dispatcher:
     """Compile a serial function that kernels or other routines call."""
     return _compiled(function, error_model="numpy", fastmath=FLOATING_POINT)
+
+
+def span_routine(function: Callable[..., Any]) -> Dispatcher:
+    """Compile a serial function of loops over neighbouring nodes, for vectors.
+
+    Sums of a loop may be taken in lanes: in an order of their own, but always the same one. The
+    function must not allocate and keeps no array: the rows that it takes from arrays are not
+    counted as references, which would cost more than the loops.
+    """
+    return _compiled(
+        function, error_model="numpy", fastmath={*FLOATING_POINT, "reassoc"}, nogil=True, _nrt=False
+    )
 
 
 def kernel(function: Callable[..., Any]) -> Dispatcher:

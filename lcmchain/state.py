@@ -16,6 +16,7 @@ import numpy as np
 from lcmchain.effects.fibre_bending import VECTOR_ROWS
 from lcmchain.errors import InputError
 from lcmchain.model import Model
+from lcmchain.tools.span_distance import SPAN
 
 # Columns of ``State.work``: energies [J] accumulated over the run, or of the last step.
 KINETIC = 0  # of the sheets and of guided tools, last step
@@ -65,7 +66,10 @@ TOOL_SAMPLE_COLUMNS = (
 
 # Nodes are worked on in chunks: sums over a chunk, then over the chunks in their order, have the
 # same bits for any number of threads.
-NODE_CHUNK = 128
+NODE_CHUNK = SPAN
+# Contact is evaluated for groups of so many nodes, wherever one of them is near: neighbours in
+# memory, so that loops over them are packed.
+CONTACT_GROUP = 16
 # Columns of a tool's part of the chunk sums after the energies: force x, y, z and smallest gap.
 TOOL_COLUMNS = 4
 
@@ -112,6 +116,7 @@ def sizes(model: Model) -> dict[str, int]:
         "sample": model.sample_count,
         "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
         "chunk": -(-model.node_count // NODE_CHUNK),
+        "contact group": -(-model.node_count // CONTACT_GROUP),
         "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
     }
 
@@ -333,6 +338,13 @@ class Scratch(_Arrays):
     force: np.ndarray = entry("xyz", "node", unit="N", meaning="sum of forces on each node")
     corner_load: np.ndarray = entry(
         "corner load", unit="N", meaning="of pressures in and on the sheet, in blocks of elements"
+    )
+    near_group: np.ndarray = entry(
+        "tool",
+        "contact group",
+        unit="1",
+        meaning="whether a node of the group is near the tool",
+        dtype=np.uint8,
     )
     mid_position: np.ndarray = entry(
         "xyz", "bent node", unit="m", meaning="mid-surface nodes of fibres that bend in the plane"

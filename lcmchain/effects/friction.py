@@ -32,11 +32,11 @@ def friction(stick, slip_increment, normal, stiffness, limit):
     trial = plus(1.0, trial, slip_increment)
     squared = dot(trial, trial)
     length = math.sqrt(squared)
-    dissipated = 0.0
-    if stiffness * length > limit:
-        scale = limit / (stiffness * length)
-        dissipated = limit * (1.0 - scale) * length
-        trial = (scale * trial[0], scale * trial[1], scale * trial[2])
+    # choices instead of branches: the loops over nodes stay packed
+    slides = stiffness * length > limit
+    scale = limit / (stiffness * length) if slides else 1.0
+    dissipated = limit * (1.0 - scale) * length
+    trial = (scale * trial[0], scale * trial[1], scale * trial[2])
     force = (-stiffness * trial[0], -stiffness * trial[1], -stiffness * trial[2])
     return trial, force, dissipated
 

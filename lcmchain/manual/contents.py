@@ -29,6 +29,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "precice",
         "cosim",
         "verify",
+        "study",
         "bench",
         "python",
     ),

@@ -15,23 +15,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import literal_unroll, prange
 
-from lcmchain.effects.contact import normal_force
 from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.face_pressure import face_forces, face_pressures
 from lcmchain.effects.fibre_bending import fibre_bending_forces
-from lcmchain.effects.friction import friction
-from lcmchain.effects.gravity import weight_at
+from lcmchain.effects.gravity import weight_at, weights_of
 from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces
-from lcmchain.jit import kernel, routine
+from lcmchain.jit import kernel, routine, span_routine
 from lcmchain.model import NodeData
+from lcmchain.solver.contact_forces import ROWS, add_contact_forces
+from lcmchain.solver.contact_search import group_near_nodes
 from lcmchain.state import (
     CONTACT,
-    CONTACT_DAMPING,
     EXTERNAL,
-    FRICTION,
     KINETIC,
     LAST_STEP,
     MASS_DAMPING,
@@ -45,8 +43,8 @@ from lcmchain.state import (
     Scratch,
     State,
 )
-from lcmchain.tools.distance import signed_distance
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
+from lcmchain.tools.span_distance import SPAN
 
 #: What the loop reads and writes: constants of the nodes, state, and scratch arrays.
 Arrays: Any = NamedTuple(  # type: ignore[misc]
@@ -78,6 +76,7 @@ def advance(
     leaves alone [s], or None.
     """
     clock = arrays.clock
+    group_near_nodes(arrays.near, arrays.near_group)
     for _ in range(step_count):
         dt_last = clock[LAST_STEP]
         for body in literal_unroll(bodies):
@@ -134,30 +133,32 @@ def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
         gather_internal_forces(arrays, first, last)
         if pressed is not None:
             add_pressure_loads(arrays, first, last, dt_last, sums)
-        for tool in range(tools.kind.size):
-            add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, dt, sums)
+        if tools.kind.size > 0:
+            work = np.empty(ROWS * SPAN)
+            add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, work, sums)
         integrate(arrays, environment, averaging, first, last, dt_last, dt, sums)
 
 
-@routine
+@span_routine
 def gather_internal_forces(arrays, first, last):
     """Set the force on each node to minus the sum of its corner forces."""
     force, corner_force, force_slot = arrays.force, arrays.corner_force, arrays.force_slot
-    for node in range(first, last):
+    force_x, force_y, force_z = force[0, first:last], force[1, first:last], force[2, first:last]
+    for i in range(last - first):
         x = 0.0
         y = 0.0
         z = 0.0
-        for i in range(force_slot.shape[0]):
-            slot = force_slot[i, node]
+        for k in range(force_slot.shape[0]):
+            slot = force_slot[k, first + i]
             x -= corner_force[slot]
             y -= corner_force[slot + LANES]
             z -= corner_force[slot + 2 * LANES]
-        force[0, node] = x
-        force[1, node] = y
-        force[2, node] = z
+        force_x[i] = x
+        force_y[i] = y
+        force_z[i] = z
 
 
-@routine
+@span_routine
 def add_pressure_loads(arrays, first, last, dt_last, sums):
     """Sum up the loads on the corners for nodes ``first`` to ``last``, and add them to the force.
 
@@ -187,120 +188,36 @@ def add_pressure_loads(arrays, first, last, dt_last, sums):
     sums[EXTERNAL] += 0.5 * dt_last * work
 
 
-@routine
-def add_contact_forces(arrays, tools, environment, tool, first, last, dt_last, dt, sums):
-    """Add the contact forces of one tool to the nodes near it."""
-    near, stick, mass, force = arrays.near, arrays.stick, arrays.mass, arrays.force
-    contact_force = arrays.contact_force
-    if tool == 0:
-        contact_force[first:last] = 0.0
-    position, velocity, free = arrays.position, arrays.velocity, arrays.free
-    column = WORK_COLUMNS + TOOL_COLUMNS * tool
-    travel = arrays.tool_travel[tool]
-    tool_x = arrays.tool_velocity[tool] * tools.direction[tool, 0]
-    tool_y = arrays.tool_velocity[tool] * tools.direction[tool, 1]
-    tool_z = arrays.tool_velocity[tool] * tools.direction[tool, 2]
-    coefficient = tools.friction[tool]
-    overlap = tools.initial_overlap[tool]
-    ratio = environment.tangential_ratio
-    force_x, force_y, force_z, gap_min = 0.0, 0.0, 0.0, 0.0
-    for node in range(first, last):
-        if near[tool, node] == 0:
-            continue
-        gap, nx, ny, nz = signed_distance(
-            tools, tool, position[0, node], position[1, node], position[2, node], travel
-        )
-        gap -= arrays.offset[node] - overlap
-        s = (stick[tool, 0, node], stick[tool, 1, node], stick[tool, 2, node])
-        stiffness = environment.penalty * arrays.area[node]
-        if gap >= 0.0:
-            if s[0] != 0.0 or s[1] != 0.0 or s[2] != 0.0:
-                # the friction spring of a node that lifts off is lost
-                squared = s[0] * s[0] + s[1] * s[1] + s[2] * s[2]
-                sums[FRICTION] += 0.5 * ratio * stiffness * squared
-                stick[tool, 0, node] = 0.0
-                stick[tool, 1, node] = 0.0
-                stick[tool, 2, node] = 0.0
-            continue
-        gap_min = min(gap_min, gap)
-        vx = velocity[0, node] - tool_x
-        vy = velocity[1, node] - tool_y
-        vz = velocity[2, node] - tool_z
-        vn = vx * nx + vy * ny + vz * nz
-        damping = 2.0 * environment.contact_damping_ratio * math.sqrt(stiffness * mass[node])
-        wx, wy, wz = free[0, node] * nx, free[1, node] * ny, free[2, node] * nz
-        others = wx * force[0, node] + wy * force[1, node] + wz * force[2, node]
-        normal, damped = normal_force(
-            stiffness,
-            damping,
-            gap,
-            vn,
-            (wx * nx + wy * ny + wz * nz) / mass[node],
-            others / mass[node] - wz * weight_at(environment.gravity, node),
-            dt_last,
-            dt,
-        )
-        sums[CONTACT] += 0.5 * stiffness * gap * gap
-        sums[CONTACT_DAMPING] += damped
-        contact_force[node] += normal
-        fx, fy, fz = normal * nx, normal * ny, normal * nz
-        if coefficient > 0.0:
-            slip = (
-                dt_last * (vx - vn * nx),
-                dt_last * (vy - vn * ny),
-                dt_last * (vz - vn * nz),
-            )
-            s, f, dissipated = friction(
-                s, slip, (nx, ny, nz), ratio * stiffness, coefficient * normal
-            )
-            stick[tool, 0, node] = s[0]
-            stick[tool, 1, node] = s[1]
-            stick[tool, 2, node] = s[2]
-            sums[FRICTION] += dissipated
-            squared = s[0] * s[0] + s[1] * s[1] + s[2] * s[2]
-            sums[CONTACT] += 0.5 * ratio * stiffness * squared
-            fx, fy, fz = fx + f[0], fy + f[1], fz + f[2]
-        force[0, node] += fx
-        force[1, node] += fy
-        force[2, node] += fz
-        force_x -= fx
-        force_y -= fy
-        force_z -= fz
-    sums[column] = force_x
-    sums[column + 1] = force_y
-    sums[column + 2] = force_z
-    sums[column + 3] = gap_min
-
-
-@routine
+@span_routine
 def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
     """Update velocity (to n + ½) and position (to n + 1), and sum the energies of the nodes.
 
     Components that are not free keep their position; supports move them afterwards.
     """
-    position, velocity, force = arrays.position, arrays.velocity, arrays.force
-    mass, free = arrays.mass, arrays.free
     interval = 0.5 * (dt_last + dt)
     damping = environment.mass_damping
+    mass, weights = arrays.mass[first:last], weights_of(environment.gravity, first, last)
     for d in range(3):
+        position, velocity = arrays.position[d, first:last], arrays.velocity[d, first:last]
+        force, free = arrays.force[d, first:last], arrays.free[d, first:last]
         kinetic, damped, weight = 0.0, 0.0, 0.0
-        for node in range(first, last):
-            gravity = -weight_at(environment.gravity, node) if d == 2 else 0.0
-            share = free[d, node]
-            old = velocity[d, node]
-            acceleration = force[d, node] / mass[node] + gravity
+        for i in range(last - first):
+            gravity = -weight_at(weights, i) if d == 2 else 0.0
+            share = free[i]
+            old = velocity[i]
+            acceleration = force[i] / mass[i] + gravity
             undamped = 0.0
             if averaging is not None:
-                undamped = arrays.mean_velocity[d, node]
+                undamped = arrays.mean_velocity[d, first + i]
             new = undamped + damped_velocity(old - undamped, acceleration, damping, interval)
-            velocity[d, node] = new if share > 0.0 else old
-            position[d, node] += share * dt * new
+            velocity[i] = new if share > 0.0 else old
+            position[i] += share * dt * new
             mean = 0.5 * (old + new)
-            free_mass = share * mass[node]
+            free_mass = share * mass[i]
             kinetic += 0.5 * free_mass * old * new
             damped += damping * free_mass * (mean - undamped) * mean * interval
             if averaging is not None:
-                arrays.mean_velocity[d, node] = averaged_velocity(
+                arrays.mean_velocity[d, first + i] = averaged_velocity(
                     undamped, mean, interval, averaging
                 )
             weight += free_mass * gravity * mean * interval

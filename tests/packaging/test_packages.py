@@ -33,6 +33,7 @@ RANK_OF_CORE = {
     "dispatch": 0,
     "threads": 0,
     "thresholds": 0,
+    "vector_width": 0,
     "quantities": 1,
     "mesh": 2,
     "elements": 3,

@@ -28,6 +28,7 @@ from lcmchain.tools import (
 )
 from lcmchain.tools.motion import Motion
 from lcmchain.tools.shapes import Shape
+from lcmchain.tools.span_distance import DISTANCE_ROWS, SPAN, span_distances
 from lcmchain.tools.surfaces.distance_field import BAND, build_distance_field
 from lcmchain.tools.surfaces.reading import read_surface
 
@@ -360,6 +361,30 @@ def test_distance_moves_and_turns_with_the_tool(name, axis, position, travel):
     np.testing.assert_allclose(distance, expected, atol=1e-14)
     np.testing.assert_allclose(normals, expected_normals @ axes, atol=1e-11)
     np.testing.assert_allclose(gaps(table, 0, points, travel), distance, atol=1e-16)
+
+
+def distances_of_spans(table, points):
+    """As distances_and_normals, from the loops over nodes that the solver runs."""
+    rows = []
+    for start in range(0, len(points), SPAN):
+        x, y, z = np.ascontiguousarray(points[start : start + SPAN].T)
+        work = np.full(DISTANCE_ROWS * SPAN, np.nan)
+        span_distances(table, 0, x, y, z, 0.0, work)
+        rows.append(work.reshape(DISTANCE_ROWS, SPAN)[:4, : len(x)])
+    gap, *normal = np.concatenate(rows, axis=1)
+    return gap, np.transpose(normal)
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.3, -0.5, 0.8)])
+@pytest.mark.parametrize("name", ANALYTIC)
+def test_loops_over_nodes_find_the_same_distance(name, axis):
+    """One point at a time and many at once: two ways to write the same."""
+    table = table_of(ANALYTIC[name], axis=axis, position=(0.01, -0.02, 0.005))
+    points = np.vstack([random_points(300), [[0.01, -0.02, 0.005 + 0.01]]])
+    gap, normal = distances_and_normals(table, points)
+    packed_gap, packed_normal = distances_of_spans(table, points)
+    np.testing.assert_allclose(packed_gap, gap, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(packed_normal, normal, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0)])
@@ -718,6 +743,15 @@ def test_field_far_away_is_a_lower_bound(tmp_path):
     # ... and a useful one: a node one tool length away need not be looked at for long.
     assert (distance > 0.5 * exact - 0.006)[exact > 0.0].all()
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-12)
+
+
+def test_loops_over_nodes_read_the_same_field(tmp_path):
+    table = mesh_table(tmp_path, *box_mesh(), 0.002, axis=(0.3, -0.5, 0.8))
+    points = random_points(300, reach=0.06)
+    gap, normal = distances_and_normals(table, points)
+    packed_gap, packed_normal = distances_of_spans(table, points)
+    np.testing.assert_allclose(packed_gap, gap, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(packed_normal, normal, rtol=0.0, atol=1e-12)
 
 
 def test_normals_of_a_field_do_not_jump(tmp_path):

@@ -1,0 +1,215 @@
+"""``lcmchain study``: what accuracy costs, what effects change, what results depend on."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lcmchain.commands.folders import default_out, output_folder
+from lcmchain.commands.options import OutFolder, Overrides, Quiet, SceneFile
+from lcmchain.commands.terminal import console, progress_bar, say, warn
+from lcmchain.errors import InputError
+
+study_app = typer.Typer(
+    no_args_is_help=True,
+    help="What accuracy costs in time, what effects change, what results depend on.",
+)
+
+Vary = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--vary",
+        metavar="KEY=A|B|C",
+        help="Values of a scene entry, the finest last; may be repeated. Default: a ladder.",
+    ),
+]
+WorkerCount = Annotated[
+    int | None,
+    typer.Option("--workers", min=1, metavar="N", help="Runs side by side; default one per core."),
+]
+Threads = Annotated[
+    int | None, typer.Option("--threads", min=1, metavar="N", help="Threads of each run.")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Make the runs on this dask cluster."),
+]
+
+
+@study_app.command("accuracy")
+def study_accuracy(
+    scene: SceneFile,
+    out: OutFolder = None,
+    vary: Vary = None,
+    finest: Annotated[
+        float,
+        typer.Option("--finest", metavar="F", help="Edges of the reference, by the scene's."),
+    ] = 0.5,
+    workers: WorkerCount = None,
+    threads: Threads = None,
+    scheduler: Scheduler = None,
+    overrides: Overrides = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run a scene with many settings, and show error against time."""
+    from lcmchain.study.variant import SceneText
+
+    text = SceneText.from_file(scene, tuple(overrides or ()))
+    text.scene()  # wrong input is told before a folder is made
+    chosen = values_of(vary or ())
+    with output_folder(out or study_folder(scene, "accuracy"), inputs=[scene]) as folder:
+        from lcmchain.study import study_accuracy as run_study
+        from lcmchain.study.files import write_accuracy
+        from lcmchain.study.tables import failures, order_table, terminal_table
+
+        with progress_bar(quiet=quiet) as progress:
+            study = run_study(
+                text, folder, vary=chosen, finest=finest,
+                workers=workers_of(workers, threads, scheduler), progress=progress,
+            )  # fmt: skip
+        write_accuracy(folder, study)
+    if not quiet:
+        console().print(terminal_table(study))
+        if study.orders:
+            console().print(order_table(study))
+        if study.sentence():
+            say(study.sentence())
+        say(f"Chart, tables and report in {folder}")
+    for failure in failures(study):
+        warn(failure)
+
+
+@study_app.command("sweep")
+def study_sweep(
+    scene: SceneFile,
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            "--vary", metavar="KEY=VALUES", help="Values A|B|C or a range A..B; may be repeated."
+        ),
+    ],
+    sample_count: Annotated[
+        int | None,
+        typer.Option("--samples", min=2, metavar="N", help="Points of the ranges, spread evenly."),
+    ] = None,
+    out: OutFolder = None,
+    workers: WorkerCount = None,
+    threads: Threads = None,
+    scheduler: Scheduler = None,
+    overrides: Overrides = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run a scene over values of any of its entries."""
+    from lcmchain.study.sampling import read_entry
+    from lcmchain.study.variant import SceneText
+
+    text = SceneText.from_file(scene, tuple(overrides or ()))
+    title = text.scene().title
+    entries = [read_entry(entry) for entry in vary]
+    with output_folder(out or study_folder(scene, "sweep"), inputs=[scene]) as folder:
+        from lcmchain.study.sweep import run_sweep, sweep_table, write_sweep
+
+        with progress_bar(quiet=quiet) as progress:
+            runs = run_sweep(
+                text, folder, entries, count=sample_count,
+                workers=workers_of(workers, threads, scheduler), progress=progress,
+            )  # fmt: skip
+        write_sweep(folder, title, runs)
+    if not quiet:
+        console().print(sweep_table(title, runs))
+        say(f"Tables in {folder}")
+    for run in runs:
+        if run.failure:
+            warn(f"{run.variant.name}: no result, {run.failure}")
+
+
+@study_app.command("sensitivity")
+def study_sensitivity(
+    scene: SceneFile,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="KEY",
+            help="Scene entry with a number; may be repeated. Default: material and friction.",
+        ),
+    ] = None,
+    part: Annotated[
+        float, typer.Option("--part", metavar="P", help="Part by which each is changed.")
+    ] = 0.1,
+    out: OutFolder = None,
+    workers: WorkerCount = None,
+    threads: Threads = None,
+    scheduler: Scheduler = None,
+    overrides: Overrides = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find which inputs the results of a scene depend on."""
+    from lcmchain.study.variant import SceneText
+
+    text = SceneText.from_file(scene, tuple(overrides or ()))
+    text.scene()
+    with output_folder(out or study_folder(scene, "sensitivity"), inputs=[scene]) as folder:
+        from lcmchain.study.sensitivity import (
+            run_sensitivity,
+            sensitivity_table,
+            write_sensitivity,
+        )
+
+        with progress_bar(quiet=quiet) as progress:
+            found = run_sensitivity(
+                text, folder, vary or (), part=part,
+                workers=workers_of(workers, threads, scheduler), progress=progress,
+            )  # fmt: skip
+        write_sensitivity(folder / "sensitivity.csv", found)
+    if not quiet:
+        console().print(sensitivity_table(found))
+        say(f"Table in {folder}")
+    for failure in found.failures:
+        warn(failure)
+
+
+def study_folder(scene: Path, kind: str) -> Path:
+    """Name the folder of a study: that of the scene's results, and what is studied."""
+    return default_out(scene).with_name(f"{default_out(scene).name}_{kind}")
+
+
+def values_of(vary: Sequence[str]) -> dict[str, list[str]]:
+    """Return the values by key of texts ``KEY=A|B|C``.
+
+    Raises
+    ------
+    InputError : a text is not of that form, or names a key twice.
+    """
+    found: dict[str, list[str]] = {}
+    for text in vary:
+        key, separator, values = text.partition("=")
+        listed = [value.strip() for value in values.split("|")]
+        if not separator or not key.strip() or not all(listed):
+            raise InputError(
+                f'"{text}" is not KEY=A|B|C; for example --vary "blank.edge_length=10 mm|5 mm"',
+                key="--vary",
+            )
+        if key.strip() in found:
+            raise InputError(f'"{key.strip()}" is given twice', key="--vary")
+        found[key.strip()] = listed
+    return found
+
+
+def workers_of(count: int | None, threads: int | None, scheduler: str | None):
+    """Return who makes the runs: one process per core by default, where dask is installed."""
+    from importlib.util import find_spec
+
+    from lcmchain.study.runs import Workers
+
+    if scheduler is not None and count is not None:
+        raise InputError("a cluster has its own workers; leave it out", key="--workers")
+    if count is None:
+        count = 1
+        if scheduler is None and find_spec("distributed") is not None:
+            count = max(1, (os.cpu_count() or 1) // (threads or 1))
+    return Workers(count, threads, scheduler)

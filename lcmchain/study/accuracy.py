@@ -1,0 +1,169 @@
+"""What accuracy costs in time: runs of a scene with many settings, against the finest of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lcmchain.errors import InputError
+from lcmchain.study.comparison import BY_NAME, QUANTITIES, Difference, differences
+from lcmchain.study.convergence import Convergence, observed
+from lcmchain.study.ladder import EDGE, chosen, ladder, scene_name
+from lcmchain.study.outcome import Outcome
+from lcmchain.study.runs import Progress, Study, Workers
+from lcmchain.study.variant import SceneText, Variant
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """One run of a study with its errors against the reference, by the names of ``QUANTITIES``."""
+
+    variant: Variant
+    outcome: Outcome
+    errors: Mapping[str, Difference]
+
+    @property
+    def seconds(self) -> float:
+        return self.outcome.seconds
+
+    def error(self, quantity: str) -> float:
+        """Return the typical error, in SI or as a part."""
+        return self.errors[quantity].typical
+
+
+@dataclass(frozen=True, eq=False)
+class AccuracyStudy:
+    """What the settings cost, and what they are off by.
+
+    Parameters
+    ----------
+    title : of the scene. settings : in the order of the study, without the reference.
+    reference : the finest run. orders : by quantity, over the edge lengths of the three finest
+        meshes, of which the reference is none: it differs in its process time as well.
+    as_it_is : name of the setting that is the scene as it stands; process_time : of it [s].
+    """
+
+    title: str
+    settings: tuple[Setting, ...]
+    reference: Setting
+    orders: Mapping[str, Convergence]
+    as_it_is: str = ""
+    process_time: float = 0.0
+
+    @property
+    def quantities(self) -> list[str]:
+        """Names of the quantities that the reference has."""
+        return [
+            q.name
+            for q in QUANTITIES
+            if any(math.isfinite(setting.error(q.name)) for setting in self.settings)
+        ]
+
+    def efficient(self, quantity: str) -> list[Setting]:
+        """Return the settings that no other one beats in both error and time, quickest first."""
+        usable = [s for s in self.settings if math.isfinite(s.error(quantity))]
+        front: list[Setting] = []
+        for setting in sorted(usable, key=lambda s: (s.seconds, s.error(quantity))):
+            if not front or setting.error(quantity) < front[-1].error(quantity):
+                front.append(setting)
+        return front
+
+    def sentence(self) -> str:
+        """Say what the scene as it is costs and gives, and what half of its error would cost."""
+        scene = next((s for s in self.settings if s.variant.name == self.as_it_is), None)
+        if scene is None or scene.outcome.failure:
+            return ""
+        told = [
+            f"{BY_NAME[name].text(scene.error(name))} {BY_NAME[name].title}"
+            for name in self.quantities
+            if name in ("shear_angle", "thickness", "punch_force", "contour")
+        ]
+        text = (
+            f"{scene.variant.name}, {1e3 * self.process_time:.4g} ms: {', '.join(told)} for "
+            f"{scene.seconds:.2g} s"
+        )
+        better = self.half_of("shear_angle", scene)
+        if better is None:
+            return f"{text}; no setting of the study halves the error of the shear angle"
+        cost = better.seconds / scene.seconds
+        return (
+            f"{text}; half the error of the shear angle costs {cost:.2g} times that "
+            f"({better.variant.name})"
+        )
+
+    def half_of(self, quantity: str, setting: Setting) -> Setting | None:
+        """Return the quickest setting with half the error of another one; None without any."""
+        return next(
+            (
+                s
+                for s in self.efficient(quantity)
+                if s.error(quantity) <= 0.5 * setting.error(quantity)
+            ),
+            None,
+        )
+
+
+def study_accuracy(
+    text: SceneText,
+    folder: Path,
+    *,
+    vary: Mapping[str, Sequence[str]] | None = None,
+    finest: float = 0.5,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> AccuracyStudy:
+    """Run a scene with many settings, and compare each with the finest.
+
+    Parameters
+    ----------
+    folder : where results are kept; those that lie there are not computed again.
+    vary : values by scene entry, the finest last; by default a ladder made for the scene.
+    finest : edge length of the reference by that of the scene, for the ladder.
+
+    Raises
+    ------
+    InputError : an entry is wrong, or no setting can be run.
+    SimulationInterrupted : Ctrl-C; the same call goes on from what is there.
+    """
+    variants = chosen(text, vary) if vary else ladder(text, finest)
+    if len(variants) < 2:
+        raise InputError("a study compares two settings at least", key="--vary")
+    outcomes = Study(text, folder, workers).outcomes(variants, progress)
+    *others, last = variants
+    reference = outcomes[last.name]
+    if reference.failure:
+        raise InputError(
+            f'the reference of the study, "{last.name}", failed: {reference.failure}; choose '
+            "another one with --finest or --vary"
+        )
+    scene = text.scene()
+    return AccuracyStudy(
+        title=scene.title,
+        settings=tuple(
+            Setting(v, outcomes[v.name], differences(outcomes[v.name], reference)) for v in others
+        ),
+        reference=Setting(last, reference, differences(reference, reference)),
+        orders=_orders(others, outcomes),
+        as_it_is=scene_name(scene),
+        process_time=scene.process.time,
+    )
+
+
+def _orders(variants: Sequence[Variant], outcomes: Mapping[str, Outcome]) -> dict:
+    """Return the orders over the three finest meshes that differ in nothing but edge length."""
+    meshes = [
+        v for v in variants
+        if v.axis in (EDGE, "blank.edge_length") and v.value and not outcomes[v.name].failure
+    ]  # fmt: skip
+    meshes = sorted(meshes, key=lambda v: v.value or 0.0)[:3][::-1]
+    if len(meshes) < 3:
+        return {}
+    first, second, third = (outcomes[v.name] for v in meshes)
+    steps = [differences(first, second), differences(second, third)]
+    sizes = tuple(v.value for v in meshes)
+    return {
+        name: observed(sizes, (steps[0][name].typical, steps[1][name].typical))  # type: ignore[arg-type]
+        for name in BY_NAME
+    }

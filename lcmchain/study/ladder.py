@@ -1,0 +1,141 @@
+"""The settings of a study of accuracy: what a scene's accuracy and its cost depend on.
+
+The scene as it stands is one of them. Around it one thing at a time is varied, so that a reader
+sees what each buys; with the coarse mesh several, since the cheap settings lie there. The
+reference is the finest: the shortest edges and the longest process.
+
+Not among them: integration points. The solid-shell integrates its Taylor expansion in closed form
+and the shell its thickness, so there are none to choose (``lcmchain docs element``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from lcmchain.errors import InputError
+from lcmchain.model import build_model
+from lcmchain.scene import Scene
+from lcmchain.study.variant import SceneText, Variant
+
+#: Names of what is varied.
+EDGE, TIME, BOTH = "edge length", "process time", "edge length and process time"
+CONTACT, STEP, DAMPING = "contact stiffness", "time step", "damping"
+
+#: Edge lengths, by that of the scene; the last one is that of the reference.
+EDGES = (3.0, 2.0, 1.5, 1.0, 0.75, 0.5)
+#: Process times of the scene's mesh, and of one with edges twice as long, by that of the scene.
+TIMES = (0.5, 2.0)
+TIMES_COARSE = (0.25, 0.5, 2.0)
+#: Process time of the reference, by that of the scene.
+LONGEST = 2.0
+
+
+def ladder(text: SceneText, finest: float = EDGES[-1]) -> list[Variant]:
+    """Return the settings for a scene, the reference last.
+
+    Parameters
+    ----------
+    finest : edge length of the reference, by that of the scene.
+
+    Raises
+    ------
+    InputError : ``finest`` is not below one.
+    """
+    if not 0.0 < finest < 1.0:
+        raise InputError(f"must lie between 0 and 1, is {finest:g}", key="--finest")
+    scene = text.scene()
+    edges = [factor for factor in EDGES[:-1] if factor > finest] + [finest]
+    variants = [_with_edge(scene, factor) for factor in edges]
+    variants += [_with_time(scene, factor) for factor in TIMES]
+    variants += [_with_both(scene, 2.0, factor) for factor in TIMES_COARSE]
+    variants += _of_contact(text, scene)
+    safety = scene.process.step_safety
+    variants.append(
+        Variant(f"time step x {0.5:g}", STEP, (f"process.step_safety={0.5 * safety:.6g}",), 0.5)
+    )
+    if scene.process.mass_damping > 0.0:
+        half = f'process.mass_damping="{0.5 * scene.process.mass_damping:.6g} 1/s"'
+        variants.append(Variant("damping / 2", DAMPING, (half,), 0.5))
+    return [*variants, _with_both(scene, finest, LONGEST)]
+
+
+def chosen(text: SceneText, vary: Mapping[str, Sequence[str]]) -> list[Variant]:
+    """Return settings that a user has chosen: every value of every entry, one at a time.
+
+    The last value of each entry counts as its finest; together they make the reference.
+
+    Parameters
+    ----------
+    vary : values, as texts, by the dotted keys of the scene.
+    """
+    variants = [
+        Variant(f"{key} = {value}", key, (f"{key}={value}",), number_of(text, key, value))
+        for key, values in vary.items()
+        for value in values
+    ]
+    if len(vary) > 1:
+        finest = tuple(f"{key}={values[-1]}" for key, values in vary.items())
+        variants.append(Variant("all of the last", "reference", finest))
+    return variants
+
+
+def number_of(text: SceneText, key: str, value: str) -> float | None:
+    """Return the value of a scene entry in SI; None where it is no number."""
+    node: Any = text.scene((f"{key}={value}",))
+    for part in key.split("."):
+        node = getattr(node, part, None)
+    return float(node) if isinstance(node, int | float) and not isinstance(node, bool) else None
+
+
+def scene_name(scene: Scene) -> str:
+    """Return the name of the setting that is the scene as it stands."""
+    return _edge_text(scene.blank.edge_length)
+
+
+def _with_edge(scene: Scene, factor: float) -> Variant:
+    edge = factor * scene.blank.edge_length
+    overrides = () if factor == 1.0 else (_edge(edge),)
+    return Variant(_edge_text(edge), EDGE, overrides, edge)
+
+
+def _with_time(scene: Scene, factor: float) -> Variant:
+    time = factor * scene.process.time
+    name = f"{_edge_text(scene.blank.edge_length)}, {_time_text(time)}"
+    return Variant(name, TIME, (_time(time),), time)
+
+
+def _with_both(scene: Scene, of_edge: float, of_time: float) -> Variant:
+    edge, time = of_edge * scene.blank.edge_length, of_time * scene.process.time
+    name = f"{_edge_text(edge)}, {_time_text(time)}"
+    return Variant(name, BOTH, (_edge(edge), _time(time)), edge)
+
+
+def _of_contact(text: SceneText, scene: Scene) -> list[Variant]:
+    """Return the scene with softer and with stiffer contact, where it has tools."""
+    if not scene.tools:
+        return []
+    penalty = build_model(scene).environment.penalty
+    return [
+        Variant(
+            f"contact stiffness x {factor:g}", CONTACT,
+            (f'contact.penalty="{factor * penalty:.9g} Pa/m"',), factor * penalty,
+        )
+        for factor in (0.5, 2.0)
+    ]  # fmt: skip
+
+
+def _edge(length: float) -> str:
+    return f'blank.edge_length="{1e3 * length:.9g} mm"'
+
+
+def _time(time: float) -> str:
+    return f'process.time="{1e3 * time:.9g} ms"'
+
+
+def _edge_text(length: float) -> str:
+    return f"{1e3 * length:.4g} mm"
+
+
+def _time_text(time: float) -> str:
+    return f"{1e3 * time:.4g} ms"

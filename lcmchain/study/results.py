@@ -1,0 +1,76 @@
+"""Numbers that runs of a sweep are told by: extrema, means over the sheet, force and work."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcmchain.study.outcome import Outcome
+
+
+@dataclass(frozen=True)
+class Result:
+    """A number of a run: its name in files, titles, unit, and factor from SI to that unit."""
+
+    name: str
+    title: str
+    short: str
+    unit: str
+    scale: float = 1.0
+
+    @property
+    def heading(self) -> str:
+        return f"{self.short}\n{self.unit}" if self.unit else self.short
+
+
+RESULTS = (
+    Result("thickness_mean", "mean thickness", "t mean", "mm", 1e3),
+    Result("thickness_least", "least thickness", "t min", "mm", 1e3),
+    Result("shear_angle_mean", "mean shear angle", "γ mean", "°", 180.0 / math.pi),
+    Result("shear_angle_high", "shear angle, 99 %", "γ 99 %", "°", 180.0 / math.pi),
+    Result("fibre_volume_fraction_high", "v_f, 99 %", "v_f 99 %", ""),
+    Result("wrinkle_height", "wrinkle height", "wrinkle", "mm", 1e3),
+    Result("punch_force", "punch force", "force", "N"),
+    Result("forming_work", "forming work", "work", "mJ", 1e3),
+)
+_NUMBERS = {
+    "thickness_least": "thickness_min_m",
+    "wrinkle_height": "wrinkle_height_max_m",
+    "punch_force": "punch_force_max_N",
+    "forming_work": "forming_work_J",
+}
+
+
+def results_of(outcome: Outcome) -> dict[str, float]:
+    """Return the numbers of a run in SI; not a number where it has none, or failed.
+
+    Means are over the undeformed sheet; 99 % of it stay below the values called so, which a single
+    element does not change.
+    """
+    found = dict.fromkeys((result.name for result in RESULTS), math.nan)
+    if outcome.failure:
+        return found
+    found |= {name: outcome.numbers.get(key, math.nan) for name, key in _NUMBERS.items()}
+    areas = _areas(outcome)
+    for field in ("thickness", "shear_angle"):
+        if field in outcome.values:
+            mean = np.average(np.abs(outcome.values[field]), weights=areas)
+            found[f"{field}_mean"] = float(mean)
+    for field in ("shear_angle", "fibre_volume_fraction"):
+        if field in outcome.values:
+            values = np.abs(outcome.values[field])
+            order = np.argsort(values)
+            covered = np.cumsum(areas[order])
+            place = np.searchsorted(covered, 0.99 * covered[-1])
+            found[f"{field}_high"] = float(values[order][place])
+    return found
+
+
+def _areas(outcome: Outcome) -> np.ndarray:
+    """Return the areas of the undeformed faces (F,) [m²]."""
+    last = np.where(outcome.faces[:, 3] < 0, outcome.faces[:, 2], outcome.faces[:, 3])
+    corners = outcome.reference[np.column_stack([outcome.faces[:, :3], last])]
+    diagonals = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
+    return 0.5 * np.linalg.norm(np.cross(*diagonals), axis=1)

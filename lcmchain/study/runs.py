@@ -1,0 +1,226 @@
+"""The runs of a study: one after the other, or side by side on a dask cluster; none made twice.
+
+Every result lies in a file of its own from the moment it is there. A study that was interrupted
+goes on with what is missing, and so does one whose workers were lost.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lcmchain.errors import InputError, SimulationError
+from lcmchain.fingerprint import run_fingerprint
+from lcmchain.scene import Scene
+from lcmchain.study.outcome import Outcome, outcome_of, read_outcome, write_outcome
+from lcmchain.study.variant import SceneText, Variant
+
+#: Folder of the outcomes inside that of a study.
+RUNS = "runs"
+#: How often a run is made again whose worker was lost.
+RETRIES = 3
+#: A scheduler has to answer within this time [s].
+ANSWER_WITHIN = 10.0
+
+Progress = Callable[[float, float, str], None]
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who makes the runs.
+
+    Parameters
+    ----------
+    count : processes on this machine; 1 makes the runs here, one after the other.
+    threads : of each run; None gives every run its share of the cores.
+    scheduler : address of a dask scheduler, whose workers make the runs instead.
+    """
+
+    count: int = 1
+    threads: int | None = None
+    scheduler: str | None = None
+
+    @property
+    def threads_of_a_run(self) -> int:
+        if self.threads is not None:
+            return self.threads
+        if self.scheduler is not None:
+            return 1
+        return max(1, (os.cpu_count() or 1) // self.count)
+
+    @property
+    def is_cluster(self) -> bool:
+        return self.scheduler is not None or self.count > 1
+
+
+def make_run(source: SceneText, variant: Variant, threads: int, tell: Any = None) -> Outcome:
+    """Run a variant and return what a study keeps of it.
+
+    That a guard stops it, or that no model can be made of it, is an outcome too.
+
+    Raises
+    ------
+    InputError : the variant does not fit the scene.
+    """
+    from lcmchain.pipeline import run
+
+    scene = source.scene_to_run(variant)
+    start = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="lcmchain-study-") as folder:
+        try:
+            result = run(scene, folder, threads=threads, progress=tell)
+        except (SimulationError, InputError) as error:  # a mesh too coarse for the blank, say
+            reason = str(error).split(". ")[0]
+            return Outcome(time.perf_counter() - start, threads, failure=reason)
+    return outcome_of(result.datasets, result.summary)
+
+
+class Study:
+    """Runs of variants of one scene, kept in a folder."""
+
+    def __init__(self, source: SceneText, folder: Path, workers: Workers | None = None) -> None:
+        self.source, self.folder = source, folder
+        self.workers = workers or Workers()
+
+    def outcomes(
+        self, variants: Sequence[Variant], progress: Progress | None = None
+    ) -> dict[str, Outcome]:
+        """Return the outcomes of all variants by name; those that are there are not made again.
+
+        Raises
+        ------
+        InputError : a variant does not fit the scene, two have the same name, or the cluster
+            cannot be reached; nothing was run.
+        SimulationInterrupted : Ctrl-C; what is complete is kept.
+        """
+        names = [variant.name for variant in variants]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(f'two settings of the study have the name "{twice}"')
+        scenes = {variant.name: self.source.scene_to_run(variant) for variant in variants}
+        prints = {name: run_fingerprint(scene).sha256 for name, scene in scenes.items()}
+        found = {name: read_outcome(self._file(name), prints[name]) for name in names}
+        missing = [variant for variant in variants if found[variant.name] is None]
+        account = _Account({v.name: expected_work(scenes[v.name]) for v in missing}, progress)
+        makers = self._on_cluster if self.workers.is_cluster and missing else self._here
+        for name, outcome in makers(account.in_good_order(missing), account):
+            write_outcome(self._file(name), outcome, prints[name])
+            account.complete(name)
+            found[name] = outcome
+        return {name: outcome for name, outcome in found.items() if outcome is not None}
+
+    def outcome(self, variant: Variant, progress: Progress | None = None) -> Outcome:
+        """Return the outcome of one variant."""
+        return self.outcomes([variant], progress)[variant.name]
+
+    def _file(self, name: str) -> Path:
+        return self.folder / RUNS / f"{re.sub(r'[^A-Za-z0-9.+-]+', '_', name)}.nc"
+
+    def _here(
+        self, variants: Sequence[Variant], account: _Account
+    ) -> Iterator[tuple[str, Outcome]]:
+        threads = self.workers.threads_of_a_run
+        for variant in variants:
+            tell = account.teller(variant.name)
+            yield variant.name, make_run(self.source, variant, threads, tell)
+
+    def _on_cluster(
+        self, variants: Sequence[Variant], account: _Account
+    ) -> Iterator[tuple[str, Outcome]]:
+        from distributed import as_completed
+
+        threads = self.workers.threads_of_a_run
+        with _client(self.workers, min(self.workers.count, len(variants))) as client:
+
+            def submitted(variant: Variant) -> Any:
+                return client.submit(
+                    make_run, self.source, variant, threads, key=f"run-{variant.name}",
+                    pure=False, retries=RETRIES,
+                )  # fmt: skip
+
+            # The quickest one alone: it compiles for all, which read what it leaves on disk.
+            first, *others = variants
+            yield first.name, submitted(first).result()
+            futures = {submitted(variant): variant.name for variant in others}
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+
+
+@contextmanager
+def _client(workers: Workers, count: int) -> Iterator[Any]:
+    """Connect to the scheduler, or start workers on this machine for as long as it takes."""
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise InputError(
+            "runs side by side need dask: install lcmchain[study], or use --workers 1",
+            key="--workers" if workers.scheduler is None else "--scheduler",
+        ) from None
+    if workers.scheduler is not None:
+        try:
+            client = Client(workers.scheduler, timeout=ANSWER_WITHIN)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise InputError(
+                f"no dask scheduler answers at {workers.scheduler} ({error})", key="--scheduler"
+            ) from None
+        with client:
+            yield client
+        return
+    with (
+        LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=0
+        ) as cluster,
+        Client(cluster) as client,  # type: ignore[no-untyped-call]
+    ):
+        yield client
+
+
+def expected_work(scene: Scene) -> float:
+    """Return a number in proportion to the expected computing time of a scene.
+
+    Elements times steps, the steps as long as a wave takes across an element.
+    """
+    width, height = scene.blank.extent
+    return width * height * scene.process.time / scene.blank.edge_length**3
+
+
+class _Account:
+    """How far a study is, in parts of its expected work."""
+
+    def __init__(self, work: dict[str, float], progress: Progress | None) -> None:
+        self.work, self.progress = work, progress
+        self.total = sum(work.values())
+        self.done = 0.0
+        self.count = 0
+
+    def in_good_order(self, variants: Sequence[Variant]) -> list[Variant]:
+        """Return the quickest first, which compiles, then the longest: none is left alone last."""
+        first, *others = sorted(variants, key=lambda v: self.work[v.name]) or [None]
+        return [] if first is None else [first, *reversed(others)]
+
+    def teller(self, name: str) -> Progress:
+        """Return the progress function of one run."""
+
+        def tell(completed: float, total: float, text: str = "") -> None:
+            if self.progress is not None and total:
+                here = self.done + self.work[name] * min(completed / total, 1.0)
+                self.progress(here, self.total, f"{self._title(name)}: {text}")
+
+        return tell
+
+    def complete(self, name: str) -> None:
+        """Count a run as done."""
+        self.done += self.work[name]
+        self.count += 1
+        if self.progress is not None:
+            self.progress(self.done, self.total, f"{self.count} of {len(self.work)} runs")
+
+    def _title(self, name: str) -> str:
+        return f"run {self.count + 1} of {len(self.work)}, {name}"

@@ -1,0 +1,222 @@
+"""Sensitivity: which inputs the results of a scene depend on.
+
+Every input is lowered and raised by the same part of its value, the others as they are. The
+elasticity of a result R with respect to an input x, (dR/R)/(dx/x), follows from the two runs by
+the central difference; what the result bends by between them, the second difference, says how far
+it can be believed.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from lcmchain.atomic import replacing
+from lcmchain.errors import InputError
+from lcmchain.scene import Scene
+from lcmchain.study.results import RESULTS, results_of
+from lcmchain.study.runs import Progress, Study, Workers
+from lcmchain.study.variant import SceneText, Variant
+
+#: Part by which inputs are lowered and raised.
+PART = 0.1
+#: Elasticities below this are not shown as dependence.
+LEAST_SHOWN = 0.01
+#: Beginnings of the entries whose numbers are inputs where a user names none.
+TABLES = ("material.", "contact.friction")
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBERS = re.compile(rf"({_NUMBER}(?:\s+{_NUMBER})*)\s*([^\d\s.+-].*)?")
+_FROM_PRESET = re.compile(r" \(preset .*\)$")
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """How one result depends on one input.
+
+    Parameters
+    ----------
+    elasticity : (dR/R)/(dx/x), not a number where a run failed.
+    bend : second difference over the first, 0 for a result that is linear in between.
+    """
+
+    key: str
+    result: str
+    elasticity: float
+    bend: float
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """All dependences of a scene; ``value`` is the value of each input as text, by key."""
+
+    title: str
+    part: float
+    value: dict[str, str]
+    dependences: tuple[Dependence, ...]
+    failures: tuple[str, ...] = ()
+
+    def of(self, result: str) -> list[Dependence]:
+        """Return the dependences of a result, the strongest first."""
+        found = [d for d in self.dependences if d.result == result]
+        known = [d for d in found if math.isfinite(d.elasticity)]
+        return sorted(known, key=lambda d: -abs(d.elasticity))
+
+
+def default_inputs(scene: Scene) -> dict[str, str]:
+    """Return the numbers of a scene that its results may depend on, as texts by key.
+
+    They are those of the material, presets included, and the friction; zeros are left out, which
+    no part of their value changes.
+    """
+    found = {}
+    for key, text in (*scene.source.given, *scene.source.defaulted):
+        if not key.startswith(TABLES) and not (
+            key.startswith("tools") and key.endswith(".friction")
+        ):
+            continue
+        value = _FROM_PRESET.sub("", text).strip('"')
+        if _scaled(value, 2.0) not in (None, _scaled(value, 1.0)):
+            found[key] = value
+    return found
+
+
+def _scaled(value: str, factor: float) -> str | None:
+    """Return a number or a row of numbers, with their unit, times a factor; None for any other.
+
+    A row, such as the coefficients of a polynomial, is scaled as a whole.
+    """
+    match = _NUMBERS.fullmatch(value)
+    if match is None:
+        return None
+    numbers = " ".join(f"{factor * float(number):.9g}" for number in match[1].split())
+    return f'"{numbers} {match[2]}"' if match[2] or " " in numbers else numbers
+
+
+def run_sensitivity(
+    text: SceneText,
+    folder: Path,
+    keys: Sequence[str] = (),
+    *,
+    part: float = PART,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> Sensitivity:
+    """Vary inputs of a scene one at a time.
+
+    Parameters
+    ----------
+    keys : scene entries with numbers; by default those of the material and the friction.
+    part : by which each is lowered and raised, between 0 and 1.
+
+    Raises
+    ------
+    InputError : an entry that has no number or is zero, a part outside 0 to 1, or no inputs.
+    SimulationInterrupted : Ctrl-C; the same call goes on from what is there.
+    """
+    if not 0.0 < part < 1.0:
+        raise InputError(f"must lie between 0 and 1, is {part:g}", key="--part")
+    scene = text.scene()
+    values = {key: _value_of(scene, key) for key in keys} if keys else default_inputs(scene)
+    if not values:
+        raise InputError("the scene has no numbers to vary; name entries", key="--vary")
+    base = Variant("as it is", "sensitivity")
+    variants = [base]
+    for key, value in values.items():
+        for factor, word in ((1.0 - part, "lower"), (1.0 + part, "higher")):
+            changed = _scaled(value, factor)
+            variants.append(Variant(f"{key} {word}", "sensitivity", (f"{key}={changed}",)))
+    outcomes = Study(text, folder, workers).outcomes(variants, progress)
+    if outcomes[base.name].failure:
+        raise InputError(f"the scene itself fails: {outcomes[base.name].failure}")
+    results = {name: results_of(outcome) for name, outcome in outcomes.items()}
+    return Sensitivity(
+        scene.title,
+        part,
+        values,
+        tuple(
+            _dependence(key, r.name, part, results[base.name][r.name],
+                        *(results[f"{key} {word}"][r.name] for word in ("lower", "higher")))
+            for key in values for r in RESULTS
+        ),
+        tuple(f"{n}: no result, {o.failure}" for n, o in outcomes.items() if o.failure),
+    )  # fmt: skip
+
+
+def _value_of(scene: Scene, key: str) -> str:
+    """Return the value of an entry as text.
+
+    Raises
+    ------
+    InputError : the scene has no such entry, it is no single number, or zero.
+    """
+    known = {k: _FROM_PRESET.sub("", t) for k, t in (*scene.source.given, *scene.source.defaulted)}
+    if key not in known:
+        raise InputError(f'the scene has no entry "{key}" with a value', key="--vary")
+    value = known[key].strip('"')
+    if _scaled(value, 2.0) in (None, _scaled(value, 1.0)):
+        raise InputError(f"{key} is {value}, which is no number other than zero", key="--vary")
+    return value
+
+
+def _dependence(
+    key: str, result: str, part: float, middle: float, low: float, high: float
+) -> Dependence:
+    if not all(math.isfinite(v) for v in (low, middle, high)) or middle == 0.0:
+        return Dependence(key, result, math.nan, math.nan)
+    elasticity = (high - low) / middle / (2.0 * part)
+    bend = abs(high - 2.0 * middle + low)
+    first = 0.5 * abs(high - low)
+    return Dependence(key, result, elasticity, bend / first if first > 0.0 else 0.0)
+
+
+def sensitivity_table(found: Sensitivity) -> Table:
+    """Return a table for the terminal: what 1 % more of an input changes of each result."""
+    shown = [r for r in RESULTS if found.of(r.name)]
+    table = Table(title=f"Elasticities: {found.title}", title_justify="left")
+    table.add_column("input", no_wrap=True)
+    for result in shown:
+        table.add_column(result.short, justify="right")
+    by_pair = {(d.key, d.result): d for d in found.dependences}
+    strength = {
+        key: max(
+            (abs(by_pair[key, r.name].elasticity) for r in shown
+             if math.isfinite(by_pair[key, r.name].elasticity)), default=0.0,
+        )
+        for key in found.value
+    }  # fmt: skip
+    for key in sorted(found.value, key=lambda k: -strength[k]):
+        table.add_row(_last_two(key), *(_cell(by_pair[key, r.name]) for r in shown))
+    table.caption = (
+        "percent that a result changes by when the input grows by one percent; ~ bends by more "
+        "than half of that between the two runs"
+    )
+    return table
+
+
+def _last_two(key: str) -> str:
+    return ".".join(key.split(".")[-2:])
+
+
+def _cell(found: Dependence) -> str:
+    if math.isnan(found.elasticity):
+        return "-"
+    if abs(found.elasticity) < LEAST_SHOWN:
+        return ""
+    return f"{found.elasticity:+.2f}{'~' if found.bend > 0.5 else ''}"
+
+
+def write_sensitivity(path: Path, found: Sensitivity) -> None:
+    """Write a row per input and result."""
+    with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["input", "value", "result", "elasticity", "bend"])
+        for d in found.dependences:
+            writer.writerow(
+                [d.key, found.value[d.key], d.result, f"{d.elasticity:.6g}", f"{d.bend:.3g}"]
+            )

@@ -1,0 +1,207 @@
+"""Signed distances from neighbouring nodes to a rigid tool, in loops that compile to vectors.
+
+The same distances as :func:`lcmchain.tools.distance.signed_distance`, which says what they mean.
+Here the loop over the points is the innermost one, inside that over the pieces of the profile.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lcmchain.jit import span_routine
+from lcmchain.tools.distance import FIELD, ON_AXIS, PLANE, REVOLVED, field_distance
+from lcmchain.tools.profiles import ARC
+
+#: Most points of one call.
+SPAN = 128
+
+# Rows of ``work``, each of one value per point. What the caller gets:
+GAP = 0
+NORMAL_X = 1
+NORMAL_Y = 2
+NORMAL_Z = 3
+# In between: the point in the frame of the tool and in the plane of its profile, the unit vector
+# from its axis, and the distance to the closest piece so far.
+LOCAL_X = 4
+LOCAL_Y = 5
+LOCAL_Z = 6
+ACROSS = 7
+CLOSEST = 8
+DISTANCE_ROWS = 9
+
+
+@span_routine
+def span_distances(table, tool, x, y, z, travel, work):
+    """Write the gaps [m] and unit normals of points to the first rows of ``work``.
+
+    Parameters
+    ----------
+    table, tool, travel : see :func:`lcmchain.tools.distance.signed_distance`.
+    x, y, z : coordinates (count,) [m] of at most SPAN points.
+    work : (DISTANCE_ROWS * SPAN,) or longer.
+    """
+    count = x.size
+    to_tool_frame(table, tool, x, y, z, travel, work)
+    kind = table.kind[tool]
+    if kind == PLANE:
+        for i in range(count):
+            work[GAP * SPAN + i] = work[LOCAL_Z * SPAN + i]
+            work[NORMAL_X * SPAN + i] = 0.0
+            work[NORMAL_Y * SPAN + i] = 0.0
+            work[NORMAL_Z * SPAN + i] = 1.0
+    elif kind == FIELD:
+        field_distances(table, tool, count, work)
+    else:
+        profile_distances(table, tool, count, kind == REVOLVED, work)
+    if table.aligned[tool] == 0:
+        normals_from_tool_frame(table.rotation[tool], count, work)
+
+
+@span_routine
+def to_tool_frame(table, tool, x, y, z, travel, work):
+    """Write the points in the frame of the tool."""
+    origin, direction = table.origin, table.direction
+    x0 = origin[tool, 0] + travel * direction[tool, 0]
+    y0 = origin[tool, 1] + travel * direction[tool, 1]
+    z0 = origin[tool, 2] + travel * direction[tool, 2]
+    if table.aligned[tool] != 0:
+        for i in range(x.size):
+            work[LOCAL_X * SPAN + i] = x[i] - x0
+            work[LOCAL_Y * SPAN + i] = y[i] - y0
+            work[LOCAL_Z * SPAN + i] = z[i] - z0
+        return
+    axes = table.rotation[tool]
+    xx, xy, xz = axes[0, 0], axes[0, 1], axes[0, 2]
+    yx, yy, yz = axes[1, 0], axes[1, 1], axes[1, 2]
+    zx, zy, zz = axes[2, 0], axes[2, 1], axes[2, 2]
+    for i in range(x.size):
+        dx, dy, dz = x[i] - x0, y[i] - y0, z[i] - z0
+        work[LOCAL_X * SPAN + i] = xx * dx + xy * dy + xz * dz
+        work[LOCAL_Y * SPAN + i] = yx * dx + yy * dy + yz * dz
+        work[LOCAL_Z * SPAN + i] = zx * dx + zy * dy + zz * dz
+
+
+@span_routine
+def normals_from_tool_frame(axes, count, work):
+    xx, xy, xz = axes[0, 0], axes[0, 1], axes[0, 2]
+    yx, yy, yz = axes[1, 0], axes[1, 1], axes[1, 2]
+    zx, zy, zz = axes[2, 0], axes[2, 1], axes[2, 2]
+    for i in range(count):
+        nx = work[NORMAL_X * SPAN + i]
+        ny = work[NORMAL_Y * SPAN + i]
+        nz = work[NORMAL_Z * SPAN + i]
+        work[NORMAL_X * SPAN + i] = xx * nx + yx * ny + zx * nz
+        work[NORMAL_Y * SPAN + i] = xy * nx + yy * ny + zy * nz
+        work[NORMAL_Z * SPAN + i] = xz * nx + yz * ny + zz * nz
+
+
+@span_routine
+def field_distances(table, tool, count, work):
+    """Write what the distance field of a surface mesh says, point by point."""
+    for i in range(count):
+        gap, nx, ny, nz = field_distance(
+            table.spacing[tool],
+            table.grid_origin,
+            table.grid_shape,
+            table.box,
+            table.grid_start[tool],
+            table.coefficients,
+            table.far_bound,
+            tool,
+            work[LOCAL_X * SPAN + i],
+            work[LOCAL_Y * SPAN + i],
+            work[LOCAL_Z * SPAN + i],
+        )
+        work[GAP * SPAN + i] = gap
+        work[NORMAL_X * SPAN + i] = nx
+        work[NORMAL_Y * SPAN + i] = ny
+        work[NORMAL_Z * SPAN + i] = nz
+
+
+@span_routine
+def profile_distances(table, tool, count, revolved, work):
+    """Write the distances to a profile, piece by piece; normals in its plane, then in space."""
+    for i in range(count):
+        x, y = work[LOCAL_X * SPAN + i], work[LOCAL_Y * SPAN + i]
+        work[ACROSS * SPAN + i] = math.sqrt(x * x + y * y) if revolved else x
+        work[CLOSEST * SPAN + i] = math.inf
+        work[GAP * SPAN + i] = math.inf
+        work[NORMAL_X * SPAN + i] = 0.0
+        work[NORMAL_Y * SPAN + i] = 0.0
+        work[NORMAL_Z * SPAN + i] = 1.0
+    for s in range(table.segment_start[tool], table.segment_start[tool + 1]):
+        if table.segments[s, 0] == ARC:
+            distances_to_arc(table.segments[s], count, work)
+        else:
+            distances_to_line(table.segments[s], count, work)
+    for c in range(table.corner_start[tool], table.corner_start[tool + 1]):
+        distances_to_corner(table.corners[c], count, work)
+    if revolved:
+        for i in range(count):
+            across = work[ACROSS * SPAN + i]
+            scale = 1.0 / across
+            in_plane = work[NORMAL_X * SPAN + i]
+            x = work[LOCAL_X * SPAN + i] * scale if across > ON_AXIS else 1.0
+            y = work[LOCAL_Y * SPAN + i] * scale if across > ON_AXIS else 0.0
+            work[NORMAL_X * SPAN + i] = in_plane * x
+            work[NORMAL_Y * SPAN + i] = in_plane * y
+
+
+@span_routine
+def distances_to_line(line, count, work):
+    """Take the distance to a line where its foot lies within it and nothing is closer so far."""
+    x0, z0, tx, tz = line[1], line[2], line[3], line[4]
+    begin, end, nx, nz = line[5], line[6], line[7], line[8]
+    for i in range(count):
+        dx = work[ACROSS * SPAN + i] - x0
+        dz = work[LOCAL_Z * SPAN + i] - z0
+        along = dx * tx + dz * tz
+        d = dx * nx + dz * nz
+        closest = work[CLOSEST * SPAN + i]
+        taken = (abs(d) < closest) & (along >= begin) & (along <= end)
+        work[CLOSEST * SPAN + i] = abs(d) if taken else closest
+        work[GAP * SPAN + i] = d if taken else work[GAP * SPAN + i]
+        work[NORMAL_X * SPAN + i] = nx if taken else work[NORMAL_X * SPAN + i]
+        work[NORMAL_Z * SPAN + i] = nz if taken else work[NORMAL_Z * SPAN + i]
+
+
+@span_routine
+def distances_to_arc(arc, count, work):
+    """Take the distance to an arc where it faces the point and nothing is closer so far."""
+    x0, z0, middle_x, middle_z = arc[1], arc[2], arc[3], arc[4]
+    cosine, radius, side = arc[5], arc[6], arc[7]
+    for i in range(count):
+        dx = work[ACROSS * SPAN + i] - x0
+        dz = work[LOCAL_Z * SPAN + i] - z0
+        rho = math.sqrt(dx * dx + dz * dz)
+        along = dx * middle_x + dz * middle_z
+        d = side * (rho - radius)
+        scale = 1.0 / rho
+        nx = dx * scale if rho > ON_AXIS else middle_x
+        nz = dz * scale if rho > ON_AXIS else middle_z
+        closest = work[CLOSEST * SPAN + i]
+        taken = (abs(d) < closest) & (along >= rho * cosine)
+        work[CLOSEST * SPAN + i] = abs(d) if taken else closest
+        work[GAP * SPAN + i] = d if taken else work[GAP * SPAN + i]
+        work[NORMAL_X * SPAN + i] = side * nx if taken else work[NORMAL_X * SPAN + i]
+        work[NORMAL_Z * SPAN + i] = side * nz if taken else work[NORMAL_Z * SPAN + i]
+
+
+@span_routine
+def distances_to_corner(corner, count, work):
+    """Take the distance to a corner where nothing is closer so far; its sign by the bisector."""
+    x0, z0, bisector_x, bisector_z = corner[0], corner[1], corner[2], corner[3]
+    for i in range(count):
+        dx = work[ACROSS * SPAN + i] - x0
+        dz = work[LOCAL_Z * SPAN + i] - z0
+        length = math.sqrt(dx * dx + dz * dz)
+        side = 1.0 if dx * bisector_x + dz * bisector_z >= 0.0 else -1.0
+        scale = side / length
+        nx = dx * scale if length > ON_AXIS else bisector_x
+        nz = dz * scale if length > ON_AXIS else bisector_z
+        closest = work[CLOSEST * SPAN + i]
+        taken = length < closest
+        work[CLOSEST * SPAN + i] = length if taken else closest
+        work[GAP * SPAN + i] = side * length if taken else work[GAP * SPAN + i]
+        work[NORMAL_X * SPAN + i] = nx if taken else work[NORMAL_X * SPAN + i]
+        work[NORMAL_Z * SPAN + i] = nz if taken else work[NORMAL_Z * SPAN + i]
