@@ -99,6 +99,7 @@ def sizes(model: Model) -> dict[str, int]:
         "averaged node": 0 if model.averaging is None else model.node_count,
         "tool": tool_count,
         "tool input": 2,
+        "sticking node": model.node_count if model.tools.friction.any() else 0,
         "support": len(model.support_names),
         "work": WORK_COLUMNS,
         "clock": CLOCK_ENTRIES,
@@ -173,7 +174,7 @@ class State(_Arrays):
         in_frames=True,
     )
     stick: np.ndarray = entry(
-        "tool", "xyz", "node", unit="m", meaning="elastic slip of the friction springs"
+        "tool", "xyz", "sticking node", unit="m", meaning="elastic slip of the friction springs"
     )
     near: np.ndarray = entry(
         "tool",

@@ -1,9 +1,10 @@
 """What an effect costs: the part of a step's time that goes when it is taken out of a scene.
 
 A part is measured on the model of a scene itself: formed to a given time, it makes the same steps
-with the effect and without it in turn, in compiled code of its own for each. Parts are kept per
-machine beside its speed, in the user's cache folder, so that a check can tell them at no cost. They
-do not add up to one: what is shared by effects is nobody's.
+with the effect and without it in turn, in compiled code of its own for each; contact is left out by
+looking for no node near a tool. Parts are kept per machine beside its speed, in the user's cache
+folder, so that a check can tell them at no cost. They do not add up to one: what effects share is
+nobody's.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lcmchain.check.machine_speed import keep_numbers, kept_numbers, speed_key
+from lcmchain.effects.audit import switches
 from lcmchain.effects.switches import Switchable, switchable_effects, with_effect
 from lcmchain.model import Model
 from lcmchain.scene import Scene
@@ -26,10 +28,21 @@ from lcmchain.threads import thread_count, use_threads
 FILE = "effects.json"
 # Steps are timed in turn with and without an effect; other work only ever adds to a time, so that
 # the least of so many counts.
-REPETITIONS = 15
-CHUNKS = 2
+REPETITIONS = 25
+CHUNKS = 4
 # Noise may make a part negative; what is kept are parts of a whole.
 BOUNDS = (1e-9, 1.0 - 1e-9)
+# What these change is the number of steps, not what one costs.
+OF_THE_STEP_SIZE = ("mass_scaling", "fibre_modulus")
+CONTACT = "contact"
+
+
+def measurable_effects(scene: Scene) -> list[Switchable]:
+    """Return the effects of a scene whose part of a step can be measured."""
+    found = [one for one in switchable_effects(scene) if one.name not in OF_THE_STEP_SIZE]
+    if scene.tools and CONTACT not in [one.name for one in found]:
+        found.append(Switchable(CONTACT, "on", switches()[CONTACT].entry))
+    return found
 
 
 class EffectCost(NamedTuple):
@@ -56,7 +69,7 @@ def measure_effects(
 
     Parameters
     ----------
-    effects : those to measure, by default all that can be switched.
+    effects : those to measure, by default those of :func:`measurable_effects`.
     at : part of the process to which the scene is formed first, as it is: steps with and without
         an effect begin at the same shape.
 
@@ -67,7 +80,7 @@ def measure_effects(
     threads = thread_count()
     use_threads(1)
     try:
-        return _measured(scene, switchable_effects(scene) if effects is None else effects, at)
+        return _measured(scene, measurable_effects(scene) if effects is None else effects, at)
     finally:
         use_threads(threads)
 
@@ -78,11 +91,13 @@ def _measured(scene: Scene, effects: Sequence[Switchable], at: float) -> list[Ef
     start, step = plain.state.copy(), plain.prepare_steps()
     found = []
     for effect in effects:
-        other = Simulation.from_scene(
-            with_effect(scene, effect.name, "off" if effect.state == "on" else "on")
-        )
-        there = _taken_over(other.model, start)
-        least = _least_times(((plain, start), (other, there)), step)
+        if effect.name == CONTACT:
+            other = Runner(Simulation(plain.model), start, searches=False)
+        else:
+            setting = "off" if effect.state == "on" else "on"
+            changed = Simulation.from_scene(with_effect(scene, effect.name, setting))
+            other = Runner(changed, _taken_over(changed.model, start))
+        least = _least_times((Runner(plain, start), other), step)
         if effect.state == "off":
             least = least[::-1]
         found.append(EffectCost(effect, *least))
@@ -99,22 +114,40 @@ def _taken_over(model: Model, state: State) -> State:
     return own
 
 
-def _least_times(pairs: Sequence[tuple[Simulation, State]], step: float) -> tuple[float, float]:
-    """Return the least time per element and step of two simulations that take turns."""
-    samples: list[list[float]] = [[] for _ in pairs]
+class Runner(NamedTuple):
+    """A simulation that makes steps from a state, with or without looking for contact."""
+
+    simulation: Simulation
+    state: State
+    searches: bool = True
+
+    def prepare(self) -> None:
+        """Go back to the state, and find the nodes near tools."""
+        self.simulation.restore(self.state)
+        self.simulation.prepare_steps()
+
+    def make_steps(self, step: float) -> None:
+        """Make the steps that are timed, of ``step`` [s]."""
+        for _ in range(CHUNKS):
+            if self.searches:
+                self.simulation.find_contact()
+            else:
+                self.simulation.state.near[:] = 0
+            self.simulation.make_steps(STEPS_PER_CHUNK, step)
+
+
+def _least_times(runners: tuple[Runner, Runner], step: float) -> tuple[float, float]:
+    """Return the least time per element and step of two runners that take turns."""
+    samples: tuple[list[float], list[float]] = ([], [])
     for turn in range(REPETITIONS + 1):
-        for sample, (simulation, state) in zip(samples, pairs, strict=True):
-            simulation.restore(state)
-            simulation.prepare_steps()
+        for sample, runner in zip(samples, runners, strict=True):
+            runner.prepare()
             begin = time.process_time()
-            for _ in range(CHUNKS):
-                simulation.find_contact()
-                simulation.make_steps(STEPS_PER_CHUNK, step)
+            runner.make_steps(step)
             if turn > 0:  # the first one compiles
                 sample.append(time.process_time() - begin)
-    count = CHUNKS * STEPS_PER_CHUNK * pairs[0][0].model.element_count
-    first, second = (min(sample) / count for sample in samples)
-    return first, second
+    count = CHUNKS * STEPS_PER_CHUNK * runners[0].simulation.model.element_count
+    return min(samples[0]) / count, min(samples[1]) / count
 
 
 def record_effect_parts(model: Model, parts: Mapping[str, float]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.check.draping_preview import DrapingReport, check_draping, draping_preview
-from lcmchain.check.effect_cost import effect_parts
+from lcmchain.check.effect_cost import effect_parts, measurable_effects
 from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
 from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
@@ -75,7 +75,11 @@ class CheckReport:
             entry_table("Given in the scene", self.scene.source.given),
             entry_table("Defaulted", self.scene.source.defaulted),
             *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
-            effect_table(self.effects, self.effect_parts),
+            effect_table(
+                self.effects,
+                self.effect_parts,
+                [effect.name for effect in measurable_effects(self.scene)],
+            ),
             *surface_table(self.gaps),
             *gap_table(self.gaps, material.thickness, self.initial_overlap),
             cost_table(

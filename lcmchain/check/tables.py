@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 from lcmchain.check.effects_of_run import Effect
 from lcmchain.check.expected_cost import Estimate
 from lcmchain.check.quasi_static import PERIODS, ProcessTime
 from lcmchain.check.tools_at_start import InitialGap
-from lcmchain.effects.audit import switches
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process
 from lcmchain.scene.fabrics import Basis
@@ -53,19 +52,21 @@ def basis_table(preset: str, rows: list[tuple[str, str, Basis]]) -> Table:
     return table
 
 
-def effect_table(effects: list[Effect], parts: Mapping[str, float]) -> Table:
+def effect_table(
+    effects: list[Effect], parts: Mapping[str, float], measurable: Collection[str]
+) -> Table:
     """Effects, whether they are simulated, why, and the measured part of the time they take.
 
     parts : by the key of an effect; an effect of several tools has one for all of them.
+    measurable : keys of the effects that can have one.
     """
     table = _table("Effects", "effect", "", "of the time", "why")
-    switch = switches()
     for effect in effects:
         style = None if effect.active else "dim"
         part = ""
         if effect.active and effect.key in parts:
             part = "below 1 %" if parts[effect.key] < 0.01 else f"{100 * parts[effect.key]:.0f} %"
-        elif effect.active and effect.key and not hasattr(switch[effect.key].off, "reason"):
+        elif effect.active and effect.key in measurable:
             part = "not measured"
         table.add_row(
             _text(effect.name),

@@ -4,7 +4,7 @@ Adds: a tangential force on a node in contact, at most the coefficient times the
 Source: return mapping of stick and slip, e.g. Wriggers, "Computational Contact Mechanics", section
 5.2.
 Stability limit: none beside that of the contact, whose stiffness is the larger one.
-Scene: ``contact.friction``, ``tools.friction`` (0: no friction code runs), and
+Scene: ``contact.friction``, ``tools.friction`` (0 for all: no springs are kept), and
 ``contact.tangential_ratio``.
 Fields: ``tool_force``, ``energy_friction`` (history).
 """

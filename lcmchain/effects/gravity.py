@@ -20,12 +20,24 @@ from lcmchain.effects.effect import Effect, Switch, of_table
 from lcmchain.jit import INLINED
 
 
-def weight_at(gravity: Any, node: int) -> float:
-    """Return the acceleration of a node [m/s²] from one for all, or from an array (node_count,).
+def weights_of(gravity: Any, first: int, last: int) -> Any:
+    """Return the accelerations of nodes ``first`` to ``last`` [m/s²] for :func:`weight_at`.
 
-    It differs from node to node where mass was added to some of them that weighs nothing
-    (:mod:`lcmchain.effects.mass_scaling`).
+    gravity : one for all nodes, or an array (node_count,) where mass that weighs nothing was added
+        to some of them (:mod:`lcmchain.effects.mass_scaling`).
     """
+    return gravity[first:last] if isinstance(gravity, np.ndarray) else gravity
+
+
+@overload(weights_of, jit_options=INLINED)
+def _choose_weights(gravity, first, last):
+    if isinstance(gravity, types.Array):
+        return lambda gravity, first, last: gravity[first:last]
+    return lambda gravity, first, last: gravity
+
+
+def weight_at(gravity: Any, node: int) -> float:
+    """Return the acceleration of a node [m/s²] from one for all, or from an array (node_count,)."""
     return gravity[node] if isinstance(gravity, np.ndarray) else gravity
 
 

@@ -130,7 +130,7 @@ def active(model: Any) -> list[Effect]:
     if found["mass_added_largest"] == 0.0:
         return [Effect("mass scaling", False, "no mass is added")]
     reason = (
-        f"{1e3 * found['mass_added_kg']:.3g} g added, {found['mass_added_total']:.3g} of the mass, "
-        f"at most {found['mass_added_largest']:.3g} of a node's"
+        f"{1e3 * found['mass_added_kg']:.3g} g added, {100 * found['mass_added_total']:.3g} % of "
+        f"the sheet, at most {100 * found['mass_added_largest']:.3g} % of a node's mass"
     )
     return [Effect("mass scaling", True, reason)]

@@ -11,7 +11,7 @@ import math
 
 from lcmchain.effects.contact import normal_force
 from lcmchain.effects.friction import friction
-from lcmchain.effects.gravity import weight_at
+from lcmchain.effects.gravity import weight_at, weights_of
 from lcmchain.jit import span_routine
 from lcmchain.state import (
     CONTACT,
@@ -130,7 +130,7 @@ def normal_forces(arrays, tools, environment, tool, begin, end, dt_last, dt, wor
     tool_x = speed * direction[tool, 0]
     tool_y = speed * direction[tool, 1]
     tool_z = speed * direction[tool, 2]
-    penalty, gravity = environment.penalty, environment.gravity
+    penalty, weights = environment.penalty, weights_of(environment.gravity, begin, end)
     for i in range(end - begin):
         gap = work[GAP * SPAN + i]
         nx = work[NORMAL_X * SPAN + i]
@@ -149,7 +149,7 @@ def normal_forces(arrays, tools, environment, tool, begin, end, dt_last, dt, wor
             gap,
             vx * nx + vy * ny + vz * nz,
             (wx * nx + wy * ny + wz * nz) / mass[i],
-            others / mass[i] - wz * weight_at(gravity, begin + i),
+            others / mass[i] - wz * weight_at(weights, i),
             dt_last,
             dt,
         )

@@ -18,7 +18,7 @@ from numba import literal_unroll, prange
 from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.face_pressure import face_forces, face_pressures
 from lcmchain.effects.fibre_bending import fibre_bending_forces
-from lcmchain.effects.gravity import weight_at
+from lcmchain.effects.gravity import weight_at, weights_of
 from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
@@ -196,13 +196,13 @@ def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
     """
     interval = 0.5 * (dt_last + dt)
     damping = environment.mass_damping
-    mass = arrays.mass[first:last]
+    mass, weights = arrays.mass[first:last], weights_of(environment.gravity, first, last)
     for d in range(3):
         position, velocity = arrays.position[d, first:last], arrays.velocity[d, first:last]
         force, free = arrays.force[d, first:last], arrays.free[d, first:last]
         kinetic, damped, weight = 0.0, 0.0, 0.0
         for i in range(last - first):
-            gravity = -weight_at(environment.gravity, first + i) if d == 2 else 0.0
+            gravity = -weight_at(weights, i) if d == 2 else 0.0
             share = free[i]
             old = velocity[i]
             acceleration = force[i] / mass[i] + gravity

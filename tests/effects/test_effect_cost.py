@@ -11,12 +11,19 @@ from numba import njit, typeof
 from rich.console import Console
 
 from lcmchain.check import check_scene
-from lcmchain.check.effect_cost import effect_parts, measure_effects, record_effect_parts
+from lcmchain.check.effect_cost import (
+    Runner,
+    effect_parts,
+    measurable_effects,
+    measure_effects,
+    record_effect_parts,
+)
 from lcmchain.effects.switches import Switchable
 from lcmchain.elements.membrane_shell.kernel import patch_force_loop
 from lcmchain.elements.solid_shell.kernel import element_forces
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
 
 SHEET = """
 process = { time = "0.2 ms", frames = 2, mass_damping = "50 1/s", gravity = true }
@@ -78,6 +85,31 @@ def test_costs_are_measured_in_turn():
     (cost,) = found
     assert cost.with_it > 0.0 and cost.without_it > 0.0
     assert cost.part == 1.0 - cost.without_it / cost.with_it
+
+
+def test_contact_is_measured_by_looking_for_none():
+    bed = 'tools=[{ name = "bed", shape = { type = "plate", side = "below" }, motion = MOTION }]'
+    guided = '{ type = "guided", direction = [0, 0, 1], mass = "1 kg" }'
+    held = scene(bed.replace("MOTION", guided))
+    (contact,) = [one for one in measurable_effects(held) if one.name == "contact"]
+    (cost,) = measure_effects(held, [contact])
+    assert cost.without_it > 0.0 and cost.with_it > 0.0
+    pressed = Simulation(build_model(held))
+    pressed.state.position[2] -= 1e-5
+    forces = []
+    for searches in (True, False):
+        runner = Runner(pressed, pressed.state.copy(), searches)
+        runner.prepare()
+        runner.make_steps(1e-9)
+        forces.append(pressed.state.contact_force.max())
+        pressed.restore(runner.state)
+    assert forces[0] > 0.0 and forces[1] == 0.0
+    assert "contact" not in [one.name for one in measurable_effects(scene())]
+
+
+def test_what_changes_the_number_of_steps_has_no_part_of_one():
+    names = [one.name for one in measurable_effects(scene("process.mass_scaling.factor=2"))]
+    assert names == ["compaction", "fibre_bending", "gravity", "damping"]
 
 
 def shown(report):

@@ -12,7 +12,7 @@ from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.state import Scratch, State
+from lcmchain.state import FRICTION, Scratch, State
 from lcmchain.verification import random_elements as make
 
 # calls for nearly everything
@@ -113,6 +113,16 @@ def test_all_off_is_the_scene_that_never_called_for_them():
         sim.set_velocity(np.full_like(sim.state.velocity, 0.1) * np.sin(sim.state.position * 300))
         sim.advance_to(2e-4)
     np.testing.assert_array_equal(sims[0].state.position, sims[1].state.position)
+
+
+def test_tools_without_friction_keep_no_springs():
+    for overrides, count in (((), 1), (("effects.friction=off",), 0), (("contact.friction=0",), 0)):
+        model = build_model(scene(FULL, *overrides))
+        shape = State.at_rest(model).stick.shape
+        assert shape == (2, 3, count * model.node_count)
+    sim = Simulation(model)
+    sim.advance_to(1e-4)  # nothing reads them
+    assert sim.state.work[FRICTION] == 0.0
 
 
 def test_on_adds_what_is_known():
