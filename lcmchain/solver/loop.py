@@ -195,7 +195,7 @@ def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
     """
     interval = 0.5 * (dt_last + dt)
     damping = environment.mass_damping
-    mass = arrays.mass[first:last]
+    mass, inverse_mass = arrays.mass[first:last], arrays.inverse_mass[first:last]
     for d in range(3):
         gravity = -environment.gravity if d == 2 else 0.0
         position, velocity = arrays.position[d, first:last], arrays.velocity[d, first:last]
@@ -204,7 +204,7 @@ def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
         for i in range(last - first):
             share = free[i]
             old = velocity[i]
-            acceleration = force[i] / mass[i] + gravity
+            acceleration = force[i] * inverse_mass[i] + gravity
             undamped = 0.0
             if averaging is not None:
                 undamped = arrays.mean_velocity[d, first + i]
