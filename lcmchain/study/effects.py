@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from rich.table import Table
 
 from lcmchain.atomic import replacing
-from lcmchain.check.effect_cost import EffectCost, measure_effects, record_effect_parts
+from lcmchain.check.effect_cost import measure_effects, record_effect_parts
 from lcmchain.effects.switches import Switchable, switchable_effects
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
@@ -29,7 +31,8 @@ class EffectChange:
     ----------
     effect : which, whether the scene has it, and why.
     changes : of the result by the names of ``QUANTITIES``. seconds : solver time of the run.
-    part : of the time of a step that the effect takes, measured on the same state.
+    part : of the time of a step that the effect takes, measured on the same state; not a number
+        where the effect changes the size of the step, which tells more.
     steps : of the run, over those of the scene as it is.
     """
 
@@ -86,12 +89,17 @@ def study_effects(
         raise InputError(f"the scene itself fails: {as_it_is.failure}", file=text.path)
     if progress is not None:
         progress(1.0, 1.0, "measuring the time of each effect")
-    costs = measure_effects(scene, effects)
-    record_effect_parts(build_model(scene), {cost.effect.name: cost.part for cost in costs})
+    parts = {cost.effect.name: cost.part for cost in measure_effects(scene)}
+    record_effect_parts(build_model(scene), parts)
     return EffectStudy(
         scene.title,
         as_it_is.seconds,
-        tuple(_change(cost, outcomes[_variant(cost.effect).name], as_it_is) for cost in costs),
+        tuple(
+            _change(
+                effect, parts.get(effect.name, math.nan), outcomes[_variant(effect).name], as_it_is
+            )
+            for effect in effects
+        ),
     )
 
 
@@ -100,10 +108,10 @@ def _variant(effect: Switchable) -> Variant:
     return Variant(f"{effect.name} {other}", "effects", (f"effects.{effect.name}={other}",))
 
 
-def _change(cost: EffectCost, outcome: Outcome, as_it_is: Outcome) -> EffectChange:
+def _change(effect: Switchable, part: float, outcome: Outcome, as_it_is: Outcome) -> EffectChange:
     steps = outcome.numbers.get("step_count", 0.0) / as_it_is.numbers["step_count"]
     changes = differences(outcome, as_it_is)
-    return EffectChange(cost.effect, changes, outcome.seconds, cost.part, steps, outcome.failure)
+    return EffectChange(effect, changes, outcome.seconds, part, steps, outcome.failure)
 
 
 def effects_table(study: EffectStudy) -> Table:
@@ -116,7 +124,7 @@ def effects_table(study: EffectStudy) -> Table:
         caption="each effect switched over alone: its part of a step's time, the steps of the run, "
         "and what it changes\n(root mean square over the sheet; force and work: of the number)",
     )  # fmt: skip
-    for change in sorted(study.changes, key=lambda c: -c.part):
+    for change in sorted(study.changes, key=lambda c: -np.nan_to_num(c.part)):
         if change.failure:
             cells: Sequence[str] = ["-", *("fails" for _ in study.quantities)]
         else:
@@ -125,7 +133,12 @@ def effects_table(study: EffectStudy) -> Table:
                 *(short(q.scale * change.changes[q.name].typical) for q in study.quantities),
             ]
         name = change.effect.name.replace("_", " ")
-        table.add_row(name, change.effect.state, f"{change.part:.0%}", *cells)
+        table.add_row(
+            name,
+            change.effect.state,
+            "-" if math.isnan(change.part) else f"{change.part:.0%}",
+            *cells,
+        )
     return table
 
 
