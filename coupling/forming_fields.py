@@ -32,6 +32,11 @@ def forming_datasets(
     frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
     histories = Histories.from_state(model, simulation.state)
     datasets = model_datasets(scene, model, frames, histories, attributes={"state": state})
+    return with_permeability(scene, datasets)
+
+
+def with_permeability(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+    """Return the groups of ``forming.nc`` with the permeabilities that the scene asks for."""
     if scene.permeability is None:
         return datasets
     fields = permeability_fields(scene.permeability, datasets["/"], scene.source.directory)

@@ -27,7 +27,7 @@ from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
 from lcmchain.commands.map import map_fields
 from lcmchain.commands.new import new_app
-from lcmchain.commands.options import OutFolder, Overrides, SceneFile, Strict
+from lcmchain.commands.options import ModelRung, OutFolder, Overrides, SceneFile, Strict
 from lcmchain.commands.precice import precice
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.structure import structure
@@ -93,6 +93,7 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the last checkpoint in DIR.")
     ] = False,
+    model: ModelRung = None,
     within: Annotated[
         str | None,
         typer.Option(
@@ -116,12 +117,10 @@ def run(
 
         run_chosen(
             scene, out, within, budget, overrides or (),
-            threads=threads, resume=resume, strict=strict, quiet=quiet,
+            model=model, threads=threads, resume=resume, strict=strict, quiet=quiet,
         )  # fmt: skip
         return
-    from lcmchain.scene import read_scene
-
-    the_scene = read_scene(scene, overrides or ())
+    the_scene = _scene_on_rung(scene, overrides, model)
     with output_folder(out or default_out(scene)) as folder:
         from lcmchain.pipeline import run as run_scene
 
@@ -140,12 +139,14 @@ def run(
 
 @app.command()
 def check(
-    scene: SceneFile, out: OutFolder = None, overrides: Overrides = None, strict: Strict = False
+    scene: SceneFile,
+    out: OutFolder = None,
+    model: ModelRung = None,
+    overrides: Overrides = None,
+    strict: Strict = False,
 ) -> None:
     """Show what will be simulated and why, what was defaulted, and what it costs."""
-    from lcmchain.scene import read_scene
-
-    the_scene = read_scene(scene, overrides or ())
+    the_scene = _scene_on_rung(scene, overrides, model)
     with output_folder(out or default_out(scene), inputs=[scene]) as folder:
         from lcmchain.check import check_scene
         from lcmchain.pipeline import require_readable_targets
@@ -159,6 +160,14 @@ def check(
         warn(warning)
     say(f"Picture of the start: {report.picture}")
     require_none(report.warnings, strict=strict)
+
+
+def _scene_on_rung(path: Path, overrides: list[str] | None, model: str | None) -> Any:
+    """Read a scene, on another rung of the model ladder where one is asked for."""
+    from lcmchain.scene import on_rung, read_scene
+
+    scene = read_scene(path, overrides or ())
+    return scene if model is None else on_rung(scene, model)
 
 
 @app.command()

@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 from lcmchain.compile_cache import source_hash
 from lcmchain.errors import InputError
 
-# Tables of a scene that are applied to the saved frames, after forming; and its title.
-AFTER_FORMING = {"title", "output", "mapping", "permeability", "infiltration", "fmu"}
+# Tables of a scene that are applied to the saved frames, after forming; its title; and how it would
+# be draped, which no run with checkpoints is.
+AFTER_FORMING = {"title", "output", "mapping", "permeability", "infiltration", "fmu", "draping"}
 
 
 class Fingerprint(NamedTuple):
@@ -54,7 +55,8 @@ def run_fingerprint(scene: Any) -> Fingerprint:
 
     Entries that are applied to the saved frames (title, ``[output]``, ``[[mapping]]``,
     ``[permeability]``, ``[infiltration]``, ``[fmu]``) are left out: a finished forming run serves a
-    changed mapping. An infiltration that goes on while the blank is formed counts.
+    changed mapping. So is ``[draping]``, except where the blank is draped. An infiltration that
+    goes on while the blank is formed counts.
 
     Raises
     ------
@@ -62,6 +64,8 @@ def run_fingerprint(scene: Any) -> Fingerprint:
     """
     values = scene.model_dump(mode="json", exclude=AFTER_FORMING)
     values["history_interval"] = scene.history_interval  # the one entry of [output] that forms
+    if scene.element.type == "kinematic":
+        values |= scene.model_dump(mode="json", include={"draping"})
     if scene.wet_forming is not None:
         forms = ("infiltration", "permeability")
         values |= scene.model_dump(mode="json", include=set(forms))

@@ -63,15 +63,19 @@ class NodeData(NamedTuple):
     """Constants of the node kernel; every float is in SI.
 
     force_slot : (valence, node_count) where to find a node's corner forces.
-    mass : (node_count,) [kg], with what is added for the time step.
+    mass : (node_count,) [kg], with what is added for the time step; inverse_mass : (node_count,)
+        [1/kg].
     area : (node_count,) reference area per face node [m²].
+    impedance : (node_count,) root of area times mass, for the damping of contacts [m √kg].
     free : (3, node_count) 1 where a displacement component is free, 0 where it is held.
     offset : (node_count,) distance of the sheet's surface from the node [m].
     """
 
     force_slot: np.ndarray
     mass: np.ndarray
+    inverse_mass: np.ndarray
     area: np.ndarray
+    impedance: np.ndarray
     free: np.ndarray
     offset: np.ndarray
 
@@ -310,6 +314,8 @@ def assemble_bodies(
     last_force = placed[-1].last_force
     if fibre_bending is not None:
         last_force += fibre_bending.padded_count * FORCE_ROWS
+    mass = np.concatenate([body.inertial_mass for body in bodies])
+    area = np.concatenate([body.node_area for body in bodies])
     penalty = contact.penalty
     if penalty is None:
         penalty = min(_automatic_penalty(b.material, b.shortest_length) for b in bodies)
@@ -322,8 +328,10 @@ def assemble_bodies(
         corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
             force_slot=_force_slots(bodies, placed, fibre_bending, last_force),
-            mass=np.concatenate([body.inertial_mass for body in bodies]),
-            area=np.concatenate([body.node_area for body in bodies]),
+            mass=mass,
+            inverse_mass=1.0 / mass,
+            area=area,
+            impedance=np.sqrt(area * mass),
             free=free,
             offset=offset,
         ),

@@ -13,8 +13,17 @@ from typing import Any
 import xarray as xr
 
 from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
+from lcmchain.check.effects_of_run import later_stages
 from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
+from lcmchain.draping import drape
+from lcmchain.draping.result import (
+    draped_datasets,
+    draping_effect,
+    draping_summary,
+    locking_warnings,
+)
+from lcmchain.effects.effect import Effect
 from lcmchain.errors import LcmchainError, MappingError, OutputError, UnfinishedRun
 from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
@@ -29,9 +38,9 @@ from lcmchain.scene.output import NO_FILM
 from lcmchain.scene.scene import SHEET_NAME
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
-from lcmchain.summary import run_head, run_summary
+from lcmchain.summary import run_head, run_summary, scene_head
 from lcmchain.threads import use_threads
-from lcmchain.tools import ToolWarning
+from lcmchain.tools import ToolTable, ToolWarning
 
 
 @dataclass(frozen=True)
@@ -81,8 +90,9 @@ def run(
     with ResultsFolder.locked(folder, input_files(scene)) as results:
         results.require_apart(expected_files(scene))
         account = RunAccount(folder, scene.process.time, progress)
-        job = _Job(scene, results, thread_count, account, resume=resume)
-        checkpoint = read_checkpoint(folder, job.fingerprint) if resume else None
+        kind = _Job if scene.element.has_forces else _DrapingJob
+        job = kind(scene, results, thread_count, account, resume=resume)
+        checkpoint = job.checkpoint() if resume else None
         job.build()
         results.begin(resume=resume)
         with account.kept(on_failure=job.write_report):
@@ -114,6 +124,19 @@ class _Job:
         self.account, self.tell, self.summary = account, account.tell, account.summary
         self.fingerprint = run_fingerprint(scene)
         self.result: Result
+
+    def checkpoint(self) -> Checkpoint | None:
+        """Return the state from which an interrupted run goes on."""
+        return read_checkpoint(self.folder, self.fingerprint)
+
+    @property
+    def tools(self) -> ToolTable:
+        """The tools as compiled code reads them."""
+        return self.simulation.model.tools
+
+    def effects(self) -> list[Effect]:
+        """What is simulated, and why."""
+        return run_effects(self.scene, self.simulation.model)
 
     def build(self) -> None:
         """Build the model: what is wrong with the input is found here."""
@@ -169,7 +192,7 @@ class _Job:
 
             draw_run(
                 self.scene,
-                self.simulation.model.tools,
+                self.tools,
                 self.result.datasets,
                 self.folder,
                 lambda text: self.tell(self.scene.process.time, text),
@@ -338,11 +361,65 @@ class _Job:
         write_report(
             self.folder,
             self.scene,
-            run_effects(self.scene, self.simulation.model),
+            self.effects(),
             result.datasets,
             self.summary | {"state": state},
             pictures=[name for name in self.results.files if name.endswith(".png")],
         )
+
+
+class _DrapingJob(_Job):
+    """The stages of a run whose blank is draped: no steps, no forces, no checkpoints."""
+
+    wet = None
+
+    def checkpoint(self) -> Checkpoint | None:
+        return None  # draping takes less time than reading one
+
+    @property
+    def tools(self) -> ToolTable:
+        return self.draped.tools
+
+    def effects(self) -> list[Effect]:
+        return [draping_effect(self.draped), *later_stages(self.scene)]
+
+    def build(self) -> None:
+        """Drape the blank: what is wrong with the input is found here."""
+        self.tell(0.0, "compiling")
+        start = time.perf_counter()
+        with _noted_warnings() as noted:
+            first = drape(self.scene)
+        self.compile_s = time.perf_counter() - start
+        self.draped = drape(self.scene, tools=first.tools)
+        mesh = self.draped.mesh
+        if self.scene.output.animation != NO_FILM:
+            from lcmchain.report.run_pictures import require_film
+
+            require_film(self.scene.output, mesh, self.scene.material.build())
+        self.warnings = [*scene_warnings(self.scene), *noted]
+        fingerprint = self.fingerprint.sha256
+        self.summary |= scene_head(self.scene, fingerprint, mesh.element_count, mesh.node_count)
+        self.summary["provenance"] = provenance(
+            self.scene, run_fingerprint=fingerprint, threads=self.threads
+        )
+
+    def form(self, checkpoint: Checkpoint | None) -> None:
+        """Write the fields of the draped blank."""
+        from lcmchain.coupling.forming_fields import with_permeability
+
+        datasets = with_permeability(self.scene, draped_datasets(self.scene, self.draped))
+        _write_datasets(self.scene, datasets, self.folder)
+        found = draping_summary(self.scene, self.draped, datasets)
+        warnings = [*self.warnings, *locking_warnings(self.draped), *found["warnings"]]
+        self.summary |= found | {
+            "warnings": list(dict.fromkeys(warnings)),
+            "compile_s": self.compile_s,
+            "threads": self.threads,
+            "effects": [effect.name for effect in self.effects() if effect.active],
+            "time_reached_s": self.scene.process.time,
+        }
+        self.result = Result(datasets, self.summary, self.folder)
+        self.account.set_state(RUNNING)
 
 
 def _write_fields(
@@ -355,11 +432,15 @@ def _write_fields(
     from lcmchain.coupling.forming_fields import forming_datasets
 
     datasets = forming_datasets(scene, simulation, snapshots, state=state)
+    _write_datasets(scene, datasets, folder)
+    return datasets
+
+
+def _write_datasets(scene: Scene, datasets: dict[str, xr.Dataset], folder: Path) -> None:
     write_forming_netcdf(folder / "forming.nc", datasets)
     if scene.output.vtu:
         write_vtu(folder / "forming.vtu", datasets)
         write_pvd(folder / "forming.pvd", datasets)
-    return datasets
 
 
 def require_readable_targets(scene: Scene) -> None:
@@ -389,9 +470,18 @@ def require_readable_targets(scene: Scene) -> None:
 
 def _build_simulation(scene: Scene) -> tuple[Simulation, list[str]]:
     """Build the simulation; what its tools warn of is said at once and kept for the summary."""
+    with _noted_warnings() as noted:
+        simulation = Simulation.from_scene(scene)
+    return simulation, noted
+
+
+@contextmanager
+def _noted_warnings() -> Iterator[list[str]]:
+    """Note what tools warn of while they are built; all warnings are given at the end, once."""
+    noted: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        simulation = Simulation.from_scene(scene)
+        yield noted
     for warning in {str(warning.message): warning for warning in caught}.values():
         warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
-    return simulation, [str(w.message) for w in caught if issubclass(w.category, ToolWarning)]
+    noted += [str(w.message) for w in caught if issubclass(w.category, ToolWarning)]

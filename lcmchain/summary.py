@@ -26,6 +26,7 @@ from lcmchain.fields import field_summary
 from lcmchain.fields.dataset import HISTORY
 from lcmchain.fields.summary import field_warnings, punch_index
 from lcmchain.results import RUNNING
+from lcmchain.scene import rung_of
 from lcmchain.state import HALVINGS
 from lcmchain.thresholds import (
     LARGEST_BALANCE_ERROR,
@@ -46,6 +47,11 @@ def run_head(scene: Scene, simulation: Simulation, run_fingerprint: str) -> dict
     run_fingerprint : of :class:`lcmchain.fingerprint.Fingerprint`, all that decides the numbers.
     """
     model = simulation.model
+    return scene_head(scene, run_fingerprint, model.element_count, model.node_count)
+
+
+def scene_head(scene: Scene, run_fingerprint: str, element_count: int, node_count: int) -> dict:
+    """Return what ``summary.json`` says of any forming run from its start on."""
     return {
         "lcmchain_version": __version__,
         "title": scene.title,
@@ -57,8 +63,10 @@ def run_head(scene: Scene, simulation: Simulation, run_fingerprint: str) -> dict
         },
         "scene_sha256": scene.source.sha256,
         "run_fingerprint": run_fingerprint,
-        "element_count": model.element_count,
-        "node_count": model.node_count,
+        "model": rung_of(scene),
+        "left_out": list(scene.source.left_out),
+        "element_count": element_count,
+        "node_count": node_count,
         "process_time_s": scene.process.time,
     }
 

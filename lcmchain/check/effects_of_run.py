@@ -18,10 +18,11 @@ def run_effects(scene: Scene, model: Model) -> list[Effect]:
         else effect
         for effect in effects_of(model)
     ]
-    return [*of_model, *_stages(scene)]
+    return [*of_model, *later_stages(scene)]
 
 
-def _stages(scene: Scene) -> list[Effect]:
+def later_stages(scene: Scene) -> list[Effect]:
+    """Return the stages of a scene that follow forming, as effects."""
     found = [
         Effect(
             f"mapping to {target.name}", True, f"{target.kind} mesh {target.mesh}, {target.method}"

@@ -13,6 +13,11 @@ from lcmchain.scene.fabrics import preset_remarks
 def scene_warnings(scene: Scene) -> list[str]:
     """Say what is allowed but probably not meant."""
     found = [] if scene.element.has_thickness else [NO_THICKNESS]
+    found += scene.element.remarks
+    if scene.source.left_out:
+        found.append(
+            f"left out, as this model knows nothing of them: {', '.join(scene.source.left_out)}"
+        )
     found += [switched.warning for switched in scene.switched]
     found += scene.material.remarks() + preset_remarks(scene.material)
     director = getattr(scene.element, "compaction_strain", None) == "director"
@@ -21,6 +26,8 @@ def scene_warnings(scene: Scene) -> list[str]:
             'element.compaction_strain = "director" (as published) lets elements fold over on '
             'small radii under pressure; "normal" does not'
         )
+    if not scene.element.has_forces:
+        return found  # neither motion nor resolution of a tool is simulated
     process = scene.process
     moved = process.gravity or bool(scene.pressure)
     if not moved and not any(tool.motion.moves for tool in scene.tools):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lcmchain.check.draping_preview import DrapingReport, check_draping, draping_preview
 from lcmchain.check.effect_cost import effect_parts, measurable_effects
 from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
@@ -22,6 +23,7 @@ from lcmchain.check.tables import (
     effect_table,
     entry_table,
     gap_table,
+    preview_table,
     process_time_table,
     surface_table,
 )
@@ -35,9 +37,10 @@ from lcmchain.check.tools_without_touch import tools_out_of_reach
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh, build_blank
-from lcmchain.model import build_model
+from lcmchain.model import Model, build_model
 from lcmchain.scene import Scene
 from lcmchain.scene.fabrics import preset_basis
+from lcmchain.tools import ToolTable, build_tool_table
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -60,6 +63,7 @@ class CheckReport:
     needed: ProcessTime
     gaps: list[InitialGap]
     initial_overlap: list[float]
+    preview: list[tuple[str, str]]
     warnings: list[str]
     picture: Path | None
 
@@ -85,10 +89,11 @@ class CheckReport:
                 node_count=self.node_count,
             ),
             process_time_table(self.needed, self.scene.process),
+            *preview_table(self.preview),
         ]
 
 
-def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
+def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingReport:
     """Build blank and tools, test that they can start, and tell what a run will do.
 
     Parameters
@@ -105,21 +110,50 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
     blank = build_blank(scene.blank, scene.material.thickness)
     picture = None if out is None else Path(out) / START_PICTURE
     marks: list[tuple[float, float, float]] = []
+    model = None
     try:
         with warnings.catch_warnings(record=True) as tool_warnings:
             warnings.simplefilter("always")
-            model = build_model(scene)
-        gaps = initial_gaps(scene.tools, blank, model.tools, scene.source.directory)
-        marks = [gap.position for gap in overlapping(gaps, scene)]
-        require_gaps(gaps, scene)
+            if scene.element.has_forces:
+                model = build_model(scene)
+            else:
+                tools = _tools(scene, blank)
+        if model is not None:
+            gaps = initial_gaps(scene.tools, blank, model.tools, scene.source.directory)
+            marks = [gap.position for gap in overlapping(gaps, scene)]
+            require_gaps(gaps, scene)
     except InputError as error:
         raise _with_picture(error, picture, scene, blank, marks) from None
+    noted = [str(entry.message) for entry in tool_warnings]
+    report: CheckReport | DrapingReport
+    if model is None:
+        report = check_draping(scene, blank, tools, blank.remarks() + noted, picture)
+    else:
+        report = _report(scene, blank, model, gaps, noted, picture)
+    if picture is not None:
+        draw_start(picture, scene, blank)
+    return report
+
+
+def _tools(scene: Scene, blank: BlankMesh) -> ToolTable:
+    return build_tool_table(
+        scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
+    )
+
+
+def _report(
+    scene: Scene,
+    blank: BlankMesh,
+    model: Model,
+    gaps: list[InitialGap],
+    noted: list[str],
+    picture: Path | None,
+) -> CheckReport:
+    """Return the report of a scene with forces; ``noted`` are warnings of its tools."""
     require_frames_fit(scene.process.frames, model)
     needed = process_time_needed(model)
     found = scene_warnings(scene) + blank.remarks() + process_time_remarks(scene, needed)
     found += tools_out_of_reach(scene, model)
-    if picture is not None:
-        draw_start(picture, scene, blank)
     return CheckReport(
         scene=scene,
         element_count=model.element_count,
@@ -130,7 +164,8 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport:
         needed=needed,
         gaps=gaps,
         initial_overlap=model.tools.initial_overlap.tolist(),
-        warnings=found + [str(entry.message) for entry in tool_warnings],
+        preview=draping_preview(scene, blank, model.tools),
+        warnings=found + noted,
         picture=picture,
     )
 

@@ -81,6 +81,17 @@ def effect_table(
     return table
 
 
+def preview_table(rows: list[tuple[str, str]]) -> list[Table]:
+    """What kinematic draping says, in milliseconds."""
+    if not rows:
+        return []
+    table = _table("Preview by kinematic draping (no forces, no wrinkles)", "", "")
+    table.show_header = False
+    for name, value in rows:
+        table.add_row(_text(name), _text(value))
+    return [table]
+
+
 def gap_table(
     gaps: list[InitialGap], thickness: float, initial_overlap: list[float]
 ) -> list[Table]:

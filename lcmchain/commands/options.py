@@ -20,6 +20,15 @@ Overrides = Annotated[
         help="Replace a scene entry, as in --set tools.punch.friction=0.2; may be repeated.",
     ),
 ]
+ModelRung = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        metavar="RUNG",
+        help="Take another model than the scene: kinematic, membrane, membrane-shell or "
+        "solid-shell; what it knows nothing of is left out.",
+    ),
+]
 Strict = Annotated[
     bool, typer.Option("--strict", help="Take warnings as errors: exit code 1 where there are any.")
 ]

@@ -23,6 +23,7 @@ def run_chosen(
     budget: str | None,
     overrides: Sequence[str],
     *,
+    model: str | None,
     threads: int | None,
     resume: bool,
     strict: bool,
@@ -43,7 +44,7 @@ def run_chosen(
             key="--resume",
         )
     wish = read_wish(within, budget)
-    text = SceneText.from_file(path, tuple(overrides))
+    text = SceneText.from_file(path, tuple(overrides), model)
     text.scene()
     with output_folder(out or default_out(path), inputs=[path]) as folder:
         from lcmchain.pipeline import run

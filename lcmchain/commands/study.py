@@ -83,6 +83,38 @@ def study_accuracy(
         warn(failure)
 
 
+@study_app.command("effects")
+def study_effects(
+    scene: SceneFile,
+    out: OutFolder = None,
+    workers: WorkerCount = None,
+    threads: Threads = None,
+    scheduler: Scheduler = None,
+    overrides: Overrides = None,
+    quiet: Quiet = False,
+) -> None:
+    """Switch each effect of a scene over, and show what that changes of result and time."""
+    from lcmchain.study.variant import SceneText
+
+    text = SceneText.from_file(scene, tuple(overrides or ()))
+    text.scene()
+    with output_folder(out or study_folder(scene, "effects"), inputs=[scene]) as folder:
+        from lcmchain.study.effects import effects_table, write_effects
+        from lcmchain.study.effects import study_effects as run_study
+
+        with progress_bar(quiet=quiet) as progress:
+            study = run_study(
+                text, folder, workers=workers_of(workers, threads, scheduler), progress=progress
+            )
+        write_effects(folder / "effects.csv", study)
+    if not quiet:
+        console().print(effects_table(study))
+        say(f"Table in {folder}")
+    for change in study.changes:
+        if change.failure:
+            warn(f"{change.effect.name} switched over: no result, {change.failure}")
+
+
 @study_app.command("sweep")
 def study_sweep(
     scene: SceneFile,

@@ -27,7 +27,7 @@ from numba import prange
 from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.elements.blocks import LANES, in_blocks
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
-from lcmchain.jit import equation, kernel, routine
+from lcmchain.jit import equation, kernel, span_routine
 from lcmchain.mesh.fibre_lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
 
@@ -260,14 +260,15 @@ def fibre_bending_forces(data, position, corner_force, mid, vector):
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
             find_middle(data, position, mid, block)
     for piece in prange(pieces):
+        near = np.empty(15 * LANES)  # a node, before and after along fibre 1, then 2
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
-            find_vectors(data, mid, vector, block)
+            find_vectors(data, mid, vector, block, near)
     for piece in prange(pieces):
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
             add_vectors(data, vector, corner_force, block)
 
 
-@routine
+@span_routine
 def find_middle(data, position, mid, block):
     nodes = data.nodes[block * NODE_ROWS * LANES : (block + 1) * NODE_ROWS * LANES]
     for lane in range(LANES):
@@ -276,13 +277,12 @@ def find_middle(data, position, mid, block):
             mid[d, own] = 0.5 * (position[d, below] + position[d, above])
 
 
-@routine
-def find_vectors(data, mid, vector, block):
+@span_routine
+def find_vectors(data, mid, vector, block, near):
     """Write what the nodes send to their neighbours along the fibres."""
     nodes = data.nodes[block * NODE_ROWS * LANES : (block + 1) * NODE_ROWS * LANES]
     constants = data.constants[block * CONSTANT_ROWS * LANES : (block + 1) * CONSTANT_ROWS * LANES]
     own = vector[block * VECTOR_ROWS * LANES : (block + 1) * VECTOR_ROWS * LANES]
-    near = np.empty(15 * LANES)  # the node, before and after along fibre 1, then 2
     for k in range(5):
         for lane in range(LANES):
             node = nodes[(2 + k) * LANES + lane]
@@ -293,7 +293,7 @@ def find_vectors(data, mid, vector, block):
         bend_in_lane(near, constants, own, lane)
 
 
-@routine
+@span_routine
 def add_vectors(data, vector, corner_force, block):
     """Write the forces on the nodes: the sums of what they get, less what they send."""
     source = data.source[block * 4 * LANES : (block + 1) * 4 * LANES]

@@ -1,6 +1,12 @@
 """Fields of a forming result: what they are, how they follow from positions, and their files."""
 
-from lcmchain.fields.dataset import add_face_variables, build_datasets, model_datasets
+from lcmchain.fields.dataset import (
+    LaidSheet,
+    add_face_variables,
+    build_datasets,
+    laid_datasets,
+    model_datasets,
+)
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.histories import Histories
@@ -16,8 +22,10 @@ __all__ = [
     "Field",
     "FrameSeries",
     "Histories",
+    "LaidSheet",
     "add_face_variables",
     "build_datasets",
+    "laid_datasets",
     "model_datasets",
     "derive_fields",
     "fibre_mass",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -47,6 +47,13 @@ NO_THICKNESS = (
 )
 
 
+class LaidSheet(NamedTuple):
+    """A sheet without elements that have forces: its undeformed mesh, and what it is made of."""
+
+    mesh: SheetMesh
+    material: Material
+
+
 @dataclass(frozen=True)
 class SheetFrames:
     """One sheet with its part of the saved frames.
@@ -56,16 +63,17 @@ class SheetFrames:
     pressures : face fields of :func:`lcmchain.fields.pressure.pressure_fields`, (F, element_count),
         and that of a fluid.
     tool_pressure : on the nodes (F, node_count) [Pa], or None.
-    wrinkle_height : on the nodes of the mid-surface (F, n) [m].
+    wrinkle_height : on the nodes of the mid-surface (F, n) [m], or None where no wrinkles are
+        predicted.
     wrinkle_length : longest wave that counts as wrinkle [m].
     """
 
-    body: Body
+    body: Body | LaidSheet
     positions: np.ndarray
     history: np.ndarray
     pressures: dict[str, np.ndarray]
     tool_pressure: np.ndarray | None
-    wrinkle_height: np.ndarray
+    wrinkle_height: np.ndarray | None
     wrinkle_length: float
 
     @classmethod
@@ -122,16 +130,19 @@ class SheetFrames:
             name: (value, FIELD_OF_VARIABLE[name].attributes(name))
             for name, value in values.items()
         }
-        for row, entry in enumerate(remembered(self.material.law)):
+        # of a sheet without forces nothing is remembered, whatever its law
+        for entry, value in zip(remembered(self.material.law), np.moveaxis(self.history, 1, 0)):
             attributes = {"units": entry.unit, "long_name": entry.meaning}
-            found[entry.name] = (np.ascontiguousarray(self.history[:, row]), attributes)
+            found[entry.name] = (np.ascontiguousarray(value), attributes)
         return found
 
     def node_fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
         """Return values (F, n) and attributes of the fields on the mid-surface nodes."""
-        attributes: dict[str, Any] = FIELDS["wrinkle_height"].attributes("wrinkle_height")
-        attributes[WRINKLE_LENGTH] = self.wrinkle_length
-        found = {"wrinkle_height": (self.wrinkle_height, attributes)}
+        found = {}
+        if self.wrinkle_height is not None:
+            attributes: dict[str, Any] = FIELDS["wrinkle_height"].attributes("wrinkle_height")
+            attributes[WRINKLE_LENGTH] = self.wrinkle_length
+            found["wrinkle_height"] = self.wrinkle_height, attributes
         if self.tool_pressure is None:
             return found
         for side, nodes in self.mesh.sides().items():
@@ -207,6 +218,29 @@ def model_datasets(
     return groups | {HISTORY: history_dataset(frames, histories)}
 
 
+def laid_datasets(
+    scene: Scene,
+    sheet: LaidSheet,
+    frames: FrameSeries,
+    given: Mapping[str, np.ndarray],
+    *,
+    attributes: Mapping[str, str] | None = None,
+) -> dict[str, xr.Dataset]:
+    """Turn frames of a sheet that was laid without forces into the groups of ``forming.nc``.
+
+    Parameters
+    ----------
+    frames : with the positions of the mid-surface.
+    given : face fields that do not follow from them, by name (F, face_count).
+    attributes : further global attributes of the file.
+    """
+    none = np.empty((frames.frame_count, 0, sheet.mesh.element_count))
+    laid = SheetFrames(sheet, frames.positions, none, dict(given), None, None, np.nan)
+    groups = _one_sheet(scene, laid, frames)
+    groups[SHEET].attrs.update(attributes or {})
+    return groups | {HISTORY: history_dataset(frames)}
+
+
 def add_face_variables(
     datasets: Mapping[str, xr.Dataset], variables: Mapping[str, Any]
 ) -> dict[str, xr.Dataset]:
@@ -265,7 +299,7 @@ def _sheet(scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSeries) -> x
     for name, (values, attributes) in sheet.node_fields().items():
         variables[name] = mesh.on_nodes(values, attributes)
     attributes = _global_attributes(scene, sheet.material)
-    if not sheet.mesh.has_thickness:
+    if "thickness" not in variables:
         attributes["comment"] = NO_THICKNESS
     return mesh.dataset(variables, attributes)
 

@@ -66,7 +66,7 @@ def field_summary(
         summary["fibre_volume_fraction_max"] = float(last["fibre_volume_fraction"].max())
     if "wrinkle_height" in last:
         summary["wrinkle_height_max_m"] = float(np.abs(last["wrinkle_height"]).max())
-    if history.sizes["tool"]:
+    if has_forces(history):
         summary |= _forces(history, punch_index(history, punch))
     return summary
 
@@ -91,8 +91,13 @@ def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
         *found,
         *packing_warnings(sheet, material),
         *shear_range_warnings(sheet, material),
-        *wave_warnings(sheet),
+        *(wave_warnings(sheet) if "wrinkle_height" in sheet else []),
     ]
+
+
+def has_forces(history: xr.Dataset) -> bool:
+    """Tell whether there are tools whose forces are known."""
+    return bool(np.isfinite(tool_force_magnitude(history)).any())
 
 
 def punch_index(history: xr.Dataset, punch: str | None = None) -> int:

@@ -87,10 +87,10 @@ def write_frame_list(path: Path | str, times: Iterable[float]) -> None:
 
 def _mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
     sheet = datasets[SHEET]
-    mesh = datasets.get(SOLID, sheet)  # the triangles of the 2D approach are the sheet itself
+    mesh = datasets.get(SOLID, sheet)  # without volumes the faces are the sheet itself
     reference = vector(mesh, "reference_position")
     displacement = vector(mesh, "displacement", frame)
-    blocks = _solid_blocks(mesh) if SOLID in datasets else _triangle_blocks(mesh)
+    blocks = _solid_blocks(mesh) if SOLID in datasets else _face_blocks(mesh)
     element_count = sum(len(numbers) for _, numbers, _ in blocks)
     fields = _cell_fields(sheet, frame) | {"element": np.arange(element_count)}
     on_points = {"displacement": displacement}
@@ -124,9 +124,18 @@ def _solid_blocks(solid: xr.Dataset) -> list[tuple[str, np.ndarray, np.ndarray]]
     ]
 
 
-def _triangle_blocks(sheet: xr.Dataset) -> list[tuple[str, np.ndarray, np.ndarray]]:
+def _face_blocks(sheet: xr.Dataset) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """Kind of cell, element numbers and nodes of the faces of a sheet, kind by kind."""
     faces = sheet["sheet_face_nodes"].values.astype(np.int64)
-    return [("triangle", np.arange(len(faces)), faces)]
+    triangle = faces[:, -1] < 0 if faces.shape[1] == 4 else np.ones(len(faces), dtype=bool)
+    return [
+        (kind, numbers, faces[numbers, :corners])
+        for kind, numbers, corners in (
+            ("quad", np.flatnonzero(~triangle), 4),
+            ("triangle", np.flatnonzero(triangle), 3),
+        )
+        if len(numbers)
+    ]
 
 
 def _cell_fields(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:

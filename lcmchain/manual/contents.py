@@ -20,6 +20,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "scene",
         "coupons",
         "identification",
+        "draping",
         "membrane-shell",
         "mapping",
         "structure",

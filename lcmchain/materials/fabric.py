@@ -514,7 +514,7 @@ PresetName = Literal["MD600", "glass-plain-600", "carbon-twill-200"]
 class FabricMaterial(MaterialTable):
     """Biaxial fabric: shear polynomial, exponential compaction, decoupled bending."""
 
-    families: ClassVar[tuple[str, ...]] = ("solid-shell", "membrane-shell")
+    families: ClassVar[tuple[str, ...]] = ("solid-shell", "membrane-shell", "kinematic")
     has_fibres: ClassVar[bool] = True
 
     law: Literal["fabric"] = "fabric"

@@ -182,7 +182,7 @@ class CompactionWithSet(FabricCompaction):
 class FabricWithSetMaterial(FabricMaterial):
     """Fabric whose compaction leaves a permanent set."""
 
-    families: ClassVar[tuple[str, ...]] = ("solid-shell",)
+    families: ClassVar[tuple[str, ...]] = ("solid-shell", "kinematic")
 
     law: Literal["fabric-with-set"] = "fabric-with-set"  # type: ignore[assignment]
     compaction: CompactionWithSet

@@ -110,13 +110,15 @@ def _cost(summary: Mapping[str, Any]) -> Iterator[Number]:
             f"{percent(summary['mass_added_total'])} of the sheet's, at most "
             f"{percent(summary['mass_added_largest'])} of a node's; its weight is not added",
         )
-    if "wall_s" in summary:
+    if "us_per_element_step" in summary:
         yield Number(
             "Computing time",
             duration_text(summary["wall_s"]),
             f"on {summary['threads']} threads, {summary['us_per_element_step']:.3g} microseconds "
             f"per element and step; {duration_text(summary['compile_s'])} of compiling before",
         )
+    elif "wall_s" in summary:
+        yield Number("Computing time", f"{1e3 * summary['wall_s']:.3g} ms", "of laying the net")
 
 
 #: Columns of the table of loads: heading, and the entry of ``tool_loads`` with its factor.

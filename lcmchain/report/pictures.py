@@ -11,6 +11,7 @@ import xarray as xr
 
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.fields.summary import has_forces
 from lcmchain.report.cut import Plane
 from lcmchain.report.extremes import mark_extremes
 from lcmchain.report.formed import draw_between_tools, draw_fibre_directions
@@ -46,8 +47,9 @@ def draw_result(
     Parameters
     ----------
     out_dir : folder of the pictures in :data:`lcmchain.report.captions.CAPTIONS`: fields that the
-        result has, ``fibre_directions.png``, ``sections.png``, ``energy.png``, and where there are
-        tools ``tools.png``, ``force.png`` and, if one of them moves, ``force_over_travel.png``.
+        result has, ``fibre_directions.png``, ``sections.png``, ``energy.png``, with tools
+        ``tools.png``, and where their forces are known ``force.png`` and, if one of them moves,
+        ``force_over_travel.png``.
     datasets : groups of the result, from :func:`lcmchain.fields.dataset.build_datasets`.
     frame : saved frame to draw, the last one by default.
     tools : of the run; without them there is no ``tools.png``, and sections show the sheet alone.
@@ -81,7 +83,7 @@ def draw_result(
     if any(str(name).startswith("energy_") for name in history.data_vars):
         files.append(out_dir / "energy.png")
         draw_energy(files[-1], history, title)
-    if history.sizes["tool"]:
+    if has_forces(history):
         files.append(out_dir / "force.png")
         draw_force(files[-1], history, title)
         if np.ptp(history["tool_travel"].values, axis=0).any():

@@ -1,6 +1,7 @@
 """Scene files: text with units in, validated and frozen SI scenes out."""
 
 from lcmchain.effects.contact import Contact
+from lcmchain.elements.kinematic import KinematicElement
 from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.materials.fabric import FabricMaterial
@@ -12,6 +13,7 @@ from lcmchain.materials.st_venant_kirchhoff import (
     StiffnessMaterial,
 )
 from lcmchain.mesh.blank import Blank
+from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.infiltration_file import infiltration_from_text, read_infiltration
 from lcmchain.scene.json_schema import scene_json_schema
@@ -20,6 +22,7 @@ from lcmchain.scene.output import Output
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.process import Process
 from lcmchain.scene.read import read_scene, scene_from_text
+from lcmchain.scene.rungs import RUNGS, on_rung, rung_of
 from lcmchain.scene.scene import Scene, SceneSource
 from lcmchain.scene.structure import Structure
 from lcmchain.scene.structure_file import read_structure, structure_from_text
@@ -29,16 +32,19 @@ __all__ = [
     "AnyMaterial",
     "Blank",
     "Contact",
+    "Draping",
     "Element",
     "FabricMaterial",
     "FabricWithSetMaterial",
     "Infiltration",
     "IsotropicMaterial",
+    "KinematicElement",
     "MappingTarget",
     "MembraneShellElement",
     "OrthotropicMaterial",
     "Output",
     "Permeability",
+    "RUNGS",
     "Process",
     "Scene",
     "SceneSource",
@@ -46,9 +52,11 @@ __all__ = [
     "Structure",
     "Tool",
     "infiltration_from_text",
+    "on_rung",
     "read_infiltration",
     "read_scene",
     "read_structure",
+    "rung_of",
     "scene_from_text",
     "scene_json_schema",
     "structure_from_text",

@@ -24,6 +24,7 @@ from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
 from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.mapping_target import MappingTarget
 from lcmchain.scene.names import with_own_names
@@ -58,6 +59,8 @@ class SceneSource:
     sha256 : of that text; without overrides the same as of the file (less a byte-order mark).
     given, defaulted : dotted key and value as text, in the order of the tables.
     files : dotted key and value of every entry that names a file.
+    left_out : dotted keys of what was given but dropped with a change of the model
+        (:func:`lcmchain.scene.rungs.on_rung`).
     """
 
     path: Path | None
@@ -67,6 +70,7 @@ class SceneSource:
     given: list[tuple[str, str]] = field(default_factory=list)
     defaulted: list[tuple[str, str]] = field(default_factory=list)
     files: list[tuple[str, str]] = field(default_factory=list)
+    left_out: tuple[str, ...] = ()
 
 
 class Scene(SceneModel):
@@ -100,6 +104,7 @@ class Scene(SceneModel):
             maximum_count=MOST_PRESSURES,
         ),
     ] = ()
+    draping: Draping = Field(default_factory=Draping)
     output: Output = Field(default_factory=Output)
     mapping: Annotated[
         tuple[MappingTarget, ...],
@@ -214,6 +219,8 @@ class Scene(SceneModel):
                 "--set permeability=none)",
                 field="permeability",
             )
+        if not self.element.has_forces:
+            self._check_draping()
         if self.pressure and not self.element.has_thickness:
             raise wrong(
                 f'acts on the faces of the sheet, but element = "{self.element.type}" has one '
@@ -244,6 +251,18 @@ class Scene(SceneModel):
                 field="material.thickness",
             )
         return self
+
+    def _check_draping(self) -> None:
+        """Refuse what a net without forces knows nothing of."""
+        loads = "pressure" if self.pressure else None
+        if self.infiltration is not None and self.infiltration.with_forming is not None:
+            loads = "infiltration.with_forming"
+        if loads is not None:
+            raise wrong(
+                f'acts on the sheet while it is formed, but element = "{self.element.type}" has no '
+                'forces; leave it out, or use element = "solid-shell"',
+                field=loads,
+            )
 
     @property
     def wet_forming(self) -> Infiltration | None:

@@ -125,12 +125,15 @@ def normal_forces(arrays, tools, environment, tool, begin, end, dt_last, dt, wor
     velocity_z = velocity[2, begin:end]
     force_x, force_y, force_z = force[0, begin:end], force[1, begin:end], force[2, begin:end]
     free_x, free_y, free_z = free[0, begin:end], free[1, begin:end], free[2, begin:end]
-    mass, area = arrays.mass[begin:end], arrays.area[begin:end]
+    inverse_mass, area = arrays.inverse_mass[begin:end], arrays.area[begin:end]
+    impedance = arrays.impedance[begin:end]
     speed, direction = arrays.tool_velocity[tool], tools.direction
     tool_x = speed * direction[tool, 0]
     tool_y = speed * direction[tool, 1]
     tool_z = speed * direction[tool, 2]
     penalty, weights = environment.penalty, weights_of(environment.gravity, begin, end)
+    critical = 2.0 * math.sqrt(penalty)
+    damping = environment.contact_damping_ratio * critical
     for i in range(end - begin):
         gap = work[GAP * SPAN + i]
         nx = work[NORMAL_X * SPAN + i]
@@ -140,16 +143,15 @@ def normal_forces(arrays, tools, environment, tool, begin, end, dt_last, dt, wor
         vx = velocity_x[i] - tool_x
         vy = velocity_y[i] - tool_y
         vz = velocity_z[i] - tool_z
-        damping = 2.0 * environment.contact_damping_ratio * math.sqrt(stiffness * mass[i])
         wx, wy, wz = free_x[i] * nx, free_y[i] * ny, free_z[i] * nz
         others = wx * force_x[i] + wy * force_y[i] + wz * force_z[i]
         normal, damped = normal_force(
             stiffness,
-            damping,
+            damping * impedance[i],
             gap,
             vx * nx + vy * ny + vz * nz,
-            (wx * nx + wy * ny + wz * nz) / mass[i],
-            others / mass[i] - wz * weight_at(weights, i),
+            (wx * nx + wy * ny + wz * nz) * inverse_mass[i],
+            others * inverse_mass[i] - wz * weight_at(weights, i),
             dt_last,
             dt,
         )

@@ -196,7 +196,8 @@ def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
     """
     interval = 0.5 * (dt_last + dt)
     damping = environment.mass_damping
-    mass, weights = arrays.mass[first:last], weights_of(environment.gravity, first, last)
+    mass, inverse_mass = arrays.mass[first:last], arrays.inverse_mass[first:last]
+    weights = weights_of(environment.gravity, first, last)
     for d in range(3):
         position, velocity = arrays.position[d, first:last], arrays.velocity[d, first:last]
         force, free = arrays.force[d, first:last], arrays.free[d, first:last]
@@ -205,7 +206,7 @@ def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
             gravity = -weight_at(weights, i) if d == 2 else 0.0
             share = free[i]
             old = velocity[i]
-            acceleration = force[i] / mass[i] + gravity
+            acceleration = force[i] * inverse_mass[i] + gravity
             undamped = 0.0
             if averaging is not None:
                 undamped = arrays.mean_velocity[d, first + i]

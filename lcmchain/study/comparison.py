@@ -43,7 +43,7 @@ class Quantity:
 #: What studies compare, in the order of their tables.
 QUANTITIES = (
     Quantity("shear_angle", "shear angle", "shear", "°", 180.0 / math.pi, ("shear", "angle")),
-    Quantity("thickness", "thickness", "thick.", "%", 100.0, ("thick",), relative=True),
+    Quantity("thickness", "thickness", "t", "%", 100.0, ("thick",), relative=True),
     Quantity(
         "fibre_volume_fraction", "fibre volume fraction", "v_f", "%", 100.0,
         ("vf", "v_f", "fvf", "fibre volume content"), relative=True,

@@ -15,18 +15,25 @@ from typing import Any
 
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
-from lcmchain.scene import Scene
+from lcmchain.scene import RUNGS, Scene, rung_of
 from lcmchain.study.variant import SceneText, Variant
 
 #: Names of what is varied.
 EDGE, TIME, BOTH = "edge length", "process time", "edge length and process time"
 CONTACT, STEP, DAMPING = "contact stiffness", "time step", "damping"
+RUNG, MASS, FIBRES = "model", "mass", "fibre modulus"
+QUICK = "half the time, softer fibres"
 
 #: Edge lengths, by that of the scene; the last one is that of the reference.
 EDGES = (3.0, 2.0, 1.5, 1.0, 0.75, 0.5)
 #: Process times of the scene's mesh, and of one with edges twice as long, by that of the scene.
 TIMES = (0.5, 2.0)
 TIMES_COARSE = (0.25, 0.5, 2.0)
+#: Inertia by the mass of the sheet, and fibre modulus by that of the fabric.
+MASSES = (4.0, 16.0)
+SOFTER_FIBRES = 0.25
+#: Edge lengths of the cheaper rungs.
+RUNG_EDGES = (1.0, 2.0)
 #: Process time of the reference, by that of the scene.
 LONGEST = 2.0
 
@@ -57,7 +64,8 @@ def ladder(text: SceneText, finest: float = EDGES[-1]) -> list[Variant]:
     if scene.process.mass_damping > 0.0:
         half = f'process.mass_damping="{0.5 * scene.process.mass_damping:.6g} 1/s"'
         variants.append(Variant("damping / 2", DAMPING, (half,), 0.5))
-    return [*variants, _with_both(scene, finest, LONGEST)]
+    variants += _with_larger_steps(text, scene)
+    return [*variants, *_on_rungs(text, scene), _with_both(scene, finest, LONGEST)]
 
 
 def chosen(text: SceneText, vary: Mapping[str, Sequence[str]]) -> list[Variant]:
@@ -123,6 +131,43 @@ def _of_contact(text: SceneText, scene: Scene) -> list[Variant]:
         )
         for factor in (0.5, 2.0)
     ]  # fmt: skip
+
+
+def _with_larger_steps(text: SceneText, scene: Scene) -> list[Variant]:
+    """Return the scene with mass added, fibres softened, and with all that makes it quick."""
+    mass = "process.mass_scaling={{factor = {:g}}}"
+    softer = f"process.fibre_modulus_factor={SOFTER_FIBRES * scene.process.fibre_modulus_factor:g}"
+    quick = (softer, _time(0.5 * scene.process.time))
+    edge = scene.blank.edge_length
+    variants = [Variant(f"mass x {f:g}", MASS, (mass.format(f),), f) for f in MASSES] + [
+        Variant(f"fibre modulus x {SOFTER_FIBRES:g}", FIBRES, (softer,), SOFTER_FIBRES),
+        Variant(f"{_edge_text(edge)}, quick", QUICK, quick),
+        Variant(f"{_edge_text(0.75 * edge)}, quick", QUICK, (*quick, _edge(0.75 * edge))),
+    ]
+    return [v for v in variants if _fits(text, v)]
+
+
+def _fits(text: SceneText, variant: Variant) -> bool:
+    """Tell whether the scene allows a setting: no law without fibres has softer ones."""
+    try:
+        text.scene_to_run(variant)
+    except InputError:
+        return False
+    return True
+
+
+def _on_rungs(text: SceneText, scene: Scene) -> list[Variant]:
+    """Return the cheaper rungs of the model ladder, the quick ones on the coarse mesh as well."""
+    rungs = list(RUNGS)
+    variants = []
+    for model in rungs[: rungs.index(rung_of(scene))]:
+        for factor in RUNG_EDGES:
+            edge = factor * scene.blank.edge_length
+            variants.append(
+                Variant(f"{model}, {_edge_text(edge)}", RUNG, (_edge(edge),), edge, model)
+            )
+    # not every rung knows the law, or has something to drape on
+    return [variant for variant in variants if _fits(text, variant)]
 
 
 def _edge(length: float) -> str:

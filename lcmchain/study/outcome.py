@@ -74,6 +74,8 @@ def outcome_of(datasets: dict[str, xr.Dataset], summary: dict) -> Outcome:
     numbers = {n: float(summary[n]) for n in NUMBERS if summary.get(n) is not None}
     if "energy" in summary:
         numbers["forming_work_J"] = float(summary["energy"]["external"])
+    else:  # a net that is laid knows no forces
+        numbers.pop("punch_force_max_N", None)
     return Outcome(
         seconds=float(summary["wall_s"]),
         threads=int(summary["threads"]),

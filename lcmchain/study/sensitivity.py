@@ -20,6 +20,7 @@ from rich.table import Table
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
+from lcmchain.study.plain_table import plain_table
 from lcmchain.study.results import RESULTS, results_of
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.variant import SceneText, Variant
@@ -178,10 +179,12 @@ def _dependence(
 def sensitivity_table(found: Sensitivity) -> Table:
     """Return a table for the terminal: what 1 % more of an input changes of each result."""
     shown = [r for r in RESULTS if found.of(r.name)]
-    table = Table(title=f"Elasticities: {found.title}", title_justify="left")
-    table.add_column("input", no_wrap=True)
-    for result in shown:
-        table.add_column(result.short, justify="right")
+    table = plain_table(
+        f"Elasticities: {found.title}",
+        "input", *(result.short for result in shown),
+        caption="percent that a result changes by when the input grows by one percent; ~ bends by "
+        "more than half\nof that between the two runs",
+    )  # fmt: skip
     by_pair = {(d.key, d.result): d for d in found.dependences}
     strength = {
         key: max(
@@ -192,10 +195,6 @@ def sensitivity_table(found: Sensitivity) -> Table:
     }  # fmt: skip
     for key in sorted(found.value, key=lambda k: -strength[k]):
         table.add_row(_last_two(key), *(_cell(by_pair[key, r.name]) for r in shown))
-    table.caption = (
-        "percent that a result changes by when the input grows by one percent; ~ bends by more "
-        "than half of that between the two runs"
-    )
     return table
 
 

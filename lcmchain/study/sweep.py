@@ -15,6 +15,7 @@ from rich.table import Table
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT, write_netcdf
+from lcmchain.study.plain_table import plain_table
 from lcmchain.study.results import RESULTS, results_of
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.sampling import Entry, number_and_unit, samples
@@ -74,12 +75,11 @@ def known_results(runs: Sequence[SweptRun]) -> list:
 
 def sweep_table(title: str, runs: Sequence[SweptRun]) -> Table:
     """Return the runs as a table for the terminal."""
-    table = Table(title=f"Sweep: {title}", title_justify="left")
-    for key in runs[0].entries:
-        table.add_column(key.rpartition(".")[2].replace("_", " "))
     shown = known_results(runs)
-    for heading in [*(r.heading for r in shown), "time\ns"]:
-        table.add_column(heading, justify="right")
+    keys = [key.rpartition(".")[2].replace("_", " ") for key in runs[0].entries]
+    table = plain_table(
+        f"Sweep: {title}", *keys, *(r.heading for r in shown), "time\ns", names=len(keys)
+    )
     for run in runs:
         numbers = [
             "failed" if run.failure else f"{r.scale * run.results[r.name]:.4g}" for r in shown

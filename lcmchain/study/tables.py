@@ -15,6 +15,7 @@ from lcmchain.atomic import replacing
 from lcmchain.fields.netcdf_file import ROOT, write_netcdf
 from lcmchain.study.accuracy import AccuracyStudy, Setting
 from lcmchain.study.comparison import BY_NAME
+from lcmchain.study.plain_table import plain_table, short
 
 #: Mark of a setting that no other one beats in both error and time.
 EFFICIENT = "*"
@@ -62,24 +63,21 @@ def failures(study: AccuracyStudy) -> list[str]:
 
 def terminal_table(study: AccuracyStudy) -> Table:
     """Return the table for the terminal."""
-    table = Table(title=f"What accuracy costs: {study.title}", title_justify="left")
-    table.add_column("setting", no_wrap=True)
-    for heading in ("time\ns", *(_short(q) for q in study.quantities)):
-        table.add_column(heading, justify="right")
+    table = plain_table(
+        f"What accuracy costs: {study.title}",
+        "setting", "time\ns", *(_short(q) for q in study.quantities),
+        caption=f"root mean square over the sheet against the reference (last row); {EFFICIENT} no "
+        "other setting\nis both quicker and nearer",
+    )  # fmt: skip
     for name, _, _, _, seconds, *errors in rows(study):
         table.add_row(name, seconds, *("" if e == REFERENCE else e for e in errors))
-    table.caption = (
-        f"root mean square over the sheet against the reference; {EFFICIENT} no other setting is "
-        "both quicker and nearer; last row: the reference"
-    )
     return table
 
 
 def order_table(study: AccuracyStudy) -> Table:
     """Return the orders of convergence for the terminal."""
-    table = Table(title="Convergence over the edge length", title_justify="left")
-    for heading in ("quantity", "order", "error of the scene's mesh"):
-        table.add_column(heading, justify="left" if heading == "quantity" else "right")
+    names = ("quantity", "order", "error of the scene's mesh")
+    table = plain_table("Convergence over the edge length", *names)
     for cells in order_rows(study):
         table.add_row(*cells)
     return table
@@ -172,7 +170,7 @@ def _head(setting: Setting) -> list[str]:
         setting.variant.axis,
         f"{int(numbers['element_count']):,}" if "element_count" in numbers else "-",
         f"{int(numbers['step_count']):,}" if "step_count" in numbers else "-",
-        f"{setting.seconds:.3g}",
+        f"{setting.seconds:.{3 if setting.seconds >= 1.0 else 2}g}",
     ]
 
 
@@ -185,4 +183,4 @@ def _errors(
             yield "-"
             continue
         mark = EFFICIENT if setting.variant.name in efficient[name] else ""
-        yield f"{BY_NAME[name].scale * error:.2g}{mark}"
+        yield f"{short(BY_NAME[name].scale * error)}{mark}"

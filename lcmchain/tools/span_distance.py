@@ -20,14 +20,15 @@ GAP = 0
 NORMAL_X = 1
 NORMAL_Y = 2
 NORMAL_Z = 3
-# In between: the point in the frame of the tool and in the plane of its profile, the unit vector
-# from its axis, and the distance to the closest piece so far.
+# In between: the point in the frame of the tool and in the plane of its profile, the distance to
+# the closest piece so far, and the length of the normal as long as it is not one.
 LOCAL_X = 4
 LOCAL_Y = 5
 LOCAL_Z = 6
 ACROSS = 7
 CLOSEST = 8
-DISTANCE_ROWS = 9
+LENGTH = 9
+DISTANCE_ROWS = 10
 
 
 @span_routine
@@ -126,6 +127,7 @@ def profile_distances(table, tool, count, revolved, work):
         work[ACROSS * SPAN + i] = math.sqrt(x * x + y * y) if revolved else x
         work[CLOSEST * SPAN + i] = math.inf
         work[GAP * SPAN + i] = math.inf
+        work[LENGTH * SPAN + i] = 1.0
         work[NORMAL_X * SPAN + i] = 0.0
         work[NORMAL_Y * SPAN + i] = 0.0
         work[NORMAL_Z * SPAN + i] = 1.0
@@ -136,15 +138,17 @@ def profile_distances(table, tool, count, revolved, work):
             distances_to_line(table.segments[s], count, work)
     for c in range(table.corner_start[tool], table.corner_start[tool + 1]):
         distances_to_corner(table.corners[c], count, work)
-    if revolved:
-        for i in range(count):
-            across = work[ACROSS * SPAN + i]
-            scale = 1.0 / across
-            in_plane = work[NORMAL_X * SPAN + i]
-            x = work[LOCAL_X * SPAN + i] * scale if across > ON_AXIS else 1.0
-            y = work[LOCAL_Y * SPAN + i] * scale if across > ON_AXIS else 0.0
-            work[NORMAL_X * SPAN + i] = in_plane * x
-            work[NORMAL_Y * SPAN + i] = in_plane * y
+    # one division for the unit normals of arcs and corners and for the direction from the axis
+    for i in range(count):
+        across, length = work[ACROSS * SPAN + i], work[LENGTH * SPAN + i]
+        radius = across if revolved & (across > ON_AXIS) else 1.0
+        x = work[LOCAL_X * SPAN + i] if revolved & (across > ON_AXIS) else 1.0
+        y = work[LOCAL_Y * SPAN + i] if revolved & (across > ON_AXIS) else 0.0
+        scale = 1.0 / (length * radius)
+        in_plane = scale * work[NORMAL_X * SPAN + i]
+        work[NORMAL_X * SPAN + i] = in_plane * x
+        work[NORMAL_Y * SPAN + i] = in_plane * y
+        work[NORMAL_Z * SPAN + i] *= scale * radius
 
 
 @span_routine
@@ -163,6 +167,7 @@ def distances_to_line(line, count, work):
         work[GAP * SPAN + i] = d if taken else work[GAP * SPAN + i]
         work[NORMAL_X * SPAN + i] = nx if taken else work[NORMAL_X * SPAN + i]
         work[NORMAL_Z * SPAN + i] = nz if taken else work[NORMAL_Z * SPAN + i]
+        work[LENGTH * SPAN + i] = 1.0 if taken else work[LENGTH * SPAN + i]
 
 
 @span_routine
@@ -176,15 +181,16 @@ def distances_to_arc(arc, count, work):
         rho = math.sqrt(dx * dx + dz * dz)
         along = dx * middle_x + dz * middle_z
         d = side * (rho - radius)
-        scale = 1.0 / rho
-        nx = dx * scale if rho > ON_AXIS else middle_x
-        nz = dz * scale if rho > ON_AXIS else middle_z
+        nx = dx if rho > ON_AXIS else middle_x
+        nz = dz if rho > ON_AXIS else middle_z
+        length = rho if rho > ON_AXIS else 1.0
         closest = work[CLOSEST * SPAN + i]
         taken = (abs(d) < closest) & (along >= rho * cosine)
         work[CLOSEST * SPAN + i] = abs(d) if taken else closest
         work[GAP * SPAN + i] = d if taken else work[GAP * SPAN + i]
         work[NORMAL_X * SPAN + i] = side * nx if taken else work[NORMAL_X * SPAN + i]
         work[NORMAL_Z * SPAN + i] = side * nz if taken else work[NORMAL_Z * SPAN + i]
+        work[LENGTH * SPAN + i] = length if taken else work[LENGTH * SPAN + i]
 
 
 @span_routine
@@ -196,12 +202,14 @@ def distances_to_corner(corner, count, work):
         dz = work[LOCAL_Z * SPAN + i] - z0
         length = math.sqrt(dx * dx + dz * dz)
         side = 1.0 if dx * bisector_x + dz * bisector_z >= 0.0 else -1.0
-        scale = side / length
-        nx = dx * scale if length > ON_AXIS else bisector_x
-        nz = dz * scale if length > ON_AXIS else bisector_z
+        apart = length > ON_AXIS
         closest = work[CLOSEST * SPAN + i]
         taken = length < closest
+        nx = side * dx if apart else bisector_x
+        nz = side * dz if apart else bisector_z
         work[CLOSEST * SPAN + i] = length if taken else closest
         work[GAP * SPAN + i] = side * length if taken else work[GAP * SPAN + i]
         work[NORMAL_X * SPAN + i] = nx if taken else work[NORMAL_X * SPAN + i]
         work[NORMAL_Z * SPAN + i] = nz if taken else work[NORMAL_Z * SPAN + i]
+        size = length if apart else 1.0
+        work[LENGTH * SPAN + i] = size if taken else work[LENGTH * SPAN + i]

@@ -79,7 +79,8 @@ def test_element_is_named_in_the_scene_or_on_the_command_line(text, overrides):
     scene = scene_from_text(text, None, overrides)
     assert isinstance(scene.element, MembraneShellElement)
     assert ("element.type", "membrane-shell") in scene.source.given
-    assert not [key for key, _ in scene.source.defaulted if key.startswith("element.")]
+    defaulted = [key for key, _ in scene.source.defaulted if key.startswith("element.")]
+    assert defaulted == ["element.bending"] and scene.element.bending
 
 
 @pytest.mark.parametrize(
@@ -114,10 +115,13 @@ def test_the_main_example_takes_it_once_permeability_is_taken_back():
 def test_json_schema_offers_both_elements_by_name_and_as_tables():
     schema = scene_json_schema()
     name, *tables = schema["properties"]["element"]["anyOf"]
-    assert name == {"type": "string", "enum": ["solid-shell", "membrane-shell"]}
-    solid, triangles = (schema["$defs"][t["$ref"].rsplit("/", 1)[1]] for t in tables)
+    assert name == {"type": "string", "enum": ["solid-shell", "membrane-shell", "kinematic"]}
+    solid, triangles, net = (schema["$defs"][t["$ref"].rsplit("/", 1)[1]] for t in tables)
     assert "type" not in solid.get("required", [])
-    assert triangles["required"] == ["type"] and list(triangles["properties"]) == ["type"]
+    assert triangles["required"] == ["type"] and list(triangles["properties"]) == [
+        "type", "bending"
+    ]  # fmt: skip
+    assert net["required"] == ["type"] and list(net["properties"]) == ["type"]
 
 
 # --- check ----------------------------------------------------------------------------------------

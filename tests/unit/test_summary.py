@@ -114,6 +114,8 @@ def test_every_entry(scene, datasets):
         "state": "running",
         "scene_sha256": scene.source.sha256,
         "run_fingerprint": "abc",
+        "model": "solid-shell",
+        "left_out": [],
         "element_count": 4,
         "node_count": 18,
         "step_count": 1250,

@@ -24,7 +24,18 @@ from lcmchain.elements.membrane_shell.kernel import (
     patch_nodes_in_blocks,
     patch_rows,
 )
-from lcmchain.elements.membrane_shell.patch import TriangleGeometry, angle_shares, triangle_geometry
+from lcmchain.elements.membrane_shell.membrane import (
+    MembraneData,
+    membrane_data,
+    membrane_frequency_bounds,
+    membrane_state_loop,
+)
+from lcmchain.elements.membrane_shell.patch import (
+    CORNERS,
+    TriangleGeometry,
+    angle_shares,
+    triangle_geometry,
+)
 from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
@@ -49,12 +60,12 @@ class MembraneShellBody:
     mesh: TriangleMesh
     material: Material
     geometry: TriangleGeometry
-    data: MembraneShellData
+    data: MembraneShellData | MembraneData
     first_node: int
     first_element: int
     mass_factor: np.ndarray | None = None
 
-    type = kernel = "membrane-shell"
+    type = "membrane-shell"
     hourglass_tells = True  # there is none
     without_potential = ()
     CAUSES = ("in-plane stiffness", "bending stiffness")
@@ -73,7 +84,7 @@ class MembraneShellBody:
         first_node: int,
         first_element: int,
     ) -> MembraneShellBody:
-        """Build the body; ``choices`` may ask for membranes alone.
+        """Build the body; without ``choices.bending`` no curvature is computed or kept.
 
         Raises
         ------
@@ -86,15 +97,30 @@ class MembraneShellBody:
                 key="material.law",
             )
         geometry = triangle_geometry(mesh, plane_bending_stiffness(material.law))
+        thickness = float(material.thickness)
+        if not choices.bending:
+            membrane = membrane_data(material.law, thickness, geometry, first_node)
+            corners = geometry._replace(
+                nodes=geometry.nodes[:, :CORNERS], curvature=geometry.curvature[:, :, :0]
+            )
+            return cls(name, mesh, material, corners, membrane, first_node, first_element)
         data = MembraneShellData(
             law=material.law,
-            thickness=float(material.thickness),
+            thickness=thickness,
             corner_node=patch_nodes_in_blocks(geometry, first_node),
             element_data=in_blocks(patch_rows(geometry)),
             element_count=mesh.element_count,
-            bending=True if getattr(choices, "bends", True) else None,
         )
         return cls(name, mesh, material, geometry, data, first_node, first_element)
+
+    @property
+    def has_bending(self) -> bool:
+        """Whether the shell part is compiled in."""
+        return isinstance(self.data, MembraneShellData)
+
+    @property
+    def kernel(self) -> str:
+        return self.type if self.has_bending else "membrane"
 
     @property
     def force_nodes(self) -> np.ndarray:
@@ -161,8 +187,9 @@ class MembraneShellBody:
             "thickness": (False, "triangles on the mid-surface have none"),
             "compaction": (False, "the mid-surface has no thickness direction"),
             "bending": (
-                self.data.bending is not None,
-                "C^B, superimposed on the membrane; rotation-free",
+                (True, "C^B, superimposed on the membrane; rotation-free")
+                if self.has_bending
+                else (False, "element.bending = false")
             ),
             "transverse shear": (False, "the normal of a triangle stays normal"),
             "hourglass control": (False, "constant strain triangles have no zero-energy mode"),
@@ -194,10 +221,15 @@ class MembraneShellBody:
     ) -> tuple[float, int, int]:
         """The code is 0 where the membrane governs, 1 where bending does."""
         membrane, bending = np.empty((2, 6, mass.size))
-        omega2, part = np.empty(mass.size), np.empty(mass.size, dtype=np.int64)
+        omega2, part = np.empty(mass.size), np.zeros(mass.size, dtype=np.int64)
         weight = np.ones(mass.size)
         weight[self.first_node : self.first_node + self.mesh.node_count] = self.fibre_bound[1]
-        nodal_frequency_bounds(self.data, positions, mass, weight, membrane, bending, omega2, part)
+        if isinstance(self.data, MembraneData):
+            membrane_frequency_bounds(self.data, positions, mass, weight, membrane, omega2)
+        else:
+            nodal_frequency_bounds(
+                self.data, positions, mass, weight, membrane, bending, omega2, part
+            )
         node = int(np.argmax(omega2))
         own = self.mesh.elements + self.first_node
         element = int(np.flatnonzero((own == node).any(axis=1))[0])
@@ -267,6 +299,12 @@ class MembraneShellBody:
         """Return strains (E, 6), area ratios (E,) and energies of bending (E,) [J]."""
         padded = LANES * -(-self.mesh.element_count // LANES)
         strain, area_ratio, bending = np.empty((padded, 6)), np.empty(padded), np.empty(padded)
-        membrane_shell_state(self.data, positions, strain, area_ratio, bending)
+        if isinstance(self.data, MembraneData):
+            bending[:] = 0.0
+            membrane_state_loop(
+                positions, self.data.corner_node, self.data.element_data, strain, area_ratio
+            )
+        else:
+            membrane_shell_state(self.data, positions, strain, area_ratio, bending)
         real = slice(self.mesh.element_count)
         return strain[real], area_ratio[real], bending[real]

@@ -76,7 +76,7 @@ def normal_weight(m, weights, k):
 
 
 @equation
-def patch_forces(u, gradient, weights, area, law, thickness, bending):
+def patch_forces(u, gradient, weights, area, law, thickness):
     """Return the internal forces on nodes 1 ... 5 of a patch; node 0 takes minus their sum.
 
     They are the exact derivative of the energy: the derivative of κ_ab = h_ab·n is
@@ -86,7 +86,7 @@ def patch_forces(u, gradient, weights, area, law, thickness, bending):
     ----------
     u : u1 ... u5. gradient : derivatives (1, 2) of the shape functions of nodes 1 and 2.
     weights : rows d_11, d_22, 2 d_12 of nodes 1 ... 5. area [m²], thickness [m].
-    law : see :mod:`lcmchain.materials.law`. bending : ``True``, or ``None`` for membranes alone.
+    law : see :mod:`lcmchain.materials.law`.
     """
     u1, u2, u3, u4, u5 = u
     g1, g2 = gradient
@@ -99,10 +99,6 @@ def patch_forces(u, gradient, weights, area, law, thickness, bending):
     S, _ = plane_response(law, E11, E22, g12)
     volume = area * thickness
     p1, p2 = membrane_resultants(volume, S[0], S[1], S[2], a1, a2)
-    if bending is None:
-        nothing = (0.0, 0.0, 0.0)
-        f1, f2 = combination2(g1[0], p1, g1[1], p2), combination2(g2[0], p1, g2[1], p2)
-        return f1, f2, nothing, nothing, nothing
 
     h11 = second_derivative(weights[0], u1, u2, u3, u4, u5)
     h22 = second_derivative(weights[1], u1, u2, u3, u4, u5)

@@ -39,7 +39,6 @@ class MembraneShellData(NamedTuple):
         (:func:`patch_nodes_in_blocks`).
     element_data : (block_count * 20 * 16,), see :func:`patch_rows`.
     element_count : without the padding of the last block.
-    bending : ``True``, or ``None`` where a sheet bends for nothing: its code is pruned.
     """
 
     law: Any
@@ -47,7 +46,6 @@ class MembraneShellData(NamedTuple):
     corner_node: np.ndarray
     element_data: np.ndarray
     element_count: int
-    bending: Any
 
 
 def patch_rows(geometry: TriangleGeometry) -> np.ndarray:
@@ -115,10 +113,10 @@ def store3(f, i, v):
 
 
 @equation
-def triangle_in_lane(i, x, data, law, thickness, bending):
+def triangle_in_lane(i, x, data, law, thickness):
     """Replace the node positions of the patch at ``x[i + row*16]`` by the internal forces."""
     u, gradient, weights, area = load_patch(x, data, i)
-    f1, f2, f3, f4, f5 = patch_forces(u, gradient, weights, area, law, thickness, bending)
+    f1, f2, f3, f4, f5 = patch_forces(u, gradient, weights, area, law, thickness)
     L = LANES
     store3(x, i + 3 * L, f1)
     store3(x, i + 6 * L, f2)
@@ -155,18 +153,12 @@ def membrane_shell_forces(body, positions, node_force, history):
     history : empty, no law with memory serves triangles yet.
     """
     patch_force_loop(
-        positions,
-        body.corner_node,
-        body.element_data,
-        node_force,
-        body.law,
-        body.thickness,
-        body.bending,
+        positions, body.corner_node, body.element_data, node_force, body.law, body.thickness
     )
 
 
 @kernel
-def patch_force_loop(positions, patch_node, element_data, node_force, law, thickness, bending):
+def patch_force_loop(positions, patch_node, element_data, node_force, law, thickness):
     block_count = patch_node.size // (PATCH_NODES * LANES)
     for block in prange(block_count):
         nodes = patch_node[block * PATCH_NODES * LANES : (block + 1) * PATCH_NODES * LANES]
@@ -174,7 +166,7 @@ def patch_force_loop(positions, patch_node, element_data, node_force, law, thick
         data = element_data[block * DATA_ROWS * LANES : (block + 1) * DATA_ROWS * LANES]
         gather_patches(positions, nodes, x)
         for lane in range(LANES):
-            triangle_in_lane(lane, x, data, law, thickness, bending)
+            triangle_in_lane(lane, x, data, law, thickness)
 
 
 @equation
@@ -212,7 +204,6 @@ def membrane_shell_state(
         body.element_data,
         body.law,
         body.thickness,
-        body.bending,
         strain,
         area_ratio,
         bending_energy,
@@ -221,7 +212,7 @@ def membrane_shell_state(
 
 @kernel
 def patch_state_loop(
-    positions, patch_node, element_data, law, thickness, bends, strain, area_ratio, bending_energy
+    positions, patch_node, element_data, law, thickness, strain, area_ratio, bending_energy
 ):
     block_count = patch_node.size // (PATCH_NODES * LANES)
     for block in prange(block_count):
@@ -245,9 +236,7 @@ def patch_state_loop(
             strain[element, 4] = 0.0
             strain[element, 5] = 0.0
             area_ratio[element] = math.sqrt(squared)
-            bending_energy[element] = 0.0
-            if bends is not None:
-                bending_energy[element] = area * thickness**3 / 24.0 * bending / squared
+            bending_energy[element] = area * thickness**3 / 24.0 * bending / squared
 
 
 # --- frequency bound ------------------------------------------------------------------------------
@@ -282,6 +271,44 @@ def largest_eigenvalue(a, b, c, d, e, f):
     determinant = a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f)
     cosine = min(1.0, max(-1.0, 0.5 * determinant / deviation**3))
     return mean + 2.0 * deviation * math.cos(math.acos(cosine) / 3.0)
+
+
+@equation
+def corner_gradients(gradient):
+    """Return the derivatives of the corners' shape functions along fibre 1 and fibre 2."""
+    g1 = (-gradient[0][0] - gradient[1][0], gradient[0][0], gradient[1][0])
+    g2 = (-gradient[0][1] - gradient[1][1], gradient[0][1], gradient[1][1])
+    return g1, g2
+
+
+@routine
+def add_membrane_terms(membrane, nodes, node_weight, g1, g2, a1, a2, law, volume):
+    """Add a triangle's fibre and shear strains to D of its corners.
+
+    See :func:`nodal_frequency_bounds`. ``g1``, ``g2`` : of :func:`corner_gradients` [1/m];
+    ``volume`` : of the triangle [m³].
+    """
+    E11, E22, g12 = membrane_strain(a1, a2)
+    (S11, S22, S12), (C11, C22, C12) = plane_response(law, E11, E22, g12)
+    sum1, sum2, sum12 = 0.0, 0.0, 0.0
+    for c in range(CORNERS):
+        sum1 += abs(g1[c]) * node_weight[nodes[c]]
+        sum2 += abs(g2[c]) * node_weight[nodes[c]]
+        b = combination2(g1[c], a2, g2[c], a1)
+        sum12 += math.sqrt(dot(b, b))
+    tension1 = volume * (max(S11, 0.0) + abs(S12))
+    tension2 = volume * (max(S22, 0.0) + abs(S12))
+    for c in range(CORNERS):
+        node = nodes[c]
+        w = node_weight[node]
+        add_outer(membrane, node, volume * C11 * sum1 * abs(g1[c]) / w, a1)
+        add_outer(membrane, node, volume * C22 * sum2 * abs(g2[c]) / w, a2)
+        b = combination2(g1[c], a2, g2[c], a1)
+        length = math.sqrt(dot(b, b))
+        if length > 0.0:
+            add_outer(membrane, node, volume * max(C12, 0.0) * sum12 / length, b)
+        geometric = tension1 * sum1 * abs(g1[c]) + tension2 * sum2 * abs(g2[c])
+        add_multiple_of_identity(membrane, node, geometric / w)
 
 
 @routine
@@ -325,31 +352,9 @@ def nodal_frequency_bounds(
                 x[(3 * c + d) * LANES + lane] = positions[d, nodes[c]]
         u, gradient, weights, area = load_patch(x, data, lane)
         a1, a2, N, h = deformation(u, gradient, weights)
-        E11, E22, g12 = membrane_strain(a1, a2)
-        (S11, S22, S12), (C11, C22, C12) = plane_response(law, E11, E22, g12)
         volume = area * thickness
-
-        g1 = (-gradient[0][0] - gradient[1][0], gradient[0][0], gradient[1][0])
-        g2 = (-gradient[0][1] - gradient[1][1], gradient[0][1], gradient[1][1])
-        sum1, sum2, sum12 = 0.0, 0.0, 0.0
-        for c in range(CORNERS):
-            sum1 += abs(g1[c]) * node_weight[nodes[c]]
-            sum2 += abs(g2[c]) * node_weight[nodes[c]]
-            b = combination2(g1[c], a2, g2[c], a1)
-            sum12 += math.sqrt(dot(b, b))
-        tension1 = volume * (max(S11, 0.0) + abs(S12))
-        tension2 = volume * (max(S22, 0.0) + abs(S12))
-        for c in range(CORNERS):
-            node = nodes[c]
-            w = node_weight[node]
-            add_outer(membrane, node, volume * C11 * sum1 * abs(g1[c]) / w, a1)
-            add_outer(membrane, node, volume * C22 * sum2 * abs(g2[c]) / w, a2)
-            b = combination2(g1[c], a2, g2[c], a1)
-            length = math.sqrt(dot(b, b))
-            if length > 0.0:
-                add_outer(membrane, node, volume * max(C12, 0.0) * sum12 / length, b)
-            geometric = tension1 * sum1 * abs(g1[c]) + tension2 * sum2 * abs(g2[c])
-            add_multiple_of_identity(membrane, node, geometric / w)
+        g1, g2 = corner_gradients(gradient)
+        add_membrane_terms(membrane, nodes, node_weight, g1, g2, a1, a2, law, volume)
 
         squared = dot(N, N)
         inverse = 1.0 / math.sqrt(squared)
@@ -363,8 +368,6 @@ def nodal_frequency_bounds(
             slope += gradients[c]
         for row, B in enumerate(stiffnesses):
             D = volume * thickness * thickness / 12.0 * B
-            if body.bending is None:
-                D = 0.0
             G1, G2 = dot(h[row], dual1) / squared, dot(h[row], dual2) / squared
             total, first = 0.0, 0.0
             for k in range(1, PATCH_NODES):

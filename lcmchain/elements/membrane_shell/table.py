@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal, Self
 
-from pydantic import PrivateAttr
+from pydantic import Field
 
+from lcmchain.quantities.entry_types import Switch
 from lcmchain.quantities.scene_model import SceneModel
 
 
@@ -13,18 +14,24 @@ class MembraneShellElement(SceneModel):
     """Superimposed membrane and shell triangles, the 2D approach; they predict no thickness."""
 
     has_thickness: ClassVar[bool] = False
+    has_forces: ClassVar[bool] = True
 
     type: Literal["membrane-shell"] = "membrane-shell"
-
-    _bends: bool = PrivateAttr(default=True)
+    bending: Switch = Field(
+        default=True,
+        description="The shell part; without it the sheet is a membrane that folds at no cost.",
+    )
 
     @property
-    def bends(self) -> bool:
-        """Whether the triangles resist bending."""
-        return self._bends
+    def remarks(self) -> tuple[str, ...]:
+        """What the elements cannot predict, beside the thickness."""
+        if self.bending:
+            return ()
+        return (
+            "element.bending = false folds at no cost: neither where wrinkles come nor how large "
+            "they are is predicted, and folds are as short as the elements",
+        )
 
     def without_bending(self) -> Self:
         """Return triangles that are membranes alone."""
-        changed = self.model_copy()
-        changed._bends = False
-        return changed
+        return self.model_copy(update={"bending": False})

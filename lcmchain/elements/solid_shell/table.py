@@ -14,6 +14,8 @@ class Element(SceneModel):
     """The solid-shell of the paper's section 2, and the choices in it."""
 
     has_thickness: ClassVar[bool] = True
+    has_forces: ClassVar[bool] = True
+    remarks: ClassVar[tuple[str, ...]] = ()
 
     type: Literal["solid-shell"] = "solid-shell"
     integration_points: Annotated[int, Number(3, Range(2, 7), whole=True)] = Field(

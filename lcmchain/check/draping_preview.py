@@ -1,0 +1,112 @@
+"""What the net of kinematic draping says of a scene, in milliseconds: the preview of any model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lcmchain.check.effects_of_run import later_stages
+from lcmchain.check.remarks import scene_warnings
+from lcmchain.check.tables import basis_table, effect_table, entry_table, preview_table
+from lcmchain.draping import Draped, drape, is_drapable
+from lcmchain.draping.result import draping_effect, locking_warnings
+from lcmchain.effects.effect import Effect
+from lcmchain.errors import InputError
+from lcmchain.mesh.blank import BlankMesh
+from lcmchain.quantities.places import millimetres
+from lcmchain.scene import Scene
+from lcmchain.scene.fabrics import preset_basis
+from lcmchain.tools.table import ToolTable
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+@dataclass(frozen=True)
+class DrapingReport:
+    """Everything that ``lcmchain check`` shows of a scene that is draped."""
+
+    scene: Scene
+    effects: list[Effect]
+    preview: list[tuple[str, str]]
+    warnings: list[str]
+    picture: Path | None
+
+    def tables(self) -> list[Table]:
+        """Lay the report out as tables for a terminal."""
+        material = self.scene.material
+        name = getattr(material, "preset", "")
+        return [
+            entry_table("Given in the scene", self.scene.source.given),
+            entry_table("Defaulted", self.scene.source.defaulted),
+            *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
+            effect_table(self.effects),
+            *preview_table(self.preview),
+        ]
+
+
+def check_draping(
+    scene: Scene, blank: BlankMesh, tools: ToolTable, remarks: list[str], picture: Path | None
+) -> DrapingReport:
+    """Drape the blank of a scene, and tell what a run of it will find.
+
+    Parameters
+    ----------
+    blank, tools : of the scene. remarks : found while they were built.
+    picture : of the start, that the report names; None for none.
+
+    Raises
+    ------
+    InputError : there is no surface, or the seed has no place on it.
+    """
+    draped = drape(scene, tools=tools, blank=blank)
+    missing = draped.missing()
+    return DrapingReport(
+        scene=scene,
+        effects=[draping_effect(draped), *later_stages(scene)],
+        preview=list(_rows(draped)),
+        warnings=[
+            *scene_warnings(scene),
+            *remarks,
+            *(locking_warnings(draped) if missing is None else [f"a run will fail: {missing}"]),
+        ],
+        picture=picture,
+    )
+
+
+def draping_preview(scene: Scene, blank: BlankMesh, tools: ToolTable) -> list[tuple[str, str]]:
+    """Return what the net says of a scene on any rung; empty where there is nothing to drape.
+
+    Raises
+    ------
+    InputError : the scene's own ``[draping]`` cannot be followed.
+    """
+    if not (scene.material.has_fibres and is_drapable(scene, tools)):
+        return []
+    try:
+        return list(_rows(drape(scene, tools=tools, blank=blank)))
+    except InputError as error:
+        if scene.draping.model_fields_set:
+            raise
+        return [("no net", f"{error}")]
+
+
+def _rows(draped: Draped) -> Iterator[tuple[str, str]]:
+    yield "surface", draped.surface
+    seed = [*draped.seed, draped.mesh.node_positions[0, 2]]
+    yield "seed", f"{millimetres(seed, 1)} of the flat blank, at {millimetres(draped.place, 1)}"
+    angle, place, flat = draped.largest_shear()
+    yield (
+        "largest shear angle",
+        f"{math.degrees(angle):.1f} deg at {millimetres(place, 1)}, "
+        f"{millimetres(flat, 1)} of the flat blank",
+    )
+    locking, part = math.degrees(draped.locking_angle), draped.locked_part()
+    yield f"beyond {locking:.3g} deg", f"{part:.1%} of the area" if part else "nothing"
+    missing = draped.missing()
+    if missing is not None:
+        yield "not whole", missing
+    yield "laid in", f"{1e3 * draped.wall_s:.0f} ms"

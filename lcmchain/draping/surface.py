@@ -1,0 +1,227 @@
+"""The surface that a draped net lies on, as the zero level of a function of space.
+
+One tool alone: its surface, half the thickness off on its free side. A punch and the plane of the
+blank: what the punch has pushed in at the end of its stroke, the plane elsewhere, and a rounded
+edge between them. With d the distance from the punch less half the thickness, and b the distance
+from the plane on the side that the punch moves to, the solid above the sheet is the union of both,
+and its surface is the zero level of min(d, b). The edge is rounded with the radius ρ by
+
+    F = max(ρ, min(d, b)) - sqrt(u² + v²),  u = max(ρ - d, 0),  v = max(ρ - b, 0),
+
+a circular arc where wall and plane are perpendicular. F is continuous with its gradient near its
+zero level.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.errors import InputError
+from lcmchain.jit import routine
+from lcmchain.scene import Scene
+from lcmchain.tools.distance import FIELD, PLANE, signed_distance
+from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
+from lcmchain.tools.table import ToolTable
+
+#: Distances from a surface mesh are exact up to so many spacings of its distance field.
+EXACT_SPACINGS = 3.0
+#: Gradient [1] below which a level has no direction.
+NO_GRADIENT = 1e-12
+
+
+class ToolShapes(NamedTuple):
+    """The columns of a :class:`lcmchain.tools.table.ToolTable` that a distance is read from.
+
+    Half of the table: compiled code takes every column along, and compiles in less time.
+    """
+
+    kind: np.ndarray
+    origin: np.ndarray
+    rotation: np.ndarray
+    aligned: np.ndarray
+    direction: np.ndarray
+    segment_start: np.ndarray
+    segments: np.ndarray
+    corner_start: np.ndarray
+    corners: np.ndarray
+    spacing: np.ndarray
+    grid_origin: np.ndarray
+    grid_shape: np.ndarray
+    box: np.ndarray
+    grid_start: np.ndarray
+    coefficients: np.ndarray
+    far_bound: np.ndarray
+
+    @classmethod
+    def of(cls, tools: ToolTable) -> ToolShapes:
+        """Return these columns of a table."""
+        return cls(*(getattr(tools, name) for name in cls._fields))
+
+
+class DrapedSurface(NamedTuple):
+    """The surface of a net, as compiled code reads it.
+
+    tools : shapes of the scene's tools; tool, travel : which of them, and its travel [m].
+    offset : of the mid-surface from the tool [m].
+    has_plane : whether the plane of the blank belongs to it.
+    plane_height : z of that plane [m]; plane_side : 1 where the punch moves towards +z, else -1.
+    edge_radius : of the edge between them [m].
+    """
+
+    tools: ToolShapes
+    tool: int
+    travel: float
+    offset: float
+    has_plane: bool
+    plane_height: float
+    plane_side: float
+    edge_radius: float
+
+
+@routine
+def level(surface, x, y, z):
+    """Return the level F [m] at a point [m], and its gradient; positive on the free side."""
+    d, gx, gy, gz = signed_distance(surface.tools, surface.tool, x, y, z, surface.travel)
+    d -= surface.offset
+    if not surface.has_plane:
+        return d, gx, gy, gz
+    side = surface.plane_side
+    b = side * (z - surface.plane_height)
+    radius = surface.edge_radius
+    u, v = max(radius - d, 0.0), max(radius - b, 0.0)
+    length = math.sqrt(u * u + v * v)
+    if length == 0.0:
+        if d < b:
+            return d, gx, gy, gz
+        return b, 0.0, 0.0, side
+    if radius == 0.0 and d < 0.0 and b < 0.0:  # inside of both the nearer surface counts
+        if d < b:
+            return d, gx, gy, gz
+        return b, 0.0, 0.0, side
+    # here one of them is nearer than the radius, and max(radius, min(d, b)) is the radius
+    u /= length
+    v /= length
+    return radius - length, u * gx, u * gy, u * gz + v * side
+
+
+def is_drapable(scene: Scene, tools: ToolTable) -> bool:
+    """Tell whether a scene has a surface to drape: one that it names, or a stroke of a shape."""
+    if scene.draping.surface is not None:
+        return True
+    return _largest_stroke(tools, scene.process.time, flat=False) is not None
+
+
+def draped_surface(scene: Scene, tools: ToolTable) -> DrapedSurface:
+    """Return the surface that a scene's ``[draping]`` names, or that of its largest stroke.
+
+    Raises
+    ------
+    InputError : there is no such tool, nothing moves, or the travel of the tool is not given.
+    """
+    time = scene.process.time
+    offset = 0.5 * scene.material.thickness
+    shapes = ToolShapes.of(tools)
+    name = scene.draping.surface
+    if name is not None:
+        tool = _tool_named(scene, name)
+        if tools.motion_kind[tool] == GUIDED:
+            raise InputError(
+                f'"{name}" moves under a load, so that its place at the end is not known before a '
+                "simulation; name a tool that is fixed or has a stroke",
+                key="draping.surface",
+            )
+        return DrapedSurface(
+            shapes, tool, end_travel(tools, tool, time), offset, False, 0.0, 1.0, 0.0
+        )
+    tool_or_none = _largest_stroke(tools, time, flat=False)
+    if tool_or_none is None:
+        raise InputError(
+            "is missing, and no shaped tool has a stroke: name the tool that the sheet ends on, "
+            'as in surface = "die"',
+            key="draping.surface",
+        )
+    tool = tool_or_none
+    side = float(np.sign(_travel_vector(tools, tool, time)[2]))
+    if side == 0.0:
+        raise InputError(
+            f'is missing, and the stroke of "{scene.tools[tool].name}" lies in the plane of the '
+            "blank; name the tool that the sheet ends on",
+            key="draping.surface",
+        )
+    return DrapedSurface(
+        shapes, tool, end_travel(tools, tool, time), offset, True, scene.blank.height, side,
+        _edge_radius(scene, tools, tool),
+    )  # fmt: skip
+
+
+def surface_in_words(scene: Scene, surface: DrapedSurface) -> str:
+    """Say which surface a net lies on."""
+    name = scene.tools[surface.tool].name
+    at = f" at a travel of {1e3 * abs(surface.travel):.4g} mm" if surface.travel else ""
+    if not surface.has_plane:
+        return f"{name}{at}"
+    return (
+        f"{name}{at}, and the plane of the blank around it, with an edge of "
+        f"{1e3 * surface.edge_radius:.4g} mm radius"
+    )
+
+
+def stroke_direction(scene: Scene, tools: ToolTable) -> np.ndarray:
+    """Return the unit direction of the largest stroke [3], and -z where nothing has a stroke."""
+    tool = _largest_stroke(tools, scene.process.time, flat=True)
+    if tool is None:
+        return np.array([0.0, 0.0, -1.0])
+    way = _travel_vector(tools, tool, scene.process.time)
+    return way / np.linalg.norm(way)
+
+
+def touching_tool(scene: Scene, tools: ToolTable) -> int | None:
+    """Return the tool that comes to the blank: that of the largest stroke of a shape, or None."""
+    return _largest_stroke(tools, scene.process.time, flat=False)
+
+
+def _largest_stroke(tools: ToolTable, time: float, *, flat: bool) -> int | None:
+    """Return the tool that has travelled farthest at a time [s]; planes count only if ``flat``."""
+    ways = [
+        abs(end_travel(tools, tool, time)) if flat or tools.kind[tool] != PLANE else 0.0
+        for tool in range(len(tools.kind))
+    ]
+    if not ways or max(ways) == 0.0:
+        return None
+    return int(np.argmax(ways))
+
+
+def end_travel(tools: ToolTable, tool: int, time: float) -> float:
+    """Return the prescribed travel of a tool at a time [m]; 0 where it has none."""
+    if tools.motion_kind[tool] != PRESCRIBED:
+        return 0.0
+    return float(prescribed_travel(tools, tool, time)[0])
+
+
+def _travel_vector(tools: ToolTable, tool: int, time: float) -> np.ndarray:
+    return end_travel(tools, tool, time) * tools.direction[tool]
+
+
+def _edge_radius(scene: Scene, tools: ToolTable, tool: int) -> float:
+    """Return the radius of the edge between a punch and the plane [m]."""
+    radius = scene.draping.edge_radius
+    if radius is None:
+        fillet = max((getattr(tool.shape, "fillet_radius", 0.0) for tool in scene.tools), default=0)
+        half = 0.5 * scene.material.thickness
+        radius = fillet + half if fillet > 0.0 else scene.blank.edge_length
+    if tools.kind[tool] == FIELD:
+        # farther from a surface mesh only a bound of the distance is known
+        exact = EXACT_SPACINGS * float(tools.spacing[tool]) - 0.5 * scene.material.thickness
+        radius = min(radius, max(exact, 0.0))
+    return radius
+
+
+def _tool_named(scene: Scene, name: str) -> int:
+    names = [tool.name for tool in scene.tools]
+    if name not in names:
+        there = f"there are {', '.join(names)}" if names else "the scene has no tools"
+        raise InputError(f'there is no tool "{name}"; {there}', key="draping.surface")
+    return names.index(name)
