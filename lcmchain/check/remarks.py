@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+from lcmchain.check.quasi_static import two_digits
 from lcmchain.fields.dataset import NO_THICKNESS
 from lcmchain.scene import Scene
 from lcmchain.scene.fabrics import preset_remarks
@@ -32,7 +35,22 @@ def scene_warnings(scene: Scene) -> list[str]:
             "nothing moves: no tool is driven, there is no [[pressure]], and process.gravity is "
             "false"
         )
+    found += _drag_of_added_mass(scene)
     for tool in scene.tools:
         found += tool.motion.remarks(tool.name, process.time)
         found += tool.shape.remarks(tool.name, scene.blank.edge_length)
     return found
+
+
+def _drag_of_added_mass(scene: Scene) -> list[str]:
+    """Say that mass damping, a rate per inertia, drags the added mass along."""
+    process = scene.process
+    factor = 1.0 if process.mass_scaling is None else process.mass_scaling.factor
+    if factor == 1.0 or process.mass_damping == 0.0:
+        return []
+    calmer = two_digits(process.mass_damping / math.sqrt(factor))
+    return [
+        f"process.mass_damping drags the sheet {factor:g} times as hard with "
+        f'process.mass_scaling.factor = {factor:g}; "{calmer} 1/s" damps its vibrations as much as '
+        "without added mass"
+    ]

@@ -37,7 +37,11 @@ class Switched(NamedTuple):
 
     key: str
     setting: str
-    switch: Switch
+
+    @property
+    def switch(self) -> Switch:
+        """What the entry does."""
+        return switches()[self.key]
 
     @property
     def warning(self) -> str:

@@ -33,6 +33,11 @@ An effect of the elements or of pressures that a scene does not have costs nothi
 (`pytest tests/effects/test_switches.py tests/effects/test_effect_cost.py`). Weight and damping are
 made with zeros where they are off, and friction is a test for each run of nodes in contact.
 
+From Python, `lcmchain.effects.switches.switchable_effects(scene)` lists what the other setting
+would change, and `lcmchain.check.effect_cost.measure_effects(scene)` measures the part of a step's
+time that goes with each, in turn on the formed sheet; `record_effect_parts` keeps it for later
+checks.
+
 """
 COLUMNS = ("key", "what it adds", "called for by", "off leaves out", "off", "on")
 

@@ -13,7 +13,6 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from lcmchain.effects.audit import switches
 from lcmchain.effects.contact import Contact
 from lcmchain.effects.effect import Refusal
 from lcmchain.effects.face_pressure import PressureOnFace
@@ -199,7 +198,7 @@ class Scene(SceneModel):
                 raise wrong(f'is "{setting}", but {refusal}', field=f"effects.{key}") from None
             if changed is not None:
                 self.__dict__.update(changed)  # the scene is frozen for everybody else
-                switched.append(Switched(key, setting, switches()[key]))
+                switched.append(Switched(key, setting))
         self._switched = tuple(switched)
         return self
 

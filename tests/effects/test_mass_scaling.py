@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.check import estimate_run, run_effects
+from lcmchain.check import estimate_run, run_effects, scene_warnings
 from lcmchain.check.expected_cost import contact_omega2
 from lcmchain.check.quasi_static import process_time_needed
 from lcmchain.effects.mass_scaling import added_mass
@@ -201,3 +201,12 @@ def test_without_the_entry_nothing_changes():
 def test_a_factor_below_one_is_refused():
     with pytest.raises(InputError, match="process.mass_scaling.factor"):
         model_of("process.mass_scaling.factor=0.5")
+
+
+def test_a_check_names_the_rate_that_damps_as_before():
+    chosen = ("process.mass_scaling.factor=4", "process.gravity=true")
+    (told,) = scene_warnings(
+        scene_from_text(SHEET, overrides=(*chosen, "process.mass_damping=200 1/s"))
+    )
+    assert '"100 1/s"' in told and "4 times as hard" in told
+    assert scene_warnings(scene_from_text(SHEET, overrides=chosen)) == []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -229,6 +231,13 @@ def test_what_a_study_can_switch():
     assert found == {"gravity": "off"}
     settled = {one.name for one in switchable_effects(scene(FULL, "effects.friction=off"))}
     assert settled == set(OFF) - {"friction"}
+
+
+def test_a_switched_scene_goes_to_other_processes():
+    """As studies send it to their workers."""
+    sent = pickle.loads(pickle.dumps(scene(FULL, "effects.friction=off")))
+    assert [switched.key for switched in sent.switched] == ["friction"]
+    assert not told(sent)["friction"].active and sent.effects.friction == "off"
 
 
 def test_an_unknown_effect_names_the_nearest():
