@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
 from lcmchain.study.comparison import BY_NAME, differences
-from lcmchain.study.convergence import Convergence, observed, with_order
+from lcmchain.study.convergence import Convergence, observed, progress, with_order
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.variant import SceneText, Variant
@@ -35,13 +35,16 @@ PILOTS = (20, 28, 40)
 #: Elements along the edge grow by this factor from one pilot to the next.
 PILOT_RATIO = math.sqrt(2.0)
 #: Pilots in all, and how much finer than the finest of them a mesh may be that they speak of.
-MOST_PILOTS = 7
+MOST_PILOTS = 6
 FARTHEST = 1.6
 #: Of a budget so much goes into pilots at most; the first one has so many elements along the edge.
 PILOT_SHARE = 0.3
 QUICK_PILOT = 8
 #: Orders that are believed: what few meshes show beyond is chance.
 LEAST_ORDER, MOST_ORDER = 0.8, 2.0
+#: Changes from mesh to mesh that fall by less than this factor, at equal refinement, show no
+#: convergence.
+LEAST_PROGRESS = 1.1
 #: Expected errors are to lie below the wish by this factor.
 MARGIN = 0.8
 #: Part of a wish that the process time may take, and what it leaves to the mesh at least.
@@ -265,11 +268,23 @@ class Chooser:
             if name not in laws:
                 notes.append(f"the pilots tell nothing of the {BY_NAME[name].title}")
                 continue
-            room = MARGIN * allowed - self.time_errors.get(name, 0.0)
-            needed = laws[name].size(max(room, LEAST_ROOM * allowed))
+            room = max(MARGIN * allowed - self.time_errors.get(name, 0.0), LEAST_ROOM * allowed)
+            if laws[name].order == 0.0:
+                if laws[name].factor > room:
+                    notes.append(
+                        f"the {BY_NAME[name].title} changes by "
+                        f"{BY_NAME[name].text(laws[name].factor)} from mesh to mesh, and by no "
+                        "less on finer ones: no mesh is chosen for it"
+                    )
+                continue
+            needed = laws[name].size(room)
             if needed < edge:
                 edge = needed
                 why = f"the {BY_NAME[name].title} needs edges of {_mm(needed)}"
+        finest = self.levels[-1].edge / FARTHEST
+        if edge < finest and len(self.levels) >= MOST_PILOTS:
+            notes.append(f"edges of {_mm(edge)} would be needed, far from any pilot")
+            edge = finest
         if self.wish.budget is not None:
             affordable = self._affordable(self.wish.budget - self.pilot_seconds)
             if not self.wish.errors or affordable > edge:
@@ -320,7 +335,13 @@ class Chooser:
         )
 
     def _laws(self) -> dict[str, Convergence]:
-        """Return how the quantities depend on the edge length, by the finest levels."""
+        """Return how the quantities depend on the edge length, by the finest levels.
+
+        What changes from mesh to mesh by no less than before has the order 0: its error is taken
+        for as large as that change on any mesh (Eça, Hoekstra, "A procedure for the estimation of
+        the numerical uncertainty of CFD calculations", J. Comput. Phys. 262 (2014), take the range
+        of the data where no order is seen).
+        """
         if len(self.levels) < 2:
             return {}
         *_, coarse, fine = self.levels
@@ -335,6 +356,9 @@ class Chooser:
                 continue
             if before is not None:
                 sizes = (self.levels[-3].edge, coarse.edge, fine.edge)
+                if progress(sizes, (before[name].typical, step)) < LEAST_PROGRESS:
+                    laws[name] = Convergence(0.0, step)
+                    continue
                 seen = observed(sizes, (before[name].typical, step)).order
                 order = LEAST_ORDER if math.isnan(seen) else seen
             order = min(max(order, LEAST_ORDER), MOST_ORDER)

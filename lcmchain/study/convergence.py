@@ -68,3 +68,14 @@ def with_order(order: float, sizes: tuple[float, float], step: float) -> Converg
     """Return the error law of a given order from the difference between two sizes."""
     coarse, fine = sizes
     return Convergence(order, step / (coarse**order - fine**order))
+
+
+def progress(sizes: tuple[float, float, float], steps: tuple[float, float]) -> float:
+    """Return by which factor the second difference is smaller than the first, at equal refinement.
+
+    Arguments as for :func:`observed`. Both are taken per logarithm of the sizes; 1 means that finer
+    meshes change the result by as much as coarse ones.
+    """
+    h1, h2, h3 = sizes
+    first, second = steps[0] / math.log(h1 / h2), steps[1] / math.log(h2 / h3)
+    return first / second

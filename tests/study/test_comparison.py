@@ -13,7 +13,7 @@ from lcmchain.study.comparison import (
     contour_difference,
     differences,
 )
-from lcmchain.study.convergence import observed, with_order
+from lcmchain.study.convergence import observed, progress, with_order
 from lcmchain.study.outcome import Outcome, read_outcome, write_outcome
 
 SIZE = 0.3
@@ -125,6 +125,16 @@ def test_meshes_that_differ_more_and_more_show_no_order():
     assert math.isnan(observed((4.0, 2.0, 1.0), (1.0, 2.0)).order)
     assert math.isnan(observed((4.0, 2.0, 1.0), (0.0, 1.0)).order)
     assert with_order(1.0, (2.0, 1.0), 3.0).error(1.0) == pytest.approx(3.0)
+
+
+def test_progress_is_one_where_every_refinement_changes_as_much():
+    def result(h):
+        return 3.0 * math.log(h)
+
+    h = (10.0, 7.0, 2.0)
+    steps = result(h[0]) - result(h[1]), result(h[1]) - result(h[2])
+    assert progress(h, steps) == pytest.approx(1.0)
+    assert progress((4.0, 2.0, 1.0), (2.0, 1.0)) == pytest.approx(2.0)
 
 
 def test_the_order_of_a_smooth_field_is_that_of_its_error():
