@@ -14,6 +14,7 @@ import numpy as np
 from contract import Case
 from mutations import mutated_bytes, mutated_document, mutated_lines, near_document, to_toml
 
+from lcmchain.draping import drape
 from lcmchain.errors import LcmchainError
 from lcmchain.model import build_model
 from lcmchain.scene import Scene, read_scene
@@ -319,6 +320,10 @@ def _complaint(file: Path) -> str | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            if not scene.element.has_forces:
+                net = drape(scene)
+                said = net.is_whole or net.missing()
+                return None if said else "a net that is not whole and does not say so"
             model = build_model(scene)
     except LcmchainError as error:
         return f"check accepted what the model refuses: {error}"
