@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from lcmchain.check.effects_of_run import Effect
@@ -17,6 +18,10 @@ from lcmchain.tools.surfaces.surface import Orientation
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+
+#: What effects take of the time where that is not known.
+NO_PARTS: Mapping[str, float] = MappingProxyType({})
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -53,7 +58,9 @@ def basis_table(preset: str, rows: list[tuple[str, str, Basis]]) -> Table:
 
 
 def effect_table(
-    effects: list[Effect], parts: Mapping[str, float], measurable: Collection[str]
+    effects: list[Effect],
+    parts: Mapping[str, float] = NO_PARTS,
+    measurable: Collection[str] = (),
 ) -> Table:
     """Effects, whether they are simulated, why, and the measured part of the time they take.
 
@@ -75,7 +82,7 @@ def effect_table(
             _text(effect.reason),
             style=style,
         )
-    if not parts:
+    if measurable and not parts:
         table.caption = "lcmchain study effects measures what each takes of the time"
         table.caption_justify = "left"
     return table

@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Refusal, Switch, of_the_elements, refused
+from lcmchain.effects.effect import Refusal, Switch, of_the_elements
 
 SWITCH = Switch(
-    entry="material.bending",
+    entry="material.bending, element.bending",
     without="the moments that hold a sheet against wrinkles",
-    called=lambda scene: True,
+    called=lambda scene: scene.element.has_forces and getattr(scene.element, "bending", True),
     off=lambda scene: {"element": _membrane(scene)},
-    on=refused("every element has it"),
+    on=lambda scene: {"element": _shell(scene)},
     unless="of solid-shells",
 )
 
@@ -32,6 +32,12 @@ def _membrane(scene: Any) -> Any:
             'material.bending, or element = "membrane-shell", which can be a membrane alone'
         )
     return scene.element.without_bending()
+
+
+def _shell(scene: Any) -> Any:
+    if not scene.element.has_forces:
+        raise Refusal('a net of fibres has no moments; use element = "membrane-shell"')
+    return scene.element.model_copy(update={"bending": True})
 
 
 active = of_the_elements("bending")

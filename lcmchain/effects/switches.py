@@ -103,6 +103,8 @@ def switchable_effects(scene: Any) -> list[Switchable]:
     ----------
     scene : a validated scene.
     """
+    if not scene.element.has_forces:
+        return []  # a net of fibres is laid without any of them
     return list(_switchable(scene, settings_of(scene)))
 
 

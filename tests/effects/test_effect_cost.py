@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from inspect import signature
 from io import StringIO
 
 import numpy as np
@@ -20,6 +21,7 @@ from lcmchain.check.effect_cost import (
 )
 from lcmchain.effects.switches import Switchable
 from lcmchain.elements.membrane_shell.kernel import patch_force_loop
+from lcmchain.elements.membrane_shell.membrane import membrane_force_loop
 from lcmchain.elements.solid_shell.kernel import element_forces
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
@@ -68,16 +70,23 @@ def test_a_kernel_without_stiffening_holds_no_code_of_it():
     assert count("material.compaction.c1=0.0") == without
 
 
+FOLDING = 'element={ type = "membrane-shell", bending = false }'
+
+
 def test_a_membrane_holds_no_code_of_moments():
-    def count(*overrides):
+    def count(kernel, *overrides):
         model = build_model(scene("element=membrane-shell", *overrides))
         data = model.body.data
-        return instructions(
-            patch_force_loop, model.node_positions.T.copy(), data.corner_node, data.element_data,
-            np.zeros(model.corner_force_size), data.law, data.thickness, data.bending,
-        )  # fmt: skip
+        named = data._asdict() | {
+            "positions": model.node_positions.T.copy(),
+            "patch_node": data.corner_node,
+            "node_force": np.zeros(model.corner_force_size),
+        }
+        return instructions(kernel, *(named[name] for name in signature(kernel.py_func).parameters))
 
-    assert count("effects.bending=off") < 0.8 * count()
+    without = count(membrane_force_loop, "effects.bending=off")
+    assert without < 0.8 * count(patch_force_loop)
+    assert without == count(membrane_force_loop, FOLDING)
 
 
 def test_costs_are_measured_in_turn():

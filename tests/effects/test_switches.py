@@ -240,6 +240,18 @@ def test_a_switched_scene_goes_to_other_processes():
     assert not told(sent)["friction"].active and sent.effects.friction == "off"
 
 
+def test_membranes_can_be_given_their_shell_back():
+    chosen = ('element={ type = "membrane-shell", bending = false }', "effects.bending=on")
+    found = told(scene(BARE, *chosen))
+    assert found["bending"].active and not told(scene(BARE, chosen[0]))["bending"].active
+
+
+def test_a_net_of_fibres_has_nothing_to_switch():
+    assert switchable_effects(scene(BARE, "element=kinematic")) == []
+    with pytest.raises(InputError, match="effects.bending.*net of fibres"):
+        scene(BARE, "element=kinematic", "effects.bending=on")
+
+
 def test_an_unknown_effect_names_the_nearest():
     with pytest.raises(InputError, match="effects.frictoin.*friction"):
         scene(BARE, "effects.frictoin=off")
