@@ -1,6 +1,6 @@
 """What a unit costs in a master: start, access to fields, states, steps, memory.
 
-The unit forms the 3,600 elements of the measurements of the solver (``lcmchain/bench.py``) in
+The unit forms the 3,600 elements of the measurements of the solver (``lcmchain/bench``) in
 fmpy. Each version of FMI is measured in a process of its own, beside the same run without a unit.
 """
 
@@ -24,7 +24,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from rich.table import Table
 
-from lcmchain.bench import SCENE
+from lcmchain.bench.hemisphere import SCENE
 from lcmchain.fmu.build import build_fmu
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation

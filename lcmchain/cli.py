@@ -271,6 +271,13 @@ def bench(
     unit: Annotated[
         bool, typer.Option("--unit", help="Of co-simulation units, beside the solver alone.")
     ] = False,
+    sizes: Annotated[
+        bool, typer.Option("--sizes", help="Of free plates, over the number of elements.")
+    ] = False,
+    json_file: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Also write the solver's figures here."),
+    ] = None,
 ) -> None:
     """Measure the speed of the solver, the mapping, the infiltration or units on this machine."""
     if unit:
@@ -288,11 +295,9 @@ def bench(
 
         console().print(run_mapping_bench())
         return
-    from lcmchain.bench import run_bench
+    from lcmchain.bench import run_bench, run_size_bench
 
-    table = run_bench()
-    if table is not None:
-        console().print(table)
+    console().print(run_size_bench(json_file) if sizes else run_bench(json_file))
 
 
 app.command()(docs)

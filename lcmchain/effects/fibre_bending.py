@@ -351,15 +351,16 @@ def bending_of(stiffness, rest, w, t, across):
     With w = κ p̂ + τ t̂ + ν n and c = t·t₂/|t|²: ∂κ/∂w = p̂, ∂κ/∂t₂ = ν n/|p| and
     ∂κ/∂t = -c ν n/|p| - τ p̂/|t|.
     """
-    squared = dot(t, t) + TINY
-    c = dot(t, across) / squared
+    inverse_length = 1.0 / math.sqrt(dot(t, t) + TINY)
+    inverse_squared = inverse_length * inverse_length
+    c = dot(t, across) * inverse_squared
     q = plus(-c, t, across)
     inverse = 1.0 / math.sqrt(dot(q, q) + TINY)
     q = scaled(inverse, q)
-    n = scaled(1.0 / math.sqrt(squared), cross(t, q))
+    n = scaled(inverse_length, cross(t, q))
     moment = stiffness * (dot(w, q) - rest)
     lift = inverse * dot(w, n) * moment
-    slide = dot(w, t) / squared * moment
+    slide = dot(w, t) * inverse_squared * moment
     return scaled(moment, q), combination2(-c * lift, n, -slide, q), scaled(lift, n)
 
 

@@ -234,9 +234,16 @@ def test_fmu_build_reads_the_scene_first(monkeypatch, scene_file, tmp_path, caps
 
 
 def test_bench_prints_its_table(monkeypatch, capsys):
-    stand_in(monkeypatch, "lcmchain.bench", run_bench=lambda: "0.031 us")
+    def figures(name):
+        return lambda json_file: f"{name} to {json_file}"
+
+    stand_in(
+        monkeypatch, "lcmchain.bench", run_bench=figures("0.031 us"), run_size_bench=figures("1k")
+    )
     assert exit_code("bench") == 0
-    assert "0.031 us" in capsys.readouterr().out
+    assert "0.031 us to None" in capsys.readouterr().out
+    assert exit_code("bench", "--sizes", "--json", "speed.json") == 0
+    assert "1k to speed.json" in capsys.readouterr().out
 
 
 # --- check ----------------------------------------------------------------------------------------

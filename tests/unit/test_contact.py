@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lcmchain.scene import scene_from_text
+from lcmchain.solver.contact_search import group_near_nodes
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import EXTERNAL
 
@@ -243,3 +244,13 @@ def test_contact_holds_a_sheet_without_adhesion():
     sim.advance_to(2e-3)
     np.testing.assert_array_equal(sim.state.tool_force, 0.0)
     assert sim.state.position[2].min() > 0.0
+
+
+def test_a_group_of_nodes_is_looked_at_where_any_of_them_is_near():
+    """Groups of 16, the last one of the two nodes that remain of 34."""
+    for node, groups in ((0, [1, 0, 0]), (15, [1, 0, 0]), (16, [0, 1, 0]), (33, [0, 0, 1])):
+        near = np.zeros((2, 34), dtype=np.uint8)
+        near[1, node] = 1
+        marked = np.full((2, 3), 7, dtype=np.uint8)
+        group_near_nodes(near, marked)
+        np.testing.assert_array_equal(marked, [[0, 0, 0], groups])

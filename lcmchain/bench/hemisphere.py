@@ -1,33 +1,19 @@
-"""Speed of the element kernel and of whole steps on this machine, as a table.
+"""Speed of the element kernel and of whole steps of the hemisphere on this machine.
 
-Every figure is the median of several repetitions, in microseconds per element and step. The blank,
-material and tools are those of ``hemisphere_holder``, formed to mid-stroke so that contact, shear
-and compaction are at work.
+The blank, material and tools are those of ``hemisphere_holder``, formed to mid-stroke so that
+contact, shear and compaction are at work.
 """
 
 from __future__ import annotations
 
-import platform
-import statistics
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-from rich.table import Table
-
+from lcmchain.bench.measure import KERNEL_CALLS, Measurement, kernel_work, measure
 from lcmchain.elements.blocks import in_blocks
-from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.packing import curved_rows
-from lcmchain.jit import routine
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.threads import use_threads
 
-REPETITIONS = 11
-KERNEL_CALLS = 200
 # Where whole steps are timed: the sheet lies on punch, die fillet and under the holder.
 MID_STROKE = 0.06
 WHOLE_CHUNKS = 8
@@ -55,53 +41,6 @@ shape = { type = "plate_with_hole", hole_radius = "77 mm", fillet_radius = "10 m
 position = "0 0 1.004 mm"
 motion = { type = "guided", direction = [0, 0, -1], mass = "1.7 kg", ramp = "10 ms" }
 """
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """Median [µs per element and step] with the smallest and largest of the repetitions."""
-
-    name: str
-    threads: int
-    median: float
-    least: float
-    most: float
-
-
-def measure(
-    name: str, threads: int | None, element_steps: int, work: Callable[[], None]
-) -> Measurement:
-    """Time ``work``, which makes ``element_steps`` element steps, ``REPETITIONS`` times."""
-    used = use_threads(threads)
-    work()
-    samples = []
-    for _ in range(REPETITIONS):
-        start = time.perf_counter()
-        work()
-        samples.append(1e6 * (time.perf_counter() - start) / element_steps)
-    return Measurement(name, used, statistics.median(samples), min(samples), max(samples))
-
-
-@routine
-def repeated_forces(data, position, corner_force, history, count):
-    """Evaluate the internal forces of a body so often, without going back to Python."""
-    for _ in range(count):
-        internal_forces(data, position, corner_force, history)
-
-
-def kernel_work(simulation: Simulation, data: Any) -> Callable[[], None]:
-    """Return ``KERNEL_CALLS`` evaluations of the internal forces at the present positions.
-
-    ``data`` are the constants of the body: those of the simulation's, or others of the same mesh.
-    """
-    position = simulation.state.position
-    corner_force = np.zeros(simulation.model.corner_force_size)
-    history = np.zeros(simulation.model.history_size)
-
-    def work() -> None:
-        repeated_forces(data, position, corner_force, history, KERNEL_CALLS)
-
-    return work
 
 
 def whole_steps(name: str, simulation: Simulation) -> list[Measurement]:
@@ -166,18 +105,3 @@ def measurements() -> list[Measurement]:
 
 def _chunk_span(simulation: Simulation, chunks: int) -> float:
     return chunks * STEPS_PER_CHUNK * simulation.model.step_safety * simulation.critical_step()
-
-
-def run_bench() -> Table:
-    """Measure and return the table that ``lcmchain bench`` prints."""
-    table = Table(
-        title=f"µs per element and step, median of {REPETITIONS} ({platform.machine()})",
-        title_justify="left",
-    )
-    table.add_column("what")
-    for column in ("threads", "median", "least", "most"):
-        table.add_column(column, justify="right")
-    for m in measurements():
-        row = (f"{value:.4f}" for value in (m.median, m.least, m.most))
-        table.add_row(m.name, str(m.threads), *row)
-    return table

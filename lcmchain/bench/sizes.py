@@ -1,0 +1,92 @@
+"""Speed of free plates over the number of their elements: kernel, whole step, and their ratio.
+
+A square sheet of MD600 without tools, its nodes free, that starts with a small random velocity:
+what a step costs beside the element kernel without contact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lcmchain.bench.measure import Measurement, kernel_work, measure
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
+
+ELEMENT_COUNTS = (1_000, 4_000, 16_000, 64_000, 256_000)
+REPETITIONS = 5
+# Element steps of one repetition, in whole chunks.
+ELEMENT_STEPS = 2_000_000
+SIDE = 0.3  # [m]
+SPEED = 1e-3  # of the nodes at the start [m/s]
+
+SCENE = """
+title = "free plate"
+process = { time = "1 s", frames = 2, gravity = false }
+blank = { size = ["300 mm", "300 mm"], edge_length = "5 mm", height = "0.502 mm" }
+material = { preset = "MD600" }
+
+[[tools]]
+name = "floor"
+shape = { type = "plate", side = "below" }
+position = "0 0 -1 m"
+"""
+
+
+@dataclass(frozen=True)
+class Plate:
+    """Kernel and whole step of one plate on so many threads."""
+
+    element_count: int
+    kernel: Measurement
+    step: Measurement
+
+    @property
+    def ratio(self) -> float:
+        """Whole step over kernel."""
+        return self.step.median / self.kernel.median
+
+
+def free_plate(element_count: int) -> Simulation:
+    """Return a plate of about so many elements, in motion."""
+    edge = 1e3 * SIDE / round(math.sqrt(element_count))
+    scene = scene_from_text(SCENE, overrides=(f"blank.edge_length={edge:.9g} mm",))
+    simulation = Simulation.from_scene(scene)
+    velocity = np.random.default_rng(0).uniform(-SPEED, SPEED, simulation.state.velocity.shape)
+    simulation.set_velocity(velocity)
+    return simulation
+
+
+def measure_plates(
+    element_counts: Sequence[int] = ELEMENT_COUNTS, threads: Sequence[int | None] = (1, None)
+) -> list[Plate]:
+    """Measure plates of all sizes, each on one core and on all."""
+    found = []
+    for wanted in element_counts:
+        simulation = free_plate(wanted)
+        count = simulation.model.element_count
+        chunks = max(1, round(ELEMENT_STEPS / count / STEPS_PER_CHUNK))
+        found += [measured_plate(simulation, chunks, number) for number in threads]
+    return found
+
+
+def measured_plate(simulation: Simulation, chunks: int, threads: int | None) -> Plate:
+    """Measure the kernel and whole steps of one plate, over so many chunks of steps."""
+    count, steps = simulation.model.element_count, chunks * STEPS_PER_CHUNK
+    start = simulation.state.copy()
+
+    def work() -> None:
+        simulation.restore(start)
+        for _ in range(chunks):
+            simulation.make_steps(STEPS_PER_CHUNK, simulation.prepare_steps())
+
+    kernel = kernel_work(simulation, simulation.model.body.data, steps)
+    name = f"free plate of {count} elements"
+    return Plate(
+        count,
+        measure(f"element kernel, {name}", threads, count * steps, kernel, REPETITIONS),
+        measure(f"whole step, {name}", threads, count * steps, work, REPETITIONS),
+    )

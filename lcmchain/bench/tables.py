@@ -1,0 +1,83 @@
+"""The tables of ``lcmchain bench``, and the same figures as JSON."""
+
+from __future__ import annotations
+
+import json
+import platform
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from lcmchain.atomic import replacing
+from lcmchain.bench import hemisphere, sizes
+from lcmchain.bench.machine import Machine, measure_machine
+from lcmchain.bench.measure import REPETITIONS, Measurement
+from lcmchain.bench.sizes import Plate
+
+
+def run_bench(json_file: Path | None = None) -> Table:
+    """Measure the hemisphere and return the table that ``lcmchain bench`` prints.
+
+    Parameters
+    ----------
+    json_file : gets the same figures.
+    """
+    found = hemisphere.measurements()
+    if json_file is not None:
+        write_figures(json_file, {"hemisphere_holder": [asdict(m) for m in found]})
+    return hemisphere_table(found)
+
+
+def run_size_bench(json_file: Path | None = None) -> Table:
+    """Measure free plates and the machine; return the table of ``lcmchain bench --sizes``."""
+    machine, plates = measure_machine(), sizes.measure_plates()
+    if json_file is not None:
+        figures = {
+            "machine": asdict(machine),
+            "plates": [asdict(plate) | {"ratio": plate.ratio} for plate in plates],
+        }
+        write_figures(json_file, figures)
+    return size_table(machine, plates)
+
+
+def write_figures(file: Path, figures: dict[str, Any]) -> None:
+    """Write figures [µs per element and step] with what they were measured on."""
+    text = json.dumps({"unit": "us", "processor": platform.machine(), **figures}, indent=2)
+    with replacing(file) as new:
+        new.write_text(text + "\n", encoding="utf-8")
+
+
+def hemisphere_table(measurements: list[Measurement]) -> Table:
+    """Return the table of the element kernels and the whole steps of the hemisphere."""
+    table = Table(
+        title=f"µs per element and step, median of {REPETITIONS} ({platform.machine()})",
+        title_justify="left",
+    )
+    table.add_column("what")
+    for column in ("threads", "median", "least", "most"):
+        table.add_column(column, justify="right")
+    for m in measurements:
+        row = (f"{value:.4f}" for value in (m.median, m.least, m.most))
+        table.add_row(m.name, str(m.threads), *row)
+    return table
+
+
+def size_table(machine: Machine, plates: list[Plate]) -> Table:
+    """Return the table of plates over their size."""
+    table = Table(
+        title=(
+            f"Free plates, µs per element and step, median of {sizes.REPETITIONS} "
+            f"({platform.machine()}; one core: {machine.arithmetic:.0f} GFLOP/s of fused "
+            f"multiply-adds, {machine.bandwidth:.0f} GB/s)"
+        ),
+        title_justify="left",
+    )
+    for column in ("elements", "threads", "kernel", "whole step", "ratio"):
+        table.add_column(column, justify="right")
+    for plate in plates:
+        figures = (f"{m.median:.4f}" for m in (plate.kernel, plate.step))
+        count, threads = str(plate.element_count), str(plate.kernel.threads)
+        table.add_row(count, threads, *figures, f"{plate.ratio:.2f}")
+    return table
