@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,9 @@ from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.options import OutFolder, Overrides, Quiet, SceneFile
 from lcmchain.commands.terminal import console, progress_bar, say, warn
 from lcmchain.errors import InputError
+
+if TYPE_CHECKING:
+    from lcmchain.study.runs import Workers
 
 study_app = typer.Typer(
     no_args_is_help=True,
@@ -232,7 +235,7 @@ def values_of(vary: Sequence[str]) -> dict[str, list[str]]:
     return found
 
 
-def workers_of(count: int | None, threads: int | None, scheduler: str | None):
+def workers_of(count: int | None, threads: int | None, scheduler: str | None) -> Workers:
     """Return who makes the runs: one process per core by default, where dask is installed."""
     from importlib.util import find_spec
 

@@ -174,10 +174,10 @@ def _client(workers: Workers, count: int) -> Iterator[Any]:
             yield client
         return
     with (
-        LocalCluster(  # type: ignore[no-untyped-call]
+        LocalCluster(
             n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=0
         ) as cluster,
-        Client(cluster) as client,  # type: ignore[no-untyped-call]
+        Client(cluster) as client,
     ):
         yield client
 
@@ -202,8 +202,8 @@ class _Account:
 
     def in_good_order(self, variants: Sequence[Variant]) -> list[Variant]:
         """Return the quickest first, which compiles, then the longest: none is left alone last."""
-        first, *others = sorted(variants, key=lambda v: self.work[v.name]) or [None]
-        return [] if first is None else [first, *reversed(others)]
+        in_order = sorted(variants, key=lambda variant: self.work[variant.name])
+        return [*in_order[:1], *reversed(in_order[1:])]
 
     def teller(self, name: str) -> Progress:
         """Return the progress function of one run."""

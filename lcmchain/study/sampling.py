@@ -113,7 +113,7 @@ def samples(entries: Sequence[Entry], count: int | None) -> list[Variant]:
     if runs > MOST_RUNS:
         raise InputError(f"that would be {runs:,} runs, more than {MOST_RUNS:,}", key="--vary")
     points = [[]] if not ranges else hypercube(ranges, int(count or 0))
-    variants = []
+    variants: list[Variant] = []
     for combination in itertools.product(*(entry.values for entry in listed)):
         for point in points:
             pairs = [*zip(listed, combination, strict=True), *zip(ranges, point, strict=True)]

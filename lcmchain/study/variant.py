@@ -92,7 +92,7 @@ class SceneText:
         InputError : the variant does not fit the scene; names the variant.
         """
         try:
-            quiet = WITHOUT_OUTPUT
+            quiet: tuple[str, ...] = WITHOUT_OUTPUT
             if self.scene(variant.overrides, variant.model).wet_forming is None:
                 quiet = (*quiet, *WITHOUT_FLOW)
             return self.scene((*variant.overrides, *quiet), variant.model)
