@@ -52,6 +52,11 @@ def span_routine(function: Callable[..., Any]) -> Dispatcher:
     )
 
 
+def ordered_span_routine(function: Callable[..., Any]) -> Dispatcher:
+    """Compile like :func:`span_routine`, but with every sum in the order in which it is written."""
+    return _compiled(function, error_model="numpy", fastmath=FLOATING_POINT, nogil=True, _nrt=False)
+
+
 def kernel(function: Callable[..., Any]) -> Dispatcher:
     """Compile a loop over blocks of elements or chunks of nodes, parallel over the blocks."""
     return _compiled(

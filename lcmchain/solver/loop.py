@@ -23,7 +23,7 @@ from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces
-from lcmchain.jit import kernel, routine, span_routine
+from lcmchain.jit import kernel, ordered_span_routine, routine, span_routine
 from lcmchain.model import NodeData
 from lcmchain.solver.contact_forces import ROWS, add_contact_forces
 from lcmchain.solver.contact_search import group_near_nodes
@@ -139,9 +139,12 @@ def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
         integrate(arrays, environment, averaging, first, last, dt_last, dt, sums)
 
 
-@span_routine
+@ordered_span_routine
 def gather_internal_forces(arrays, first, last):
-    """Set the force on each node to minus the sum of its corner forces."""
+    """Set the force on each node to minus the sum of its corner forces.
+
+    Summed in their order: a sheet moves as it does without the slots that others need.
+    """
     force, corner_force, force_slot = arrays.force, arrays.corner_force, arrays.force_slot
     force_x, force_y, force_z = force[0, first:last], force[1, first:last], force[2, first:last]
     for i in range(last - first):

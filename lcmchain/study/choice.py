@@ -338,9 +338,9 @@ class Chooser:
         """Return how the quantities depend on the edge length, by the finest levels.
 
         What changes from mesh to mesh by no less than before has the order 0: its error is taken
-        for as large as that change on any mesh (Eça, Hoekstra, "A procedure for the estimation of
-        the numerical uncertainty of CFD calculations", J. Comput. Phys. 262 (2014), take the range
-        of the data where no order is seen).
+        for as large as that change, from one pilot to the next, on any mesh (Eça, Hoekstra, "A
+        procedure for the estimation of the numerical uncertainty of CFD calculations", J. Comput.
+        Phys. 262 (2014), take the range of the data where no order is seen).
         """
         if len(self.levels) < 2:
             return {}
@@ -357,7 +357,8 @@ class Chooser:
             if before is not None:
                 sizes = (self.levels[-3].edge, coarse.edge, fine.edge)
                 if progress(sizes, (before[name].typical, step)) < LEAST_PROGRESS:
-                    laws[name] = Convergence(0.0, step)
+                    once = math.log(PILOT_RATIO) / math.log(coarse.edge / fine.edge)
+                    laws[name] = Convergence(0.0, step * once)
                     continue
                 seen = observed(sizes, (before[name].typical, step)).order
                 order = LEAST_ORDER if math.isnan(seen) else seen

@@ -76,6 +76,7 @@ class CONTACT:
 
 class PROCESS:
     mass_damping, gravity, time, frames, step_safety = 0.0, False, 1.0, 2, 0.9
+    mass_scaling = None
 
 
 def positions_of_cube():

@@ -69,7 +69,6 @@ class Sheet:
             self.patch_node,
             in_blocks(patch_rows(self.geometry)),
             self.mesh.element_count,
-            True,
         )
         shares = angle_shares(self.mesh.node_positions[self.mesh.elements])
         nodal = self.fabric.areal_mass * shares * self.geometry.area[:, None]
@@ -559,7 +558,6 @@ def test_the_lane_loop_is_packed(sheet):
         np.zeros(18 * tri.patch_node.size // 6),
         tri.data.law,
         tri.data.thickness,
-        tri.data.bending,
     )
     # code loaded from the disk cache cannot be inspected
     options = {k: v for k, v in patch_force_loop.targetoptions.items() if k != "nopython"}
