@@ -3,11 +3,14 @@
 Pilots and runs are made here from a known error law, so that the true error is known.
 """
 
+import json
 import math
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.study.choice import Chooser
 from lcmchain.study.comparison import differences
@@ -168,3 +171,25 @@ def test_wishes_are_read_with_their_units():
 def test_a_wish_that_makes_no_sense_is_told(within, budget, told):
     with pytest.raises(InputError, match=told):
         read_wish(within, budget)
+
+
+def test_a_run_from_the_command_line_says_what_was_chosen(dent, tmp_path):
+    out = tmp_path / "out"
+    quiet = ["--set", "output.pictures=false", "--set", "output.report=false", "--quiet"]
+    done = CliRunner().invoke(
+        app, ["run", dent.path, "--within", "9 deg shear", "--out", str(out), *quiet],
+        catch_exceptions=False,
+    )  # fmt: skip
+    assert done.exit_code == 0
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    choice = summary["choice"]
+    assert choice["kept"]
+    assert choice["found"]["shear_angle"] <= math.radians(9.0)
+    assert choice["seconds"] > choice["pilot_seconds"] > 0.0
+    assert summary["element_count"] == pytest.approx((0.04 / choice["edge_length"]) ** 2, rel=0.1)
+    assert (out / "forming.nc").exists()
+    with pytest.raises(InputError, match="--resume"):
+        CliRunner().invoke(
+            app, ["run", dent.path, "--budget", "9 s", "--resume", "--out", str(out)],
+            catch_exceptions=False,
+        )  # fmt: skip
