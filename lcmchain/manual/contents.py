@@ -48,6 +48,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     ),
     "Evidence": (
         "hemisphere",
+        "accuracy-table",
         "convergence-table",
         "verification",
         "benchmark-table",

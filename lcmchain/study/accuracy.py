@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from lcmchain.errors import InputError
 from lcmchain.study.comparison import BY_NAME, QUANTITIES, Difference, differences
 from lcmchain.study.convergence import Convergence, observed
@@ -62,13 +64,26 @@ class AccuracyStudy:
         ]
 
     def efficient(self, quantity: str) -> list[Setting]:
-        """Return the settings that no other one beats in both error and time, quickest first."""
-        usable = [s for s in self.settings if math.isfinite(s.error(quantity))]
+        """Return the settings that no other one beats in both error and time, quickest first.
+
+        Those on the mesh of the reference are left out: what they differ from it by says nothing
+        of that mesh.
+        """
+        usable = [
+            s for s in self.settings if math.isfinite(s.error(quantity)) and not self.on_finest(s)
+        ]
         front: list[Setting] = []
         for setting in sorted(usable, key=lambda s: (s.seconds, s.error(quantity))):
             if not front or setting.error(quantity) < front[-1].error(quantity):
                 front.append(setting)
         return front
+
+    def on_finest(self, setting: Setting) -> bool:
+        """Tell whether a setting has the mesh of the reference."""
+        mine, finest = setting.outcome, self.reference.outcome
+        return mine.faces.shape == finest.faces.shape and np.array_equal(
+            mine.reference, finest.reference
+        )
 
     def sentence(self) -> str:
         """Say what the scene as it is costs and gives, and what half of its error would cost."""
@@ -89,7 +104,7 @@ class AccuracyStudy:
             return f"{text}; no setting of the study halves the error of the shear angle"
         cost = better.seconds / scene.seconds
         return (
-            f"{text}; half the error of the shear angle costs {cost:.2g} times that "
+            f"{text}; half the error of the shear angle for {cost:.2g} times that time "
             f"({better.variant.name})"
         )
 

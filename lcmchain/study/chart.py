@@ -58,7 +58,8 @@ def draw_chart(path: Path | str, study: AccuracyStudy, quantities: list[str] | N
 
 def _draw_panel(panel, study: AccuracyStudy, name: str, axes: list[str]) -> None:
     quantity = BY_NAME[name]
-    shown = [s for s in study.settings if math.isfinite(s.error(name)) and s.error(name) > 0.0]
+    usable = [s for s in study.settings if math.isfinite(s.error(name)) and s.error(name) > 0.0]
+    shown = [s for s in usable if not study.on_finest(s)]
     front = [s for s in study.efficient(name) if s in shown]
     panel.plot(
         [s.seconds for s in front], [quantity.scale * s.error(name) for s in front],
