@@ -149,13 +149,16 @@ class Study:
             first, *others = variants
             yield first.name, submitted(first).result()
             futures = {submitted(variant): variant.name for variant in others}
-            for future in as_completed(futures):
+            for future in as_completed(futures, loop=client.loop):
                 yield futures[future], future.result()
 
 
 @contextmanager
 def _client(workers: Workers, count: int) -> Iterator[Any]:
-    """Connect to the scheduler, or start workers on this machine for as long as it takes."""
+    """Connect to the scheduler, or start workers on this machine for as long as it takes.
+
+    Never as the default: xarray would ask for it from then on, after it is gone as well.
+    """
     try:
         from distributed import Client, LocalCluster
     except ImportError:
@@ -165,7 +168,7 @@ def _client(workers: Workers, count: int) -> Iterator[Any]:
         ) from None
     if workers.scheduler is not None:
         try:
-            client = Client(workers.scheduler, timeout=ANSWER_WITHIN)
+            client = Client(workers.scheduler, timeout=ANSWER_WITHIN, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise InputError(
                 f"no dask scheduler answers at {workers.scheduler} ({error})", key="--scheduler"
@@ -177,7 +180,7 @@ def _client(workers: Workers, count: int) -> Iterator[Any]:
         LocalCluster(
             n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=0
         ) as cluster,
-        Client(cluster) as client,
+        Client(cluster, set_as_default=False) as client,
     ):
         yield client
 
