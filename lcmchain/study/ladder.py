@@ -154,7 +154,10 @@ def _with_larger_steps(text: SceneText, scene: Scene) -> list[Variant]:
             variants.append(Variant(name, MASS, tuple(overrides), factor))
     softer = SOFTER_FIBRES * scene.process.fibre_modulus_factor
     name = f"fibre modulus x {SOFTER_FIBRES:g}"
-    variants.append(Variant(name, FIBRES, (f"process.fibre_modulus_factor={softer:g}",), softer))
+    fibres = f"process.fibre_modulus_factor={softer:g}"
+    variants.append(Variant(name, FIBRES, (fibres,), softer))
+    both = f"mass x {MASSES[0]:g}, {name}"
+    variants.append(Variant(both, FIBRES, (*variants[0].overrides, fibres), softer))
     return [variant for variant in variants if _fits(text, variant)]
 
 
