@@ -220,18 +220,19 @@ def values_of(vary: Sequence[str]) -> dict[str, list[str]]:
     ------
     InputError : a text is not of that form, or names a key twice.
     """
+    from lcmchain.study.sampling import read_entry
+
     found: dict[str, list[str]] = {}
-    for text in vary:
-        key, separator, values = text.partition("=")
-        listed = [value.strip() for value in values.split("|")]
-        if not separator or not key.strip() or not all(listed):
+    for entry in map(read_entry, vary):
+        if entry.is_range:
             raise InputError(
-                f'"{text}" is not KEY=A|B|C; for example --vary "blank.edge_length=10 mm|5 mm"',
+                f'"{entry.key}" has a range; list its values, as in '
+                '--vary "blank.edge_length=10 mm|5 mm"',
                 key="--vary",
             )
-        if key.strip() in found:
-            raise InputError(f'"{key.strip()}" is given twice', key="--vary")
-        found[key.strip()] = listed
+        if entry.key in found:
+            raise InputError(f'"{entry.key}" is given twice', key="--vary")
+        found[entry.key] = list(entry.values)
     return found
 
 

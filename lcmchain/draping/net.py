@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from lcmchain.draping.surface import NO_GRADIENT, level
+from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, routine
 
 #: What became of a node.
@@ -33,20 +34,6 @@ LONGEST_STEP = 0.3
 SEARCHED = 2.1
 SEARCH_STEPS = 42
 MOST_STEPS = 100
-
-
-@equation
-def dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@equation
-def cross(a, b):
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
 
 
 @equation
