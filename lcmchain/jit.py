@@ -9,9 +9,10 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from lcmchain.threads import load_threading_library
-from lcmchain.vector_width import use_widest_vectors
+from lcmchain.vector_width import keep_lane_loops, use_widest_vectors
 
 load_threading_library()
+keep_lane_loops()
 use_widest_vectors()
 
 # 'nnan' and 'ninf' are left out on purpose: they let the compiler delete the guards' checks.
@@ -49,6 +50,17 @@ def span_routine(function: Callable[..., Any]) -> Dispatcher:
     """
     return _compiled(
         function, error_model="numpy", fastmath={*FLOATING_POINT, "reassoc"}, nogil=True, _nrt=False
+    )
+
+
+def span_part(function: Callable[..., Any]) -> Dispatcher:
+    """Compile a part of a span routine that is inlined there: a call costs more than its loops."""
+    return _compiled(
+        function,
+        error_model="numpy",
+        fastmath={*FLOATING_POINT, "reassoc"},
+        forceinline=True,
+        _nrt=False,
     )
 
 

@@ -13,9 +13,9 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from lcmchain.effects.fibre_bending import VECTOR_ROWS
+from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.errors import InputError
-from lcmchain.model import Model
+from lcmchain.model import NODE_CHUNK, Model
 from lcmchain.tools.span_distance import SPAN
 
 # Columns of ``State.work``: energies [J] accumulated over the run, or of the last step.
@@ -64,12 +64,6 @@ TOOL_SAMPLE_COLUMNS = (
     "travel", "work", "impulse_x", "impulse_y", "impulse_z", "peak_force", "peak_time",
 )  # fmt: skip
 
-# Nodes are worked on in chunks: sums over a chunk, then over the chunks in their order, have the
-# same bits for any number of threads.
-NODE_CHUNK = SPAN
-# Contact is evaluated for groups of so many nodes, wherever one of them is near: neighbours in
-# memory, so that loops over them are packed.
-CONTACT_GROUP = 16
 # Columns of a tool's part of the chunk sums after the energies: force x, y, z and smallest gap.
 TOOL_COLUMNS = 4
 
@@ -111,13 +105,13 @@ def sizes(model: Model) -> dict[str, int]:
         "porous element": 0 if pore is None else pore.padded_count,
         "corner load": 0 if model.pressed is None else model.corner_force_size,
         "loaded node": 0 if model.pressed is None else model.node_count,
-        "bent node": 0 if bending is None else bending.mid_count,
+        "bending middle": 0 if bending is None else bending.padded_count * MIDDLE_ROWS,
         "bending vector": 0 if bending is None else bending.padded_count * VECTOR_ROWS,
         "peak": PEAK_ENTRIES,
         "sample": model.sample_count,
         "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
         "chunk": -(-model.node_count // NODE_CHUNK),
-        "contact group": -(-model.node_count // CONTACT_GROUP),
+        "span": -(-model.node_count // SPAN),
         "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
     }
 
@@ -340,15 +334,17 @@ class Scratch(_Arrays):
     corner_load: np.ndarray = entry(
         "corner load", unit="N", meaning="of pressures in and on the sheet, in blocks of elements"
     )
-    near_group: np.ndarray = entry(
+    near_span: np.ndarray = entry(
         "tool",
-        "contact group",
+        "span",
         unit="1",
-        meaning="whether a node of the group is near the tool",
+        meaning="whether a node of the span is near the tool",
         dtype=np.uint8,
     )
-    mid_position: np.ndarray = entry(
-        "xyz", "bent node", unit="m", meaning="mid-surface nodes of fibres that bend in the plane"
+    bending_middle: np.ndarray = entry(
+        "bending middle",
+        unit="m",
+        meaning="mid-surface nodes of fibres that bend in the plane, in blocks",
     )
     bending_vector: np.ndarray = entry(
         "bending vector", unit="N", meaning="what they send to their neighbours, in blocks"

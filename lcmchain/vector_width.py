@@ -1,4 +1,4 @@
-"""Vectors of 512 bits for compiled code, on processors that lose nothing by them.
+"""Vectors for compiled code: of 512 bits on processors that lose nothing by them.
 
 LLVM prefers 256 bits on every Intel processor with AVX-512, because the first of them lower their
 clock where they meet 512-bit arithmetic. Those from Ice Lake on hardly do: there the lane loops of
@@ -13,6 +13,19 @@ from numba import config
 #: An instruction set that came with the first processors that keep their clock.
 KEEPS_CLOCK = "avx512vbmi2"
 WHOLE_REGISTERS = "-prefer-256-bit"
+
+
+#: LLVM lays out loops of up to so many turns before it looks for vectors in them: fewer than the
+#: lanes of a block (``elements/blocks.py``).
+LONGEST_LAID_OUT = 8
+
+
+def keep_lane_loops() -> None:
+    """Have LLVM find the loops over the 16 lanes of a block as loops; before anything is compiled.
+
+    Short loops over the lanes it would else write out turn by turn, number by number.
+    """
+    llvm.set_option("lcmchain", f"--unroll-full-max-count={LONGEST_LAID_OUT}")
 
 
 def use_widest_vectors() -> None:

@@ -7,7 +7,7 @@ contact, shear and compaction are at work.
 from __future__ import annotations
 
 from lcmchain.bench.measure import KERNEL_CALLS, Measurement, kernel_work, measure
-from lcmchain.elements.blocks import in_blocks
+from lcmchain.elements.blocks import own_blocks
 from lcmchain.elements.solid_shell.packing import curved_rows
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.scene import scene_from_text
@@ -76,7 +76,7 @@ def measurements() -> list[Measurement]:
     data, options = body.data, body.data.options
     curved = data._replace(
         options=options._replace(flat=None, curved=True, enhanced=True),
-        element_data=in_blocks(curved_rows(body.geometry)),
+        element_data=own_blocks(curved_rows(body.geometry)),
     )
     steel = isotropic_stiffness(1e6, 0.3)
     full = curved._replace(

@@ -25,18 +25,21 @@ import numpy as np
 from numba import prange
 
 from lcmchain.effects.effect import Effect, Switch, refused
-from lcmchain.elements.blocks import LANES, in_blocks
+from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel, span_routine
 from lcmchain.mesh.fibre_lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
 
-# Rows of a node in a block of 16: constants; nodes; what it sends along and against fibre 1, then
-# fibre 2, and the sum of that; the force on it.
+# Rows of a node in a block of 16: constants; indices; its place; what it sends along and against
+# fibre 1, then fibre 2; the force on it.
 CONSTANT_ROWS = 9
-NODE_ROWS = 7
-VECTOR_ROWS = 15
+INDEX_ROWS = 10
+MIDDLE_ROWS = 3
+VECTOR_ROWS = 12
 FORCE_ROWS = 3
+# Columns of the constants that have the same unit, one group behind the other.
+CONSTANT_GROUPS = (4, 2, 2, 1)
 # Blocks that a thread takes at a time.
 PIECE = 8
 # Keeps what ends of lines divide by from being zero; nothing is as small.
@@ -47,15 +50,15 @@ class FibreBendingData(NamedTuple):
     """Constants of the kernel, flat arrays in blocks of 16 nodes (``elements/blocks.py``).
 
     constants : weights before and after along fibre 1, then 2; stiffness 1, 2; rest 1, 2; share of
-        the force on a node of the model.
-    nodes : below and above in the model; the node itself, before and after along fibre 1, then 2.
-    source : where a node finds what is sent to it by those before and after along fibre 1, then 2.
+        the force on a node of the model. start : where each block has them (``SharedBlocks``).
+    indices : nodes of the model below and above; then of the neighbours before and after along
+        fibre 1, then 2, where their middles begin, and where what they send to the node does.
     first_force : where the forces begin in the corner forces.
     """
 
     constants: np.ndarray
-    nodes: np.ndarray
-    source: np.ndarray
+    start: np.ndarray
+    indices: np.ndarray
     first_force: int
 
 
@@ -139,11 +142,16 @@ def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
         _place(end, VECTOR_ROWS) + LANES * np.where(end == own, back[k], rows[k])
         for k, end in enumerate(ends)
     ]
-    nodes = np.column_stack([table.below, table.above, own, *ends])
+    middles = [_place(end, MIDDLE_ROWS) for end in ends]
+    indices = np.column_stack([table.below, table.above, *middles, *source])
+    largest = np.abs(constants).max(axis=0)
+    first = np.cumsum((0, *CONSTANT_GROUPS[:-1]))
+    scale = np.maximum(np.maximum.reduceat(largest, first), TINY)
+    shared = in_shared_blocks(constants, np.repeat(scale, CONSTANT_GROUPS))
     return FibreBendingData(
-        constants=in_blocks(constants),
-        nodes=in_blocks(nodes.astype(np.int32)),
-        source=in_blocks(np.column_stack(source).astype(np.int32)),
+        constants=shared.values,
+        start=shared.start,
+        indices=in_blocks(indices.astype(np.int32)),
         first_force=first_force,
     )
 
@@ -244,7 +252,7 @@ def frequency_bound(table: FibreBending, mass: np.ndarray) -> float:
 
 
 @kernel
-def fibre_bending_forces(data, position, corner_force, mid, vector):
+def fibre_bending_forces(data, position, corner_force, middle, vector):
     """Write the internal forces of the fibres' bending behind those of the elements.
 
     Parameters
@@ -252,63 +260,70 @@ def fibre_bending_forces(data, position, corner_force, mid, vector):
     data : :class:`FibreBendingData`.
     position : (3, node_count) [m]. corner_force : written from ``data.first_force`` on; a node of
         either face finds half of the force on the middle [N], the only one of a layer all of it.
-    mid, vector : scratch, (3, mid_count) and in blocks (padded_count * VECTOR_ROWS,).
+    middle, vector : scratch in blocks, (padded_count * MIDDLE_ROWS,) and
+        (padded_count * VECTOR_ROWS,).
     """
-    block_count = data.constants.size // (CONSTANT_ROWS * LANES)
+    block_count = data.start.size
     pieces = -(-block_count // PIECE)
     for piece in prange(pieces):
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
-            find_middle(data, position, mid, block)
+            find_middle(data, position, middle, block)
     for piece in prange(pieces):
-        near = np.empty(15 * LANES)  # a node, before and after along fibre 1, then 2
+        near = np.empty(12 * LANES)  # before and after along fibre 1, then 2
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
-            find_vectors(data, mid, vector, block, near)
+            find_vectors(data, middle, vector, block, near)
     for piece in prange(pieces):
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
             add_vectors(data, vector, corner_force, block)
 
 
 @span_routine
-def find_middle(data, position, mid, block):
-    nodes = data.nodes[block * NODE_ROWS * LANES : (block + 1) * NODE_ROWS * LANES]
+def find_middle(data, position, middle, block):
+    indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
+    own = middle[block * MIDDLE_ROWS * LANES : (block + 1) * MIDDLE_ROWS * LANES]
     for lane in range(LANES):
-        below, above, own = nodes[lane], nodes[LANES + lane], nodes[2 * LANES + lane]
+        below, above = indices[lane], indices[LANES + lane]
         for d in range(3):
-            mid[d, own] = 0.5 * (position[d, below] + position[d, above])
+            own[d * LANES + lane] = 0.5 * (position[d, below] + position[d, above])
 
 
 @span_routine
-def find_vectors(data, mid, vector, block, near):
+def find_vectors(data, middle, vector, block, near):
     """Write what the nodes send to their neighbours along the fibres."""
-    nodes = data.nodes[block * NODE_ROWS * LANES : (block + 1) * NODE_ROWS * LANES]
-    constants = data.constants[block * CONSTANT_ROWS * LANES : (block + 1) * CONSTANT_ROWS * LANES]
-    own = vector[block * VECTOR_ROWS * LANES : (block + 1) * VECTOR_ROWS * LANES]
-    for k in range(5):
+    indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
+    for k in range(4):
         for lane in range(LANES):
-            node = nodes[(2 + k) * LANES + lane]
-            near[3 * k * LANES + lane] = mid[0, node]
-            near[(3 * k + 1) * LANES + lane] = mid[1, node]
-            near[(3 * k + 2) * LANES + lane] = mid[2, node]
+            place = indices[(2 + k) * LANES + lane]
+            near[3 * k * LANES + lane] = middle[place]
+            near[(3 * k + 1) * LANES + lane] = middle[place + LANES]
+            near[(3 * k + 2) * LANES + lane] = middle[place + 2 * LANES]
+    start = data.start[block]
+    constants = data.constants[start : start + CONSTANT_ROWS * LANES]
+    here = middle[block * MIDDLE_ROWS * LANES : (block + 1) * MIDDLE_ROWS * LANES]
+    own = vector[block * VECTOR_ROWS * LANES : (block + 1) * VECTOR_ROWS * LANES]
     for lane in range(LANES):
-        bend_in_lane(near, constants, own, lane)
+        bend_in_lane(here, near, constants, own, lane)
 
 
 @span_routine
 def add_vectors(data, vector, corner_force, block):
     """Write the forces on the nodes: the sums of what they get, less what they send."""
-    source = data.source[block * 4 * LANES : (block + 1) * 4 * LANES]
-    constants = data.constants[block * CONSTANT_ROWS * LANES : (block + 1) * CONSTANT_ROWS * LANES]
+    indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
+    start = data.start[block]
+    constants = data.constants[start : start + CONSTANT_ROWS * LANES]
     own = vector[block * VECTOR_ROWS * LANES : (block + 1) * VECTOR_ROWS * LANES]
     first = data.first_force + block * FORCE_ROWS * LANES
     force = corner_force[first : first + FORCE_ROWS * LANES]
     for lane in range(LANES):
-        i, j = source[lane], source[LANES + lane]
-        k, m = source[2 * LANES + lane], source[3 * LANES + lane]
+        i, j = indices[6 * LANES + lane], indices[7 * LANES + lane]
+        k, m = indices[8 * LANES + lane], indices[9 * LANES + lane]
         share = constants[8 * LANES + lane]
         for d in range(3):
             got = vector[i + d * LANES] + vector[j + d * LANES]
             got += vector[k + d * LANES] + vector[m + d * LANES]
-            force[d * LANES + lane] = share * (got - own[(12 + d) * LANES + lane])
+            sent = own[d * LANES + lane] + own[(3 + d) * LANES + lane]
+            sent += own[(6 + d) * LANES + lane] + own[(9 + d) * LANES + lane]
+            force[d * LANES + lane] = share * (got - sent)
 
 
 @equation
@@ -317,25 +332,40 @@ def load3(array, i):
 
 
 @equation
-def bend_in_lane(near, constants, own, i):
+def bend_in_lane(here, near, constants, own, i):
+    """Write what a node sends along and against its fibres: the gradients of its energy.
+
+    With n = t₁ × t₂ and p the part of the other tangent that is normal to the own one,
+    |p| = |n|/|t|: with w = κ p̂ + τ t̂ + ν n̂ and c = t·t₂/|t|², ∂κ/∂w = p̂, ∂κ/∂t₂ = ν n̂/|p| and
+    ∂κ/∂t = -c ν n̂/|p| - τ p̂/|t|. One division serves all that is divided by.
+    """
     L = LANES
-    x = load3(near, i)
-    before1, after1 = load3(near, i + 3 * L), load3(near, i + 6 * L)
-    before2, after2 = load3(near, i + 9 * L), load3(near, i + 12 * L)
+    x = load3(here, i)
+    before1, after1 = load3(near, i), load3(near, i + 3 * L)
+    before2, after2 = load3(near, i + 6 * L), load3(near, i + 9 * L)
     m1, p1 = constants[i], constants[i + L]
     m2, p2 = constants[i + 2 * L], constants[i + 3 * L]
     t1, t2 = plus(-1.0, before1, after1), plus(-1.0, before2, after2)
     w1 = curvature_vector(m1, p1, before1, x, after1)
     w2 = curvature_vector(m2, p2, before2, x, after2)
-    u1, v1, g12 = bending_of(constants[i + 4 * L], constants[i + 6 * L], w1, t1, t2)
-    u2, v2, g21 = bending_of(constants[i + 5 * L], constants[i + 7 * L], w2, t2, t1)
+    n = cross(t1, t2)
+    t11, t22, nn = dot(t1, t1), dot(t2, t2), dot(n, n)
+    inverse = 1.0 / (t11 * t22 * nn + TINY)
+    per_t11, per_t22, per_nn = inverse * t22 * nn, inverse * t11 * nn, inverse * t11 * t22
+    t12 = dot(t1, t2)
+    c1, q1, u1, lift1, slide1 = bending_of(
+        constants[i + 4 * L], constants[i + 6 * L], w1, t1, t2, t12, t11, per_t11, n, per_nn
+    )
+    c2, q2, u2, lift2, slide2 = bending_of(
+        constants[i + 5 * L], constants[i + 7 * L], w2, t2, t1, t12, t22, per_t22, n, per_nn
+    )
     # the tangent of one fibre is where the other's p comes from
-    v1, v2 = plus(1.0, v1, g21), plus(1.0, v2, g12)
+    v1 = combination2(lift2 - c1 * lift1, n, -slide1, q1)
+    v2 = combination2(lift1 - c2 * lift2, n, -slide2, q2)
     store3(own, i, combination2(p1, u1, 1.0, v1))
     store3(own, i + 3 * L, combination2(m1, u1, -1.0, v1))
     store3(own, i + 6 * L, combination2(p2, u2, 1.0, v2))
     store3(own, i + 9 * L, combination2(m2, u2, -1.0, v2))
-    store3(own, i + 12 * L, combination2(m1 + p1, u1, m2 + p2, u2))
 
 
 @equation
@@ -345,23 +375,15 @@ def curvature_vector(m, p, before, x, after):
 
 
 @equation
-def bending_of(stiffness, rest, w, t, across):
-    """Return the moment D A (κ - rest) times ∂κ/∂w, ∂κ/∂t of the own tangent and of the other's.
-
-    With w = κ p̂ + τ t̂ + ν n and c = t·t₂/|t|²: ∂κ/∂w = p̂, ∂κ/∂t₂ = ν n/|p| and
-    ∂κ/∂t = -c ν n/|p| - τ p̂/|t|.
-    """
-    inverse_length = 1.0 / math.sqrt(dot(t, t) + TINY)
-    inverse_squared = inverse_length * inverse_length
-    c = dot(t, across) * inverse_squared
-    q = plus(-c, t, across)
-    inverse = 1.0 / math.sqrt(dot(q, q) + TINY)
-    q = scaled(inverse, q)
-    n = scaled(inverse_length, cross(t, q))
+def bending_of(stiffness, rest, w, t, across, t12, tt, per_tt, n, per_nn):
+    """Return c, p̂, and of the moment D A (κ - rest): times p̂, ν/(|p| |n|), τ/|t|."""
+    c = t12 * per_tt
+    per_p = math.sqrt(tt * per_nn)
+    q = scaled(per_p, plus(-c, t, across))
     moment = stiffness * (dot(w, q) - rest)
-    lift = inverse * dot(w, n) * moment
-    slide = dot(w, t) * inverse_squared * moment
-    return scaled(moment, q), combination2(-c * lift, n, -slide, q), scaled(lift, n)
+    lift = per_p * per_nn * dot(w, n) * moment
+    slide = per_tt * dot(w, t) * moment
+    return c, q, scaled(moment, q), lift, slide
 
 
 @equation

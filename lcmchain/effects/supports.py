@@ -71,8 +71,8 @@ def translation(
 
 def build_supports(
     supports: Sequence[Support], positions: np.ndarray, process_time: float
-) -> tuple[SupportTable | None, np.ndarray]:
-    """Return the table, or None without supports, and the free components (3, node_count).
+) -> tuple[SupportTable | None, np.ndarray | None]:
+    """Return the table and the free components (3, node_count); None for both without supports.
 
     Parameters
     ----------
@@ -82,9 +82,9 @@ def build_supports(
     ------
     InputError : a node of two groups, or a motion that does not start at rest in the reference.
     """
-    free = np.ones((3, len(positions)))
     if not supports:
-        return None, free
+        return None, None
+    free = np.ones((3, len(positions)))
     times = np.linspace(0.0, process_time, TABLE_SIZE)
     affine = np.zeros((len(supports), TABLE_SIZE, 3, 4))
     owner = np.full(len(positions), -1)

@@ -24,16 +24,15 @@ from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces
 from lcmchain.jit import kernel, ordered_span_routine, routine, span_routine
-from lcmchain.model import NodeData
+from lcmchain.model import NODE_CHUNK, NodeData
 from lcmchain.solver.contact_forces import ROWS, add_contact_forces
-from lcmchain.solver.contact_search import group_near_nodes
+from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.state import (
     CONTACT,
     EXTERNAL,
     KINETIC,
     LAST_STEP,
     MASS_DAMPING,
-    NODE_CHUNK,
     PEAK_FORCE,
     PEAK_TIME,
     STEPS,
@@ -76,7 +75,7 @@ def advance(
     leaves alone [s], or None.
     """
     clock = arrays.clock
-    group_near_nodes(arrays.near, arrays.near_group)
+    find_near_spans(arrays.near, arrays.near_span)
     for _ in range(step_count):
         dt_last = clock[LAST_STEP]
         for body in literal_unroll(bodies):
@@ -91,7 +90,7 @@ def advance(
                 fibre_bending,
                 arrays.position,
                 arrays.corner_force,
-                arrays.mid_position,
+                arrays.bending_middle,
                 arrays.bending_vector,
             )
         if pore is not None:
@@ -125,7 +124,8 @@ def advance(
 def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
     """Sum the forces on the nodes, and update velocities and positions."""
     node_count = arrays.mass.size
-    for chunk in prange(arrays.chunk_sums.shape[0]):
+    for place in prange(arrays.chunk_order.size):
+        chunk = arrays.chunk_order[place]
         first = chunk * NODE_CHUNK
         last = min(first + NODE_CHUNK, node_count)
         sums = arrays.chunk_sums[chunk]
@@ -136,7 +136,7 @@ def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
         if tools.kind.size > 0:
             work = np.empty(ROWS * SPAN)
             add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, work, sums)
-        integrate(arrays, environment, averaging, first, last, dt_last, dt, sums)
+        integrate(arrays, arrays.free, environment, averaging, first, last, dt_last, dt, sums)
 
 
 @ordered_span_routine
@@ -192,7 +192,7 @@ def add_pressure_loads(arrays, first, last, dt_last, sums):
 
 
 @span_routine
-def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
+def integrate(arrays, free, environment, averaging, first, last, dt_last, dt, sums):
     """Update velocity (to n + ½) and position (to n + 1), and sum the energies of the nodes.
 
     Components that are not free keep their position; supports move them afterwards.
@@ -203,11 +203,15 @@ def integrate(arrays, environment, averaging, first, last, dt_last, dt, sums):
     weights = weights_of(environment.gravity, first, last)
     for d in range(3):
         position, velocity = arrays.position[d, first:last], arrays.velocity[d, first:last]
-        force, free = arrays.force[d, first:last], arrays.free[d, first:last]
+        force = arrays.force[d, first:last]
+        if free is not None:
+            free_part = free[d, first:last]
         kinetic, damped, weight = 0.0, 0.0, 0.0
         for i in range(last - first):
             gravity = -weight_at(weights, i) if d == 2 else 0.0
-            share = free[i]
+            share = 1.0
+            if free is not None:
+                share = free_part[i]
             old = velocity[i]
             acceleration = force[i] * inverse_mass[i] + gravity
             undamped = 0.0

@@ -1,19 +1,21 @@
-"""Signed distances from neighbouring nodes to a rigid tool, in loops that compile to vectors.
+"""Signed distances from a span of nodes to a rigid tool, in loops that compile to vectors.
 
 The same distances as :func:`lcmchain.tools.distance.signed_distance`, which says what they mean.
-Here the loop over the points is the innermost one, inside that over the pieces of the profile.
+Here the loop over the nodes is the innermost one, inside that over the pieces of the profile. A
+span is a run of 16 neighbouring nodes: loops of this one length, over rows of one array, are what
+the compiler turns into packed instructions without asking which arrays may overlap.
 """
 
 from __future__ import annotations
 
 import math
 
-from lcmchain.jit import span_routine
+from lcmchain.jit import span_part
 from lcmchain.tools.distance import FIELD, ON_AXIS, PLANE, REVOLVED, field_distance
 from lcmchain.tools.profiles import ARC
 
-#: Most points of one call.
-SPAN = 128
+#: Nodes of a span, neighbours in memory.
+SPAN = 16
 
 # Rows of ``work``, each of one value per point. What the caller gets:
 GAP = 0
@@ -31,63 +33,79 @@ LENGTH = 9
 DISTANCE_ROWS = 10
 
 
-@span_routine
+@span_part
 def span_distances(table, tool, x, y, z, travel, work):
     """Write the gaps [m] and unit normals of points to the first rows of ``work``.
 
     Parameters
     ----------
     table, tool, travel : see :func:`lcmchain.tools.distance.signed_distance`.
-    x, y, z : coordinates (count,) [m] of at most SPAN points.
+    x, y, z : coordinates [m] of the nodes, SPAN or, of the last span, fewer; what is written for
+        the missing ones means nothing.
     work : (DISTANCE_ROWS * SPAN,) or longer.
     """
-    count = x.size
-    to_tool_frame(table, tool, x, y, z, travel, work)
+    load_row(x, LOCAL_X, work)
+    load_row(y, LOCAL_Y, work)
+    load_row(z, LOCAL_Z, work)
+    to_tool_frame(table, tool, travel, work)
     kind = table.kind[tool]
     if kind == PLANE:
-        for i in range(count):
+        for i in range(SPAN):
             work[GAP * SPAN + i] = work[LOCAL_Z * SPAN + i]
             work[NORMAL_X * SPAN + i] = 0.0
             work[NORMAL_Y * SPAN + i] = 0.0
             work[NORMAL_Z * SPAN + i] = 1.0
     elif kind == FIELD:
-        field_distances(table, tool, count, work)
+        field_distances(table, tool, work)
     else:
-        profile_distances(table, tool, count, kind == REVOLVED, work)
+        profile_distances(table, tool, kind == REVOLVED, work)
     if table.aligned[tool] == 0:
-        normals_from_tool_frame(table.rotation[tool], count, work)
+        normals_from_tool_frame(table.rotation[tool], work)
 
 
-@span_routine
-def to_tool_frame(table, tool, x, y, z, travel, work):
-    """Write the points in the frame of the tool."""
+@span_part
+def load_row(values, row, work):
+    """Write what the nodes of a span have into a row; the last one's for those that are missing."""
+    if values.size == SPAN:
+        for i in range(SPAN):
+            work[row * SPAN + i] = values[i]
+    else:
+        for i in range(SPAN):
+            work[row * SPAN + i] = values[min(i, values.size - 1)]
+
+
+@span_part
+def to_tool_frame(table, tool, travel, work):
+    """Take the nodes to the frame of the tool."""
     origin, direction = table.origin, table.direction
     x0 = origin[tool, 0] + travel * direction[tool, 0]
     y0 = origin[tool, 1] + travel * direction[tool, 1]
     z0 = origin[tool, 2] + travel * direction[tool, 2]
     if table.aligned[tool] != 0:
-        for i in range(x.size):
-            work[LOCAL_X * SPAN + i] = x[i] - x0
-            work[LOCAL_Y * SPAN + i] = y[i] - y0
-            work[LOCAL_Z * SPAN + i] = z[i] - z0
+        for i in range(SPAN):
+            work[LOCAL_X * SPAN + i] -= x0
+            work[LOCAL_Y * SPAN + i] -= y0
+            work[LOCAL_Z * SPAN + i] -= z0
         return
     axes = table.rotation[tool]
     xx, xy, xz = axes[0, 0], axes[0, 1], axes[0, 2]
     yx, yy, yz = axes[1, 0], axes[1, 1], axes[1, 2]
     zx, zy, zz = axes[2, 0], axes[2, 1], axes[2, 2]
-    for i in range(x.size):
-        dx, dy, dz = x[i] - x0, y[i] - y0, z[i] - z0
+    for i in range(SPAN):
+        dx = work[LOCAL_X * SPAN + i] - x0
+        dy = work[LOCAL_Y * SPAN + i] - y0
+        dz = work[LOCAL_Z * SPAN + i] - z0
         work[LOCAL_X * SPAN + i] = xx * dx + xy * dy + xz * dz
         work[LOCAL_Y * SPAN + i] = yx * dx + yy * dy + yz * dz
         work[LOCAL_Z * SPAN + i] = zx * dx + zy * dy + zz * dz
 
 
-@span_routine
-def normals_from_tool_frame(axes, count, work):
+@span_part
+def normals_from_tool_frame(axes, work):
     xx, xy, xz = axes[0, 0], axes[0, 1], axes[0, 2]
     yx, yy, yz = axes[1, 0], axes[1, 1], axes[1, 2]
     zx, zy, zz = axes[2, 0], axes[2, 1], axes[2, 2]
-    for i in range(count):
+    for i in range(SPAN):
         nx = work[NORMAL_X * SPAN + i]
         ny = work[NORMAL_Y * SPAN + i]
         nz = work[NORMAL_Z * SPAN + i]
@@ -96,10 +114,10 @@ def normals_from_tool_frame(axes, count, work):
         work[NORMAL_Z * SPAN + i] = xz * nx + yz * ny + zz * nz
 
 
-@span_routine
-def field_distances(table, tool, count, work):
+@span_part
+def field_distances(table, tool, work):
     """Write what the distance field of a surface mesh says, point by point."""
-    for i in range(count):
+    for i in range(SPAN):
         gap, nx, ny, nz = field_distance(
             table.spacing[tool],
             table.grid_origin,
@@ -119,10 +137,10 @@ def field_distances(table, tool, count, work):
         work[NORMAL_Z * SPAN + i] = nz
 
 
-@span_routine
-def profile_distances(table, tool, count, revolved, work):
+@span_part
+def profile_distances(table, tool, revolved, work):
     """Write the distances to a profile, piece by piece; normals in its plane, then in space."""
-    for i in range(count):
+    for i in range(SPAN):
         x, y = work[LOCAL_X * SPAN + i], work[LOCAL_Y * SPAN + i]
         work[ACROSS * SPAN + i] = math.sqrt(x * x + y * y) if revolved else x
         work[CLOSEST * SPAN + i] = math.inf
@@ -133,13 +151,13 @@ def profile_distances(table, tool, count, revolved, work):
         work[NORMAL_Z * SPAN + i] = 1.0
     for s in range(table.segment_start[tool], table.segment_start[tool + 1]):
         if table.segments[s, 0] == ARC:
-            distances_to_arc(table.segments[s], count, work)
+            distances_to_arc(table.segments[s], work)
         else:
-            distances_to_line(table.segments[s], count, work)
+            distances_to_line(table.segments[s], work)
     for c in range(table.corner_start[tool], table.corner_start[tool + 1]):
-        distances_to_corner(table.corners[c], count, work)
+        distances_to_corner(table.corners[c], work)
     # one division for the unit normals of arcs and corners and for the direction from the axis
-    for i in range(count):
+    for i in range(SPAN):
         across, length = work[ACROSS * SPAN + i], work[LENGTH * SPAN + i]
         radius = across if revolved & (across > ON_AXIS) else 1.0
         x = work[LOCAL_X * SPAN + i] if revolved & (across > ON_AXIS) else 1.0
@@ -151,12 +169,12 @@ def profile_distances(table, tool, count, revolved, work):
         work[NORMAL_Z * SPAN + i] *= scale * radius
 
 
-@span_routine
-def distances_to_line(line, count, work):
+@span_part
+def distances_to_line(line, work):
     """Take the distance to a line where its foot lies within it and nothing is closer so far."""
     x0, z0, tx, tz = line[1], line[2], line[3], line[4]
     begin, end, nx, nz = line[5], line[6], line[7], line[8]
-    for i in range(count):
+    for i in range(SPAN):
         dx = work[ACROSS * SPAN + i] - x0
         dz = work[LOCAL_Z * SPAN + i] - z0
         along = dx * tx + dz * tz
@@ -170,12 +188,12 @@ def distances_to_line(line, count, work):
         work[LENGTH * SPAN + i] = 1.0 if taken else work[LENGTH * SPAN + i]
 
 
-@span_routine
-def distances_to_arc(arc, count, work):
+@span_part
+def distances_to_arc(arc, work):
     """Take the distance to an arc where it faces the point and nothing is closer so far."""
     x0, z0, middle_x, middle_z = arc[1], arc[2], arc[3], arc[4]
     cosine, radius, side = arc[5], arc[6], arc[7]
-    for i in range(count):
+    for i in range(SPAN):
         dx = work[ACROSS * SPAN + i] - x0
         dz = work[LOCAL_Z * SPAN + i] - z0
         rho = math.sqrt(dx * dx + dz * dz)
@@ -193,11 +211,11 @@ def distances_to_arc(arc, count, work):
         work[LENGTH * SPAN + i] = length if taken else work[LENGTH * SPAN + i]
 
 
-@span_routine
-def distances_to_corner(corner, count, work):
+@span_part
+def distances_to_corner(corner, work):
     """Take the distance to a corner where nothing is closer so far; its sign by the bisector."""
     x0, z0, bisector_x, bisector_z = corner[0], corner[1], corner[2], corner[3]
-    for i in range(count):
+    for i in range(SPAN):
         dx = work[ACROSS * SPAN + i] - x0
         dz = work[LOCAL_Z * SPAN + i] - z0
         length = math.sqrt(dx * dx + dz * dz)

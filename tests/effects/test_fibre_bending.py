@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from lcmchain.effects.audit import effects_of
 from lcmchain.effects.fibre_bending import (
+    MIDDLE_ROWS,
     VECTOR_ROWS,
     build_fibre_bending,
     curvatures,
@@ -44,7 +45,7 @@ def forces_on_nodes(model, position):
     """Internal forces (3, node_count) [N] of the fibres' bending alone, summed as the loop does."""
     table = model.fibre_bending
     corner_force = np.zeros(model.corner_force_size)
-    scratch = np.empty((3, table.mid_count)), np.empty(table.padded_count * VECTOR_ROWS)
+    scratch = (np.empty(table.padded_count * rows) for rows in (MIDDLE_ROWS, VECTOR_ROWS))
     fibre_bending_forces(table.data, np.ascontiguousarray(position), corner_force, *scratch)
     slot = model.nodes.force_slot
     return np.stack([corner_force[slot + d * LANES].sum(axis=0) for d in range(3)])

@@ -25,7 +25,7 @@ from lcmchain.elements.solid_shell.geometry import (
     strain_transformation,
 )
 from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS, Options, SolidShellData
-from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows
+from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows, shared_rows
 from lcmchain.elements.solid_shell.pressure import normal_pressure
 from lcmchain.errors import InputError
 from lcmchain.materials.law import MOST_HISTORY, Material, MaterialWithMemory, history_count
@@ -116,7 +116,7 @@ class SolidShellBody:
             law=material.law,
             options=kernel_options(material, choices, flat=flat, fibre_share=share),
             corner_node=in_blocks(mesh.elements + first_node).astype(np.int32),
-            element_data=in_blocks(rows),
+            element_data=shared_rows(rows, flat=flat),
             transformation=_padded(T, padded),
             transformation_change=change,
             density=float(material.density),

@@ -32,6 +32,7 @@ from lcmchain.elements.solid_shell.equations import curvature_compaction
 from lcmchain.elements.solid_shell.kernel import (
     CURVATURE_ROWS,
     SolidShellData,
+    constants_of_block,
     element_stress,
     load_component,
     load_curvature,
@@ -115,11 +116,10 @@ def element_curvatures(
 ):
     """Write the shared curvature into the history, and the energy that it gives to ``work``."""
     block_count = corner_node.size // (8 * LANES)
-    rows = element_data.size // (block_count * LANES)
     history_size = history.size // block_count
     for block in prange(block_count):
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
-        data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
+        data = constants_of_block(options, element_data, block)
         own = history[block * history_size : (block + 1) * history_size]
         shared, past = own[: CURVATURE_ROWS * LANES], own[CURVATURE_ROWS * LANES :]
         corner = np.empty(24 * LANES)

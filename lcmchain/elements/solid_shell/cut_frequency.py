@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
+from lcmchain.elements.blocks import LANES, from_blocks, in_blocks, own_blocks
 from lcmchain.elements.solid_shell.frequency import NodalShares, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import ReferenceGeometry
 from lcmchain.elements.solid_shell.kernel import SolidShellData
@@ -82,7 +82,7 @@ class CutElements:
             corner_node=in_blocks(
                 from_blocks(data.corner_node, 8, len(corner))[elements].astype(np.int32)
             ),
-            element_data=in_blocks(element_rows[elements]),
+            element_data=own_blocks(element_rows[elements]),
             transformation=data.transformation[padded],
             transformation_change=data.transformation_change[padded if curved else slice(None)],
         )

@@ -22,6 +22,7 @@ from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.bending import inverse_stretch
 from lcmchain.elements.solid_shell.kernel import (
     SolidShellData,
+    constants_of_block,
     curvature_rows,
     element_stress,
     full_history,
@@ -503,12 +504,11 @@ def element_frequency_bounds(
     nodal,
 ):
     block_count = corner_node.size // (8 * LANES)
-    rows = element_data.size // (block_count * LANES)
     history_size = history.size // block_count
     curvature_size = curvature_rows(options.director) * LANES
     for block in prange(block_count):
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
-        data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
+        data = constants_of_block(options, element_data, block)
         own = history[block * history_size : (block + 1) * history_size]
         shared, past = own[:curvature_size], own[curvature_size:]
         corner = np.empty(24 * LANES)

@@ -13,7 +13,7 @@ import numpy as np
 from numba import prange
 
 from lcmchain.dispatch import implements
-from lcmchain.elements.blocks import LANES
+from lcmchain.elements.blocks import LANES, SharedBlocks
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.bending import (
     at_reference_thickness,
@@ -95,7 +95,7 @@ class SolidShellData(NamedTuple):
 
     law : see :mod:`lcmchain.materials.law`. options : :class:`Options`.
     corner_node : (block_count * 8 * 16,) int32, nodes of the corners.
-    element_data : (block_count * rows * 16,), reference geometry (see ``packing.py``).
+    element_data : reference geometry, FLAT_ROWS or CURVED_ROWS rows (see ``packing.py``).
     transformation : (block_count * 16, 6, 6) T⁰; transformation_change : (..., 3, 6, 6) T^ξ, T^η,
         T^ζ, read only for curved references.
     density : [kg/m³]; nodal masses are one eighth of the element's.
@@ -106,7 +106,7 @@ class SolidShellData(NamedTuple):
     law: Any
     options: Options
     corner_node: np.ndarray
-    element_data: np.ndarray
+    element_data: SharedBlocks
     transformation: np.ndarray
     transformation_change: np.ndarray
     density: float
@@ -587,6 +587,14 @@ def curvature_rows(director):
     return CURVATURE_ROWS if director is None else 0
 
 
+@equation
+def constants_of_block(options, element_data, block):
+    """Return the reference geometry of the elements of a block."""
+    size = (FLAT_ROWS if options.curved is None else CURVED_ROWS) * LANES
+    first = element_data.start[block]
+    return element_data.values[first : first + size]
+
+
 @routine
 def full_history(director, corner_node, history):
     """Return the history, zeros for one that is empty."""
@@ -598,7 +606,6 @@ def full_history(director, corner_node, history):
 @kernel
 def element_forces(positions, corner_node, element_data, corner_force, history, law, options):
     block_count = corner_node.size // (8 * LANES)
-    rows = element_data.size // (block_count * LANES)
     history_size = history.size // block_count
     curvature_size = curvature_rows(options.director) * LANES
     for block in prange(block_count):
@@ -606,7 +613,7 @@ def element_forces(positions, corner_node, element_data, corner_force, history, 
         # spares the wrap-around test that would keep the lane loop scalar
         nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         corner = corner_force[block * CORNER_ROWS * LANES : (block + 1) * CORNER_ROWS * LANES]
-        data = element_data[block * rows * LANES : (block + 1) * rows * LANES]
+        data = constants_of_block(options, element_data, block)
         own = history[block * history_size : (block + 1) * history_size]
         shared, past = own[:curvature_size], own[curvature_size:]
         for c in range(8):

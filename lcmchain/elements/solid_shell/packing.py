@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lcmchain.elements.blocks import SharedBlocks, in_shared_blocks, own_blocks
 from lcmchain.elements.solid_shell.geometry import ReferenceGeometry
 
 # Every product a_k·a_l (modes counted from 1) in the covariant strains, in the order in which
@@ -39,6 +40,19 @@ COVARIANT_PRODUCTS = (
     ("xi_zeta", 4, ((1.0, 3, 7), (1.0, 5, 6))),
 )
 TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
+
+
+# Columns of ``flat_rows`` that have the same unit, one group behind the other.
+FLAT_GROUPS = (9, 4, 1, 1, 4)
+
+
+def shared_rows(rows: np.ndarray, *, flat: bool) -> SharedBlocks:
+    """Return the data of elements in blocks; those of a flat regular mesh share one."""
+    if not flat:
+        return own_blocks(rows)
+    largest = np.abs(rows).max(axis=0)
+    first = np.cumsum((0, *FLAT_GROUPS[:-1]))
+    return in_shared_blocks(rows, np.repeat(np.maximum.reduceat(largest, first), FLAT_GROUPS))
 
 
 def flat_rows(geometry: ReferenceGeometry) -> np.ndarray:
