@@ -25,7 +25,7 @@ import numpy as np
 from numba import prange
 
 from lcmchain.effects.effect import Effect, Switch, refused
-from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
+from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW, in_blocks, in_shared_blocks
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel, span_routine
 from lcmchain.mesh.fibre_lines import fibre_lines
@@ -282,7 +282,7 @@ def find_middle(data, position, middle, block):
     indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
     own = middle[block * MIDDLE_ROWS * LANES : (block + 1) * MIDDLE_ROWS * LANES]
     for lane in range(LANES):
-        below, above = indices[lane], indices[LANES + lane]
+        below, above = np.uint64(indices[lane]), np.uint64(indices[LANES + lane])
         for d in range(3):
             own[d * LANES + lane] = 0.5 * (position[d, below] + position[d, above])
 
@@ -293,10 +293,10 @@ def find_vectors(data, middle, vector, block, near):
     indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
     for k in range(4):
         for lane in range(LANES):
-            place = indices[(2 + k) * LANES + lane]
+            place = np.uint64(indices[(2 + k) * LANES + lane])
             near[3 * k * LANES + lane] = middle[place]
-            near[(3 * k + 1) * LANES + lane] = middle[place + LANES]
-            near[(3 * k + 2) * LANES + lane] = middle[place + 2 * LANES]
+            near[(3 * k + 1) * LANES + lane] = middle[place + NEXT_ROW]
+            near[(3 * k + 2) * LANES + lane] = middle[place + SECOND_ROW]
     start = data.start[block]
     constants = data.constants[start : start + CONSTANT_ROWS * LANES]
     here = middle[block * MIDDLE_ROWS * LANES : (block + 1) * MIDDLE_ROWS * LANES]
@@ -315,12 +315,13 @@ def add_vectors(data, vector, corner_force, block):
     first = data.first_force + block * FORCE_ROWS * LANES
     force = corner_force[first : first + FORCE_ROWS * LANES]
     for lane in range(LANES):
-        i, j = indices[6 * LANES + lane], indices[7 * LANES + lane]
-        k, m = indices[8 * LANES + lane], indices[9 * LANES + lane]
+        i, j = np.uint64(indices[6 * LANES + lane]), np.uint64(indices[7 * LANES + lane])
+        k, m = np.uint64(indices[8 * LANES + lane]), np.uint64(indices[9 * LANES + lane])
         share = constants[8 * LANES + lane]
         for d in range(3):
-            got = vector[i + d * LANES] + vector[j + d * LANES]
-            got += vector[k + d * LANES] + vector[m + d * LANES]
+            row = np.uint64(d * LANES)
+            got = vector[i + row] + vector[j + row]
+            got += vector[k + row] + vector[m + row]
             sent = own[d * LANES + lane] + own[(3 + d) * LANES + lane]
             sent += own[(6 + d) * LANES + lane] + own[(9 + d) * LANES + lane]
             force[d * LANES + lane] = share * (got - sent)

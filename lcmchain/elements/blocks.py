@@ -11,9 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 LANES = 16
+# Indices read from arrays are taken as unsigned: for a signed one every access first asks whether
+# it counts from the end. A row further on is then so many unsigned lanes away.
+NEXT_ROW = np.uint64(LANES)
+SECOND_ROW = np.uint64(2 * LANES)
 # Constants that differ by less than this part of their scale are taken for the same: far above what
 # rounding makes of a regular mesh, far below what any result shows.
 SAME = 1e-12
+# After so many blocks that no other is like, no further ones are compared.
+MOST_ALONE = 16
 
 
 def in_blocks(rows: np.ndarray) -> np.ndarray:
@@ -50,19 +56,27 @@ class SharedBlocks(NamedTuple):
 def in_shared_blocks(rows: np.ndarray, scale: np.ndarray) -> SharedBlocks:
     """Return rows (E, R) in blocks that are shared where they are the same up to :data:`SAME`.
 
+    The sharing ends where too few blocks are alike: then each of the others has its own place.
+
     Parameters
     ----------
     scale : (R,) to which the differences of a column are compared, above 0.
     """
     blocks = in_blocks(rows).reshape(-1, rows.shape[1] * LANES)
-    coarse = np.round(blocks / np.repeat(scale * SAME, LANES))
-    _, first, which = np.unique(coarse, axis=0, return_index=True, return_inverse=True)
-    # in the order in which they are met first
-    order = np.argsort(first)
-    place = np.empty(len(order), dtype=np.int32)
-    place[order] = np.arange(len(order), dtype=np.int32)
-    start = place[which.reshape(-1)] * np.int32(blocks.shape[1])
-    return SharedBlocks(np.ascontiguousarray(blocks[first[order]]).ravel(), start)
+    allowed = np.repeat(scale * SAME, LANES)
+    kept: list[int] = []
+    place = np.zeros(len(blocks), dtype=np.int32)
+    left = np.arange(len(blocks))
+    alone = 0
+    while left.size and alone < MOST_ALONE:
+        alike = (np.abs(blocks[left] - blocks[left[0]]) <= allowed).all(axis=1)
+        alone += int(alike.sum() == 1)
+        place[left[alike]] = len(kept)
+        kept.append(left[0])
+        left = left[~alike]
+    place[left] = np.arange(len(kept), len(kept) + left.size)
+    values = np.ascontiguousarray(blocks[[*kept, *left]]).ravel()
+    return SharedBlocks(values, place * np.int32(blocks.shape[1]))
 
 
 def own_blocks(rows: np.ndarray) -> SharedBlocks:

@@ -21,7 +21,7 @@ from lcmchain.effects.fibre_bending import fibre_bending_forces
 from lcmchain.effects.gravity import weight_at, weights_of
 from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.effects.supports import prescribed_position
-from lcmchain.elements.blocks import LANES
+from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW
 from lcmchain.elements.family import internal_forces
 from lcmchain.jit import kernel, ordered_span_routine, routine, span_routine
 from lcmchain.model import NODE_CHUNK, NodeData
@@ -145,17 +145,18 @@ def gather_internal_forces(arrays, first, last):
 
     Summed in their order: a sheet moves as it does without the slots that others need.
     """
-    force, corner_force, force_slot = arrays.force, arrays.corner_force, arrays.force_slot
+    force, corner_force = arrays.force, arrays.corner_force
+    force_slot = arrays.force_slot[:, first:last]
     force_x, force_y, force_z = force[0, first:last], force[1, first:last], force[2, first:last]
     for i in range(last - first):
         x = 0.0
         y = 0.0
         z = 0.0
         for k in range(force_slot.shape[0]):
-            slot = force_slot[k, first + i]
+            slot = np.uint64(force_slot[k, i])
             x -= corner_force[slot]
-            y -= corner_force[slot + LANES]
-            z -= corner_force[slot + 2 * LANES]
+            y -= corner_force[slot + NEXT_ROW]
+            z -= corner_force[slot + SECOND_ROW]
         force_x[i] = x
         force_y[i] = y
         force_z[i] = z

@@ -14,8 +14,8 @@ pytestmark = pytest.mark.skipif(
 # Decorators behind which numba derives the types from every call (lcmchain/jit.py,
 # lcmchain/dispatch.py and numba's own).
 COMPILED = {
-    "equation", "strict_equation", "routine", "span_routine", "ordered_span_routine", "kernel",
-    "implements", "required", "optional", "njit", "overload",
+    "equation", "strict_equation", "routine", "span_routine", "span_part", "ordered_span_routine",
+    "kernel", "implements", "required", "optional", "njit", "overload",
 }  # fmt: skip
 
 

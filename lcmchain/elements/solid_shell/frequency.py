@@ -122,9 +122,11 @@ def add_transformed(T, source, target):
 
 
 @routine
-def scale_in_plane_shear(T, factor, rows):
-    """Weight the in-plane shear of ``rows`` (6, 21) in the covariant axes of T, as the kernel."""
-    read = np.linalg.inv(T)[3]
+def scale_in_plane_shear(T, read, factor, rows):
+    """Weight the in-plane shear of ``rows`` (6, 21) in the covariant axes of T, as the kernel.
+
+    read : the row of the inverse of T that gives that shear (6,).
+    """
     for k in range(21):
         shear = 0.0
         for i in range(6):
@@ -552,8 +554,10 @@ def element_frequency_bounds(
                 add_transformed(T_zeta, covariant[3], material[6])
             if options.in_plane_shear != 1.0:
                 factor = options.in_plane_shear
-                scale_in_plane_shear(transformation[element], factor, material[3])
-                scale_in_plane_shear(transformation[element], factor, material[4])
+                T = transformation[element]
+                read = np.linalg.inv(T)[3]
+                scale_in_plane_shear(T, read, factor, material[3])
+                scale_in_plane_shear(T, read, factor, material[4])
 
             norms[:] = 0.0
             add_stress_stiffness(sigma, norms)

@@ -618,7 +618,7 @@ def element_forces(positions, corner_node, element_data, corner_force, history, 
         shared, past = own[:curvature_size], own[curvature_size:]
         for c in range(8):
             for lane in range(LANES):
-                node = nodes[c * LANES + lane]
+                node = np.uint64(nodes[c * LANES + lane])
                 corner[3 * c * LANES + lane] = positions[0, node]
                 corner[(3 * c + 1) * LANES + lane] = positions[1, node]
                 corner[(3 * c + 2) * LANES + lane] = positions[2, node]
