@@ -274,6 +274,9 @@ def bench(
     sizes: Annotated[
         bool, typer.Option("--sizes", help="Of free plates, over the number of elements.")
     ] = False,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="Beside CalculiX and Kratos, where they are installed.")
+    ] = False,
     json_file: Annotated[
         Path | None,
         typer.Option("--json", metavar="FILE", help="Also write the solver's figures here."),
@@ -294,6 +297,11 @@ def bench(
         from lcmchain.mapping.benchmark import run_mapping_bench
 
         console().print(run_mapping_bench())
+        return
+    if peers:
+        from lcmchain.bench.peers import run_peer_bench
+
+        console().print(run_peer_bench(json_file))
         return
     from lcmchain.bench import run_bench, run_size_bench
 
