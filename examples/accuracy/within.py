@@ -17,7 +17,8 @@ from pathlib import Path
 from lcmchain.study.choice import Chooser
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.runs import Study, Workers
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.scene_text import SceneText
+from lcmchain.study.variant import Variant
 from lcmchain.study.wish import read_wish
 
 HERE = Path(__file__).resolve().parent

@@ -35,7 +35,7 @@ def run_chosen(
     ------
     InputError : a wish that cannot be read, ``--resume``, or wrong input.
     """
-    from lcmchain.study.variant import SceneText
+    from lcmchain.study.scene_text import SceneText
     from lcmchain.study.wish import read_wish
 
     if resume:

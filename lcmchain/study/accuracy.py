@@ -15,7 +15,11 @@ from lcmchain.study.convergence import Convergence, observed
 from lcmchain.study.ladder import EDGE, chosen, ladder, scene_name
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.source import Source
+from lcmchain.study.variant import Variant
+
+#: Quantities that the sentence of a study tells.
+TOLD = ("shear_angle", "thickness", "punch_force", "clamp_force", "contour")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +97,7 @@ class AccuracyStudy:
         told = [
             f"{BY_NAME[name].text(scene.error(name))} {BY_NAME[name].title}"
             for name in self.quantities
-            if name in ("shear_angle", "thickness", "punch_force", "contour")
+            if name in TOLD
         ]
         text = (
             f"{scene.variant.name}, {1e3 * self.process_time:.4g} ms: {', '.join(told)} for "
@@ -121,7 +125,7 @@ class AccuracyStudy:
 
 
 def study_accuracy(
-    text: SceneText,
+    text: Source,
     folder: Path,
     *,
     vary: Mapping[str, Sequence[str]] | None = None,
@@ -129,7 +133,7 @@ def study_accuracy(
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> AccuracyStudy:
-    """Run a scene with many settings, and compare each with the finest.
+    """Run a scene or a coupon with many settings, and compare each with the finest.
 
     Parameters
     ----------

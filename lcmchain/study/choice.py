@@ -26,7 +26,8 @@ from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.convergence import Convergence, observed, progress, with_order
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.source import Source
+from lcmchain.study.variant import Variant
 from lcmchain.study.wish import Wish
 
 #: Elements along the edge of a square as large as the blank, of the pilots that are always run;
@@ -133,7 +134,7 @@ class Chooser:
 
     def __init__(
         self,
-        text: SceneText,
+        text: Source,
         folder: Path,
         wish: Wish,
         *,
