@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +12,9 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.study.comparison import BY_NAME, QUANTITIES, Difference, differences
-from lcmchain.study.convergence import Convergence, observed
+from lcmchain.study.convergence import NO_ORDER, Convergence, fitted, progress
 from lcmchain.study.ladder import EDGE, chosen, ladder, scene_name
+from lcmchain.study.levels import LEAST_PROGRESS
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.source import Source
@@ -179,10 +181,20 @@ def _orders(variants: Sequence[Variant], outcomes: Mapping[str, Outcome]) -> dic
     meshes = sorted(meshes, key=lambda v: v.value or 0.0)[:3][::-1]
     if len(meshes) < 3:
         return {}
-    first, second, third = (outcomes[v.name] for v in meshes)
-    steps = [differences(first, second), differences(second, third)]
-    sizes = tuple(v.value for v in meshes)
+    runs = [outcomes[v.name] for v in meshes]
+    between = {
+        (i, j): differences(runs[i], runs[j]) for i, j in itertools.combinations(range(3), 2)
+    }
+    sizes = [v.value or math.nan for v in meshes]
     return {
-        name: observed(sizes, (steps[0][name].typical, steps[1][name].typical))  # type: ignore[arg-type]
+        name: _order(sizes, {pair: found[name].typical for pair, found in between.items()})
         for name in BY_NAME
     }
+
+
+def _order(sizes: Sequence[float], distances: Mapping[tuple[int, int], float]) -> Convergence:
+    """Return the order over three meshes; none where finer ones change as much as coarse ones."""
+    steps = distances[0, 1], distances[1, 2]
+    if not all(step > 0.0 for step in steps) or progress(sizes, steps) < LEAST_PROGRESS:
+        return NO_ORDER
+    return fitted(sizes, distances)
