@@ -106,7 +106,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=WISHES, default=list(WISHES))
     arguments = parser.parse_args()
     lines = [
-        "| scene | wish | chosen | estimated | true error | of the wish | solver time | of it pilots |",
+        "| scene | wish | chosen | estimated | true error | of the wish | solver time | pilots |",
         "|---|---|---|---|---|---:|---:|---:|",
         *(kept_wish(arguments, name) for name in arguments.only),
         "",

@@ -20,6 +20,7 @@ from lcmchain.study.wish import Wish
 
 #: Expected errors are to lie below the wish by this factor.
 MARGIN = 0.8
+ROUNDING = 1e-6
 #: Part of a wish that is left to the mesh at least.
 LEAST_ROOM = 0.2
 
@@ -127,10 +128,10 @@ def choose(wish: Wish, candidates: Sequence[Candidate], known: Knowledge) -> tup
 
     Returns
     -------
-    The choice, and the largest expected error over what is wished; above 1 it cannot be kept.
+    The choice, and the largest expected error over what is wished.
     """
     plans = [_plan(wish, candidate, known) for candidate in candidates]
-    keeping = [plan for plan in plans if plan[1] <= 1.0]
+    keeping = [plan for plan in plans if plan[1] <= MARGIN * (1.0 + ROUNDING)]
     if keeping:
         return min(keeping, key=lambda plan: plan[0].run_seconds)
     # what comes about as near is taken for the same

@@ -43,12 +43,12 @@ from lcmchain.study.wish import Wish
 #: Elements along the edge of a square as large as the blank, of the pilots; even numbers, so that
 #: the middle of a symmetric blank is a node. Coarser ones follow no order.
 PILOTS = (20, 28, 40)
-#: Elements along the edge grow by this factor at most from one pilot to the next.
-PILOT_RATIO = math.sqrt(2.0)
-#: Pilots in all, and how much finer than the finest of them a mesh may be that they speak of: by
-#: two meshes alone little is known.
+#: Elements along the edge grow by these factors at least and at most from one pilot to the next.
+LEAST_RATIO, PILOT_RATIO = 1.15, math.sqrt(2.0)
+#: Pilots in all, and how much finer than the finest of them a mesh may be that they speak of: two
+#: meshes alone only tell whether one of them will do.
 MOST_PILOTS = 6
-FARTHEST, FARTHEST_OF_TWO = 2.0, 1.45
+FARTHEST, FARTHEST_OF_TWO = 2.0, 1.05
 #: A pilot takes a third of the time of the run at most, so its edges are longer by this factor.
 COARSER = 1.45
 #: Of a budget, or of the run they are for, so much goes into pilots that are not always made.
@@ -146,7 +146,7 @@ class Chooser:
             if tries and edge <= 1.001 * self._size / COARSEST_TRIAL:
                 self._try_settings(edge)
                 outcome = self._pilot(edge, self.pilots_as.settings)
-            self._add(edge, outcome, self.pilots_as.cost)
+            self._add(edge, outcome, self.pilots_as)
         if not self.levels:
             raise InputError(
                 f"no coarse mesh of the scene could be formed to choose from ({failure}); run it "
@@ -189,11 +189,12 @@ class Chooser:
             if needed * farthest > finest:
                 return
             halves = 0.5 * self._size / max(needed * COARSER, finest / PILOT_RATIO)
-            edge = 0.5 * self._size / max(round(halves), round(0.5 * self._size / finest) + 1)
+            least = 0.5 * LEAST_RATIO * self._size / finest
+            edge = 0.5 * self._size / round(max(halves, least))
             outcome = self._pilot(edge, self.pilots_as.settings)
             if outcome.failure:
                 return
-            self._add(edge, outcome, self.pilots_as.cost)
+            self._add(edge, outcome, self.pilots_as)
 
     def _pilot(self, edge: float, settings: StepSettings) -> Outcome:
         """Return the outcome of a pilot; its time counts once.
@@ -209,14 +210,16 @@ class Chooser:
             self.pilots[edge, settings] = self.study.outcome(variant, self.progress)
         return self.pilots[edge, settings]
 
-    def _add(self, edge: float, outcome: Outcome, cost: float) -> None:
-        """Take a run as what is known of its mesh, in place of an earlier one of about that mesh.
-
-        cost : of its settings, over those of the scene.
-        """
-        others = [lv for lv in self.levels if not NO_BETTER < lv.edge / edge < 1.0 / NO_BETTER]
-        level = Level(edge, outcome.seconds / cost, outcome)
+    def _add(self, edge: float, outcome: Outcome, made_as: Candidate) -> None:
+        """Take a run for what is known of its mesh, in place of an earlier one of about it."""
+        others = [level for level in self.levels if not self._same_mesh(level.edge, edge)]
+        level = Level(edge, outcome.seconds / made_as.cost, outcome, made_as.errors)
         self.levels = sorted([*others, level], key=lambda level: -level.edge)
+
+    @staticmethod
+    def _same_mesh(edge: float, other: float) -> bool:
+        """Tell whether two edge lengths are about the same."""
+        return NO_BETTER < edge / other < 1.0 / NO_BETTER
 
     # --- settings ---------------------------------------------------------------------------------
 
@@ -362,8 +365,12 @@ class Chooser:
     def _judge(self, choice: Choice, outcome: Outcome) -> None:
         """Note in the choice what the run has shown, as one more mesh that is known."""
         chosen = next(c for c in self.candidates if c.settings == choice.settings)
-        if not choice.settings.model:  # another model tells nothing of the meshes of this one
-            self._add(choice.edge_length, outcome, chosen.cost)
+        # another model tells nothing of the meshes of this one, and other settings on the mesh of
+        # a pilot no more than that pilot
+        known_mesh = any(self._same_mesh(lv.edge, choice.edge_length) for lv in self.levels)
+        like_pilots = chosen.settings == self.pilots_as.settings
+        if not choice.settings.model and (like_pilots or not known_mesh):
+            self._add(choice.edge_length, outcome, chosen)
         known = Knowledge(self.levels, error_laws(self.levels))
         choice.found = known.errors(chosen, choice.edge_length)
         choice.seconds = self.pilot_seconds + self.run_seconds

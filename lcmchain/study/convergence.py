@@ -11,13 +11,13 @@ distances add by their squares. With the correlation (h_fine/h_coarse)^(kp) betw
     d² = C² (h1^2p + h2^2p - 2 (h1 h2)^p (h2/h1)^(kp)),    h1 > h2
 
 k = 0 is the former and k = 1 the latter; three meshes tell p, C and k. All orders and correlations
-within bounds are weighed by how well they explain the distances, and the weighted mean is taken: it
-stays sensible where two meshes tell nothing of the order.
+within bounds are weighed by how well they explain the distances, and the weighted mean is taken,
+with a part of its scatter on the safe side: it stays sensible where two meshes tell nothing of the
+order.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,6 +29,9 @@ ORDERS = np.linspace(0.5, 2.0, 16)
 CORRELATIONS = np.array([0.0, 0.25, 0.5, 1.0, 2.0])
 #: Scatter of distances about the law, as a part of them.
 SCATTER = 0.05
+#: So many standard deviations of what explains them are added to the error (of its logarithm); of
+#: two meshes, which leave order and correlation open, enough for the least favourable of them.
+CAUTION, CAUTION_OF_TWO = 0.5, 2.0
 
 
 @dataclass(frozen=True)
@@ -61,11 +64,12 @@ def fitted(sizes: Sequence[float], distances: Mapping[tuple[int, int], float]) -
 
     Parameters
     ----------
-    sizes : of the meshes, the coarsest first. distances : between runs i and j, i < j, of all.
+    sizes : of the meshes, the coarsest first. distances : between runs i and j, i < j; those that
+        are not a number are left out.
     """
-    pairs = list(itertools.combinations(range(len(sizes)), 2))
+    pairs = [pair for pair, distance in distances.items() if math.isfinite(distance)]
     known = np.array([distances[pair] for pair in pairs])
-    if not (len(pairs) and np.all(np.isfinite(known)) and np.all(known > 0.0)):
+    if not (len(pairs) and np.all(known > 0.0)):
         return NO_ORDER
     h = np.asarray(sizes) / sizes[-1]
     coarse, fine = (h[[pair[side] for pair in pairs]] for side in (0, 1))
@@ -79,7 +83,10 @@ def fitted(sizes: Sequence[float], distances: Mapping[tuple[int, int], float]) -
     weight = np.exp(-0.5 * (misfit - misfit.min()))
     weight /= weight.sum()
     order = float((weight * ORDERS[:, None]).sum())
-    error = math.exp(float((weight * mean).sum()))  # of the finest mesh
+    caution = CAUTION if len(pairs) > 2 else CAUTION_OF_TWO
+    likely = float((weight * mean).sum())
+    scatter = math.sqrt(float((weight * (mean - likely) ** 2).sum()))
+    error = math.exp(likely + caution * scatter)  # of the finest mesh
     return Convergence(order, error / sizes[-1] ** order)
 
 

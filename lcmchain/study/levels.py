@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 from lcmchain.study.comparison import BY_NAME, differences
@@ -17,16 +18,25 @@ COUNTED = 4
 #: convergence. Their error is taken for this many of them, at refinement by the root of two.
 LEAST_PROGRESS = 1.0
 CHANGES_LEFT = 1.5
+#: Part of the square of a distance that has to be the meshes', where settings differ as well.
+LEAST_OF_MESHES = 0.3
 #: Solver time goes with h^-q, with these q: elements and steps alone make 3.
 COST_POWER, COST_SCATTER = 3.0, 0.5
 
 
 class Level(NamedTuple):
-    """A mesh that was run: its edge length [m], solver time of the scene as it is [s], result."""
+    """A mesh that was run.
+
+    Parameters
+    ----------
+    edge : its edge length [m]. seconds : solver time of it with the settings of the scene [s].
+    outcome : of the run, whose settings are ``off`` by so much, by quantity.
+    """
 
     edge: float
     seconds: float
     outcome: Outcome
+    off: Mapping[str, float] = MappingProxyType({})
 
 
 def error_laws(levels: Sequence[Level]) -> dict[str, Convergence]:
@@ -47,16 +57,27 @@ def error_laws(levels: Sequence[Level]) -> dict[str, Convergence]:
     }
     laws = {}
     for name in BY_NAME:
-        known = {pair: found[name].typical for pair, found in between.items()}
+        known = {
+            (i, j): _of_meshes(found[name].typical, counted[i], counted[j], name)
+            for (i, j), found in between.items()
+        }
         steps = [known[i, i + 1] for i in range(len(counted) - 1)]
-        if not all(math.isfinite(d) and d > 0.0 for d in known.values()):
+        law = fitted(sizes, known)
+        if not math.isfinite(law.order):
             continue
         if len(steps) > 1 and progress(sizes[-3:], steps[-2:]) < LEAST_PROGRESS:
             once = 0.5 * math.log(2.0) / math.log(sizes[-2] / sizes[-1])
             laws[name] = Convergence(0.0, CHANGES_LEFT * once * steps[-1])
         else:
-            laws[name] = fitted(sizes, known)
+            laws[name] = law
     return laws
+
+
+def _of_meshes(distance: float, one: Level, other: Level, name: str) -> float:
+    """Return what of a distance is left to the meshes; not a number where settings make most."""
+    settings = one.off.get(name, 0.0) - other.off.get(name, 0.0)
+    left = distance**2 - settings**2
+    return math.sqrt(left) if left > LEAST_OF_MESHES * distance**2 else math.nan
 
 
 def expected_seconds(levels: Sequence[Level], edge: float) -> float:
