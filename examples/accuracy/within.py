@@ -14,10 +14,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lcmchain.study.choice import Chooser
+from lcmchain.study.choice import mm
+from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.runs import Study, Workers
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.scene_text import SceneText
+from lcmchain.study.variant import Variant
 from lcmchain.study.wish import read_wish
 
 HERE = Path(__file__).resolve().parent
@@ -104,8 +106,8 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=WISHES, default=list(WISHES))
     arguments = parser.parse_args()
     lines = [
-        "| scene | wish | chosen | estimated | true error | of the wish | solver time |",
-        "|---|---|---|---|---|---:|---:|",
+        "| scene | wish | chosen | estimated | true error | of the wish | solver time | pilots |",
+        "|---|---|---|---|---|---:|---:|---:|",
         *(kept_wish(arguments, name) for name in arguments.only),
         "",
         "| scene | budget | solver time | of the budget | chosen |",
@@ -128,23 +130,27 @@ def kept_wish(arguments, name: str) -> str:
 
     def make(chosen):
         nonlocal last
-        entries = f'blank.edge_length="{1e3 * chosen.blank.edge_length:.9g} mm"', time_of(chosen)
-        last = study.outcome(Variant("chosen", "within", entries))
+        last = study.outcome(chooser.variant_of(chosen))
         return last
 
     choice = chooser.run(make)
-    edge = f'blank.edge_length="{1e3 * FINER * choice.edge_length:.9g} mm"'
-    fine = study.outcome(Variant("fine", "within", (edge,)))
+    # the scene itself, finer; and slower where inertia was found to leave too much
+    entries = [f'blank.edge_length="{1e3 * FINER * choice.edge_length:.9g} mm"']
+    if choice.settings.time > 1.0:
+        time = choice.settings.time * text.scene().process.time
+        entries.append(f'process.time="{1e3 * time:.9g} ms"')
+    fine = study.outcome(Variant(f"finer than {mm(choice.edge_length)}", "within", tuple(entries)))
     true = differences(last, fine)
     part = max(true[q].typical / allowed for q, allowed in wish.errors.items())
     row = [
         name,
         WISHES[name][0],
-        f"{1e3 * choice.edge_length:.3g} mm, {choice.time_factor:g} of the process time",
+        ", ".join([mm(choice.edge_length), *choice.settings.in_words()]),
         ", ".join(BY_NAME[q].text(choice.found[q]) for q in wish.errors),
         ", ".join(BY_NAME[q].text(true[q].typical) for q in wish.errors),
         f"{part:.2f}",
         f"{choice.seconds:.1f} s",
+        f"{choice.pilot_seconds:.1f} s",
     ]
     print(row, choice.notes, flush=True)
     return f"| {' | '.join(row)} |"
@@ -158,8 +164,7 @@ def kept_budget(arguments, name: str) -> str:
     study = Study(text, folder, Workers(1, arguments.threads))
 
     def make(chosen):
-        edge = f'blank.edge_length="{1e3 * chosen.blank.edge_length:.9g} mm"'
-        return study.outcome(Variant("chosen", "budget", (edge,)))
+        return study.outcome(chooser.variant_of(chosen))
 
     choice = chooser.run(make)
     row = [
@@ -167,14 +172,10 @@ def kept_budget(arguments, name: str) -> str:
         WISHES[name][1],
         f"{choice.seconds:.1f} s",
         f"{choice.seconds / wish.budget:.2f}",
-        f"{1e3 * choice.edge_length:.3g} mm",
+        mm(choice.edge_length),
     ]
     print(row, flush=True)
     return f"| {' | '.join(row)} |"
-
-
-def time_of(chosen) -> str:
-    return f'process.time="{1e3 * chosen.process.time:.9g} ms"'
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from lcmchain.commands.terminal import progress_bar, require_none, say, warn
 from lcmchain.errors import InputError
 
 if TYPE_CHECKING:
-    from lcmchain.scene import Scene
+    from lcmchain.study.choice import Choice
     from lcmchain.study.outcome import Outcome
 
 
@@ -35,7 +35,7 @@ def run_chosen(
     ------
     InputError : a wish that cannot be read, ``--resume``, or wrong input.
     """
-    from lcmchain.study.variant import SceneText
+    from lcmchain.study.scene_text import SceneText
     from lcmchain.study.wish import read_wish
 
     if resume:
@@ -49,20 +49,21 @@ def run_chosen(
     with output_folder(out or default_out(path), inputs=[path]) as folder:
         from lcmchain.pipeline import run
         from lcmchain.results.state import write_summary
-        from lcmchain.study.choice import Chooser
+        from lcmchain.study.chooser import Chooser
         from lcmchain.study.outcome import outcome_of
 
         result = None
         with progress_bar(quiet=quiet) as progress:
 
-            def make(scene: Scene) -> Outcome:
+            def make(choice: Choice) -> Outcome:
                 nonlocal result
-                result = run(scene, folder, threads=threads, progress=progress)
+                result = run(chooser.scene_of(choice), folder, threads=threads, progress=progress)
                 return outcome_of(result.datasets, result.summary)
 
             chooser = Chooser(
-                text, folder / ".lcmchain" / "pilots", wish, threads=threads, progress=progress
-            )
+                text, folder / ".lcmchain" / "pilots", wish, threads=threads, progress=progress,
+                announce=(lambda _: None) if quiet else say,
+            )  # fmt: skip
             choice = chooser.run(make)
         assert result is not None
         result.summary["choice"] = choice.as_dict()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcmchain.commands.folders import default_out, output_folder
-from lcmchain.commands.options import OutFolder, Overrides, Quiet, SceneFile
+from lcmchain.commands.options import OutFolder, Overrides, Quiet
 from lcmchain.commands.terminal import console, progress_bar, say, warn
 from lcmchain.errors import InputError
 
@@ -22,6 +22,12 @@ study_app = typer.Typer(
     help="What accuracy costs in time, what effects change, what results depend on.",
 )
 
+Studied = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SCENE", help="Scene file (TOML), or a coupon: bias-extension, picture-frame."
+    ),
+]
 Vary = Annotated[
     list[str] | None,
     typer.Option(
@@ -45,7 +51,7 @@ Scheduler = Annotated[
 
 @study_app.command("accuracy")
 def study_accuracy(
-    scene: SceneFile,
+    scene: Studied,
     out: OutFolder = None,
     vary: Vary = None,
     finest: Annotated[
@@ -59,10 +65,9 @@ def study_accuracy(
     quiet: Quiet = False,
 ) -> None:
     """Run a scene with many settings, and show error against time."""
-    from lcmchain.study.variant import SceneText
+    from lcmchain.study import read_source
 
-    text = SceneText.from_file(scene, tuple(overrides or ()))
-    text.scene()  # wrong input is told before a folder is made
+    text = read_source(scene, tuple(overrides or ()))
     chosen = values_of(vary or ())
     with output_folder(out or study_folder(scene, "accuracy"), inputs=[scene]) as folder:
         from lcmchain.study import study_accuracy as run_study
@@ -88,7 +93,7 @@ def study_accuracy(
 
 @study_app.command("effects")
 def study_effects(
-    scene: SceneFile,
+    scene: Studied,
     out: OutFolder = None,
     workers: WorkerCount = None,
     threads: Threads = None,
@@ -97,10 +102,9 @@ def study_effects(
     quiet: Quiet = False,
 ) -> None:
     """Switch each effect of a scene over, and show what that changes of result and time."""
-    from lcmchain.study.variant import SceneText
+    from lcmchain.study import read_source
 
-    text = SceneText.from_file(scene, tuple(overrides or ()))
-    text.scene()
+    text = read_source(scene, tuple(overrides or ()))
     with output_folder(out or study_folder(scene, "effects"), inputs=[scene]) as folder:
         from lcmchain.study.effects import effects_table, write_effects
         from lcmchain.study.effects import study_effects as run_study
@@ -120,7 +124,7 @@ def study_effects(
 
 @study_app.command("sweep")
 def study_sweep(
-    scene: SceneFile,
+    scene: Studied,
     vary: Annotated[
         list[str],
         typer.Option(
@@ -139,10 +143,10 @@ def study_sweep(
     quiet: Quiet = False,
 ) -> None:
     """Run a scene over values of any of its entries."""
+    from lcmchain.study import read_source
     from lcmchain.study.sampling import read_entry
-    from lcmchain.study.variant import SceneText
 
-    text = SceneText.from_file(scene, tuple(overrides or ()))
+    text = read_source(scene, tuple(overrides or ()))
     title = text.scene().title
     entries = [read_entry(entry) for entry in vary]
     with output_folder(out or study_folder(scene, "sweep"), inputs=[scene]) as folder:
@@ -164,7 +168,7 @@ def study_sweep(
 
 @study_app.command("sensitivity")
 def study_sensitivity(
-    scene: SceneFile,
+    scene: Studied,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -184,10 +188,9 @@ def study_sensitivity(
     quiet: Quiet = False,
 ) -> None:
     """Find which inputs the results of a scene depend on."""
-    from lcmchain.study.variant import SceneText
+    from lcmchain.study import read_source
 
-    text = SceneText.from_file(scene, tuple(overrides or ()))
-    text.scene()
+    text = read_source(scene, tuple(overrides or ()))
     with output_folder(out or study_folder(scene, "sensitivity"), inputs=[scene]) as folder:
         from lcmchain.study.sensitivity import (
             run_sensitivity,

@@ -7,7 +7,10 @@ pin-jointed net of inextensible fibres (:class:`lcmchain.coupons.analytic.BiasEx
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +18,9 @@ from lcmchain.coupons.analytic import BiasExtension
 from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import (
+    FRAMES,
     Progress,
+    Recording,
     SteadyPull,
     element_centres,
     mean_field,
@@ -26,6 +31,8 @@ from lcmchain.coupons.specimen import (
 from lcmchain.effects.supports import Support, translation
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.fabric import FabricMaterial
+from lcmchain.mesh.blank import BlankMesh
+from lcmchain.quantities.units import LENGTH, Dimension
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
 
@@ -33,10 +40,62 @@ from lcmchain.scene import Element, Scene
 # damping then add 0.1 N to 6.5 N at 30 mm (measured against the rate of the stored energy).
 DURATION = 0.2  # [s] for 60 mm
 MASS_DAMPING = 50.0  # [1/s]
-INTERVALS = 24
 # The shear angle is averaged over a square of this size at the centre, as by image correlation.
 CENTRE = 0.04  # [m]
 COMPARED_AT = 0.03  # displacement up to which the pin-jointed net holds (paper, Fig. 4) [m]
+
+
+@dataclass(frozen=True)
+class BiasExtensionTest:
+    """The test as the forming solver runs it, of whatever strip.
+
+    Parameters
+    ----------
+    displacement : of the clamps from each other at the end [m].
+    """
+
+    displacement: float = 0.06
+
+    name: ClassVar[str] = "bias-extension"
+    driven_by: ClassVar[tuple[str, Dimension]] = ("displacement", LENGTH)
+
+    @property
+    def duration(self) -> float:
+        """Duration at the speed of the test [s]."""
+        return DURATION * self.displacement / 0.06
+
+    @property
+    def text(self) -> str:
+        """The scene of the published strip, as TOML."""
+        return f"""
+title = "Bias extension, {1e3 * self.displacement:g} mm"
+process = {{ time = "{self.duration:.9g} s", mass_damping = "{MASS_DAMPING} 1/s" }}
+blank = {{ size = ["320 mm", "160 mm"], edge_length = "5 mm", fibre_angle = "45 deg" }}
+material = {{ preset = "MD600" }}
+"""
+
+    def pull(self, scene: Scene) -> SteadyPull:
+        """Return the travel of the clamps from each other over the process of a scene."""
+        return SteadyPull(self.displacement, scene.process.time, 0.2 * scene.process.time)
+
+    def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
+        """Return what holds the strip: its short sides, each pulled by half the travel."""
+        pull, half_length = self.pull(scene), 0.5 * scene.blank.extent[0]
+
+        def clamps(blank: BlankMesh) -> list[Support]:
+            x = blank.node_positions[:, 0]
+            return [
+                Support(name, np.flatnonzero(side * x > half_length - 1e-9),
+                        motion=translation([side, 0, 0], lambda t: 0.5 * pull.travel(t)))
+                for name, side in (("left clamp", -1.0), ("right clamp", 1.0))
+            ]  # fmt: skip
+
+        return clamps
+
+    def force(self, scene: Scene, recording: Recording) -> np.ndarray:
+        """Return the force of the clamps [N], means over every other frame's interval."""
+        time, impulse = recording.time[::2], recording.impulse[::2, :, 0]
+        return np.diff(0.5 * (impulse[:, 1] - impulse[:, 0])) / np.diff(time)
 
 
 def bias_extension(
@@ -63,13 +122,12 @@ def bias_extension(
     """
     require_fabric(material)
     analytic = BiasExtension(length, width, material.thickness)
-    duration = DURATION * displacement / 0.06
-    pull = SteadyPull(displacement, duration, 0.2 * duration)
+    test = BiasExtensionTest(displacement)
     scene = Scene(
         title=f"Bias extension of {material.name}, {1e3 * displacement:g} mm",
         material=material,
         element=element or Element(),
-        process={"time": duration, "frames": 2 * INTERVALS + 1, "mass_damping": MASS_DAMPING},
+        process={"time": test.duration, "frames": FRAMES, "mass_damping": MASS_DAMPING},
         blank={
             "size": (length, width),
             "edge_length": edge_length,
@@ -77,21 +135,11 @@ def bias_extension(
         },
     )
 
-    def clamps(blank):
-        x = blank.node_positions[:, 0]
-        return [
-            Support(name, np.flatnonzero(side * x > 0.5 * length - 1e-9),
-                    motion=translation([side, 0, 0], lambda t: 0.5 * pull.travel(t)))
-            for name, side in (("left clamp", -1.0), ("right clamp", 1.0))
-        ]  # fmt: skip
-
-    simulation, recording = record(scene, clamps, progress=progress)
+    simulation, recording = record(scene, test.supports(scene), progress=progress)
     centre = element_centres(simulation.model.blank)[:, :2]
     inside = (np.abs(centre) < 0.5 * CENTRE).all(axis=1)
     angle = mean_field(simulation, recording.snapshots[1::2], "shear_angle", inside)
-    time, impulse = recording.time[::2], recording.impulse[::2, :, 0]
-    pulled = 0.5 * (impulse[:, 1] - impulse[:, 0])
-    force = np.diff(pulled) / np.diff(time)
+    force, pull = test.force(scene, recording), test.pull(scene)
     u = np.array([pull.travel(t) for t in recording.time[1::2]])
 
     expected_angle = analytic.shear_angle(u)
@@ -111,7 +159,7 @@ def bias_extension(
         settings={
             "specimen": f"{1e3 * length:g} mm x {1e3 * width:g} mm",
             "elements": f"{simulation.model.element_count} elements of {1e3 * edge_length:g} mm",
-            "duration": f"{1e3 * duration:g} ms",
+            "duration": f"{1e3 * test.duration:g} ms",
         },
         curves=curves,
         comparisons=tuple(

@@ -7,7 +7,10 @@ force along a side is L t0 S12 exactly.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +18,9 @@ from lcmchain.coupons.analytic import PictureFrame
 from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import (
+    FRAMES,
     Progress,
+    Recording,
     SteadyPull,
     mean_field,
     record,
@@ -25,14 +30,73 @@ from lcmchain.coupons.specimen import (
 from lcmchain.effects.supports import Support
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.fabric import FabricMaterial
+from lcmchain.mesh.blank import BlankMesh
+from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
 
 # Slow enough that inertia and damping add less than half a percent to the force.
 DURATION = 0.5  # [s]
 MASS_DAMPING = 20.0  # [1/s]
-INTERVALS = 24
 COMPARED_AT = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)  # shear angles [deg]
+
+
+@dataclass(frozen=True)
+class PictureFrameTest:
+    """The test as the forming solver runs it, of whatever square.
+
+    Parameters
+    ----------
+    shear_angle : of the frame at the end [rad].
+    """
+
+    shear_angle: float = math.radians(64.0)
+
+    name: ClassVar[str] = "picture-frame"
+    driven_by: ClassVar[tuple[str, Dimension]] = ("shear_angle", ANGLE)
+
+    @property
+    def text(self) -> str:
+        """The scene of a square of 200 mm, as TOML."""
+        return f"""
+title = "Picture frame, {math.degrees(self.shear_angle):.3g}°"
+process = {{ time = "{DURATION} s", mass_damping = "{MASS_DAMPING} 1/s" }}
+blank = {{ size = ["200 mm", "200 mm"], edge_length = "10 mm" }}
+material = {{ preset = "MD600" }}
+"""
+
+    def pull(self, scene: Scene) -> SteadyPull:
+        """Return the travel along the diagonal over the process of a scene."""
+        distance = float(_net(scene).displacement(self.shear_angle))
+        return SteadyPull(distance, scene.process.time, 0.2 * scene.process.time)
+
+    def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
+        """Return what holds the square: its sides, which turn about its corners."""
+        net, pull, half_side = _net(scene), self.pull(scene), 0.5 * scene.blank.extent[0]
+
+        def hinged(time: float) -> np.ndarray:
+            half = 0.5 * float(net.shear_angle(pull.travel(time)))
+            c, s = math.cos(half), math.sin(half)
+            return np.array([[c, s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+
+        def frame(blank: BlankMesh) -> list[Support]:
+            on_side = (np.abs(blank.node_positions[:, :2]) > half_side - 1e-9).any(axis=1)
+            return [Support("frame", np.flatnonzero(on_side), "xy", motion=hinged)]
+
+        return frame
+
+    def force(self, scene: Scene, recording: Recording) -> np.ndarray:
+        """Return the force along the diagonal [N], means over every other frame's interval.
+
+        The frame has no net force: its force on the machine is work per travel.
+        """
+        pull = self.pull(scene)
+        travel = np.array([pull.travel(t) for t in recording.time[::2]])
+        return np.diff(recording.work[::2]) / np.diff(travel)
+
+
+def _net(scene: Scene) -> PictureFrame:
+    return PictureFrame(scene.blank.extent[0], scene.material.thickness)
 
 
 def picture_frame(
@@ -58,30 +122,19 @@ def picture_frame(
     """
     require_fabric(material)
     analytic = PictureFrame(side, material.thickness)
-    pull = SteadyPull(float(analytic.displacement(shear_angle)), DURATION, 0.2 * DURATION)
-
-    def hinged(time: float) -> np.ndarray:
-        half = 0.5 * float(analytic.shear_angle(pull.travel(time)))
-        c, s = math.cos(half), math.sin(half)
-        return np.array([[c, s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
-
+    test = PictureFrameTest(shear_angle)
     scene = Scene(
         title=f"Picture frame of {material.name}, {math.degrees(shear_angle):.3g}°",
         material=material,
         element=element or Element(),
-        process={"time": DURATION, "frames": 2 * INTERVALS + 1, "mass_damping": MASS_DAMPING},
+        process={"time": DURATION, "frames": FRAMES, "mass_damping": MASS_DAMPING},
         blank={"size": (side, side), "edge_length": edge_length},
     )
 
-    def frame(blank):
-        on_side = (np.abs(blank.node_positions[:, :2]) > 0.5 * side - 1e-9).any(axis=1)
-        return [Support("frame", np.flatnonzero(on_side), "xy", motion=hinged)]
-
-    simulation, recording = record(scene, frame, progress=progress)
+    simulation, recording = record(scene, test.supports(scene), progress=progress)
     everywhere = np.ones(simulation.model.element_count, dtype=bool)
+    pull, force = test.pull(scene), test.force(scene, recording)
     d = np.array([pull.travel(t) for t in recording.time])
-    # the frame has no net force: its force on the machine is work per travel
-    force = np.diff(recording.work[::2]) / np.diff(d[::2])
     gamma = analytic.shear_angle(d[1::2])
     edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
     measured = mean_field(simulation, recording.snapshots[1::2], "shear_angle", everywhere)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -16,6 +17,10 @@ from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
+
+#: Frames that the shear tests keep: forces are means between every other one of them, so that each
+#: has a frame in its middle.
+FRAMES = 49
 
 #: Called with (completed, total, text).
 Progress = Callable[[float, float, str], None]
@@ -44,11 +49,13 @@ class Recording(NamedTuple):
     """Snapshots of a coupon test at equidistant times, and what the supports have done by then.
 
     impulse : (T, support_count, 3) [N s]; work : (T,) external work [J].
+    seconds : solver time, without compilation [s].
     """
 
     snapshots: list[Snapshot]
     impulse: np.ndarray
     work: np.ndarray
+    seconds: float
 
     @property
     def time(self) -> np.ndarray:
@@ -96,16 +103,19 @@ def record(
 ) -> tuple[Simulation, Recording]:
     """Simulate a coupon and keep ``process.frames`` snapshots of it."""
     simulation = Simulation(build_model(scene, supports))
+    simulation.compile()
+    start = time.perf_counter()
     snapshots, impulse, work = [simulation.snapshot()], [], [0.0]
     impulse.append(simulation.state.support_impulse.copy())
-    for time in np.linspace(0.0, scene.process.time, scene.process.frames)[1:]:
-        simulation.advance_to(float(time))
+    for until in np.linspace(0.0, scene.process.time, scene.process.frames)[1:]:
+        simulation.advance_to(float(until))
         snapshots.append(simulation.snapshot())
         impulse.append(simulation.state.support_impulse.copy())
         work.append(snapshots[-1].energy["external"])
         if progress is not None:
             progress(simulation.time, scene.process.time, scene.title)
-    return simulation, Recording(snapshots, np.array(impulse), np.array(work))
+    seconds = time.perf_counter() - start
+    return simulation, Recording(snapshots, np.array(impulse), np.array(work), seconds)
 
 
 def mean_field(

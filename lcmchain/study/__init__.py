@@ -4,6 +4,16 @@ from __future__ import annotations
 
 from lcmchain.study.accuracy import AccuracyStudy, study_accuracy
 from lcmchain.study.runs import Workers
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.scene_text import SceneText
+from lcmchain.study.source import Source, read_source
+from lcmchain.study.variant import Variant
 
-__all__ = ["AccuracyStudy", "SceneText", "Variant", "Workers", "study_accuracy"]
+__all__ = [
+    "AccuracyStudy",
+    "SceneText",
+    "Source",
+    "Variant",
+    "Workers",
+    "read_source",
+    "study_accuracy",
+]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,11 +12,16 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.study.comparison import BY_NAME, QUANTITIES, Difference, differences
-from lcmchain.study.convergence import Convergence, observed
+from lcmchain.study.convergence import NO_ORDER, Convergence, fitted, progress
 from lcmchain.study.ladder import EDGE, chosen, ladder, scene_name
+from lcmchain.study.levels import LEAST_PROGRESS
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.source import Source
+from lcmchain.study.variant import Variant
+
+#: Quantities that the sentence of a study tells.
+TOLD = ("shear_angle", "thickness", "punch_force", "clamp_force", "contour")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +99,7 @@ class AccuracyStudy:
         told = [
             f"{BY_NAME[name].text(scene.error(name))} {BY_NAME[name].title}"
             for name in self.quantities
-            if name in ("shear_angle", "thickness", "punch_force", "contour")
+            if name in TOLD
         ]
         text = (
             f"{scene.variant.name}, {1e3 * self.process_time:.4g} ms: {', '.join(told)} for "
@@ -121,7 +127,7 @@ class AccuracyStudy:
 
 
 def study_accuracy(
-    text: SceneText,
+    text: Source,
     folder: Path,
     *,
     vary: Mapping[str, Sequence[str]] | None = None,
@@ -129,7 +135,7 @@ def study_accuracy(
     workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> AccuracyStudy:
-    """Run a scene with many settings, and compare each with the finest.
+    """Run a scene or a coupon with many settings, and compare each with the finest.
 
     Parameters
     ----------
@@ -175,10 +181,20 @@ def _orders(variants: Sequence[Variant], outcomes: Mapping[str, Outcome]) -> dic
     meshes = sorted(meshes, key=lambda v: v.value or 0.0)[:3][::-1]
     if len(meshes) < 3:
         return {}
-    first, second, third = (outcomes[v.name] for v in meshes)
-    steps = [differences(first, second), differences(second, third)]
-    sizes = tuple(v.value for v in meshes)
+    runs = [outcomes[v.name] for v in meshes]
+    between = {
+        (i, j): differences(runs[i], runs[j]) for i, j in itertools.combinations(range(3), 2)
+    }
+    sizes = [v.value or math.nan for v in meshes]
     return {
-        name: observed(sizes, (steps[0][name].typical, steps[1][name].typical))  # type: ignore[arg-type]
+        name: _order(sizes, {pair: found[name].typical for pair, found in between.items()})
         for name in BY_NAME
     }
+
+
+def _order(sizes: Sequence[float], distances: Mapping[tuple[int, int], float]) -> Convergence:
+    """Return the order over three meshes; none where finer ones change as much as coarse ones."""
+    steps = distances[0, 1], distances[1, 2]
+    if not all(step > 0.0 for step in steps) or progress(sizes, steps) < LEAST_PROGRESS:
+        return NO_ORDER
+    return fitted(sizes, distances)

@@ -40,7 +40,7 @@ class Quantity:
         return "-" if math.isnan(error) else f"{self.scale * error:.2g} {self.unit}"
 
 
-#: What studies compare, in the order of their tables.
+#: What studies compare, in the order of their tables. A forming run has a punch, a coupon clamps.
 QUANTITIES = (
     Quantity("shear_angle", "shear angle", "shear", "°", 180.0 / math.pi, ("shear", "angle")),
     Quantity("thickness", "thickness", "t", "%", 100.0, ("thick",), relative=True),
@@ -50,8 +50,15 @@ QUANTITIES = (
     ),
     Quantity("contour", "contour", "contour", "mm", 1e3, ("outline", "draw-in")),
     Quantity("punch_force", "punch force", "force", "%", 100.0, ("force",), relative=True),
+    Quantity("clamp_force", "clamp force", "force", "%", 100.0, (), relative=True),
     Quantity("forming_work", "forming work", "work", "%", 100.0, ("work", "energy"), relative=True),
 )  # fmt: skip
+#: Entries of ``Outcome.numbers`` of the quantities that are a number.
+NUMBERS = {
+    "punch_force": "punch_force_max_N",
+    "clamp_force": "clamp_force_max_N",
+    "forming_work": "forming_work_J",
+}
 BY_NAME = {quantity.name: quantity for quantity in QUANTITIES}
 
 
@@ -108,7 +115,7 @@ def differences(outcome: Outcome, reference: Outcome) -> dict[str, Difference]:
             difference = difference / reference.values[name]
         found[name] = Difference.of_field(difference, areas)
     found["contour"] = contour_difference(outcome, reference)
-    for name, number in (("punch_force", "punch_force_max_N"), ("forming_work", "forming_work_J")):
+    for name, number in NUMBERS.items():
         value, other = (o.numbers.get(number, math.nan) for o in (outcome, reference))
         if math.isfinite(value) and math.isfinite(other) and other != 0.0:
             found[name] = Difference.of_number(value / other - 1.0)

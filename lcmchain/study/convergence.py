@@ -1,21 +1,37 @@
 """Orders of convergence from runs on finer and finer meshes, and what they leave to the limit.
 
-Of a quantity f(h) = f0 + C h^p the differences between successive meshes tell p and the distance
-from the limit f0, no run needs to be exact (Roache, "Perspective: a method for uniform reporting of
-grid refinement studies", J. Fluids Eng. 116 (1994), with unequal ratios). Norms of differences of
-fields are taken in place of differences of numbers.
+Runs on meshes of the sizes h are known by their distances from each other alone, root mean squares
+of differences of fields; no run needs to be exact. The error of each is taken for C h^p. Were all
+errors one field of shrinking size, distances would be differences of errors, and sums of each other
+(Roache, "Perspective: a method for uniform reporting of grid refinement studies", J. Fluids Eng.
+116 (1994)). On meshes that resolve folds and edges of contact one after the other they are not: a
+finer mesh adds what a coarser one cannot hold, errors of unlike sizes are hardly alike, and
+distances add by their squares. With the correlation (h_fine/h_coarse)^(kp) between errors
+
+    d² = C² (h1^2p + h2^2p - 2 (h1 h2)^p (h2/h1)^(kp)),    h1 > h2
+
+k = 0 is the former and k = 1 the latter; three meshes tell p, C and k. All orders and correlations
+within bounds are weighed by how well they explain the distances, and the weighted mean is taken,
+with a part of its scatter on the safe side: it stays sensible where two meshes tell nothing of the
+order.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
-#: Orders that are looked for; outside of them three meshes show no order.
-LEAST_ORDER, MOST_ORDER = 0.2, 6.0
+#: Orders and correlations that are weighed.
+ORDERS = np.linspace(0.5, 2.0, 16)
+CORRELATIONS = np.array([0.0, 0.25, 0.5, 1.0, 2.0])
+#: Scatter of distances about the law, as a part of them.
+SCATTER = 0.05
+#: So many standard deviations of what explains them are added to the error (of its logarithm); of
+#: two meshes, which leave order and correlation open, enough for the least favourable of them.
+CAUTION, CAUTION_OF_TWO = 0.5, 2.0
 
 
 @dataclass(frozen=True)
@@ -43,38 +59,47 @@ class Convergence:
 NO_ORDER = Convergence(math.nan, math.nan)
 
 
-def observed(sizes: tuple[float, float, float], steps: tuple[float, float]) -> Convergence:
-    """Return the order from three sizes, the coarsest first, and the differences between them.
+def fitted(sizes: Sequence[float], distances: Mapping[tuple[int, int], float]) -> Convergence:
+    """Return the error law that explains the distances of runs from each other best.
 
     Parameters
     ----------
-    steps : sizes of the differences between the first and second, and second and third run.
+    sizes : of the meshes, the coarsest first. distances : between runs i and j, i < j; those that
+        are not a number are left out.
     """
-    h1, h2, h3 = sizes
-    if not (min(steps) > 0.0 and np.isfinite(steps).all()):
+    pairs = [pair for pair, distance in distances.items() if math.isfinite(distance)]
+    known = np.array([distances[pair] for pair in pairs])
+    if not (len(pairs) and np.all(known > 0.0)):
         return NO_ORDER
-    ratio = steps[0] / steps[1]
+    h = np.asarray(sizes) / sizes[-1]
+    coarse, fine = (h[[pair[side] for pair in pairs]] for side in (0, 1))
+    p, k = ORDERS[:, None, None], CORRELATIONS[None, :, None]
+    squared = (
+        coarse ** (2 * p) + fine ** (2 * p) - 2 * (coarse * fine) ** p * (fine / coarse) ** (k * p)
+    )
+    ratio = np.log(known) - 0.5 * np.log(squared)  # (orders, correlations, pairs): log of C
+    mean = ratio.mean(axis=-1)
+    misfit = ((ratio - mean[..., None]) ** 2).sum(axis=-1) / SCATTER**2
+    weight = np.exp(-0.5 * (misfit - misfit.min()))
+    weight /= weight.sum()
+    order = float((weight * ORDERS[:, None]).sum())
+    caution = CAUTION if len(pairs) > 2 else CAUTION_OF_TWO
+    likely = float((weight * mean).sum())
+    scatter = math.sqrt(float((weight * (mean - likely) ** 2).sum()))
+    error = math.exp(likely + caution * scatter)  # of the finest mesh
+    return Convergence(order, error / sizes[-1] ** order)
 
-    def excess(p: float) -> float:
-        return (h1**p - h2**p) / (h2**p - h3**p) - ratio
 
-    if excess(LEAST_ORDER) * excess(MOST_ORDER) > 0.0:
-        return NO_ORDER
-    order = float(brentq(excess, LEAST_ORDER, MOST_ORDER))
-    return with_order(order, (h2, h3), steps[1])
+def progress(sizes: Sequence[float], steps: Sequence[float]) -> float:
+    """Return by which factor the last difference is smaller than the one before.
 
+    Both are taken per logarithm of the sizes, so at equal refinement; 1 means that finer meshes
+    change the result by as much as coarse ones.
 
-def with_order(order: float, sizes: tuple[float, float], step: float) -> Convergence:
-    """Return the error law of a given order from the difference between two sizes."""
-    coarse, fine = sizes
-    return Convergence(order, step / (coarse**order - fine**order))
-
-
-def progress(sizes: tuple[float, float, float], steps: tuple[float, float]) -> float:
-    """Return by which factor the second difference is smaller than the first, at equal refinement.
-
-    Arguments as for :func:`observed`. Both are taken per logarithm of the sizes; 1 means that finer
-    meshes change the result by as much as coarse ones.
+    Parameters
+    ----------
+    sizes : of three meshes, the coarsest first.
+    steps : sizes of the differences between the first and second, and second and third run.
     """
     h1, h2, h3 = sizes
     first, second = steps[0] / math.log(h1 / h2), steps[1] / math.log(h2 / h3)

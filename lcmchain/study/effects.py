@@ -12,15 +12,14 @@ import numpy as np
 from rich.table import Table
 
 from lcmchain.atomic import replacing
-from lcmchain.check.effect_cost import measure_effects, record_effect_parts
 from lcmchain.effects.switches import Switchable, switchable_effects
 from lcmchain.errors import InputError
-from lcmchain.model import build_model
 from lcmchain.study.comparison import QUANTITIES, Difference, differences
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.plain_table import plain_table, short
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.source import Source
+from lcmchain.study.variant import Variant
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,7 @@ class EffectStudy:
 
 
 def study_effects(
-    text: SceneText,
+    text: Source,
     folder: Path,
     *,
     workers: Workers | None = None,
@@ -89,8 +88,7 @@ def study_effects(
         raise InputError(f"the scene itself fails: {as_it_is.failure}", file=text.path)
     if progress is not None:
         progress(1.0, 1.0, "measuring the time of each effect")
-    parts = {cost.effect.name: cost.part for cost in measure_effects(scene)}
-    record_effect_parts(build_model(scene), parts)
+    parts = text.effect_parts()
     return EffectStudy(
         scene.title,
         as_it_is.seconds,

@@ -17,7 +17,8 @@ from typing import Any
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.scene import RUNGS, Scene, rung_of
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.source import Source
+from lcmchain.study.variant import Variant
 
 #: Names of what is varied.
 EDGE, TIME, BOTH = "edge length", "process time", "edge length and process time"
@@ -39,7 +40,7 @@ RUNG_EDGES = (1.0, 2.0)
 LONGEST = 2.0
 
 
-def ladder(text: SceneText, finest: float = EDGES[-1]) -> list[Variant]:
+def ladder(text: Source, finest: float = EDGES[-1]) -> list[Variant]:
     """Return the settings for a scene, the reference last.
 
     Parameters
@@ -69,7 +70,7 @@ def ladder(text: SceneText, finest: float = EDGES[-1]) -> list[Variant]:
     return [*variants, *_on_rungs(text, scene), _with_both(scene, finest, LONGEST)]
 
 
-def chosen(text: SceneText, vary: Mapping[str, Sequence[str]]) -> list[Variant]:
+def chosen(text: Source, vary: Mapping[str, Sequence[str]]) -> list[Variant]:
     """Return settings that a user has chosen: every value of every entry, one at a time.
 
     The last value of each entry counts as its finest; together they make the reference.
@@ -89,7 +90,7 @@ def chosen(text: SceneText, vary: Mapping[str, Sequence[str]]) -> list[Variant]:
     return variants
 
 
-def number_of(text: SceneText, key: str, value: str) -> float | None:
+def number_of(text: Source, key: str, value: str) -> float | None:
     """Return the value of a scene entry in SI; None where it is no number."""
     node: Any = text.scene((f"{key}={value}",))
     for part in key.split("."):
@@ -120,7 +121,7 @@ def _with_both(scene: Scene, of_edge: float, of_time: float) -> Variant:
     return Variant(name, BOTH, (_edge(edge), _time(time)), edge)
 
 
-def _of_contact(text: SceneText, scene: Scene) -> list[Variant]:
+def _of_contact(text: Source, scene: Scene) -> list[Variant]:
     """Return the scene with softer and with stiffer contact, where it has tools."""
     if not scene.tools:
         return []
@@ -134,7 +135,7 @@ def _of_contact(text: SceneText, scene: Scene) -> list[Variant]:
     ]  # fmt: skip
 
 
-def _with_larger_steps(text: SceneText, scene: Scene) -> list[Variant]:
+def _with_larger_steps(text: Source, scene: Scene) -> list[Variant]:
     """Return the scene with mass added, on a finer mesh as well, and with softer fibres.
 
     A rate of damping drags with the inertia: n times the mass gets it divided by the root of n
@@ -161,16 +162,16 @@ def _with_larger_steps(text: SceneText, scene: Scene) -> list[Variant]:
     return [variant for variant in variants if _fits(text, variant)]
 
 
-def _fits(text: SceneText, variant: Variant) -> bool:
+def _fits(text: Source, variant: Variant) -> bool:
     """Tell whether the scene allows a setting: no law without fibres has softer ones."""
     try:
-        text.scene_to_run(variant)
+        text.job(variant)
     except InputError:
         return False
     return True
 
 
-def _on_rungs(text: SceneText, scene: Scene) -> list[Variant]:
+def _on_rungs(text: Source, scene: Scene) -> list[Variant]:
     """Return the cheaper rungs of the model ladder, the quick ones on the coarse mesh as well."""
     rungs = list(RUNGS)
     variants = []

@@ -6,7 +6,8 @@ the numbers, so that an interrupted study takes from it what it has, and nothing
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,8 @@ FIELDS = ("shear_angle", "thickness", "fibre_volume_fraction")
 NUMBERS = (
     "element_count", "step_count", "us_per_element_step", "compile_s",
     "thickness_min_m", "thickness_max_m", "shear_angle_max_rad", "fibre_volume_fraction_max",
-    "fibre_strain_max", "wrinkle_height_max_m", "punch_force_max_N", "kinetic_to_internal_max",
+    "fibre_strain_max", "wrinkle_height_max_m", "punch_force_max_N", "clamp_force_max_N",
+    "forming_work_J", "kinetic_to_internal_max",
     "balance_error_max", "mass_added_total", "mass_added_largest",
 )  # fmt: skip
 
@@ -39,7 +41,8 @@ class Outcome:
     reference, formed : positions of the nodes of the mid-surface [m], (N, 3), undeformed and at
         the end; faces : their corners (F, 4), -1 in the last column of a triangle.
     values : of the faces at the end by name, (F,), as in ``forming.nc``.
-    numbers : by name as in ``summary.json``, and ``forming_work_J``, the work put in from outside.
+    numbers : by name as in ``summary.json``, ``forming_work_J``, the work put in from outside, and
+        of a coupon ``clamp_force_max_N``.
     force : of the punch [N] over the part of the process that has passed, rows of (part, force),
         (M, 2); empty without tools.
     failure : why there is no result, in words; empty where there is one.
@@ -68,23 +71,36 @@ class Outcome:
 
 def outcome_of(datasets: dict[str, xr.Dataset], summary: dict) -> Outcome:
     """Return what is kept of a forming result (groups of ``forming.nc``, ``summary.json``)."""
-    sheet, history = datasets[ROOT], datasets[HISTORY]
-    faces = sheet_faces(sheet).copy()
-    faces[faces[:, 3] == faces[:, 2], 3] = -1
-    numbers = {n: float(summary[n]) for n in NUMBERS if summary.get(n) is not None}
+    numbers = dict(summary)
     if "energy" in summary:
-        numbers["forming_work_J"] = float(summary["energy"]["external"])
+        numbers["forming_work_J"] = summary["energy"]["external"]
     else:  # a net that is laid knows no forces
         numbers.pop("punch_force_max_N", None)
+    kept = outcome_of_sheet(datasets, numbers, float(summary["wall_s"]), int(summary["threads"]))
+    return replace(kept, force=_force_of(datasets[HISTORY], summary))
+
+
+def outcome_of_sheet(
+    datasets: Mapping[str, xr.Dataset], numbers: Mapping, seconds: float, threads: int
+) -> Outcome:
+    """Return what is kept of a formed sheet and its numbers by the names of ``NUMBERS``.
+
+    Parameters
+    ----------
+    datasets : groups of ``forming.nc``, of which the root is taken.
+    seconds : solver time [s]. threads : that it took.
+    """
+    sheet = datasets[ROOT]
+    faces = sheet_faces(sheet).copy()
+    faces[faces[:, 3] == faces[:, 2], 3] = -1
     return Outcome(
-        seconds=float(summary["wall_s"]),
-        threads=int(summary["threads"]),
+        seconds=seconds,
+        threads=threads,
         reference=reference_positions(sheet),
         formed=sheet_positions(sheet),
         faces=faces,
         values={n: np.asarray(sheet[n].values[-1], dtype=float) for n in FIELDS if n in sheet},
-        numbers=numbers,
-        force=_force_of(history, summary),
+        numbers={n: float(numbers[n]) for n in NUMBERS if numbers.get(n) is not None},
     )
 
 

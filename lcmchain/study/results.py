@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lcmchain.study.comparison import NUMBERS
 from lcmchain.study.outcome import Outcome
 
 
@@ -33,13 +34,13 @@ RESULTS = (
     Result("fibre_volume_fraction_high", "v_f, 99 %", "v_f 99 %", ""),
     Result("wrinkle_height", "wrinkle height", "wrinkle", "mm", 1e3),
     Result("punch_force", "punch force", "force", "N"),
+    Result("clamp_force", "clamp force", "force", "N"),
     Result("forming_work", "forming work", "work", "mJ", 1e3),
 )
 _NUMBERS = {
     "thickness_least": "thickness_min_m",
     "wrinkle_height": "wrinkle_height_max_m",
-    "punch_force": "punch_force_max_N",
-    "forming_work": "forming_work_J",
+    **NUMBERS,
 }
 
 

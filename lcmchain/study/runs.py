@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import os
 import re
-import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lcmchain.errors import InputError, SimulationError
-from lcmchain.fingerprint import run_fingerprint
 from lcmchain.scene import Scene
-from lcmchain.study.outcome import Outcome, outcome_of, read_outcome, write_outcome
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.outcome import Outcome, read_outcome, write_outcome
+from lcmchain.study.source import Progress, Source
+from lcmchain.study.variant import Variant
 
 #: Folder of the outcomes inside that of a study.
 RUNS = "runs"
@@ -28,8 +27,6 @@ RUNS = "runs"
 RETRIES = 3
 #: A scheduler has to answer within this time [s].
 ANSWER_WITHIN = 10.0
-
-Progress = Callable[[float, float, str], None]
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,9 @@ class Workers:
         return self.scheduler is not None or self.count > 1
 
 
-def make_run(source: SceneText, variant: Variant, threads: int, tell: Any = None) -> Outcome:
+def make_run(
+    source: Source, variant: Variant, threads: int, tell: Progress | None = None
+) -> Outcome:
     """Run a variant and return what a study keeps of it.
 
     That a guard stops it, or that no model can be made of it, is an outcome too.
@@ -69,23 +68,19 @@ def make_run(source: SceneText, variant: Variant, threads: int, tell: Any = None
     ------
     InputError : the variant does not fit the scene.
     """
-    from lcmchain.pipeline import run
-
-    scene = source.scene_to_run(variant)
+    job = source.job(variant)
     start = time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="lcmchain-study-") as folder:
-        try:
-            result = run(scene, folder, threads=threads, progress=tell)
-        except (SimulationError, InputError) as error:  # a mesh too coarse for the blank, say
-            reason = str(error).split(". ")[0]
-            return Outcome(time.perf_counter() - start, threads, failure=reason)
-    return outcome_of(result.datasets, result.summary)
+    try:
+        return job.run(threads, tell)
+    except (SimulationError, InputError) as error:  # a mesh too coarse for the blank, say
+        reason = str(error).split(". ")[0]
+        return Outcome(time.perf_counter() - start, threads, failure=reason)
 
 
 class Study:
-    """Runs of variants of one scene, kept in a folder."""
+    """Runs of variants of one scene or coupon, kept in a folder."""
 
-    def __init__(self, source: SceneText, folder: Path, workers: Workers | None = None) -> None:
+    def __init__(self, source: Source, folder: Path, workers: Workers | None = None) -> None:
         self.source, self.folder = source, folder
         self.workers = workers or Workers()
 
@@ -104,11 +99,11 @@ class Study:
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise InputError(f'two settings of the study have the name "{twice}"')
-        scenes = {variant.name: self.source.scene_to_run(variant) for variant in variants}
-        prints = {name: run_fingerprint(scene).sha256 for name, scene in scenes.items()}
+        jobs = {variant.name: self.source.job(variant) for variant in variants}
+        prints = {name: job.fingerprint for name, job in jobs.items()}
         found = {name: read_outcome(self._file(name), prints[name]) for name in names}
         missing = [variant for variant in variants if found[variant.name] is None]
-        account = _Account({v.name: expected_work(scenes[v.name]) for v in missing}, progress)
+        account = _Account({v.name: expected_work(jobs[v.name].scene) for v in missing}, progress)
         makers = self._on_cluster if self.workers.is_cluster and missing else self._here
         for name, outcome in makers(account.in_good_order(missing), account):
             write_outcome(self._file(name), outcome, prints[name])

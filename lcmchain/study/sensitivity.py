@@ -23,7 +23,8 @@ from lcmchain.scene import Scene
 from lcmchain.study.plain_table import plain_table
 from lcmchain.study.results import RESULTS, results_of
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.source import Source
+from lcmchain.study.variant import Variant
 
 #: Part by which inputs are lowered and raised.
 PART = 0.1
@@ -100,7 +101,7 @@ def _scaled(value: str, factor: float) -> str | None:
 
 
 def run_sensitivity(
-    text: SceneText,
+    text: Source,
     folder: Path,
     keys: Sequence[str] = (),
     *,

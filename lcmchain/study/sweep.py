@@ -19,7 +19,8 @@ from lcmchain.study.plain_table import plain_table
 from lcmchain.study.results import RESULTS, results_of
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.sampling import Entry, number_and_unit, samples
-from lcmchain.study.variant import SceneText, Variant
+from lcmchain.study.source import Source
+from lcmchain.study.variant import Variant
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +35,7 @@ class SweptRun:
 
 
 def run_sweep(
-    text: SceneText,
+    text: Source,
     folder: Path,
     entries: Sequence[Entry],
     *,

@@ -12,6 +12,8 @@ from lcmchain.study.comparison import QUANTITIES, Quantity
 
 _WISH = re.compile(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(%|°|[A-Za-z]+)\s+(?:of\s+|in\s+)?(.+?)\s*")
 _DIMENSIONS = {"°": ANGLE, "mm": LENGTH}
+#: What a forming run has: no clamps.
+WISHED = tuple(quantity for quantity in QUANTITIES if quantity.name != "clamp_force")
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,11 @@ def _errors(text: str) -> dict[str, float]:
 
 def _quantity(words: str) -> Quantity:
     wanted = " ".join(words.lower().replace("_", " ").split())
-    for quantity in QUANTITIES:
+    for quantity in WISHED:
         names = (quantity.title, quantity.name.replace("_", " "), quantity.short, *quantity.aliases)
         if wanted in (name.lower().replace("_", " ") for name in names):
             return quantity
-    known = ", ".join(quantity.title for quantity in QUANTITIES)
+    known = ", ".join(quantity.title for quantity in WISHED)
     raise InputError(f'"{words}" is no quantity that runs are compared by; there is {known}',
                      key="--within")  # fmt: skip
 

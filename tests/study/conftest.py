@@ -2,7 +2,7 @@
 
 import pytest
 
-from lcmchain.study.variant import SceneText
+from lcmchain.study.scene_text import SceneText
 
 SCENE = """
 title = "dent"

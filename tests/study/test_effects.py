@@ -10,6 +10,8 @@ from lcmchain.check.effect_cost import EffectCost
 from lcmchain.effects.switches import switchable_effects
 from lcmchain.errors import InputError
 from lcmchain.study import effects as effects_module
+from lcmchain.study import read_source
+from lcmchain.study import scene_text as scene_text_module
 from lcmchain.study.effects import effects_table, study_effects, write_effects
 
 
@@ -25,9 +27,9 @@ def two_effects(monkeypatch):
         return [EffectCost(e, 2e-8, 1e-8) for e in two(scene) if e.name == "damping"]
 
     monkeypatch.setattr(effects_module, "switchable_effects", two)
-    monkeypatch.setattr(effects_module, "measure_effects", cost)
+    monkeypatch.setattr(scene_text_module, "measure_effects", cost)
     monkeypatch.setattr(
-        effects_module, "record_effect_parts", lambda model, parts: recorded.update(parts)
+        scene_text_module, "record_effect_parts", lambda model, parts: recorded.update(parts)
     )
     return recorded
 
@@ -67,3 +69,13 @@ def test_a_scene_that_fails_as_it_is_says_so(dent, tmp_path, two_effects):
     coarse = type(dent)(dent.text, dent.path, ("blank.edge_length=30 mm",))
     with pytest.raises(InputError, match="the scene itself fails"):
         study_effects(coarse, tmp_path)
+
+
+def test_effects_of_a_coupon_are_told_without_their_part_of_a_step(tmp_path, two_effects):
+    small = ("blank.size=['80 mm', '40 mm']", "blank.edge_length=10 mm", "process.time=20 ms",
+             "coupon.displacement=6 mm")  # fmt: skip
+    study = study_effects(read_source("bias_extension", small), tmp_path)
+    found = {change.effect.name: change for change in study.changes}
+    assert found["damping"].changes["clamp_force"].typical > 0.0
+    assert all(math.isnan(change.part) for change in study.changes)
+    assert two_effects == {}

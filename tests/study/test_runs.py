@@ -113,7 +113,7 @@ def test_the_ladder_varies_everything_that_costs_time_and_ends_with_the_finest(d
     assert axes >= {"edge length", "process time", "contact stiffness", "time step", "damping"}
     assert len(variants) >= 13
     assert len({variant.name for variant in variants}) == len(variants)
-    scenes = [dent.scene_to_run(variant) for variant in variants]
+    scenes = [dent.job(variant).scene for variant in variants]
     last = scenes[-1]
     assert last.blank.edge_length == min(s.blank.edge_length for s in scenes)
     assert last.process.time == max(s.process.time for s in scenes)

@@ -1,0 +1,412 @@
+"""Runs that keep a wish: errors that they may have, or time that they may take.
+
+Coarse meshes, the pilots, tell how the result depends on the edge length and what any mesh costs
+(:mod:`lcmchain.study.levels`). On the coarsest of them cheaper settings are tried: added mass,
+softer fibres, a cheaper model; what each changes is its error, what it takes its price. Inertia and
+damping leave errors that go with the speed of the process for the sheet: one run with more mass
+tells those of the scene's own process as well. Pilots on finer meshes are run with what is cheap,
+and as long as they cost little beside the run that they are for. Then the run is made that
+:func:`lcmchain.study.choice.choose` takes. It is the check: what it differs from the pilots by
+shows its own error, and where the wish turns out to be missed, a finer mesh is run.
+
+It holds as far as errors follow an order. Where wrinkles appear only on fine meshes no coarse run
+knows of them; the error that is reported after the run does, as far as its mesh resolves them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from lcmchain.errors import InputError
+from lcmchain.scene import Scene
+from lcmchain.study.choice import Choice, Knowledge, choose, mm
+from lcmchain.study.comparison import differences
+from lcmchain.study.levels import Level, error_laws, expected_seconds
+from lcmchain.study.outcome import Outcome
+from lcmchain.study.runs import Progress, Study, Workers
+from lcmchain.study.scene_text import SceneText
+from lcmchain.study.step_settings import (
+    AS_IT_IS,
+    SOFTER_FIBRES,
+    Candidate,
+    StepSettings,
+    cheaper_rungs,
+    inertia_trials,
+    slower,
+)
+from lcmchain.study.variant import Variant
+from lcmchain.study.wish import Wish
+
+#: Elements along the edge of a square as large as the blank, of the pilots; even numbers, so that
+#: the middle of a symmetric blank is a node. Coarser ones follow no order.
+PILOTS = (20, 28, 40)
+#: Elements along the edge grow by these factors at least and at most from one pilot to the next.
+LEAST_RATIO, PILOT_RATIO = 1.15, math.sqrt(2.0)
+#: Pilots in all, and how much finer than the finest of them a mesh may be that they speak of: two
+#: meshes alone only tell whether one of them will do.
+MOST_PILOTS = 6
+FARTHEST, FARTHEST_OF_TWO = 2.0, 1.05
+#: A pilot takes a third of the time of the run at most, so its edges are longer by this factor.
+COARSER = 1.45
+#: Of a budget, or of the run they are for, so much goes into pilots that are not always made.
+PILOT_SHARE = 0.3
+#: Of a budget the first pilot has so many elements along the edge. Settings are tried on pilots
+#: with so many at least.
+QUICK_PILOT, COARSEST_TRIAL = 8, 14
+#: Solver time over h^-q, before pilots tell it.
+COST_POWER = 3.0
+#: Part of a wish that the settings of pilots may be off by.
+PILOTS_OFF = 0.5
+#: A model is tried if that takes less than this part of the run's time.
+RUNG_SHARE = 0.1
+#: Without a budget no run is begun that takes longer than this [s], and this many times the scene.
+LONGEST_RUN, TIMES_THE_SCENE = 600.0, 3.0
+#: A run is repeated at most so often, and with edges shorter by this factor at least.
+MOST_RUNS = 3
+NO_BETTER = 0.95
+
+
+class Chooser:
+    """Chooses the settings of a run by pilots, and judges the run by them.
+
+    Parameters
+    ----------
+    folder : where pilots are kept; those that lie there are not computed again.
+    announce : told in words what is about to be run, and how long that takes.
+    """
+
+    def __init__(
+        self,
+        text: SceneText,
+        folder: Path,
+        wish: Wish,
+        *,
+        threads: int | None = None,
+        progress: Progress | None = None,
+        announce: Callable[[str], None] | None = None,
+    ) -> None:
+        self.text, self.wish, self.progress = text, wish, progress
+        self.announce = announce or (lambda _: None)
+        self.scene = text.scene()
+        self.study = Study(text, folder, Workers(1, threads))
+        self.levels: list[Level] = []
+        self.candidates = [Candidate(AS_IT_IS)]
+        self.pilots_as = Candidate(AS_IT_IS)
+        self.tried_at = math.inf
+        self.pilots: dict[tuple[float, StepSettings], Outcome] = {}
+        self.run_seconds = 0.0
+
+    @property
+    def pilot_seconds(self) -> float:
+        """Solver time of all pilots [s]."""
+        return sum(outcome.seconds for outcome in self.pilots.values())
+
+    def run(self, make: Callable[[Choice], Outcome]) -> Choice:
+        """Run pilots, then the scene by ``make`` until the wish is kept; return the last choice.
+
+        Parameters
+        ----------
+        make : makes the run that was chosen (:meth:`scene_of`, :meth:`variant_of`).
+
+        Raises
+        ------
+        InputError : no pilot gave a result, or the wish takes far longer than the scene and no
+            budget allows it.
+        """
+        self._run_pilots()
+        choice = self._choice()
+        for _ in range(MOST_RUNS):
+            self._announce(choice)
+            outcome = make(choice)
+            self.run_seconds += outcome.seconds
+            self._judge(choice, outcome)
+            if choice.kept or self.wish.budget is not None:
+                break
+            better = self._choice()
+            if better.edge_length > NO_BETTER * choice.edge_length or self._too_long(better):
+                break
+            better.notes.append(f"edges of {mm(choice.edge_length)} missed the wish")
+            choice = better
+        return choice
+
+    # --- pilots -----------------------------------------------------------------------------------
+
+    def _run_pilots(self) -> None:
+        """Run coarse meshes, and on one of them cheaper settings."""
+        failure = ""
+        for edge in self._pilot_edges():
+            outcome = self._pilot(edge, self.pilots_as.settings)
+            failure = outcome.failure or failure
+            if outcome.failure:
+                continue
+            tries = self.wish.errors and not math.isfinite(self.tried_at)
+            if tries and edge <= 1.001 * self._size / COARSEST_TRIAL:
+                self._try_settings(edge)
+                outcome = self._pilot(edge, self.pilots_as.settings)
+            self._add(edge, outcome, self.pilots_as)
+        if not self.levels:
+            raise InputError(
+                f"no coarse mesh of the scene could be formed to choose from ({failure}); run it "
+                "without --within and --budget"
+            )
+        if self.wish.errors and len(self.levels) > 1:
+            if self.wish.budget is None:
+                self._refine_pilots()
+            self._try_settings_again()
+            self._try_models()
+
+    def _pilot_edges(self) -> Iterator[float]:
+        """Yield the edge lengths of the first pilots [m], two that give a result.
+
+        Of a budget no more than its part is used: what time allows is found by a first and coarse
+        one, then the two finest that fit follow.
+        """
+        if self.wish.budget is None:
+            for count in PILOTS:
+                if len(self.levels) < 2:
+                    yield self._size / count
+            return
+        first = self._size / QUICK_PILOT
+        yield first
+        seconds = self.pilot_seconds
+        left = PILOT_SHARE * self.wish.budget - seconds
+        part = 1.0 + PILOT_RATIO**-COST_POWER  # of both, by the finer one
+        finest = first * (part * seconds / left) ** (1.0 / COST_POWER) if left > 0.0 else first
+        finest = max(finest, self._size / PILOTS[-1])
+        if finest * PILOT_RATIO < first / PILOT_RATIO:
+            yield finest * PILOT_RATIO
+        if finest < first / PILOT_RATIO:
+            yield finest
+
+    def _refine_pilots(self) -> None:
+        """Run finer pilots as long as the mesh that the wish needs lies far from all of them."""
+        while len(self.levels) < MOST_PILOTS:
+            finest, needed = self.levels[-1].edge, self._choice().edge_length
+            farthest = FARTHEST if len(self.levels) > 2 else FARTHEST_OF_TWO
+            if needed * farthest > finest:
+                return
+            halves = 0.5 * self._size / max(needed * COARSER, finest / PILOT_RATIO)
+            least = 0.5 * LEAST_RATIO * self._size / finest
+            edge = 0.5 * self._size / round(max(halves, least))
+            outcome = self._pilot(edge, self.pilots_as.settings)
+            if outcome.failure:
+                return
+            self._add(edge, outcome, self.pilots_as)
+
+    def _pilot(self, edge: float, settings: StepSettings) -> Outcome:
+        """Return the outcome of a pilot; its time counts once.
+
+        Raises
+        ------
+        InputError : the scene refuses the settings.
+        """
+        if (edge, settings) not in self.pilots:
+            name = ", ".join([f"pilot {mm(edge)}", *settings.in_words()])
+            overrides = self._overrides(edge, settings)
+            variant = Variant(name, "pilot", overrides, edge, settings.model or None)
+            self.pilots[edge, settings] = self.study.outcome(variant, self.progress)
+        return self.pilots[edge, settings]
+
+    def _add(self, edge: float, outcome: Outcome, made_as: Candidate) -> None:
+        """Take a run for what is known of its mesh, in place of an earlier one of about it."""
+        others = [level for level in self.levels if not self._same_mesh(level.edge, edge)]
+        level = Level(edge, outcome.seconds / made_as.cost, outcome, made_as.errors)
+        self.levels = sorted([*others, level], key=lambda level: -level.edge)
+
+    @staticmethod
+    def _same_mesh(edge: float, other: float) -> bool:
+        """Tell whether two edge lengths are about the same."""
+        return NO_BETTER < edge / other < 1.0 / NO_BETTER
+
+    # --- settings ---------------------------------------------------------------------------------
+
+    def _try_settings(self, edge: float) -> None:
+        """Measure on a mesh what added mass and softer fibres change, and what they save."""
+        self.tried_at = edge
+        plain = self._pilot(edge, AS_IT_IS)
+        fastest = next(
+            (trial for trial in inertia_trials(self.scene) if not self._pilot(edge, trial).failure),
+            None,
+        )
+        self.candidates = [Candidate(AS_IT_IS)]
+        base = AS_IT_IS
+        if fastest is not None:
+            outcome = self._pilot(edge, fastest)
+            off = self._off(outcome, plain)
+            # what goes with the speed, by how much faster the trial was
+            own = {name: error / (fastest.speed - 1.0) for name, error in off.items()}
+            # the time goes with one over the speed, as far as the fibre wave limits the step
+            power = math.log(outcome.seconds / plain.seconds) / math.log(fastest.speed)
+            self.candidates = [
+                Candidate(
+                    settings,
+                    {name: settings.speed * error for name, error in own.items()},
+                    settings.speed ** min(power, 0.0) if settings.speed > 1.0 else settings.time,
+                )
+                for settings in (*inertia_trials(self.scene), AS_IT_IS, *slower(self.scene))
+            ]
+            self.candidates = [c for c in self.candidates if c.settings.speed <= fastest.speed]
+            if all(error <= PILOTS_OFF * self.wish.errors[name] for name, error in off.items()):
+                base = fastest
+        self.pilots_as = next(c for c in self.candidates if c.settings == base)
+        self._try_fibres(edge, base)
+
+    def _try_fibres(self, edge: float, base: StepSettings) -> None:
+        """Measure what softer fibres change on top of other settings; add what comes of both."""
+        if self.scene.process.fibre_modulus_factor != 1.0:
+            return
+        before, soft = self._pilot(edge, base), replace(base, fibres=SOFTER_FIBRES)
+        try:
+            outcome = self._pilot(edge, soft)
+        except InputError:  # a law without fibres
+            return
+        strain = outcome.numbers.get("fibre_strain_max", math.inf)
+        if outcome.failure or strain > self.scene.process.fibre_strain_allowed:
+            return
+        off, cost = self._off(outcome, before), outcome.seconds / before.seconds
+        self.candidates += [_with(c, replace(c.settings, fibres=SOFTER_FIBRES), off, cost)
+                            for c in self.candidates]  # fmt: skip
+
+    def _try_settings_again(self) -> None:
+        """Measure settings on the finest pilot as well, where that costs little beside the run.
+
+        Coarse meshes react to them more than fine ones, which may keep cheap ones from being taken.
+        """
+        finest, choice = self.levels[-1], self._choice()
+        if finest.edge > NO_BETTER * self.tried_at:
+            return
+        cheapest = min(candidate.cost for candidate in self.candidates)
+        chosen = next(c for c in self.candidates if c.settings == choice.settings)
+        if chosen.cost > cheapest and finest.seconds < PILOT_SHARE * choice.run_seconds:
+            pilots_as = self.pilots_as
+            if not self._pilot(finest.edge, AS_IT_IS).failure:
+                self._try_settings(finest.edge)
+                self.pilots_as = pilots_as  # what the other levels were run with
+
+    def _try_models(self) -> None:
+        """Measure what cheaper rungs of the model ladder change that leave out nothing of a scene.
+
+        The net of fibres takes milliseconds and is tried on the finest pilot; others on the
+        coarsest one, where that costs little beside the run.
+        """
+        if self.text.model is not None:
+            return
+        for rung in cheaper_rungs(self.scene, self.wish.errors):
+            settings = StepSettings(model=rung)
+            level, laid = self.levels[0], rung == "kinematic"
+            if laid:
+                level = self.levels[-1]
+            elif level.seconds > RUNG_SHARE * self._choice().run_seconds:
+                continue
+            try:
+                if self.text.scene((), rung).source.left_out:
+                    continue
+                outcome = self._pilot(level.edge, settings)
+            except InputError:  # not every rung knows the law, or has a tool to drape on
+                continue
+            if not outcome.failure:
+                off = self._off(outcome, level.outcome)
+                cost = outcome.seconds / level.seconds
+                self.candidates.append(Candidate(settings, off, cost))
+
+    def _off(self, outcome: Outcome, other: Outcome) -> dict[str, float]:
+        """Return what two runs differ by in what is wished for, where both have it."""
+        found = differences(outcome, other)
+        off = {name: found[name].typical for name in self.wish.errors}
+        return {name: error for name, error in off.items() if math.isfinite(error)}
+
+    # --- the choice -------------------------------------------------------------------------------
+
+    def _choice(self) -> Choice:
+        """Return what keeps the wish by what is known so far."""
+        spent = self.pilot_seconds + self.run_seconds
+        left = None if self.wish.budget is None else self.wish.budget - spent
+        known = Knowledge(self.levels, error_laws(self.levels), left)
+        choice, worst = choose(self.wish, self.candidates, known)
+        finest = self.levels[-1].edge / FARTHEST
+        if len(self.levels) >= MOST_PILOTS and choice.edge_length < finest:
+            choice.notes.append(
+                f"edges of {mm(choice.edge_length)} would be needed, far from any pilot"
+            )
+            choice.edge_length = finest
+        if worst > 1.0 and self.wish.budget is not None:
+            choice.notes.append("the time allows less than the wish needs")
+        choice.pilot_seconds = self.pilot_seconds
+        choice.expected_seconds = spent + choice.run_seconds
+        return choice
+
+    def _too_long(self, choice: Choice) -> bool:
+        """Tell whether a run would take longer than anybody expects who has set no budget."""
+        as_it_is = expected_seconds(self.levels, self.scene.blank.edge_length)
+        longest = max(LONGEST_RUN, TIMES_THE_SCENE * as_it_is)
+        return self.wish.budget is None and choice.run_seconds > longest
+
+    def _announce(self, choice: Choice) -> None:
+        """Say what is about to be run.
+
+        Raises
+        ------
+        InputError : it takes far longer than the scene, and no budget allows that.
+        """
+        if self._too_long(choice):
+            minutes = math.ceil(choice.expected_seconds / 60.0)
+            raise InputError(
+                f"{self.wish.in_words()} would take {choice.settings_in_words()}, and about "
+                f'{minutes} minutes; allow them with --budget "{minutes} min", or wish for less',
+                key="--within",
+            )
+        self.announce(
+            f"Running {choice.settings_in_words()}; about {choice.run_seconds:.2g} s of solver time"
+        )
+
+    def _judge(self, choice: Choice, outcome: Outcome) -> None:
+        """Note in the choice what the run has shown, as one more mesh that is known."""
+        chosen = next(c for c in self.candidates if c.settings == choice.settings)
+        # another model tells nothing of the meshes of this one, and other settings on the mesh of
+        # a pilot no more than that pilot
+        known_mesh = any(self._same_mesh(lv.edge, choice.edge_length) for lv in self.levels)
+        like_pilots = chosen.settings == self.pilots_as.settings
+        if not choice.settings.model and (like_pilots or not known_mesh):
+            self._add(choice.edge_length, outcome, chosen)
+        known = Knowledge(self.levels, error_laws(self.levels))
+        choice.found = known.errors(chosen, choice.edge_length)
+        choice.seconds = self.pilot_seconds + self.run_seconds
+        choice.kept = all(
+            choice.found.get(name, math.inf) <= allowed
+            for name, allowed in self.wish.errors.items()
+        )
+
+    # --- the scene --------------------------------------------------------------------------------
+
+    @property
+    def _size(self) -> float:
+        """Edge of a square as large as the blank [m]."""
+        width, height = self.scene.blank.extent
+        return math.sqrt(width * height)
+
+    def scene_of(self, choice: Choice) -> Scene:
+        """Return the scene with what was chosen, and all of its output."""
+        variant = self.variant_of(choice)
+        return self.text.scene(variant.overrides, variant.model)
+
+    def variant_of(self, choice: Choice) -> Variant:
+        """Return what was chosen as a setting of a study."""
+        edge, settings = choice.edge_length, choice.settings
+        name = ", ".join([mm(edge), *settings.in_words()])
+        overrides = self._overrides(edge, settings)
+        return Variant(name, "chosen", overrides, edge, settings.model or None)
+
+    def _overrides(self, edge: float, settings: StepSettings) -> tuple[str, ...]:
+        """Return what an edge length and settings change of the scene."""
+        return (f'blank.edge_length="{1e3 * edge:.9g} mm"', *settings.overrides(self.scene))
+
+
+def _with(
+    candidate: Candidate, settings: StepSettings, off: dict[str, float], cost: float
+) -> Candidate:
+    """Return a candidate with one more setting, what that is off by and what it takes."""
+    errors = {n: candidate.errors.get(n, 0.0) + error for n, error in off.items()}
+    return Candidate(settings, {**candidate.errors, **errors}, cost * candidate.cost)

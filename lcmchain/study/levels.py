@@ -1,0 +1,90 @@
+"""Meshes of one scene that were run: how errors and time depend on the edge length, by them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
+
+from lcmchain.study.comparison import BY_NAME, differences
+from lcmchain.study.convergence import Convergence, fitted, progress
+from lcmchain.study.outcome import Outcome
+
+#: Meshes that a law is taken from: the finest ones, since coarse ones follow it less.
+COUNTED = 4
+#: Changes that fall by less than this factor from mesh to mesh, at equal refinement, show no
+#: convergence. Their error is taken for this many of them, at refinement by the root of two.
+LEAST_PROGRESS = 1.0
+CHANGES_LEFT = 1.5
+#: Part of the square of a distance that has to be the meshes', where settings differ as well.
+LEAST_OF_MESHES = 0.3
+#: Solver time goes with h^-q, with these q: elements and steps alone make 3.
+COST_POWER, COST_SCATTER = 3.0, 0.5
+
+
+class Level(NamedTuple):
+    """A mesh that was run.
+
+    Parameters
+    ----------
+    edge : its edge length [m]. seconds : solver time of it with the settings of the scene [s].
+    outcome : of the run, whose settings are ``off`` by so much, by quantity.
+    """
+
+    edge: float
+    seconds: float
+    outcome: Outcome
+    off: Mapping[str, float] = MappingProxyType({})
+
+
+def error_laws(levels: Sequence[Level]) -> dict[str, Convergence]:
+    """Return how the errors of all quantities depend on the edge length; the coarsest level first.
+
+    What changes from mesh to mesh by no less than before has the order 0: its error is taken for a
+    multiple of that change on any mesh (Eça, Hoekstra, "A procedure for the estimation of the
+    numerical uncertainty of CFD calculations", J. Comput. Phys. 262 (2014), take the range of the
+    data where no order is seen).
+    """
+    counted = list(levels)[-COUNTED:]
+    if len(counted) < 2:
+        return {}
+    sizes = [level.edge for level in counted]
+    between = {
+        (i, j): differences(counted[i].outcome, counted[j].outcome)
+        for i, j in itertools.combinations(range(len(counted)), 2)
+    }
+    laws = {}
+    for name in BY_NAME:
+        known = {
+            (i, j): _of_meshes(found[name].typical, counted[i], counted[j], name)
+            for (i, j), found in between.items()
+        }
+        steps = [known[i, i + 1] for i in range(len(counted) - 1)]
+        law = fitted(sizes, known)
+        if not math.isfinite(law.order):
+            continue
+        if len(steps) > 1 and progress(sizes[-3:], steps[-2:]) < LEAST_PROGRESS:
+            once = 0.5 * math.log(2.0) / math.log(sizes[-2] / sizes[-1])
+            laws[name] = Convergence(0.0, CHANGES_LEFT * once * steps[-1])
+        else:
+            laws[name] = law
+    return laws
+
+
+def _of_meshes(distance: float, one: Level, other: Level, name: str) -> float:
+    """Return what of a distance is left to the meshes; not a number where settings make most."""
+    settings = one.off.get(name, 0.0) - other.off.get(name, 0.0)
+    left = distance**2 - settings**2
+    return math.sqrt(left) if left > LEAST_OF_MESHES * distance**2 else math.nan
+
+
+def expected_seconds(levels: Sequence[Level], edge: float) -> float:
+    """Return the solver time [s] of the scene with an edge length [m]."""
+    last, power = levels[-1], COST_POWER
+    if len(levels) > 1:
+        before = levels[-2]
+        power = math.log(last.seconds / before.seconds) / math.log(before.edge / last.edge)
+        power = min(max(power, COST_POWER - COST_SCATTER), COST_POWER + COST_SCATTER)
+    return last.seconds * (last.edge / edge) ** power

@@ -1,0 +1,111 @@
+"""How a run is stepped and modelled, other than its mesh: what it costs, and what it is off by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from lcmchain.scene import RUNGS, Scene, rung_of
+
+#: Inertia of the sheet, times its own, and process times, by that of the scene, to choose from.
+MASSES = (16.0, 4.0)
+SHORTER, LONGER = 0.5, (2.0, 4.0)
+#: Modulus of the fibres, by that of the fabric.
+SOFTER_FIBRES = 0.25
+
+
+@dataclass(frozen=True)
+class StepSettings:
+    """Settings of a run beside its mesh.
+
+    Parameters
+    ----------
+    mass : inertia of the sheet over its own; damping falls by the root of it, so that it drags as
+        much as before (``lcmchain docs larger-steps``).
+    fibres : modulus of the fibres over that of the fabric.
+    time : process time over that of the scene.
+    model : rung of the model ladder; empty for that of the scene.
+    """
+
+    mass: float = 1.0
+    fibres: float = 1.0
+    time: float = 1.0
+    model: str = ""
+
+    def overrides(self, scene: Scene) -> tuple[str, ...]:
+        """Return what they change of a scene."""
+        process, changed = scene.process, []
+        if self.mass != 1.0:
+            changed.append(f"process.mass_scaling={{factor = {self.mass:g}}}")
+            damping = process.mass_damping / math.sqrt(self.mass)
+            if damping > 0.0:
+                changed.append(f'process.mass_damping="{damping:.9g} 1/s"')
+        if self.fibres != 1.0:
+            changed.append(f"process.fibre_modulus_factor={self.fibres:g}")
+        if self.time != 1.0:
+            changed.append(f'process.time="{1e3 * self.time * process.time:.9g} ms"')
+        return tuple(changed)
+
+    @property
+    def speed(self) -> float:
+        """How fast the process is for the inertia of the sheet, over that of the scene.
+
+        n times the mass is to a sheet what a process shorter by the root of n is.
+        """
+        return math.sqrt(self.mass) / self.time
+
+    def in_words(self) -> list[str]:
+        """Name what differs from the scene."""
+        told = [f"the {self.model} model"] if self.model else []
+        if self.mass != 1.0:
+            told.append(f"{self.mass:g} times the inertia")
+        if self.fibres != 1.0:
+            told.append(f"{self.fibres:g} of the fibre modulus")
+        if self.time != 1.0:
+            told.append(f"{self.time:g} times the process time")
+        return told
+
+
+AS_IT_IS = StepSettings()
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Settings with what they are off by on any mesh, by quantity, and their time over the scene's.
+
+    ``errors`` are distances from a slow process with all else as it is.
+    """
+
+    settings: StepSettings
+    errors: Mapping[str, float] = field(default_factory=dict)
+    cost: float = 1.0
+
+
+def inertia_trials(scene: Scene) -> list[StepSettings]:
+    """Return settings that move the sheet faster than the scene does, the fastest first.
+
+    A scene with added mass of its own keeps it; resin that flows meanwhile has times of its own.
+    """
+    if scene.process.mass_scaling is None:
+        return [StepSettings(mass=mass) for mass in MASSES]
+    return [] if scene.wet_forming is not None else [StepSettings(time=SHORTER)]
+
+
+def slower(scene: Scene) -> list[StepSettings]:
+    """Return settings that move the sheet more slowly than the scene does."""
+    if scene.wet_forming is not None:
+        return []
+    return [StepSettings(time=factor) for factor in LONGER]
+
+
+def cheaper_rungs(scene: Scene, quantities: Mapping[str, float]) -> Iterator[str]:
+    """Yield the rungs below that of the scene that predict these quantities, the cheapest first."""
+    rungs = list(RUNGS)
+    for name in rungs[: rungs.index(rung_of(scene))]:
+        element = RUNGS[name]
+        if not element.has_thickness and {"thickness", "fibre_volume_fraction"} & set(quantities):
+            continue
+        if not element.has_forces and {"punch_force", "forming_work"} & set(quantities):
+            continue
+        yield name
