@@ -7,26 +7,38 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import Any
 
-import KratosMultiphysics as Kratos  # type: ignore[import-untyped]
-import KratosMultiphysics.StructuralMechanicsApplication as Structural  # type: ignore[import-untyped]
 import numpy as np
 
 from lcmchain.bench.peers.plate import DENSITY, POISSON_RATIO, YOUNG_MODULUS
 
 NODAL = (
-    Kratos.DISPLACEMENT, Kratos.REACTION, Kratos.VELOCITY, Kratos.ACCELERATION,
-    Kratos.VOLUME_ACCELERATION, Kratos.FORCE_RESIDUAL, Kratos.NODAL_MASS,
-    Structural.MIDDLE_VELOCITY,
+    "DISPLACEMENT", "REACTION", "VELOCITY", "ACCELERATION", "VOLUME_ACCELERATION",
+    "FORCE_RESIDUAL", "NODAL_MASS",
 )  # fmt: skip
 # Corners of a hexahedron that make two prisms.
 PRISMS = ((0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7))
 
 
-def model_part(model, element, nodes, elements, velocity):
-    """Return the plate at rest in its shape, with its velocity."""
+def kratos() -> tuple[Any, Any]:
+    """Return Kratos and its application for structures, which need not be installed."""
+    import KratosMultiphysics
+    import KratosMultiphysics.StructuralMechanicsApplication as Structural
+
+    return KratosMultiphysics, Structural
+
+
+def model_part(
+    model: Any, element: str, nodes: np.ndarray, elements: np.ndarray, velocity: np.ndarray
+) -> Any:
+    """Return the plate at rest in its shape, with its velocity.
+
+    nodes : (node_count, 3) [m]; elements : (element_count, 8); velocity : as nodes [m/s].
+    """
+    Kratos, Structural = kratos()
     part = model.CreateModelPart("plate")
-    for variable in NODAL:
+    for variable in (*(getattr(Kratos, name) for name in NODAL), Structural.MIDDLE_VELOCITY):
         part.AddNodalSolutionStepVariable(variable)
     part.SetBufferSize(2)
     part.ProcessInfo[Kratos.DOMAIN_SIZE] = 3
@@ -55,7 +67,9 @@ def model_part(model, element, nodes, elements, velocity):
     return part
 
 
-def main(element, given, found):
+def main(element: str, given: str, found: str) -> None:
+    """Compute the steps that the file ``given`` asks for, and write what came of them."""
+    Kratos, Structural = kratos()
     Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
     plate = np.load(given)
     model, step = Kratos.Model(), float(plate["step"])
