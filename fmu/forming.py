@@ -45,7 +45,6 @@ from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene, read_scene
 from lcmchain.solver.simulation import Simulation, Snapshot
-from lcmchain.threads import use_threads
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 
 # A tool may go back to the motion of the scene where its travel is that of the scene [m].
@@ -169,27 +168,31 @@ class FormingPart(Part):
 
     def build(self) -> None:
         """Build and compile the simulation of the scene with the values that the master has set."""
-        threads = use_threads(int(self.values.number("threads")) or None)
         values = {p.variable.name: self.values.number(p.variable.name) for p in self._parameters}
         changed = overrides(self._parameters, values)
         scene = self._built_scene
         if changed:
             scene = read_scene(self._path, [*self._given, *changed])
         model = build_model(scene, pore_pressure=True) if self._has_pores else build_model(scene)
+        simulation = Simulation(model)
+        self.scene, self.simulation = scene, simulation
+        threads = self.use_threads()
         self.say(
-            f"{scene.title}, {model.element_count} elements, {threads} threads; compiling or "
+            f"{scene.title}, {self.element_count} elements, {threads} threads; compiling or "
             "loading the compiled loops (about a minute the first time, then less than a second)",
             aloud=True,
         )
-        simulation = Simulation(model)
         simulation.compile()
-        self.scene, self.simulation = scene, simulation
         self.wet = None
         if self._has_pores:
             self.wet = ExplicitForming(simulation, surroundings=surroundings_of(scene))
         self.critical_step = simulation.critical_step()
         self.frames, self.step = (), 0.0
         self.before = simulation.state.position.copy()
+
+    @property
+    def element_count(self) -> int | None:
+        return self.simulation.model.element_count
 
     def begin(self) -> None:
         """Check where the results go, and save the start."""

@@ -49,7 +49,6 @@ from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.scene import read_scene
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.infiltration_file import read_infiltration
-from lcmchain.threads import use_threads
 
 #: Folder of the formed part in the resources, by :mod:`lcmchain.fmu.infiltration_build`.
 PART_FOLDER = "part"
@@ -136,7 +135,7 @@ class InfiltrationPart(Part):
 
     def build(self) -> None:
         """Make the filling at its start, and compile what it needs."""
-        threads = use_threads(int(self.values.number("threads")) or None)
+        threads = self.use_threads()
         mesh = self.setup.mesh
         self.say(
             f"{self.name}, {mesh.cell_count} cells, {mesh.node_count} nodes, {threads} threads; "

@@ -11,6 +11,7 @@ from lcmchain.fmu.messages import Messages
 from lcmchain.fmu.saved_state import PartState
 from lcmchain.fmu.values import Values
 from lcmchain.fmu.variables import Variable
+from lcmchain.threads import use_threads
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,15 @@ class Part(ABC):
     def attach(self, values: Values, say: Messages) -> None:
         """Take the values of the instance, and where messages go."""
         self.values, self.say = values, say
+
+    @property
+    def element_count(self) -> int | None:
+        """Elements of the mesh, where a small one decides that further threads do not pay."""
+        return None
+
+    def use_threads(self) -> int:
+        """Set the threads of the compiled loops to what the master asks for; return how many."""
+        return use_threads(int(self.values.number("threads")), self.element_count)
 
     @abstractmethod
     def build(self) -> None:

@@ -23,7 +23,6 @@ from lcmchain.fmu.saved_state import PartState, SavedState
 from lcmchain.fmu.status import Phase, Refused, Status, StepOutcome
 from lcmchain.fmu.values import Values
 from lcmchain.fmu.variables import Kind, Variable
-from lcmchain.threads import use_threads
 
 # A master that sums up its steps drifts from ours by rounding, relative to the experiment's length.
 CLOCK_TOLERANCE = 1e-9
@@ -116,7 +115,7 @@ class Unit:
             return self._discard(f"the step from {time:.9g} s by {size:.9g} s: {obstacle}")
         before = self.part.capture()
         try:
-            use_threads(int(self.values.number("threads")) or None)
+            self.part.use_threads()
             self.part.target = time + size - (self._start_time or 0.0)
             self._advance(size)
         except BaseException as error:

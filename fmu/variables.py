@@ -145,7 +145,8 @@ COMMON_PARAMETERS = (
         Kind.INTEGER,
         "parameter",
         "fixed",
-        "threads of the compiled loops, 0 = all cores; the results do not depend on it",
+        "threads of the compiled loops, 0 = all cores, or one for a small mesh; the results do not "
+        "depend on it",
         start=0,
         minimum=0,
     ),

@@ -88,7 +88,12 @@ def run(
     out: OutFolder = None,
     threads: Annotated[
         int | None,
-        typer.Option("--threads", min=1, metavar="N", help="Number of threads; default all cores."),
+        typer.Option(
+            "--threads",
+            min=1,
+            metavar="N",
+            help="Number of threads; default all cores, one for a small mesh.",
+        ),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the last checkpoint in DIR.")
@@ -274,6 +279,9 @@ def bench(
     sizes: Annotated[
         bool, typer.Option("--sizes", help="Of free plates, over the number of elements.")
     ] = False,
+    effects: Annotated[
+        bool, typer.Option("--effects", help="Of a step with each effect and without it.")
+    ] = False,
     peers: Annotated[
         bool, typer.Option("--peers", help="Beside CalculiX and Kratos, where they are installed.")
     ] = False,
@@ -297,6 +305,11 @@ def bench(
         from lcmchain.mapping.benchmark import run_mapping_bench
 
         console().print(run_mapping_bench())
+        return
+    if effects:
+        from lcmchain.bench import run_effect_bench
+
+        console().print(run_effect_bench(json_file))
         return
     if peers:
         from lcmchain.bench.peers import run_peer_bench

@@ -69,7 +69,8 @@ def run(
     ----------
     scene : from :func:`lcmchain.read_scene`.
     out : folder of the results, made if it does not exist.
-    threads : of the compiled loops, all cores by default; the fields do not depend on it.
+    threads : of the compiled loops, by default all cores, but one where the mesh is small; the
+        fields do not depend on it.
     resume : go on from the checkpoint in ``out``; the result is that of an uninterrupted run.
     progress : called with (completed, total, text).
 
@@ -84,14 +85,13 @@ def run(
     OutputError : a file could not be written; earlier checkpoints are whole.
     """
     folder = Path(out)
-    thread_count = use_threads(threads)
     require_readable_targets(scene)
     require_free_names(scene)
     with ResultsFolder.locked(folder, input_files(scene)) as results:
         results.require_apart(expected_files(scene))
         account = RunAccount(folder, scene.process.time, progress)
         kind = _Job if scene.element.has_forces else _DrapingJob
-        job = kind(scene, results, thread_count, account, resume=resume)
+        job = kind(scene, results, threads, account, resume=resume)
         checkpoint = job.checkpoint() if resume else None
         job.build()
         results.begin(resume=resume)
@@ -114,13 +114,14 @@ class _Job:
         self,
         scene: Scene,
         results: ResultsFolder,
-        threads: int,
+        threads: int | None,
         account: RunAccount,
         *,
         resume: bool,
     ) -> None:
         self.scene, self.folder, self.results = scene, results.path, results
-        self.threads, self.resume = threads, resume
+        self.threads, self.resume = use_threads(threads), resume
+        self._threads_wanted = threads
         self.account, self.tell, self.summary = account, account.tell, account.summary
         self.fingerprint = run_fingerprint(scene)
         self.result: Result
@@ -143,6 +144,7 @@ class _Job:
         self.tell(0.0, "building the model")
         self.simulation, tool_warnings = _build_simulation(self.scene)
         model = self.simulation.model
+        self.threads = use_threads(self._threads_wanted, model.element_count)
         require_frames_fit(self.scene.process.frames, model)
         blank = model.blank
         if not blank.has_thickness:  # the tools meet the faces of the sheet, whatever its elements

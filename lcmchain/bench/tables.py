@@ -15,6 +15,9 @@ from lcmchain.bench import hemisphere, sizes
 from lcmchain.bench.machine import Machine, measure_machine
 from lcmchain.bench.measure import REPETITIONS, Measurement
 from lcmchain.bench.sizes import Plate
+from lcmchain.check.effect_cost import cost_table, measure_effects, record_effect_parts
+from lcmchain.model import build_model
+from lcmchain.scene import scene_from_text
 
 
 def run_bench(json_file: Path | None = None) -> Table:
@@ -40,6 +43,23 @@ def run_size_bench(json_file: Path | None = None) -> Table:
         }
         write_figures(json_file, figures)
     return size_table(machine, plates)
+
+
+def run_effect_bench(json_file: Path | None = None) -> Table:
+    """Measure what each effect of the hemisphere costs; return what ``bench --effects`` prints.
+
+    The parts are kept for later checks of such scenes.
+    """
+    scene = scene_from_text(hemisphere.SCENE)
+    costs = measure_effects(scene, at=hemisphere.MID_STROKE / scene.process.time)
+    record_effect_parts(build_model(scene), {cost.effect.name: cost.part for cost in costs})
+    if json_file is not None:
+        figures = {
+            cost.effect.name: {"with": 1e6 * cost.with_it, "without": 1e6 * cost.without_it}
+            for cost in costs
+        }
+        write_figures(json_file, {"effects": figures})
+    return cost_table(costs)
 
 
 def write_figures(file: Path, figures: dict[str, Any]) -> None:

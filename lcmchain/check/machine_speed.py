@@ -18,7 +18,7 @@ from lcmchain.atomic import replacing
 from lcmchain.compile_cache import processor
 from lcmchain.errors import InputError, OutputError
 from lcmchain.model import Model
-from lcmchain.threads import thread_count
+from lcmchain.threads import worthwhile_threads
 
 #: Time per element and step that is assumed without a measurement, on one core.
 ASSUMED = {"solid-shell": 0.12e-6, "curved solid-shell": 0.17e-6, "membrane-shell": 0.05e-6,
@@ -41,7 +41,7 @@ class Speed(NamedTuple):
 
 def machine_speed(model: Model) -> Speed:
     """Return the time that the last runs of such a model took here, else what is assumed."""
-    threads = thread_count()
+    threads = worthwhile_threads(model.element_count)
     measured = kept_numbers(FILE).get(speed_key(model, threads))
     if measured:
         threads_used = f"{threads} thread{'s' if threads > 1 else ''}"

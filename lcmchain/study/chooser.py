@@ -184,10 +184,12 @@ class Chooser:
     def _refine_pilots(self) -> None:
         """Run finer pilots as long as the mesh that the wish needs lies far from all of them."""
         while len(self.levels) < MOST_PILOTS:
-            finest, needed = self.levels[-1].edge, self._choice().edge_length
-            farthest = FARTHEST if len(self.levels) > 2 else FARTHEST_OF_TWO
-            if needed * farthest > finest:
+            choice, finest = self._choice(), self.levels[-1].edge
+            needed, tell_an_order = choice.edge_length, len(self.levels) > 2
+            if needed * (FARTHEST if tell_an_order else FARTHEST_OF_TWO) > finest:
                 return
+            if tell_an_order and self._too_long(choice):
+                return  # a wish that is refused is refused before it has cost minutes
             halves = 0.5 * self._size / max(needed * COARSER, finest / PILOT_RATIO)
             least = 0.5 * LEAST_RATIO * self._size / finest
             edge = 0.5 * self._size / round(max(halves, least))

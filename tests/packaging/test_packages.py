@@ -31,6 +31,7 @@ RANK_OF_CORE = {
     "fingerprint": 0,
     "jit": 0,
     "dispatch": 0,
+    "self_contained": 0,
     "threads": 0,
     "thresholds": 0,
     "vector_width": 0,

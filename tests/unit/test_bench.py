@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from lcmchain.bench import machine, sizes, tables
+from lcmchain.check.effect_cost import EffectCost
+from lcmchain.effects.switches import Switchable
 
 
 @pytest.fixture
@@ -29,6 +31,18 @@ def test_plates_in_the_table_and_as_json(small, tmp_path):
     for plate, count in zip(figures["plates"], (100, 225), strict=True):
         assert plate["element_count"] == count
         assert plate["ratio"] == pytest.approx(plate["step"]["median"] / plate["kernel"]["median"])
+
+
+def test_costs_of_effects_in_the_table_and_as_json(monkeypatch, tmp_path):
+    kept = {}
+    gravity = EffectCost(Switchable("gravity", "on", ""), 2e-6, 1.5e-6)
+    monkeypatch.setattr(tables, "measure_effects", lambda scene, at: [gravity])
+    monkeypatch.setattr(tables, "record_effect_parts", lambda model, parts: kept.update(parts))
+    table = tables.run_effect_bench(tmp_path / "effects.json")
+    assert list(table.columns[0].cells) == ["gravity"]
+    assert list(table.columns[3].cells) == ["25.0%"] and kept == {"gravity": 0.25}
+    figures = json.loads((tmp_path / "effects.json").read_text(encoding="utf-8"))
+    assert figures["effects"] == {"gravity": {"with": 2.0, "without": 1.5}}
 
 
 def test_a_plate_is_free_and_moves():

@@ -238,12 +238,15 @@ def test_bench_prints_its_table(monkeypatch, capsys):
         return lambda json_file: f"{name} to {json_file}"
 
     stand_in(
-        monkeypatch, "lcmchain.bench", run_bench=figures("0.031 us"), run_size_bench=figures("1k")
-    )
+        monkeypatch, "lcmchain.bench", run_bench=figures("0.031 us"), run_size_bench=figures("1k"),
+        run_effect_bench=figures("gravity"),
+    )  # fmt: skip
     assert exit_code("bench") == 0
     assert "0.031 us to None" in capsys.readouterr().out
     assert exit_code("bench", "--sizes", "--json", "speed.json") == 0
     assert "1k to speed.json" in capsys.readouterr().out
+    assert exit_code("bench", "--effects", "--json", "speed.json") == 0
+    assert "gravity to speed.json" in capsys.readouterr().out
 
 
 # --- check ----------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from lcmchain.check import estimate_run, machine_speed
 from lcmchain.check.expected_cost import contact_omega2, omega2_over_time, plate_distance
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
+from lcmchain.threads import worthwhile_threads
 
 PLATES = """
 process = { time = "20 ms", step_safety = 0.9 }
@@ -73,7 +74,7 @@ def test_speed_is_that_of_the_fastest_of_the_last_runs_here(monkeypatch, tmp_pat
     model = model_of(PLATES)
     assumed = machine_speed.machine_speed(model)
     assert assumed.source == "assumed"
-    threads = machine_speed.thread_count()
+    threads = worthwhile_threads(model.element_count)
     machine_speed.record_speed(model, threads, 100, 1.0)  # too short to say anything
     assert machine_speed.machine_speed(model) == assumed
     for seconds in (3.0, 2.0, 50.0):

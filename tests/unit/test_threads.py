@@ -1,0 +1,49 @@
+"""How many threads the compiled loops take."""
+
+import pytest
+
+from lcmchain import threads
+from lcmchain.pipeline import run
+from lcmchain.scene import scene_from_text
+
+SQUARE = """
+process = { time = "0.1 ms", frames = 2 }
+blank = { size = ["100 mm", "100 mm"], edge_length = "5 mm", height = "0.5 mm" }
+material = { preset = "MD600" }
+output = { pictures = false }
+
+[[tools]]
+name = "floor"
+shape = { type = "plate", side = "below" }
+position = "0 0 -1 mm"
+"""
+
+
+@pytest.fixture
+def four_cores(monkeypatch):
+    """A machine of four cores; returns the numbers of threads that numba is told."""
+    told = []
+    monkeypatch.setattr(threads, "available_threads", lambda: 4)
+    monkeypatch.setattr("numba.set_num_threads", told.append)
+    return told
+
+
+@pytest.mark.parametrize(
+    ("wanted", "elements", "used"),
+    [(None, 100, 1), (0, 100, 1), (None, 1400, 2), (None, 10**6, 4), (None, None, 4), (0, None, 4),
+     (3, 100, 3), (9, 100, 4)],
+)  # fmt: skip
+def test_a_small_mesh_takes_fewer_threads_unless_told_else(four_cores, wanted, elements, used):
+    assert threads.use_threads(wanted, elements) == used
+    assert four_cores == [used]
+
+
+def test_a_run_takes_as_many_threads_as_its_mesh_is_worth(tmp_path):
+    small = scene_from_text(SQUARE)
+    assert run(small, tmp_path / "small").summary["threads"] == 1
+    told = run(small, tmp_path / "told", threads=threads.available_threads())
+    assert told.summary["threads"] == told.summary["provenance"]["threads"]
+    assert told.summary["threads"] == threads.available_threads()
+    large = scene_from_text(SQUARE, overrides=["blank.edge_length=2.5 mm"])
+    most = min(2, threads.available_threads())  # of 1,600 elements
+    assert run(large, tmp_path / "large").summary["threads"] == most
