@@ -279,6 +279,7 @@ def bench(
     sizes: Annotated[
         bool, typer.Option("--sizes", help="Of free plates, over the number of elements.")
     ] = False,
+    parts: Annotated[bool, typer.Option("--parts", help="Of each part of a step alone.")] = False,
     effects: Annotated[
         bool, typer.Option("--effects", help="Of a step with each effect and without it.")
     ] = False,
@@ -305,6 +306,11 @@ def bench(
         from lcmchain.mapping.benchmark import run_mapping_bench
 
         console().print(run_mapping_bench())
+        return
+    if parts:
+        from lcmchain.bench import run_part_bench
+
+        console().print(run_part_bench(json_file))
         return
     if effects:
         from lcmchain.bench import run_effect_bench

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcmchain.bench.measure import Measurement, kernel_work, measure
+from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 
@@ -38,22 +39,31 @@ position = "0 0 -1 m"
 
 @dataclass(frozen=True)
 class Plate:
-    """Kernel and whole step of one plate on so many threads."""
+    """Kernel and whole step of one plate on so many threads.
+
+    traffic : bytes that a step moves at least per element (:func:`least_traffic`).
+    """
 
     element_count: int
     kernel: Measurement
     step: Measurement
+    traffic: float
 
     @property
     def ratio(self) -> float:
         """Whole step over kernel."""
         return self.step.median / self.kernel.median
 
+    @property
+    def bandwidth(self) -> float:
+        """Rate at which the least traffic of a step is moved [GB/s]."""
+        return 1e-3 * self.traffic / self.step.median
 
-def free_plate(element_count: int) -> Simulation:
-    """Return a plate of about so many elements, in motion."""
+
+def free_plate(element_count: int, *overrides: str) -> Simulation:
+    """Return a plate of about so many elements, in motion; ``overrides`` change its scene."""
     edge = 1e3 * SIDE / round(math.sqrt(element_count))
-    scene = scene_from_text(SCENE, overrides=(f"blank.edge_length={edge:.9g} mm",))
+    scene = scene_from_text(SCENE, overrides=(f"blank.edge_length={edge:.9g} mm", *overrides))
     simulation = Simulation.from_scene(scene)
     velocity = np.random.default_rng(0).uniform(-SPEED, SPEED, simulation.state.velocity.shape)
     simulation.set_velocity(velocity)
@@ -89,4 +99,25 @@ def measured_plate(simulation: Simulation, chunks: int, threads: int | None) -> 
         count,
         measure(f"element kernel, {name}", threads, count * steps, kernel, REPETITIONS),
         measure(f"whole step, {name}", threads, count * steps, work, REPETITIONS),
+        least_traffic(simulation) / count,
     )
+
+
+def least_traffic(simulation: Simulation) -> float:
+    """Return the bytes that a step of a free plate moves: what each loop reads, and what it writes.
+
+    What another loop has left in a cache makes it less; it is more where a line of memory is read
+    before it is written. The elements of a regular plate share their constants, which count for
+    nothing.
+    """
+    model = simulation.model
+    nodes, body, fibres = model.nodes, model.body.data, model.fibre_bending
+    way, forces = simulation.state.position.nbytes, 8 * model.corner_force_size
+    by_elements = way + body.corner_node.nbytes + forces
+    by_nodes = forces + nodes.force_slot.nbytes + nodes.mass.nbytes + nodes.inverse_mass.nbytes
+    by_nodes += 5 * way  # positions and velocities before and after, and the force
+    by_fibres = 0
+    if fibres is not None and fibres.data is not None:
+        rows = 8 * fibres.padded_count
+        by_fibres = way + fibres.data.indices.nbytes + 3 * (MIDDLE_ROWS + VECTOR_ROWS) * rows
+    return float(by_elements + by_fibres + by_nodes)

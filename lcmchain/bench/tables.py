@@ -14,6 +14,8 @@ from lcmchain.atomic import replacing
 from lcmchain.bench import hemisphere, sizes
 from lcmchain.bench.machine import Machine, measure_machine
 from lcmchain.bench.measure import REPETITIONS, Measurement
+from lcmchain.bench.operations import kernel_operations
+from lcmchain.bench.parts import Parts, measure_parts
 from lcmchain.bench.sizes import Plate
 from lcmchain.check.effect_cost import cost_table, measure_effects, record_effect_parts
 from lcmchain.model import build_model
@@ -36,13 +38,27 @@ def run_bench(json_file: Path | None = None) -> Table:
 def run_size_bench(json_file: Path | None = None) -> Table:
     """Measure free plates and the machine; return the table of ``lcmchain bench --sizes``."""
     machine, plates = measure_machine(), sizes.measure_plates()
+    operations = kernel_operations()
     if json_file is not None:
         figures = {
             "machine": asdict(machine),
-            "plates": [asdict(plate) | {"ratio": plate.ratio} for plate in plates],
+            "kernel_operations": operations,
+            "plates": [
+                asdict(plate) | {"ratio": plate.ratio, "bandwidth": plate.bandwidth}
+                for plate in plates
+            ],
         }
         write_figures(json_file, figures)
-    return size_table(machine, plates)
+    return size_table(machine, operations, plates)
+
+
+def run_part_bench(json_file: Path | None = None) -> Table:
+    """Measure the parts of a step; return the table of ``lcmchain bench --parts``."""
+    found = measure_parts()
+    if json_file is not None:
+        figures = [asdict(m) for m in (*found.parts, found.whole)]
+        write_figures(json_file, {"parts": figures, "between": found.between})
+    return part_table(found)
 
 
 def run_effect_bench(json_file: Path | None = None) -> Table:
@@ -84,20 +100,46 @@ def hemisphere_table(measurements: list[Measurement]) -> Table:
     return table
 
 
-def size_table(machine: Machine, plates: list[Plate]) -> Table:
-    """Return the table of plates over their size."""
+def part_table(found: Parts) -> Table:
+    """Return the table of the parts of a step."""
+    table = Table(
+        title=f"Parts of a step, µs per element, one core, median of {REPETITIONS}",
+        title_justify="left",
+    )
+    table.add_column("part")
+    for column in ("alone", "kernels"):
+        table.add_column(column, justify="right")
+    rows = [(part.name, part.median) for part in found.parts]
+    rows += [("caches, and sending threads to work", found.between)]
+    rows += [(found.whole.name, found.whole.median)]
+    for name, time in rows:
+        table.add_row(name, f"{time:.4f}", f"{time / found.kernel.median:.2f}")
+    return table
+
+
+def size_table(machine: Machine, operations: int, plates: list[Plate]) -> Table:
+    """Return the table of plates over their size.
+
+    Parameters
+    ----------
+    operations : of the kernel per element.
+    """
     table = Table(
         title=(
             f"Free plates, µs per element and step, median of {sizes.REPETITIONS} "
             f"({platform.machine()}; one core: {machine.arithmetic:.0f} GFLOP/s of fused "
-            f"multiply-adds, {machine.bandwidth:.0f} GB/s)"
+            f"multiply-adds, {machine.bandwidth:.0f} GB/s; the kernel makes {operations} "
+            "operations per element)"
         ),
         title_justify="left",
     )
-    for column in ("elements", "threads", "kernel", "whole step", "ratio"):
+    for column in ("elements", "threads", "kernel", "of peak", "whole step", "GB/s", "ratio"):
         table.add_column(column, justify="right")
     for plate in plates:
-        figures = (f"{m.median:.4f}" for m in (plate.kernel, plate.step))
-        count, threads = str(plate.element_count), str(plate.kernel.threads)
-        table.add_row(count, threads, *figures, f"{plate.ratio:.2f}")
+        of_peak = 1e-3 * operations / (plate.kernel.median * plate.kernel.threads)
+        table.add_row(
+            str(plate.element_count), str(plate.kernel.threads), f"{plate.kernel.median:.4f}",
+            f"{of_peak / machine.arithmetic:.0%}", f"{plate.step.median:.4f}",
+            f"{plate.bandwidth:.1f}", f"{plate.ratio:.2f}",
+        )  # fmt: skip
     return table

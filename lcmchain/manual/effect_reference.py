@@ -31,12 +31,14 @@ gravity = "on"
 An effect of the elements or of pressures that a scene does not have costs nothing: its argument is
 `None`, or its law a class without it, and the compiler removes the code; its arrays have no entries
 (`pytest tests/effects/test_switches.py tests/effects/test_effect_cost.py`). Weight and damping are
-made with zeros where they are off, and friction is a test for each run of nodes in contact.
+made with zeros where they are off, and friction is a test for each span of nodes in contact.
+`python examples/without_code/compare.py` times a free plate against sources from which the code of
+all that it does not have is deleted ([Speed](speed.md#effects)).
 
-From Python, `lcmchain.effects.switches.switchable_effects(scene)` lists what the other setting
-would change, and `lcmchain.check.effect_cost.measure_effects(scene)` measures the part of a step's
-time that goes with each, in turn on the formed sheet; `record_effect_parts` keeps it for later
-checks.
+`lcmchain bench --effects` measures the part of a step's time that goes with each effect of the
+hemisphere, in turn on the formed sheet; `lcmchain study effects SCENE` does it for any scene. From
+Python, `lcmchain.effects.switches.switchable_effects(scene)` lists what the other setting would
+change, and `lcmchain.check.effect_cost.measure_effects(scene)` measures it.
 
 """
 COLUMNS = ("key", "what it adds", "called for by", "off leaves out", "off", "on")

@@ -359,6 +359,11 @@ class Simulation:
         guards.require_passive(self.model, self.state)
         return conditions
 
+    @property
+    def arrays(self) -> Any:
+        """What the compiled loops read and write, as long as no other state is restored."""
+        return self._arrays
+
     def _bind(self) -> None:
         self._before = self.state.copy()
         self._scratch = Scratch.zeros(self.model)

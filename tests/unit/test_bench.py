@@ -1,13 +1,16 @@
 """What ``lcmchain bench`` measures, on meshes and arrays too small to say anything about speed."""
 
 import json
+import platform
 
 import numpy as np
 import pytest
 
-from lcmchain.bench import machine, sizes, tables
+from lcmchain.bench import hemisphere, machine, operations, parts, sizes, tables
 from lcmchain.check.effect_cost import EffectCost
 from lcmchain.effects.switches import Switchable
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
 
 
 @pytest.fixture
@@ -19,6 +22,7 @@ def small(monkeypatch):
     monkeypatch.setattr(sizes, "REPETITIONS", 2)
     plates = sizes.measure_plates
     monkeypatch.setattr(sizes, "measure_plates", lambda: plates((100, 225), threads=(1,)))
+    monkeypatch.setattr(tables, "kernel_operations", lambda: 1000)
 
 
 def test_plates_in_the_table_and_as_json(small, tmp_path):
@@ -30,7 +34,53 @@ def test_plates_in_the_table_and_as_json(small, tmp_path):
     assert figures["machine"]["arithmetic"] > 0.0 and figures["machine"]["bandwidth"] > 0.0
     for plate, count in zip(figures["plates"], (100, 225), strict=True):
         assert plate["element_count"] == count
+        assert figures["kernel_operations"] == 1000
+        assert plate["bandwidth"] == pytest.approx(plate["traffic"] / plate["step"]["median"] / 1e3)
         assert plate["ratio"] == pytest.approx(plate["step"]["median"] / plate["kernel"]["median"])
+
+
+def test_operations_are_those_of_single_numbers():
+    code = """
+        vfmadd231sd %xmm1, %xmm2, %xmm3
+        vaddsd (%rax), %xmm1, %xmm1
+        vmovsd %xmm1, (%rax)
+        vdivsd %xmm1, %xmm2, %xmm3
+        vmulpd %zmm1, %zmm2, %zmm3
+    """
+    assert operations.counted(code) == 4
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="counts code of x86")
+def test_the_kernel_makes_about_a_thousand_operations():
+    # once per element, not once per lane of a block
+    assert 800 < operations.kernel_operations() < 2000
+
+
+def test_the_least_traffic_of_a_plate_is_that_of_its_arrays():
+    """One more element brings two nodes: their arrays, and the corner forces, in and out."""
+    small, large = sizes.free_plate(64**2), sizes.free_plate(128**2)
+    per_element = sizes.least_traffic(large) / large.model.element_count
+    assert per_element == pytest.approx(sizes.least_traffic(small) / 64**2, rel=0.05)
+    # forces of 8 corners and of a middle, out and in; 12 of a node, twice; its indices
+    corners, nodes = 2 * (24 + 3) * 8, 2 * (12 * 3 + 2) * 8
+    assert per_element > corners + nodes
+
+
+def test_parts_of_a_step_in_the_table_and_as_json(monkeypatch, tmp_path):
+    def cup():
+        coarse = scene_from_text(hemisphere.SCENE, overrides=("blank.edge_length=30 mm",))
+        simulation = Simulation.from_scene(coarse)
+        simulation.advance_to(2e-3)
+        return simulation
+
+    monkeypatch.setattr(parts, "at_mid_stroke", cup)
+    table = tables.run_part_bench(tmp_path / "parts.json")
+    figures = json.loads((tmp_path / "parts.json").read_text(encoding="utf-8"))
+    *alone, whole = figures["parts"]
+    assert whole["name"] == "whole step" and len(alone) == 6
+    assert all(part["median"] > 0.0 and part["threads"] == 1 for part in alone)
+    assert figures["between"] == pytest.approx(whole["median"] - sum(p["median"] for p in alone))
+    assert list(table.columns[2].cells)[0] == "1.00"
 
 
 def test_costs_of_effects_in_the_table_and_as_json(monkeypatch, tmp_path):

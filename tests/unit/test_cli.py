@@ -239,7 +239,7 @@ def test_bench_prints_its_table(monkeypatch, capsys):
 
     stand_in(
         monkeypatch, "lcmchain.bench", run_bench=figures("0.031 us"), run_size_bench=figures("1k"),
-        run_effect_bench=figures("gravity"),
+        run_effect_bench=figures("gravity"), run_part_bench=figures("gather"),
     )  # fmt: skip
     assert exit_code("bench") == 0
     assert "0.031 us to None" in capsys.readouterr().out
@@ -247,6 +247,8 @@ def test_bench_prints_its_table(monkeypatch, capsys):
     assert "1k to speed.json" in capsys.readouterr().out
     assert exit_code("bench", "--effects", "--json", "speed.json") == 0
     assert "gravity to speed.json" in capsys.readouterr().out
+    assert exit_code("bench", "--parts") == 0
+    assert "gather to None" in capsys.readouterr().out
 
 
 # --- check ----------------------------------------------------------------------------------------

@@ -1,0 +1,132 @@
+"""What the parts of a whole step take, each repeated alone at mid-stroke of the hemisphere.
+
+On one core. What the whole step takes beyond their sum it spends between them: their arrays, which
+each alone finds in the second cache, do not fit there together, and five times a step all threads
+are sent to work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from lcmchain.bench.hemisphere import at_mid_stroke
+from lcmchain.bench.measure import Measurement, kernel_work, measure
+from lcmchain.effects.fibre_bending import fibre_bending_forces
+from lcmchain.jit import routine
+from lcmchain.model import NODE_CHUNK
+from lcmchain.solver.contact_forces import ROWS, add_contact_forces
+from lcmchain.solver.contact_search import find_near_spans
+from lcmchain.solver.loop import gather_internal_forces, integrate
+from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
+from lcmchain.tools.span_distance import SPAN
+
+CHUNKS = 4
+CALLS = CHUNKS * STEPS_PER_CHUNK
+SUMS = 64  # numbers that a chunk of nodes sums up, at most
+
+
+class Parts(NamedTuple):
+    """Parts of a step and the whole one, each with its time per element and step."""
+
+    parts: list[Measurement]
+    whole: Measurement
+
+    @property
+    def kernel(self) -> Measurement:
+        return self.parts[0]
+
+    @property
+    def between(self) -> float:
+        """Time of the whole step that no part takes alone [µs per element]."""
+        return self.whole.median - sum(part.median for part in self.parts)
+
+
+@routine
+def repeated_bending(data, position, corner_force, middle, vector, calls):
+    """Evaluate the bending of the fibres so often."""
+    for _ in range(calls):
+        fibre_bending_forces(data, position, corner_force, middle, vector)
+
+
+@routine
+def repeated_gather(arrays, calls):
+    """Sum the corner forces at the nodes so often."""
+    node_count = arrays.mass.size
+    for _ in range(calls):
+        for first in range(0, node_count, NODE_CHUNK):
+            gather_internal_forces(arrays, first, min(first + NODE_CHUNK, node_count))
+
+
+@routine
+def repeated_contact(arrays, tools, environment, dt, calls):
+    """Evaluate the contact of all nodes so often."""
+    node_count = arrays.mass.size
+    work, sums = np.empty(ROWS * SPAN), np.zeros(SUMS)
+    for _ in range(calls):
+        for first in range(0, node_count, NODE_CHUNK):
+            last = min(first + NODE_CHUNK, node_count)
+            add_contact_forces(arrays, tools, environment, first, last, dt, dt, work, sums)
+
+
+@routine
+def repeated_motion(arrays, environment, dt, calls):
+    """Move the nodes so often."""
+    node_count, sums = arrays.mass.size, np.zeros(SUMS)
+    for _ in range(calls):
+        for first in range(0, node_count, NODE_CHUNK):
+            last = min(first + NODE_CHUNK, node_count)
+            integrate(arrays, arrays.free, environment, None, first, last, dt, dt, sums)
+
+
+def measure_parts() -> Parts:
+    """Measure the parts of a step of the hemisphere on one core."""
+    simulation = at_mid_stroke()
+    model, start = simulation.model, simulation.state.copy()
+    dt = simulation.prepare_steps()
+
+    def whole() -> None:
+        simulation.restore(start)
+        for _ in range(CHUNKS):
+            simulation.make_steps(STEPS_PER_CHUNK, simulation.prepare_steps())
+
+    works = {
+        "element kernel": kernel_work(simulation, model.body.data, CALLS),
+        **_loops(simulation, dt),
+        "between chunks of steps": _between_chunks(simulation),
+    }
+    element_steps = CALLS * model.element_count
+    parts = [measure(name, 1, element_steps, work) for name, work in works.items()]
+    return Parts(parts, measure("whole step", 1, element_steps, whole))
+
+
+def _loops(simulation: Simulation, dt: float) -> dict[str, Callable[[], None]]:
+    """Return the loops of a step at the present state; nodes that they move lie apart."""
+    model, arrays = simulation.model, simulation.arrays
+    assert model.fibre_bending is not None
+    bending = model.fibre_bending.data
+    find_near_spans(arrays.near, arrays.near_span)
+    at_rest = arrays._replace(
+        position=arrays.position.copy(),
+        velocity=np.zeros_like(arrays.velocity),
+        force=np.zeros_like(arrays.force),
+    )
+    return {
+        "bending of the fibres in the plane": lambda: repeated_bending(
+            bending, arrays.position, arrays.corner_force, arrays.bending_middle,
+            arrays.bending_vector, CALLS,
+        ),
+        "forces of the elements at the nodes": lambda: repeated_gather(arrays, CALLS),
+        "contact": lambda: repeated_contact(arrays, model.tools, model.environment, dt, CALLS),
+        "motion of the nodes": lambda: repeated_motion(at_rest, model.environment, dt, CALLS),
+    }  # fmt: skip
+
+
+def _between_chunks(simulation: Simulation) -> Callable[[], None]:
+    def work() -> None:
+        for _ in range(CHUNKS):
+            simulation.prepare_steps()
+
+    return work
