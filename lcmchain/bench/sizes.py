@@ -29,11 +29,6 @@ title = "free plate"
 process = { time = "1 s", frames = 2, gravity = false }
 blank = { size = ["300 mm", "300 mm"], edge_length = "5 mm", height = "0.502 mm" }
 material = { preset = "MD600" }
-
-[[tools]]
-name = "floor"
-shape = { type = "plate", side = "below" }
-position = "0 0 -1 m"
 """
 
 
@@ -86,10 +81,8 @@ def measure_plates(
 def measured_plate(simulation: Simulation, chunks: int, threads: int | None) -> Plate:
     """Measure the kernel and whole steps of one plate, over so many chunks of steps."""
     count, steps = simulation.model.element_count, chunks * STEPS_PER_CHUNK
-    start = simulation.state.copy()
 
     def work() -> None:
-        simulation.restore(start)
         for _ in range(chunks):
             simulation.make_steps(STEPS_PER_CHUNK, simulation.prepare_steps())
 

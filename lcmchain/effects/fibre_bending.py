@@ -38,6 +38,8 @@ INDEX_ROWS = 10
 MIDDLE_ROWS = 3
 VECTOR_ROWS = 12
 FORCE_ROWS = 3
+# Rows of scratch: the places before and after along fibre 1, then 2.
+NEAR_ROWS = 12
 # Columns of the constants that have the same unit, one group behind the other.
 CONSTANT_GROUPS = (4, 2, 2, 1)
 # Blocks that a thread takes at a time.
@@ -269,7 +271,7 @@ def fibre_bending_forces(data, position, corner_force, middle, vector):
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
             find_middle(data, position, middle, block)
     for piece in prange(pieces):
-        near = np.empty(12 * LANES)  # before and after along fibre 1, then 2
+        near = np.empty(NEAR_ROWS * LANES)
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
             find_vectors(data, middle, vector, block, near)
     for piece in prange(pieces):

@@ -22,7 +22,7 @@ from lcmchain.mesh.cut import Cells
 from lcmchain.mesh.fibres import UndeformedFrame
 from lcmchain.mesh.hexahedron import MODES
 from lcmchain.mesh.lattice import best_lattice
-from lcmchain.mesh.numbering import number_in_patches
+from lcmchain.mesh.numbering import number_by_lines
 from lcmchain.mesh.outline import (
     check_element_count,
     check_lattice_size,
@@ -276,7 +276,7 @@ def build_blank(
     cells = best_lattice(outline @ to_fibres.T, edge_length)
     _check_coverage(cells, area, edge_length, to_scene, outline_key)
 
-    positions, faces, is_free = number_in_patches(cells)
+    positions, faces, is_free = number_by_lines(cells)
     if perturbation > 0.0:
         shift = np.random.default_rng(seed).uniform(-1.0, 1.0, positions.shape)
         positions = positions + perturbation * edge_length * shift * is_free[:, np.newaxis]

@@ -17,12 +17,19 @@ from numba import literal_unroll, prange
 
 from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.face_pressure import face_forces, face_pressures
-from lcmchain.effects.fibre_bending import fibre_bending_forces
+from lcmchain.effects.fibre_bending import (
+    NEAR_ROWS,
+    add_vectors,
+    fibre_bending_forces,
+    find_middle,
+    find_vectors,
+)
 from lcmchain.effects.gravity import weight_at, weights_of
 from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW
 from lcmchain.elements.family import internal_forces
+from lcmchain.elements.solid_shell.kernel import forces_of_block
 from lcmchain.jit import kernel, ordered_span_routine, routine, span_routine
 from lcmchain.model import NODE_CHUNK, NodeData
 from lcmchain.solver.contact_forces import ROWS, add_contact_forces
@@ -64,35 +71,39 @@ def advance(
     environment,
     supports,
     averaging,
+    schedule,
     step_count,
     dt,
 ):
     """Make ``step_count`` steps of size ``dt`` [s].
 
-    ``bodies`` are those placed in the model; ``fibre_bending``, ``pore``, ``face_pressure`` and
-    ``supports`` are tables or None; ``pressed`` is True where ``pore`` or ``face_pressure`` is
-    there, or None; ``averaging`` is the time over which the mean velocity is taken that damping
-    leaves alone [s], or None.
+    ``bodies`` are those placed in the model; ``fibre_bending``, ``pore``, ``face_pressure``,
+    ``tools`` and ``supports`` are tables or None; ``pressed`` is True where ``pore`` or
+    ``face_pressure`` is there, or None; ``averaging`` is the time over which the mean velocity is
+    taken that damping leaves alone [s], or None. ``schedule`` is the order of a step of one sheet
+    (:class:`lcmchain.solver.schedule.Schedule`), or None: then every loop runs through the sheets.
     """
     clock = arrays.clock
-    find_near_spans(arrays.near, arrays.near_span)
+    if tools is not None:
+        find_near_spans(arrays.near, arrays.near_span)
     for _ in range(step_count):
         dt_last = clock[LAST_STEP]
-        for body in literal_unroll(bodies):
-            internal_forces(
-                body.data,
-                arrays.position,
-                arrays.corner_force[body.first_force : body.last_force],
-                arrays.history[body.first_history : body.last_history],
-            )
-        if fibre_bending is not None:
-            fibre_bending_forces(
-                fibre_bending,
-                arrays.position,
-                arrays.corner_force,
-                arrays.bending_middle,
-                arrays.bending_vector,
-            )
+        if schedule is None:
+            for body in literal_unroll(bodies):
+                internal_forces(
+                    body.data,
+                    arrays.position,
+                    arrays.corner_force[body.first_force : body.last_force],
+                    arrays.history[body.first_history : body.last_history],
+                )
+            if fibre_bending is not None:
+                fibre_bending_forces(
+                    fibre_bending,
+                    arrays.position,
+                    arrays.corner_force,
+                    arrays.bending_middle,
+                    arrays.bending_vector,
+                )
         if pore is not None:
             pore_forces(
                 pore,
@@ -109,12 +120,32 @@ def advance(
             face_forces(
                 face_pressure.elements, arrays.position, bottom, top, pore, arrays.corner_load
             )
-        move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt)
+        if schedule is None:
+            move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt)
+        else:
+            for phase in range(schedule.phase_start.size - 1):
+                make_parts(
+                    arrays,
+                    schedule,
+                    phase,
+                    bodies[0].data.corner_node,
+                    bodies[0].data.element_data,
+                    bodies[0].data.law,
+                    bodies[0].data.options,
+                    fibre_bending,
+                    tools,
+                    environment,
+                    pressed,
+                    averaging,
+                    dt_last,
+                    dt,
+                )
         add_chunk_sums(arrays)
         if supports is not None:
             move_supports(arrays, supports, environment, dt_last, dt)
-        add_tool_loads(arrays, clock[TIME], dt_last, dt)
-        move_tools(arrays, tools, clock[TIME], dt_last, dt)
+        if tools is not None:
+            add_tool_loads(arrays, clock[TIME], dt_last, dt)
+            move_tools(arrays, tools, clock[TIME], dt_last, dt)
         clock[TIME] += dt
         clock[LAST_STEP] = dt
         arrays.counters[STEPS] += 1
@@ -123,20 +154,83 @@ def advance(
 @kernel
 def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
     """Sum the forces on the nodes, and update velocities and positions."""
-    node_count = arrays.mass.size
     for place in prange(arrays.chunk_order.size):
+        work = np.empty(ROWS * SPAN)
         chunk = arrays.chunk_order[place]
-        first = chunk * NODE_CHUNK
-        last = min(first + NODE_CHUNK, node_count)
-        sums = arrays.chunk_sums[chunk]
-        sums[:] = 0.0
-        gather_internal_forces(arrays, first, last)
-        if pressed is not None:
-            add_pressure_loads(arrays, first, last, dt_last, sums)
-        if tools.kind.size > 0:
-            work = np.empty(ROWS * SPAN)
-            add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, work, sums)
-        integrate(arrays, arrays.free, environment, averaging, first, last, dt_last, dt, sums)
+        move_chunk(arrays, tools, environment, pressed, averaging, chunk, dt_last, dt, work)
+
+
+@routine
+def move_chunk(arrays, tools, environment, pressed, averaging, chunk, dt_last, dt, work):
+    """Sum the forces on the nodes of a chunk, and update their velocities and positions."""
+    first = chunk * NODE_CHUNK
+    last = min(first + NODE_CHUNK, arrays.mass.size)
+    sums = arrays.chunk_sums[chunk]
+    sums[:] = 0.0
+    gather_internal_forces(arrays, first, last)
+    if pressed is not None:
+        add_pressure_loads(arrays, first, last, dt_last, sums)
+    if tools is not None:
+        add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, work, sums)
+    integrate(arrays, arrays.free, environment, averaging, first, last, dt_last, dt, sums)
+
+
+@kernel
+def make_parts(
+    arrays,
+    schedule,
+    phase,
+    corner_node,
+    element_data,
+    law,
+    options,
+    fibre_bending,
+    tools,
+    environment,
+    pressed,
+    averaging,
+    dt_last,
+    dt,
+):
+    """Make the parts of a phase of a step.
+
+    One loop for all phases: compiled twice, a chunk of nodes might get other last digits between
+    two parts than within one. The constants of a sheet of solid-shells come one by one: a parallel
+    loop takes no tuple that holds tuples.
+    """
+    first_part = schedule.phase_start[phase]
+    for k in prange(schedule.phase_start[phase + 1] - first_part):
+        part = first_part + k
+        work, near = np.empty(ROWS * SPAN), np.empty(NEAR_ROWS * LANES)
+        for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
+            for block in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
+                forces_of_block(
+                    arrays.position,
+                    corner_node,
+                    element_data,
+                    arrays.corner_force,
+                    arrays.history,
+                    law,
+                    options,
+                    block,
+                )
+            if fibre_bending is not None:
+                bend_fibres(arrays, schedule, fibre_bending, tile, near)
+            for place in range(schedule.chunk_start[tile], schedule.chunk_start[tile + 1]):
+                chunk = schedule.chunk[place]
+                move_chunk(arrays, tools, environment, pressed, averaging, chunk, dt_last, dt, work)
+
+
+@routine
+def bend_fibres(arrays, schedule, data, tile, near):
+    """Make what the fibres' bending has to do behind a tile of elements."""
+    middle, vector, force = arrays.bending_middle, arrays.bending_vector, arrays.corner_force
+    for k in range(schedule.middle_start[tile], schedule.middle_start[tile + 1]):
+        find_middle(data, arrays.position, middle, schedule.middle[k])
+    for k in range(schedule.vector_start[tile], schedule.vector_start[tile + 1]):
+        find_vectors(data, middle, vector, schedule.vector[k], near)
+    for k in range(schedule.sum_start[tile], schedule.sum_start[tile + 1]):
+        add_vectors(data, vector, force, schedule.sum[k])
 
 
 @ordered_span_routine

@@ -13,12 +13,14 @@ from lcmchain.effects import fibre_bending
 from lcmchain.effects.face_pressure import face_frequencies
 from lcmchain.effects.pore_pressure import pore_frequencies, resistance_mobilities
 from lcmchain.elements.family import Body, Condition
+from lcmchain.elements.solid_shell.kernel import SolidShellData
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model, build_model
 from lcmchain.solver import guards, histories
 from lcmchain.solver.contact_search import find_near_nodes
 from lcmchain.solver.loop import Arrays, advance
 from lcmchain.solver.recovery import diagnosis, halving_warnings
+from lcmchain.solver.schedule import Schedule, build_schedule
 from lcmchain.state import (
     CHUNKS,
     CONTACT,
@@ -38,6 +40,7 @@ from lcmchain.state import (
     Scratch,
     State,
 )
+from lcmchain.threads import thread_count
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
@@ -123,6 +126,7 @@ class Simulation:
         self.model = model
         self.state = state or State.at_rest(model)
         self.control = StepControl()
+        self._schedules: dict[int, Schedule] = {}
         self._bind()
 
     @classmethod
@@ -378,13 +382,23 @@ class Simulation:
             model.pore,
             model.face_pressure,
             model.pressed,
-            model.tools,
+            model.tools if model.tool_names else None,
             model.environment,
             model.supports,
             model.averaging,
+            self._schedule(),
             step_count,
             float(step),
         )
+
+    def _schedule(self) -> Schedule | None:
+        """Return the order of a step for the present threads; None for what has none."""
+        model, parts = self.model, thread_count()
+        if len(model.bodies) != 1 or not isinstance(model.body.data, SolidShellData):
+            return None
+        if parts not in self._schedules:
+            self._schedules[parts] = build_schedule(model, parts)
+        return self._schedules[parts]
 
     def _history(self, body: Body) -> np.ndarray:
         return self.model.history_of(body, self.state.history)

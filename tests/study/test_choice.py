@@ -175,6 +175,7 @@ def test_a_wish_far_beyond_the_scene_is_told_before_anything_long_is_run(dent, t
     ):
         known.run(known.make)
     assert (known.runs, told) == ([], [])
+    assert len({edge for edge, _ in known.pilots}) == 3  # an order, and no finer ones for nothing
     known = Known(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.5, announce=told.append)
     known.run(known.make)
     assert len(told) == 1

@@ -11,7 +11,6 @@ from shapely import Polygon, points
 
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import build_blank
-from lcmchain.mesh.numbering import PATCH
 from lcmchain.mesh.outline import polygon_area
 
 THICKNESS = 1.004e-3
@@ -215,19 +214,24 @@ def test_quarter_turn_gives_the_same_cells():
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0])
-def test_chunks_of_consecutive_numbers_are_compact_patches(degrees):
+@pytest.mark.parametrize("size", [(0.3, 0.2), (0.2, 0.3)])
+def test_numbers_follow_the_lines_across_the_sheet(degrees, size):
+    """A line ends before the next one begins, and lines lie side by side along the longer side."""
     edge_length = 5e-3
-    blank = build_blank(blank_spec(size=(0.3, 0.3), degrees=degrees), THICKNESS)
-    for places in (
-        blank.mid_surface_positions,
-        blank.mid_surface_positions[blank.faces].mean(axis=1),
-    ):
-        fibre = np.column_stack(
-            [places @ blank.fibre_direction_1[0], places @ blank.fibre_direction_2[0]]
-        )
-        for start in range(0, len(places), PATCH):
-            extent = np.ptp(fibre[start : start + PATCH], axis=0) / edge_length
-            assert extent.max() < 2.0 * math.sqrt(PATCH)
+    blank = build_blank(blank_spec(size=size, degrees=degrees), THICKNESS)
+    directions = np.array([blank.fibre_direction_1[0], blank.fibre_direction_2[0]])
+    corners = blank.mid_surface_positions[blank.faces] @ directions.T
+    is_whole = np.ptp(corners, axis=1).round(6) == np.median(
+        np.ptp(corners, axis=1).round(6), axis=0
+    )
+    places = corners.mean(axis=1)[is_whole.all(axis=1)]  # those that the outline does not cut
+    longer = int(np.ptp(places[:, 1]) > np.ptp(places[:, 0]))
+    line = np.round((places[:, longer] - places[0, longer]) / edge_length).astype(int)
+    assert line[0] == 0 and (np.diff(line) >= 0).all() and (np.diff(line) <= 1).all()
+    same = np.diff(line) == 0
+    assert (np.diff(places[:, 1 - longer])[same] > 0.9 * edge_length).all()
+    # the nodes of elements that follow each other are not far from each other either
+    assert np.ptp(blank.faces, axis=1).max() <= 2 * np.bincount(line).max() + 4
 
 
 def test_perturbation_moves_inner_nodes_only_and_is_repeatable():

@@ -91,7 +91,7 @@ def peer_table(found: Comparison) -> Table:
     table.add_column("program")
     table.add_column("version")
     for column in ("µs", "wall", "over kernel", "over whole step", "difference"):
-        table.add_column(column, justify="right")
+        table.add_column(column, justify="right", no_wrap=True)
     for law, plate in (("elastic", found.elastic), ("MD600", found.fabric)):
         for what, measured in (("kernel", plate.kernel), ("whole step", plate.step)):
             us = measured.median
@@ -103,6 +103,7 @@ def peer_table(found: Comparison) -> Table:
             peer.name, peer.version, f"{us:.3f}", f"{peer.wall:.3f}", f"{us / kernel:.1f}",
             f"{us / step:.1f}", f"{peer.difference:.1%}",
         )  # fmt: skip
-    for name, install in found.missing:
-        table.add_row(name, install)
+    if found.missing:
+        table.caption = "\n".join(f"{name}: {install}" for name, install in found.missing)
+        table.caption_justify = "left"
     return table

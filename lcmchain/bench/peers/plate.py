@@ -37,11 +37,6 @@ thickness = "1 mm"
 density = "{DENSITY:g} kg/m^3"
 young_modulus = "{1e-9 * YOUNG_MODULUS:g} GPa"
 poisson_ratio = {POISSON_RATIO}
-
-[[tools]]
-name = "floor"
-shape = {{ type = "plate", side = "below" }}
-position = "0 0 -1 m"
 """
 
 

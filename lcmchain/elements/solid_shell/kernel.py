@@ -605,22 +605,31 @@ def full_history(director, corner_node, history):
 
 @kernel
 def element_forces(positions, corner_node, element_data, corner_force, history, law, options):
-    block_count = corner_node.size // (8 * LANES)
-    history_size = history.size // block_count
+    for block in prange(corner_node.size // (8 * LANES)):
+        forces_of_block(
+            positions, corner_node, element_data, corner_force, history, law, options, block
+        )
+
+
+@equation
+def forces_of_block(
+    positions, corner_node, element_data, corner_force, history, law, options, block
+):
+    """Write the internal forces of the elements of one block."""
+    history_size = history.size // (corner_node.size // (8 * LANES))
     curvature_size = curvature_rows(options.director) * LANES
-    for block in prange(block_count):
-        # views per block: indices made of a lane and literals are provably not negative, which
-        # spares the wrap-around test that would keep the lane loop scalar
-        nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
-        corner = corner_force[block * CORNER_ROWS * LANES : (block + 1) * CORNER_ROWS * LANES]
-        data = constants_of_block(options, element_data, block)
-        own = history[block * history_size : (block + 1) * history_size]
-        shared, past = own[:curvature_size], own[curvature_size:]
-        for c in range(8):
-            for lane in range(LANES):
-                node = np.uint64(nodes[c * LANES + lane])
-                corner[3 * c * LANES + lane] = positions[0, node]
-                corner[(3 * c + 1) * LANES + lane] = positions[1, node]
-                corner[(3 * c + 2) * LANES + lane] = positions[2, node]
+    # views per block: indices made of a lane and literals are provably not negative, which
+    # spares the wrap-around test that would keep the lane loop scalar
+    nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
+    corner = corner_force[block * CORNER_ROWS * LANES : (block + 1) * CORNER_ROWS * LANES]
+    data = constants_of_block(options, element_data, block)
+    own = history[block * history_size : (block + 1) * history_size]
+    shared, past = own[:curvature_size], own[curvature_size:]
+    for c in range(8):
         for lane in range(LANES):
-            element_in_lane(lane, corner, data, law, past, shared, options)
+            node = np.uint64(nodes[c * LANES + lane])
+            corner[3 * c * LANES + lane] = positions[0, node]
+            corner[(3 * c + 1) * LANES + lane] = positions[1, node]
+            corner[(3 * c + 2) * LANES + lane] = positions[2, node]
+    for lane in range(LANES):
+        element_in_lane(lane, corner, data, law, past, shared, options)

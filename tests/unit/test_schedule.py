@@ -1,0 +1,154 @@
+"""The order of a step: nothing is done before what it needs, nothing twice, and no bit changes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lcmchain.effects.fibre_bending import INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS
+from lcmchain.elements.blocks import LANES, in_blocks
+from lcmchain.model import NODE_CHUNK, build_model
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.schedule import FEW_PARTS, TILE, build_schedule
+from lcmchain.solver.simulation import Simulation
+
+STAGES = ("block", "middle", "vector", "sum", "chunk")
+
+
+def performed(schedule):
+    """When each piece of a stage is done: (phase, part, place within the part)."""
+    found = {stage: {} for stage in STAGES}
+    for phase in range(schedule.phase_start.size - 1):
+        for part in range(schedule.phase_start[phase], schedule.phase_start[phase + 1]):
+            place = 0
+            for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
+                blocks = range(schedule.block_start[tile], schedule.block_start[tile + 1])
+                queues = [
+                    getattr(schedule, stage)[
+                        getattr(schedule, f"{stage}_start")[tile] : getattr(
+                            schedule, f"{stage}_start"
+                        )[tile + 1]
+                    ]
+                    for stage in STAGES[1:]
+                ]
+                for stage, pieces in zip(STAGES, (blocks, *queues), strict=True):
+                    for piece in pieces:
+                        assert int(piece) not in found[stage], f"{stage} {piece} is done twice"
+                        found[stage][int(piece)] = (phase, part, place)
+                        place += 1
+    return found
+
+
+def is_after(later, earlier):
+    """Whether a piece surely finds another one done: in an earlier phase or earlier in its part."""
+    if later[0] != earlier[0]:
+        return later[0] > earlier[0]
+    return later[1] == earlier[1] and later[2] > earlier[2]
+
+
+def require_order(model, schedule):
+    done = performed(schedule)
+    corners = model.body.data.corner_node.reshape(-1, 8 * LANES)
+    chunk_of = [set((nodes // NODE_CHUNK).tolist()) for nodes in corners]
+    assert sorted(done["block"]) == list(range(len(corners)))
+    assert sorted(done["chunk"]) == list(range(-(-model.node_count // NODE_CHUNK)))
+    for block, chunks in enumerate(chunk_of):
+        for chunk in chunks:
+            assert is_after(done["chunk"][chunk], done["block"][block])
+    if model.fibre_bending is None:
+        assert not done["middle"] and not done["vector"] and not done["sum"]
+        return
+    indices = model.fibre_bending.data.indices.reshape(-1, INDEX_ROWS, LANES)
+    for piece, rows in enumerate(indices):
+        for chunk in set((rows[:2] // NODE_CHUNK).ravel().tolist()):
+            # the positions are read before the nodes move, the forces are there when they do
+            assert is_after(done["chunk"][chunk], done["middle"][piece])
+            assert is_after(done["chunk"][chunk], done["sum"][piece])
+        for needed in {piece, *(rows[2:6] // (MIDDLE_ROWS * LANES)).ravel().tolist()}:
+            assert is_after(done["vector"][piece], done["middle"][needed])
+        for needed in {piece, *(rows[6:] // (VECTOR_ROWS * LANES)).ravel().tolist()}:
+            assert is_after(done["sum"][piece], done["vector"][needed])
+
+
+SHEET = """
+process = { time = "2 ms" }
+blank = { size = ["150 mm", "120 mm"], edge_length = "5 mm", fibre_angle = "30 deg" }
+material = { preset = "MD600" }
+"""
+
+
+@pytest.mark.parametrize("parts", [1, 2, 3, 8, 1000])
+@pytest.mark.parametrize("in_plane", [True, False])
+def test_nothing_is_done_before_what_it_needs(parts, in_plane):
+    overrides = () if in_plane else ("material.bending.in_plane=0.0",)
+    model = build_model(scene_from_text(SHEET, overrides=overrides))
+    assert (model.fibre_bending is not None) == in_plane
+    schedule = build_schedule(model, parts)
+    require_order(model, schedule)
+    tiles = -(-model.body.data.corner_node.size // (8 * LANES * TILE))
+    assert schedule.phase_start[1] == min(parts, tiles)
+    assert schedule.phase_start.size == (3 if parts <= FEW_PARTS else 4)
+    if parts == 1:  # nothing lies between parts
+        assert schedule.chunk_start[tiles] == schedule.chunk.size
+
+
+@given(st.integers(0, 10**6), st.integers(1, 9), st.integers(1, 400), st.integers(9, 2000))
+def test_any_numbering_of_elements_and_nodes_will_do(seed, parts, element_count, node_count):
+    random = np.random.default_rng(seed)
+    # some numberings along the sheet, some across it
+    reach = random.choice([3, 50, node_count])
+    middle = np.linspace(0, node_count - 1, element_count)[:, None]
+    nodes = np.clip(middle + random.integers(-reach, reach + 1, (element_count, 8)), 0, None)
+    nodes = np.minimum(nodes, node_count - 1).astype(np.int32)
+    mid_count = max(1, node_count // 2)
+    own = np.arange(mid_count)
+    ends = np.clip(own + random.integers(-reach, reach + 1, (4, mid_count)), 0, mid_count - 1)
+
+    def place(node, rows):
+        return node // LANES * rows * LANES + node % LANES
+
+    columns = [own, own + node_count // 2, *place(ends, MIDDLE_ROWS), *place(ends, VECTOR_ROWS)]
+    columns[1] = np.minimum(columns[1], node_count - 1)
+    indices = in_blocks(np.column_stack(columns).astype(np.int32))
+    data = SimpleNamespace(indices=indices, start=np.zeros(-(-mid_count // LANES)))
+    model = SimpleNamespace(
+        body=SimpleNamespace(data=SimpleNamespace(corner_node=in_blocks(nodes))),
+        fibre_bending=SimpleNamespace(data=data),
+        node_count=node_count,
+    )
+    require_order(model, build_schedule(model, parts))
+
+
+CUP = """
+process = { time = "2 ms", mass_damping = "200 1/s" }
+blank = { size = ["150 mm", "120 mm"], edge_length = "5 mm", height = "0.502 mm" }
+material = { preset = "MD600" }
+contact = { friction = 0.2 }
+
+[[tools]]
+name = "punch"
+shape = { type = "sphere_capped_punch", radius = "25 mm" }
+position = "0 0 1.004 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "2 mm" }
+
+[[tools]]
+name = "die"
+shape = { type = "plate_with_hole", hole_radius = "28 mm", fillet_radius = "10 mm", side = "below" }
+"""
+
+
+def test_the_number_of_parts_changes_no_bit(monkeypatch):
+    def formed(parts):
+        simulation = Simulation.from_scene(scene_from_text(CUP))
+        monkeypatch.setattr(simulation, "_schedules", {1: build_schedule(simulation.model, parts)})
+        monkeypatch.setattr("lcmchain.solver.simulation.thread_count", lambda: 1)
+        simulation.advance_to(2e-3)
+        return {name: array.tobytes() for name, array in simulation.state.as_dict().items()}
+
+    one = formed(1)
+    for parts in (2, 3, 5):
+        assert formed(parts) == one
