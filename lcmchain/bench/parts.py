@@ -1,8 +1,7 @@
 """What the parts of a whole step take, each repeated alone at mid-stroke of the hemisphere.
 
-On one core. What the whole step takes beyond their sum it spends between them: their arrays, which
-each alone finds in the second cache, do not fit there together, and five times a step all threads
-are sent to work.
+On one core. Together they take more than alone: each finds its arrays in the caches as it has left
+them, and its loop alone in the processor.
 """
 
 from __future__ import annotations

@@ -110,7 +110,7 @@ def part_table(found: Parts) -> Table:
     for column in ("alone", "kernels"):
         table.add_column(column, justify="right")
     rows = [(part.name, part.median) for part in found.parts]
-    rows += [("caches, and sending threads to work", found.between)]
+    rows += [("more than its parts alone", found.between)]
     rows += [(found.whole.name, found.whole.median)]
     for name, time in rows:
         table.add_row(name, f"{time:.4f}", f"{time / found.kernel.median:.2f}")

@@ -8,7 +8,7 @@ sides (:mod:`lcmchain.mesh.lattice`). What does not fit is cut (:mod:`lcmchain.m
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, Self
 
@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 from lcmchain.errors import InputError
 from lcmchain.mesh.bends import bend_part, edge_neighbours
 from lcmchain.mesh.cells import cell_heights
-from lcmchain.mesh.cut import Cells
+from lcmchain.mesh.cut import ON_OUTLINE, Cells
 from lcmchain.mesh.fibres import UndeformedFrame
 from lcmchain.mesh.hexahedron import MODES
 from lcmchain.mesh.lattice import best_lattice
@@ -276,10 +276,12 @@ def build_blank(
     cells = best_lattice(outline @ to_fibres.T, edge_length)
     _check_coverage(cells, area, edge_length, to_scene, outline_key)
 
-    positions, faces, is_free = number_by_lines(cells)
-    if perturbation > 0.0:
-        shift = np.random.default_rng(seed).uniform(-1.0, 1.0, positions.shape)
-        positions = positions + perturbation * edge_length * shift * is_free[:, np.newaxis]
+    placed = cells
+    if perturbation > 0.0:  # of the lattice, so that it is the same in any numbering
+        shift = np.random.default_rng(seed).uniform(-1.0, 1.0, cells.positions.shape)
+        shift[cells.node_class == ON_OUTLINE] = 0.0
+        placed = replace(cells, positions=cells.positions + perturbation * edge_length * shift)
+    positions, faces = number_by_lines(placed)
     positions = positions @ to_scene.T
     _check_jacobians(positions, faces)
 

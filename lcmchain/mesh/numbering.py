@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.mesh.cut import ON_OUTLINE, Cells
+from lcmchain.mesh.cut import Cells
 
 
-def number_by_lines(cells: Cells) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, faces in the new node numbers, and which nodes are not on the outline.
+def number_by_lines(cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+    """Positions, and faces in the new node numbers.
 
     Lines of the lattice follow each other along the sheet's longer side: a step that goes through
     the sheet in this order (``lcmchain/solver/schedule.py``) has few lines on hand at a time.
@@ -19,7 +19,7 @@ def number_by_lines(cells: Cells) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     number = np.full(len(cells.positions), -1, dtype=np.int64)
     number[used] = np.arange(len(used))
     faces = number[cells.faces[_line_order(cells.origin, cells.row_count, along_rows)]]
-    return cells.positions[used], faces, cells.node_class[used] != ON_OUTLINE
+    return cells.positions[used], faces
 
 
 def _has_shorter_rows(nodes: np.ndarray, row_count: int) -> bool:
