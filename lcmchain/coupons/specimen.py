@@ -17,6 +17,7 @@ from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
+from lcmchain.threads import use_threads
 
 #: Frames that the shear tests keep: forces are means between every other one of them, so that each
 #: has a frame in its middle.
@@ -99,10 +100,17 @@ def record(
     scene: Scene,
     supports: Callable[[BlankMesh], Sequence[Support]],
     *,
+    threads: int | None = None,
     progress: Progress | None = None,
 ) -> tuple[Simulation, Recording]:
-    """Simulate a coupon and keep ``process.frames`` snapshots of it."""
+    """Simulate a coupon and keep ``process.frames`` snapshots of it.
+
+    Parameters
+    ----------
+    threads : of the compiled loops, by default as many as the specimen is large enough for.
+    """
     simulation = Simulation(build_model(scene, supports))
+    use_threads(threads, simulation.model.element_count)
     simulation.compile()
     start = time.perf_counter()
     snapshots, impulse, work = [simulation.snapshot()], [], [0.0]

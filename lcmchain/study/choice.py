@@ -21,6 +21,8 @@ from lcmchain.study.wish import Wish
 #: Expected errors are to lie below the wish by this factor.
 MARGIN = 0.8
 ROUNDING = 1e-6
+#: The time of a mesh that was begun may exceed what is planned by this factor.
+ABOUT = 1.06
 #: Part of a wish that is left to the mesh at least.
 LEAST_ROOM = 0.2
 
@@ -92,15 +94,20 @@ class Knowledge:
     ----------
     levels : meshes that were run, the coarsest first. laws : of errors over the edge length.
     left : solver time that may be spent on the run [s]; None for any.
+    rehearsed : seconds by edge length (:func:`lcmchain.study.levels.expected_seconds`).
+    settled : whether time allows no edge lengths but those: where the mesh has to fit the outline,
+        others may have the elements of a finer or a coarser one.
     """
 
     levels: Sequence[Level]
     laws: Mapping[str, Convergence]
     left: float | None = None
+    rehearsed: Mapping[float, float] = field(default_factory=dict)
+    settled: bool = False
 
     def seconds(self, candidate: Candidate, edge: float) -> float:
         """Return the solver time of a run [s]."""
-        return candidate.cost * expected_seconds(self.levels, edge)
+        return candidate.cost * expected_seconds(self.levels, edge, self.rehearsed)
 
     def errors(self, candidate: Candidate, edge: float) -> dict[str, float]:
         """Return the expected errors of a run."""
@@ -116,6 +123,12 @@ class Knowledge:
             return 0.0
         if self.seconds(candidate, high) >= self.left:
             return high
+        if self.settled:
+            fitting = [
+                edge for edge in self.rehearsed if self.seconds(candidate, edge) <= self.left
+            ]
+            if fitting:
+                return min(fitting)
         for _ in range(60):
             middle = math.sqrt(low * high)
             slow = self.seconds(candidate, middle) > self.left

@@ -6,7 +6,8 @@ softer fibres, a cheaper model; what each changes is its error, what it takes it
 damping leave errors that go with the speed of the process for the sheet: one run with more mass
 tells those of the scene's own process as well. Pilots on finer meshes are run with what is cheap,
 and as long as they cost little beside the run that they are for. Then the run is made that
-:func:`lcmchain.study.choice.choose` takes. It is the check: what it differs from the pilots by
+:func:`lcmchain.study.choice.choose` takes; its first steps have told before what it takes
+(:mod:`lcmchain.study.rehearsal`). It is the check: what it differs from the pilots by
 shows its own error, and where the wish turns out to be missed, a finer mesh is run.
 
 It holds as far as errors follow an order. Where wrinkles appear only on fine meshes no coarse run
@@ -26,10 +27,12 @@ from lcmchain.study.choice import Choice, Knowledge, choose, mm
 from lcmchain.study.comparison import differences
 from lcmchain.study.levels import Level, error_laws, expected_seconds
 from lcmchain.study.outcome import Outcome
+from lcmchain.study.rehearsal import Rehearsal, rehearse
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.scene_text import SceneText
 from lcmchain.study.step_settings import (
     AS_IT_IS,
+    LONGER,
     SOFTER_FIBRES,
     Candidate,
     StepSettings,
@@ -64,6 +67,13 @@ PILOTS_OFF = 0.5
 RUNG_SHARE = 0.1
 #: Without a budget no run is begun that takes longer than this [s], and this many times the scene.
 LONGEST_RUN, TIMES_THE_SCENE = 600.0, 3.0
+#: So much of a budget is planned for: what a run takes is known to about a tenth.
+PLANNED = 0.92
+#: The first steps of at most so many meshes are made to find one, until it is about one of them.
+MOST_REHEARSALS = 4
+REHEARSED = 0.985
+#: A budget of which more than this factor would be left is spent on a slower process.
+SPARE = 1.2
 #: A run is repeated at most so often, and with edges shorter by this factor at least.
 MOST_RUNS = 3
 NO_BETTER = 0.95
@@ -91,18 +101,20 @@ class Chooser:
         self.text, self.wish, self.progress = text, wish, progress
         self.announce = announce or (lambda _: None)
         self.scene = text.scene()
-        self.study = Study(text, folder, Workers(1, threads))
+        self.threads, self.study = threads, Study(text, folder, Workers(1, threads))
         self.levels: list[Level] = []
         self.candidates = [Candidate(AS_IT_IS)]
         self.pilots_as = Candidate(AS_IT_IS)
         self.tried_at = math.inf
         self.pilots: dict[tuple[float, StepSettings], Outcome] = {}
+        self.rehearsals: dict[float, Rehearsal] = {}
         self.run_seconds = 0.0
 
     @property
     def pilot_seconds(self) -> float:
-        """Solver time of all pilots [s]."""
-        return sum(outcome.seconds for outcome in self.pilots.values())
+        """Solver time of all pilots and rehearsals [s]."""
+        pilots = sum(outcome.seconds for outcome in self.pilots.values())
+        return pilots + sum(rehearsal.spent for rehearsal in self.rehearsals.values())
 
     def run(self, make: Callable[[Choice], Outcome]) -> Choice:
         """Run pilots, then the scene by ``make`` until the wish is kept; return the last choice.
@@ -117,7 +129,7 @@ class Chooser:
             budget allows it.
         """
         self._run_pilots()
-        choice = self._choice()
+        choice = self._rehearsed_choice()
         for _ in range(MOST_RUNS):
             self._announce(choice)
             outcome = make(choice)
@@ -125,7 +137,7 @@ class Chooser:
             self._judge(choice, outcome)
             if choice.kept or self.wish.budget is not None:
                 break
-            better = self._choice()
+            better = self._rehearsed_choice()
             if better.edge_length > NO_BETTER * choice.edge_length or self._too_long(better):
                 break
             better.notes.append(f"edges of {mm(choice.edge_length)} missed the wish")
@@ -322,11 +334,61 @@ class Chooser:
 
     # --- the choice -------------------------------------------------------------------------------
 
-    def _choice(self) -> Choice:
+    def _rehearsed_choice(self) -> Choice:
+        """Return what keeps the wish, its time known from the first steps on its mesh."""
+        choice = self._choice()
+        for _ in range(MOST_REHEARSALS):
+            known = [*self.rehearsals, *(level.edge for level in self.levels)]
+            near = NO_BETTER if self.wish.budget is None else REHEARSED
+            laid = choice.settings.model == "kinematic"
+            if laid or any(near <= edge / choice.edge_length <= 1.0 / near for edge in known):
+                return self._with_a_slower_process(choice)
+            for edge in (self.levels[-1].edge, choice.edge_length):
+                if edge not in self.rehearsals:
+                    self.rehearsals[edge] = self._rehearse(edge)
+            choice = self._choice()
+        return self._with_a_slower_process(self._choice(settled=True))
+
+    def _with_a_slower_process(self, choice: Choice) -> Choice:
+        """Return a choice that spends on slowness what no finer mesh can be had for.
+
+        Where the mesh has to fit the outline, the next finer one may have twice the elements.
+        """
+        left = self._time_left()
+        if left is None or self.wish.errors or self.scene.wet_forming is not None:
+            return choice
+        times = math.floor(20.0 * min(left / choice.run_seconds, LONGER[-1])) / 20.0
+        if times < SPARE:
+            return choice
+        choice.settings = StepSettings(time=times)
+        choice.why += "; a slower process takes what is left, for less inertia"
+        choice.run_seconds *= times
+        choice.expected_seconds += (1.0 - 1.0 / times) * choice.run_seconds
+        self.candidates.append(Candidate(choice.settings, cost=times))
+        return choice
+
+    def _rehearse(self, edge: float) -> Rehearsal:
+        """Begin the scene with an edge length for a moment."""
+        variant = Variant(f"beginning {mm(edge)}", "pilot", self._overrides(edge, AS_IT_IS), edge)
+        return rehearse(self.text.job(variant).scene, self.threads)
+
+    def _expected_seconds(self, edge: float) -> float:
+        """Return the solver time of the scene with an edge length [s]."""
+        return expected_seconds(self.levels, edge, self._beginnings())
+
+    def _beginnings(self) -> dict[float, float]:
+        return {edge: rehearsal.seconds for edge, rehearsal in self.rehearsals.items()}
+
+    def _time_left(self) -> float | None:
+        """Return the solver time that is planned for the run [s]; None for any."""
+        if self.wish.budget is None:
+            return None
+        return PLANNED * self.wish.budget - self.pilot_seconds - self.run_seconds
+
+    def _choice(self, *, settled: bool = False) -> Choice:
         """Return what keeps the wish by what is known so far."""
-        spent = self.pilot_seconds + self.run_seconds
-        left = None if self.wish.budget is None else self.wish.budget - spent
-        known = Knowledge(self.levels, error_laws(self.levels), left)
+        laws, left = error_laws(self.levels), self._time_left()
+        known = Knowledge(self.levels, laws, left, self._beginnings(), settled)
         choice, worst = choose(self.wish, self.candidates, known)
         finest = self.levels[-1].edge / FARTHEST
         if len(self.levels) >= MOST_PILOTS and choice.edge_length < finest:
@@ -337,12 +399,12 @@ class Chooser:
         if worst > 1.0 and self.wish.budget is not None:
             choice.notes.append("the time allows less than the wish needs")
         choice.pilot_seconds = self.pilot_seconds
-        choice.expected_seconds = spent + choice.run_seconds
+        choice.expected_seconds = self.pilot_seconds + self.run_seconds + choice.run_seconds
         return choice
 
     def _too_long(self, choice: Choice) -> bool:
         """Tell whether a run would take longer than anybody expects who has set no budget."""
-        as_it_is = expected_seconds(self.levels, self.scene.blank.edge_length)
+        as_it_is = self._expected_seconds(self.scene.blank.edge_length)
         longest = max(LONGEST_RUN, TIMES_THE_SCENE * as_it_is)
         return self.wish.budget is None and choice.run_seconds > longest
 

@@ -19,7 +19,7 @@ from lcmchain.solver.simulation import Simulation
 from lcmchain.study.outcome import Outcome, outcome_of_sheet
 from lcmchain.study.source import Progress
 from lcmchain.study.variant import Variant
-from lcmchain.threads import use_threads
+from lcmchain.threads import thread_count
 
 #: Beginning of overrides that are of the test itself, not of its scene.
 OF_TEST = "coupon."
@@ -38,7 +38,7 @@ class CouponJob:
         decides = (run_fingerprint(self.scene), self.test.name, asdict(self.test))  # type: ignore[call-overload]
         return hashlib.sha256(json.dumps(decides).encode()).hexdigest()
 
-    def run(self, threads: int, tell: Progress | None = None) -> Outcome:
+    def run(self, threads: int | None, tell: Progress | None = None) -> Outcome:
         """Pull the specimen.
 
         Raises
@@ -46,15 +46,14 @@ class CouponJob:
         SimulationError : a guard stopped the run.
         SimulationInterrupted : Ctrl-C.
         """
-        use_threads(threads)
         supports = self.test.supports(self.scene)
         try:
-            simulation, recording = record(self.scene, supports, progress=tell)
+            simulation, recording = record(self.scene, supports, threads=threads, progress=tell)
         except KeyboardInterrupt:
             raise SimulationInterrupted("stopped by the user") from None
-        return self._outcome(simulation, recording, threads)
+        return self._outcome(simulation, recording)
 
-    def _outcome(self, simulation: Simulation, recording: Recording, threads: int) -> Outcome:
+    def _outcome(self, simulation: Simulation, recording: Recording) -> Outcome:
         model = simulation.model
         frames = FrameSeries.from_snapshots(recording.snapshots[:: FRAMES - 1], ())
         datasets = build_datasets(self.scene, model.blank, frames, material=model.material)
@@ -67,7 +66,7 @@ class CouponJob:
             "clamp_force_max_N": force.max(),
             "forming_work_J": recording.work[-1],
         }
-        return outcome_of_sheet(datasets, numbers, recording.seconds, threads)
+        return outcome_of_sheet(datasets, numbers, recording.seconds, thread_count())
 
 
 @dataclass(frozen=True)

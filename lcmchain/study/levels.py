@@ -80,11 +80,32 @@ def _of_meshes(distance: float, one: Level, other: Level, name: str) -> float:
     return math.sqrt(left) if left > LEAST_OF_MESHES * distance**2 else math.nan
 
 
-def expected_seconds(levels: Sequence[Level], edge: float) -> float:
-    """Return the solver time [s] of the scene with an edge length [m]."""
+def expected_seconds(
+    levels: Sequence[Level], edge: float, rehearsed: Mapping[float, float] = MappingProxyType({})
+) -> float:
+    """Return the solver time [s] of the scene with an edge length [m].
+
+    Parameters
+    ----------
+    levels : the coarsest first. rehearsed : what runs would take that were all like their beginning
+        [s], by edge length [m]; those of levels tell how the whole goes with the beginning.
+    """
+    begun = [level for level in levels if level.edge in rehearsed]
+    if begun:
+        last = begun[-1]
+        near, *others = sorted(rehearsed, key=lambda one: abs(math.log(one / edge)))
+        power = COST_POWER
+        if others:
+            power = _power(near, rehearsed[near], others[0], rehearsed[others[0]])
+        like = last.seconds * rehearsed[near] / rehearsed[last.edge]
+        return like * (near / edge) ** max(power, 1.0)
     last, power = levels[-1], COST_POWER
     if len(levels) > 1:
-        before = levels[-2]
-        power = math.log(last.seconds / before.seconds) / math.log(before.edge / last.edge)
+        power = _power(last.edge, last.seconds, levels[-2].edge, levels[-2].seconds)
         power = min(max(power, COST_POWER - COST_SCATTER), COST_POWER + COST_SCATTER)
     return last.seconds * (last.edge / edge) ** power
+
+
+def _power(edge: float, seconds: float, other_edge: float, other_seconds: float) -> float:
+    """Return q of the law seconds = C edge^-q through two runs."""
+    return math.log(seconds / other_seconds) / math.log(other_edge / edge)

@@ -20,6 +20,7 @@ from lcmchain.scene import Scene
 from lcmchain.study.outcome import Outcome, read_outcome, write_outcome
 from lcmchain.study.source import Progress, Source
 from lcmchain.study.variant import Variant
+from lcmchain.threads import thread_count
 
 #: Folder of the outcomes inside that of a study.
 RUNS = "runs"
@@ -36,7 +37,8 @@ class Workers:
     Parameters
     ----------
     count : processes on this machine; 1 makes the runs here, one after the other.
-    threads : of each run; None gives every run its share of the cores.
+    threads : of each run; None gives runs side by side their share of the cores, and one alone
+        as many as :func:`lcmchain.pipeline.run` gives it.
     scheduler : address of a dask scheduler, whose workers make the runs instead.
     """
 
@@ -45,8 +47,8 @@ class Workers:
     scheduler: str | None = None
 
     @property
-    def threads_of_a_run(self) -> int:
-        if self.threads is not None:
+    def threads_of_a_run(self) -> int | None:
+        if self.threads is not None or not self.is_cluster:
             return self.threads
         if self.scheduler is not None:
             return 1
@@ -58,7 +60,7 @@ class Workers:
 
 
 def make_run(
-    source: Source, variant: Variant, threads: int, tell: Progress | None = None
+    source: Source, variant: Variant, threads: int | None, tell: Progress | None = None
 ) -> Outcome:
     """Run a variant and return what a study keeps of it.
 
@@ -74,7 +76,7 @@ def make_run(
         return job.run(threads, tell)
     except (SimulationError, InputError) as error:  # a mesh too coarse for the blank, say
         reason = str(error).split(". ")[0]
-        return Outcome(time.perf_counter() - start, threads, failure=reason)
+        return Outcome(time.perf_counter() - start, thread_count(), failure=reason)
 
 
 class Study:

@@ -40,7 +40,7 @@ class SceneJob:
         """Hash of all that decides the numbers of the run."""
         return run_fingerprint(self.scene).sha256
 
-    def run(self, threads: int, tell: Progress | None = None) -> Outcome:
+    def run(self, threads: int | None, tell: Progress | None = None) -> Outcome:
         """Run in a folder that is gone afterwards; raises as :func:`lcmchain.pipeline.run`."""
         from lcmchain.pipeline import run
 

@@ -28,7 +28,7 @@ class Job(Protocol):
     def fingerprint(self) -> str:
         """Hash of all that decides the numbers of the run."""
 
-    def run(self, threads: int, tell: Progress | None = None) -> Outcome:
+    def run(self, threads: int | None, tell: Progress | None = None) -> Outcome:
         """Run, and return what a study keeps.
 
         Raises

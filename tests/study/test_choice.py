@@ -18,6 +18,7 @@ from lcmchain.study.comparison import differences
 from lcmchain.study.convergence import Convergence
 from lcmchain.study.levels import error_laws
 from lcmchain.study.outcome import Outcome
+from lcmchain.study.rehearsal import DURATION, Rehearsal, rehearse
 from lcmchain.study.step_settings import (
     AS_IT_IS,
     MASSES,
@@ -46,14 +47,16 @@ class Known(Chooser):
     """A chooser whose runs follow a known law of errors and times.
 
     of_speed, of_fibres : errors by the speed of the process and by soft fibres, anywhere.
+    of_step : time of a step beside its elements, in elements.
     """
 
     def __init__(
-        self, dent, tmp_path, wish, order=1.0, factor=1.0, *, of_speed=0.0, of_fibres=0.5, **options
-    ):
+        self, dent, tmp_path, wish, order=1.0, factor=1.0, *, of_speed=0.0, of_fibres=0.5,
+        of_step=0.0, **options,
+    ):  # fmt: skip
         super().__init__(dent, tmp_path, wish, **options)
         self.order, self.factor = order, factor
-        self.of_speed, self.of_fibres = of_speed, of_fibres
+        self.of_speed, self.of_fibres, self.of_step = of_speed, of_fibres, of_step
         self.runs = []
 
     def outcome(self, edge, settings) -> Outcome:
@@ -61,7 +64,7 @@ class Known(Chooser):
         off = self.of_speed * settings.speed + (self.of_fibres if settings.fibres < 1.0 else 0.0)
         known = shear(h, self.order, self.factor)
         made = sheet(max(2, round(SIZE / h)), lambda x, y: known(x, y) + off, thickness=known)
-        seconds = SECONDS / settings.speed * math.sqrt(settings.fibres) * (0.1 * SIZE / h) ** 3
+        seconds = SECONDS / settings.speed * math.sqrt(settings.fibres) * self.work(edge)
         return Outcome(seconds, 1, made.reference, made.formed, made.faces,
                        {"shear_angle": made.values["shear_angle"]}, {"fibre_strain_max": 1e-3},
                        )  # fmt: skip
@@ -70,6 +73,14 @@ class Known(Chooser):
         if settings.model:
             raise InputError("a known law has one model")
         return self.pilots.setdefault((edge, settings), self.outcome(edge, settings))
+
+    def work(self, edge) -> float:
+        """Steps times elements, 1 with edges of a tenth of the sheet."""
+        steps = 0.04 / edge / 10.0
+        return steps * (steps**2 + self.of_step / 100.0)
+
+    def _rehearse(self, edge):
+        return Rehearsal(0.6 * SECONDS * self.work(edge), 0.01 * SECONDS)
 
     def make(self, choice):
         made = self.outcome(choice.edge_length, choice.settings)
@@ -165,6 +176,31 @@ def test_a_budget_is_kept_and_what_it_leaves_of_the_wish_is_told(dent, tmp_path)
     assert "what the time allows" in choice.why
     assert any("less than the wish needs" in note for note in choice.notes)
     assert "is not kept" in choice.missed()
+
+
+def test_steps_that_cost_much_beside_their_elements_do_not_mislead_a_budget(dent, tmp_path):
+    # by pilots alone the time would be extrapolated with the 2.5th power of the edges at least
+    for of_step in (400.0, 3000.0):
+        wish = read_wish(None, "100 s")
+        known = Known(dent, tmp_path, wish, 1.0, 0.5, of_step=of_step)
+        choice = known.run(known.make)
+        assert 0.75 <= choice.seconds / 100.0 <= 1.0
+        assert choice.run_seconds == pytest.approx(known.runs[-1][2].seconds, rel=0.1)
+        assert choice.pilot_seconds == pytest.approx(
+            sum(made.seconds for made in known.pilots.values()) + 0.01 * len(known.rehearsals)
+        )
+
+
+def test_a_rehearsal_goes_with_the_work_of_a_run(dent, tmp_path):
+    """Steps and elements of the mesh itself; what its steps take is measured."""
+    scenes = [
+        dent.scene(('blank.edge_length="2 mm"', f'process.time="{time} ms"')) for time in (8, 16)
+    ]
+    short, long = (rehearse(scene, 1) for scene in scenes)
+    assert long.seconds == pytest.approx(2.0 * short.seconds, rel=0.5)
+    assert 0.0 < short.spent < 20.0 * DURATION
+    instant = dent.scene(('process.time="0.05 ms"', "process.frames=2"))
+    assert rehearse(instant, 1).seconds > 0.0
 
 
 def test_a_wish_far_beyond_the_scene_is_told_before_anything_long_is_run(dent, tmp_path):
