@@ -8,6 +8,7 @@ from typing import Any
 from numba import njit
 from numba.core.dispatcher import Dispatcher
 
+from lcmchain.large_tuples import load_parts_of_tuples
 from lcmchain.self_contained import keep_code_self_contained
 from lcmchain.threads import load_threading_library
 from lcmchain.vector_width import keep_lane_loops, use_widest_vectors
@@ -15,6 +16,7 @@ from lcmchain.vector_width import keep_lane_loops, use_widest_vectors
 load_threading_library()
 keep_lane_loops()
 keep_code_self_contained()
+load_parts_of_tuples()
 use_widest_vectors()
 
 # 'nnan' and 'ninf' are left out on purpose: they let the compiler delete the guards' checks.

@@ -72,6 +72,7 @@ def advance(
     supports,
     averaging,
     schedule,
+    unscheduled,
     step_count,
     dt,
 ):
@@ -81,14 +82,16 @@ def advance(
     ``tools`` and ``supports`` are tables or None; ``pressed`` is True where ``pore`` or
     ``face_pressure`` is there, or None; ``averaging`` is the time over which the mean velocity is
     taken that damping leaves alone [s], or None. ``schedule`` is the order of a step of one sheet
-    (:class:`lcmchain.solver.schedule.Schedule`), or None: then every loop runs through the sheets.
+    (:class:`lcmchain.solver.schedule.Schedule`), or None: then ``unscheduled`` is True instead of None
+    and every loop runs through the sheets. Code is left out where an argument is None, and only
+    there.
     """
     clock = arrays.clock
     if tools is not None:
         find_near_spans(arrays.near, arrays.near_span)
     for _ in range(step_count):
         dt_last = clock[LAST_STEP]
-        if schedule is None:
+        if unscheduled is not None:
             for body in literal_unroll(bodies):
                 internal_forces(
                     body.data,
@@ -120,9 +123,9 @@ def advance(
             face_forces(
                 face_pressure.elements, arrays.position, bottom, top, pore, arrays.corner_load
             )
-        if schedule is None:
+        if unscheduled is not None:
             move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt)
-        else:
+        if schedule is not None:
             for phase in range(schedule.phase_start.size - 1):
                 make_parts(
                     arrays,

@@ -12,6 +12,7 @@ The order holds for any numbering of elements and nodes. A numbering along the s
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,9 +21,11 @@ from lcmchain.effects.fibre_bending import INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS,
 from lcmchain.elements.blocks import LANES
 from lcmchain.model import NODE_CHUNK, Model
 
-#: Blocks of 16 elements in a tile: about as many nodes follow it as a chunk has.
-TILE = 4
-
+#: Blocks of 16 elements in a tile, at most: few enough for what they write to stay in the nearer
+#: caches, and enough for the code of one loop to stay at hand before that of the next one follows.
+TILE = 16
+#: Blocks of a part, at least.
+LEAST_PART = 4
 
 #: Up to so many parts one thread does alone what lies between them: sooner than they would begin.
 FEW_PARTS = 2
@@ -99,20 +102,22 @@ def build_schedule(model: Model, part_count: int) -> Schedule:
 
     Parameters
     ----------
-    part_count : at most so many parts; a sheet of fewer tiles has fewer.
+    part_count : at most so many parts; a small sheet has fewer.
     """
     corner_nodes = model.body.data.corner_node.reshape(-1, 8 * LANES)
     block_count = len(corner_nodes)
-    tile_count = -(-block_count // TILE)
-    parts = min(part_count, tile_count)
-    part_start = np.round(np.linspace(0, tile_count, parts + 1)).astype(np.int64)
-    block_tile = np.arange(block_count) // TILE
-    block_part = np.searchsorted(part_start, block_tile, side="right") - 1
-    blocks = _Needs(block_tile, block_part, block_part)
+    parts = min(part_count, -(-block_count // LEAST_PART))
+    part_block = np.round(np.linspace(0, block_count, parts + 1)).astype(np.int64)
+    tile_block = np.concatenate([np.arange(*ends, TILE) for ends in pairwise(part_block)])
+    tile_count = tile_block.size
+    part_start = np.searchsorted(tile_block, part_block)
+    block = np.arange(block_count)
+    block_part = np.searchsorted(part_block, block, side="right") - 1
+    blocks = _Needs(np.searchsorted(tile_block, block, side="right") - 1, block_part, block_part)
 
     # a node is there from the first of its elements on, and free to move after the last one
     node = corner_nodes.ravel()
-    block = np.repeat(np.arange(block_count), 8 * LANES)
+    block = np.repeat(block, 8 * LANES)
     needs = [(node // NODE_CHUNK, block, blocks)]
     middles = vectors = sums = _empty()
     if model.fibre_bending is not None and model.fibre_bending.data is not None:
@@ -128,7 +133,7 @@ def build_schedule(model: Model, part_count: int) -> Schedule:
     queues = [needs.queue(all_tiles, between) for needs in (middles, vectors, sums)]
     queues.append(chunks.queue(all_tiles, divided if divided.size else between))
     phases = [0, parts, parts + 1, *([2 * parts + 1] if divided.size else [])]
-    block_start = np.minimum(np.arange(all_tiles + 1) * TILE, block_count)
+    block_start = np.append(tile_block, np.full(all_tiles + 1 - tile_count, block_count))
     arrays = [
         np.array(phases),
         np.concatenate([part_start, tile_count + 1 + np.arange(1 + divided.size)]),

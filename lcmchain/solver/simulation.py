@@ -374,7 +374,7 @@ class Simulation:
         self._arrays = Arrays(*self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict())  # type: ignore[call-arg]
 
     def _advance(self, step_count: int, step: float) -> None:
-        model = self.model
+        model, schedule = self.model, self._schedule()
         advance(
             self._arrays,
             model.placed,
@@ -386,7 +386,8 @@ class Simulation:
             model.environment,
             model.supports,
             model.averaging,
-            self._schedule(),
+            schedule,
+            True if schedule is None else None,
             step_count,
             float(step),
         )
