@@ -82,9 +82,8 @@ def advance(
     ``tools`` and ``supports`` are tables or None; ``pressed`` is True where ``pore`` or
     ``face_pressure`` is there, or None; ``averaging`` is the time over which the mean velocity is
     taken that damping leaves alone [s], or None. ``schedule`` is the order of a step of one sheet
-    (:class:`lcmchain.solver.schedule.Schedule`), or None: then ``unscheduled`` is True instead of None
-    and every loop runs through the sheets. Code is left out where an argument is None, and only
-    there.
+    (:class:`lcmchain.solver.schedule.Schedule`), or None: then every loop runs through the sheets,
+    and ``unscheduled`` is True instead of None. Code is left out where an argument is None only.
     """
     clock = arrays.clock
     if tools is not None:
@@ -206,7 +205,7 @@ def make_parts(
         part = first_part + k
         work, near = np.empty(ROWS * SPAN), np.empty(NEAR_ROWS * LANES)
         for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
-            for block in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
+            for place in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
                 forces_of_block(
                     arrays.position,
                     corner_node,
@@ -215,7 +214,7 @@ def make_parts(
                     arrays.history,
                     law,
                     options,
-                    block,
+                    schedule.block[place],
                 )
             if fibre_bending is not None:
                 bend_fibres(arrays, schedule, fibre_bending, tile, near)

@@ -3,8 +3,10 @@
 Done one after the other, the loops of a step each run through all of the sheet, and what one of
 them writes has left the nearer caches before the next one reads it. Here elements are taken in
 tiles; behind each of them follow the nodes whose forces are complete and whose positions nobody
-needs any more. Each thread does so with a part of the tiles. What lies between two parts is done
-after all of them. Nothing of this changes a sum: every node sums up its own forces, and every
+needs any more. Each thread does so with a part of the tiles, in two rounds: in the first one all
+parts make their first half, so that in the second one each part finds the beginning of the next
+one done and completes what lies between them. What needs more than that, as with numberings across
+the sheet, is done last. Nothing of this changes a sum: every node sums up its own forces, and every
 chunk of nodes its own energies, in an order of their own.
 
 The order holds for any numbering of elements and nodes. A numbering along the sheet makes it pay.
@@ -12,8 +14,7 @@ The order holds for any numbering of elements and nodes. A numbering along the s
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,35 +28,23 @@ TILE = 16
 #: Blocks of a part, at least.
 LEAST_PART = 4
 
-#: Up to so many parts one thread does alone what lies between them: sooner than they would begin.
-FEW_PARTS = 2
-
-
-class Queue(NamedTuple):
-    """Pieces of work by the tile that they follow.
-
-    piece : their numbers, tile by tile. start : (tile_count + 1,) where those of each tile begin.
-    """
-
-    piece: np.ndarray
-    start: np.ndarray
-
 
 class Schedule(NamedTuple):
     """The order of a step; all arrays are int32.
 
     Parts of one phase can be done at once, by as many threads; a phase begins when the last one is
-    done. In the first one every part has its tiles of elements. In the next one a single part does
-    what lies between them. With many parts the nodes there are divided among as many again.
+    done. A part has tiles, and a tile has pieces of work of five kinds, done in this order: blocks
+    of elements, the three stages of the fibres' bending, and chunks of nodes.
 
     phase_start : (phase_count + 1,) first part of each phase. part_start : (parts + 1,) first tile
-    of each part. block_start : (tile_count + 1,) first block of elements of each tile; tiles of
-    later phases have none. The others are queues (:class:`Queue`) of blocks of the fibres' bending
-    in its three stages, empty without it, and of chunks of nodes.
+    of each part. block, middle, vector, sum, chunk : numbers of the pieces, tile by tile; those of
+    the bending are empty without it. block_start and so on : (tile_count + 1,) where those of each
+    tile begin.
     """
 
     phase_start: np.ndarray
     part_start: np.ndarray
+    block: np.ndarray
     block_start: np.ndarray
     middle: np.ndarray
     middle_start: np.ndarray
@@ -67,34 +56,36 @@ class Schedule(NamedTuple):
     chunk_start: np.ndarray
 
 
-class _Needs(NamedTuple):
-    """From which tile on pieces of work can be done, and in which parts what they need is done.
+class _Tiles(NamedTuple):
+    """Tiles of the rounds, in the order of rounds and parts, and one more for what is done last.
 
-    tile : the last one needed. first_part, last_part : the same where all is done in one part.
+    phase, part, following : (tile_count + 1,) where each tile is done, and the first tile of the
+    same part in the next round. of_block : (block_count,) tile of each block. part_start : first
+    tile of each part of each round, and the last tile.
     """
 
-    tile: np.ndarray
-    first_part: np.ndarray
-    last_part: np.ndarray
+    phase: np.ndarray
+    part: np.ndarray
+    following: np.ndarray
+    of_block: np.ndarray
+    part_start: list[int]
 
-    def of(self, piece: np.ndarray, needed: np.ndarray, count: int) -> _Needs:
-        """Return what ``count`` pieces need that need some of these: pairs of piece and needed."""
-        tile = np.zeros(count, dtype=np.int64)
-        first = np.full(count, np.iinfo(np.int64).max)
-        last = np.full(count, -1)
-        np.maximum.at(tile, piece, self.tile[needed])
-        np.minimum.at(first, piece, self.first_part[needed])
-        np.maximum.at(last, piece, self.last_part[needed])
-        return _Needs(tile, np.minimum(first, last), last)
+    @property
+    def last(self) -> int:
+        return self.phase.size - 1
 
-    def queue(self, tile_count: int, late: np.ndarray) -> Queue:
-        """Return the pieces in order; those that need several parts follow the ``late`` tiles."""
-        several = np.flatnonzero(self.first_part != self.last_part)
-        tile = self.tile.copy()
-        tile[several] = late[np.arange(several.size) * late.size // max(several.size, 1)]
-        order = np.argsort(tile, kind="stable")
-        start = np.searchsorted(tile[order], np.arange(tile_count + 1))
-        return Queue(order.astype(np.int32), start.astype(np.int32))
+    def after(self, piece: np.ndarray, tile: np.ndarray, count: int) -> np.ndarray:
+        """Return in which tile each of ``count`` pieces finds done what it needs.
+
+        Parameters
+        ----------
+        piece, tile : pairs of a piece and a tile that does something it needs.
+        """
+        found = _latest(piece, tile, count)
+        there = found[piece]
+        at_once = (self.phase[tile] == self.phase[there]) & (self.part[tile] != self.part[there])
+        found[piece[at_once]] = self.following[there[at_once]]
+        return found
 
 
 def build_schedule(model: Model, part_count: int) -> Schedule:
@@ -105,73 +96,86 @@ def build_schedule(model: Model, part_count: int) -> Schedule:
     part_count : at most so many parts; a small sheet has fewer.
     """
     corner_nodes = model.body.data.corner_node.reshape(-1, 8 * LANES)
-    block_count = len(corner_nodes)
-    parts = min(part_count, -(-block_count // LEAST_PART))
-    part_block = np.round(np.linspace(0, block_count, parts + 1)).astype(np.int64)
-    tile_block = np.concatenate([np.arange(*ends, TILE) for ends in pairwise(part_block)])
-    tile_count = tile_block.size
-    part_start = np.searchsorted(tile_block, part_block)
-    block = np.arange(block_count)
-    block_part = np.searchsorted(part_block, block, side="right") - 1
-    blocks = _Needs(np.searchsorted(tile_block, block, side="right") - 1, block_part, block_part)
+    parts = min(part_count, -(-len(corner_nodes) // LEAST_PART))
+    tiles = _tiles(len(corner_nodes), parts)
 
     # a node is there from the first of its elements on, and free to move after the last one
-    node = corner_nodes.ravel()
-    block = np.repeat(block, 8 * LANES)
-    needs = [(node // NODE_CHUNK, block, blocks)]
-    middles = vectors = sums = _empty()
+    node, tile = corner_nodes.ravel(), np.repeat(tiles.of_block, 8 * LANES)
+    needs = [(node // NODE_CHUNK, tile)]
+    middles = vectors = sums = np.zeros(0, dtype=np.int64)
     if model.fibre_bending is not None and model.fibre_bending.data is not None:
-        first = np.full(model.node_count, block_count - 1)
-        np.minimum.at(first, node, block)
-        middles, vectors, sums, more = _bending(model.fibre_bending.data, first, blocks)
+        first = np.full(model.node_count, tiles.last)
+        np.minimum.at(first, node, tile)
+        middles, vectors, sums, more = _bending(model.fibre_bending.data, first, tiles)
         needs += more
     chunk_count = -(-model.node_count // NODE_CHUNK)
-    chunks = _together([given.of(piece, needed, chunk_count) for piece, needed, given in needs])
-    between = np.array([tile_count])
-    divided = tile_count + 1 + np.arange(parts if parts > FEW_PARTS else 0)
-    all_tiles = tile_count + 1 + divided.size
-    queues = [needs.queue(all_tiles, between) for needs in (middles, vectors, sums)]
-    queues.append(chunks.queue(all_tiles, divided if divided.size else between))
-    phases = [0, parts, parts + 1, *([2 * parts + 1] if divided.size else [])]
-    block_start = np.append(tile_block, np.full(all_tiles + 1 - tile_count, block_count))
-    arrays = [
-        np.array(phases),
-        np.concatenate([part_start, tile_count + 1 + np.arange(1 + divided.size)]),
-        block_start,
-        *(array for queue in queues for array in queue),
-    ]
-    return Schedule(*(array.astype(np.int32) for array in arrays))
+    piece, needed = map(np.concatenate, zip(*needs, strict=True))
+    chunks = tiles.after(piece, needed, chunk_count)
+
+    part_start, phase_start = list(tiles.part_start), list(range(0, len(tiles.part_start), parts))
+    late = np.flatnonzero(chunks == tiles.last)
+    if late.size:
+        # the fibres' bending in one part, then the nodes divided among as many as there are
+        chunks[late] += 1 + np.arange(late.size) * parts // late.size
+        part_start += list(tiles.last + 1 + np.arange(parts + 1))
+        phase_start += [phase_start[-1] + 1, phase_start[-1] + 1 + parts]
+    queues = [_queue(of, part_start[-1]) for of in (tiles.of_block, middles, vectors, sums, chunks)]
+    arrays = [phase_start, part_start, *(array for queue in queues for array in queue)]
+    return Schedule(*(np.asarray(array, dtype=np.int32) for array in arrays))
+
+
+def _tiles(block_count: int, parts: int) -> _Tiles:
+    """Divide the blocks among parts, rounds and tiles."""
+    rounds = 2 if parts > 1 else 1
+    ends = np.round(np.linspace(0, block_count, parts * rounds + 1)).astype(np.int64)
+    counts = -(-np.diff(ends) // TILE).reshape(parts, rounds).T.ravel()
+    part_start = np.concatenate([[0], np.cumsum(counts)])
+    turn, own = np.divmod(np.arange(counts.size), parts)
+    following = np.concatenate([part_start[parts:-1], np.full(parts, part_start[-1])])
+    block = np.arange(block_count)
+    stretch = np.searchsorted(ends, block, side="right") - 1
+    first = part_start[stretch % rounds * parts + stretch // rounds]
+    return _Tiles(
+        np.append(np.repeat(turn, counts), rounds),
+        np.append(np.repeat(own, counts), 0),
+        np.append(np.repeat(following, counts), part_start[-1]),
+        first + (block - ends[stretch]) // TILE,
+        part_start.tolist(),
+    )
 
 
 def _bending(
-    data: FibreBendingData, first_block: np.ndarray, blocks: _Needs
-) -> tuple[_Needs, _Needs, _Needs, list[tuple[Any, Any, _Needs]]]:
-    """Return what the three stages of the fibres' bending need, and what chunks of nodes need."""
+    data: FibreBendingData, first_tile: np.ndarray, tiles: _Tiles
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    """Return the tiles of the three stages of the fibres' bending, and what chunks of nodes need.
+
+    Parameters
+    ----------
+    first_tile : (node_count,) in which each node is read first.
+    """
     count = data.start.size
     own = np.arange(count)
     indices = data.indices.reshape(count, INDEX_ROWS, LANES)
     nodes, before_and_after, sources = indices[:, :2], indices[:, 2:6], indices[:, 6:]
     node_piece = np.repeat(own, 2 * LANES)
-    middles = blocks.of(node_piece, first_block[nodes.ravel()], count)
-    middles = middles._replace(first_part=middles.last_part)  # any part may read the nodes
+    middles = _latest(node_piece, first_tile[nodes.ravel()], count)  # any part may read the nodes
     neighbour_piece = np.concatenate([own, np.repeat(own, 4 * LANES)])
     neighbour = before_and_after.ravel() // (MIDDLE_ROWS * LANES)
-    vectors = middles.of(neighbour_piece, np.concatenate([own, neighbour]), count)
+    vectors = tiles.after(neighbour_piece, middles[np.concatenate([own, neighbour])], count)
     neighbour = sources.ravel() // (VECTOR_ROWS * LANES)
-    sums = vectors.of(neighbour_piece, np.concatenate([own, neighbour]), count)
+    sums = tiles.after(neighbour_piece, vectors[np.concatenate([own, neighbour])], count)
     chunk = nodes.ravel() // NODE_CHUNK
-    return middles, vectors, sums, [(chunk, node_piece, middles), (chunk, node_piece, sums)]
+    return middles, vectors, sums, [(chunk, middles[node_piece]), (chunk, sums[node_piece])]
 
 
-def _together(needs: list[_Needs]) -> _Needs:
-    """Return what pieces need that need all of it."""
-    return _Needs(
-        np.max([one.tile for one in needs], axis=0),
-        np.min([one.first_part for one in needs], axis=0),
-        np.max([one.last_part for one in needs], axis=0),
-    )
+def _latest(piece: np.ndarray, tile: np.ndarray, count: int) -> np.ndarray:
+    """Return the last tile of each of ``count`` pieces."""
+    found = np.zeros(count, dtype=np.int64)
+    np.maximum.at(found, piece, tile)
+    return found
 
 
-def _empty() -> _Needs:
-    nothing = np.zeros(0, dtype=np.int64)
-    return _Needs(nothing, nothing, nothing)
+def _queue(tile: np.ndarray, tile_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return pieces in the order of their tiles, and where those of each tile begin."""
+    order = np.argsort(tile, kind="stable")
+    return order, np.searchsorted(tile[order], np.arange(tile_count + 1))

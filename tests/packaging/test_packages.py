@@ -30,6 +30,7 @@ RANK_OF_CORE = {
     "text_files": 0,
     "fingerprint": 0,
     "jit": 0,
+    "large_tuples": 0,
     "dispatch": 0,
     "self_contained": 0,
     "threads": 0,

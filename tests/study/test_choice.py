@@ -191,6 +191,22 @@ def test_steps_that_cost_much_beside_their_elements_do_not_mislead_a_budget(dent
         )
 
 
+def test_what_no_finer_mesh_can_be_had_for_goes_into_a_slower_process(dent, tmp_path):
+    class Doubling(Known):
+        """Only meshes of which one halves the edges of the other."""
+
+        def work(self, edge):
+            return super().work(0.04 / 2.0 ** math.floor(math.log2(0.04 / edge)))
+
+    for budget in (60.0, 100.0, 150.0):
+        known = Doubling(dent, tmp_path, read_wish(None, f"{budget} s"), 1.0, 0.5)
+        choice = known.run(known.make)
+        assert 0.75 <= choice.seconds / budget <= 1.0
+        assert choice.settings.time > 1.3
+        assert "a slower process" in choice.why
+        assert choice.run_seconds == pytest.approx(known.runs[-1][2].seconds, rel=0.05)
+
+
 def test_a_rehearsal_goes_with_the_work_of_a_run(dent, tmp_path):
     """Steps and elements of the mesh itself; what its steps take is measured."""
     scenes = [

@@ -13,7 +13,7 @@ from lcmchain.effects.fibre_bending import INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.elements.blocks import LANES, in_blocks
 from lcmchain.model import NODE_CHUNK, build_model
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.schedule import FEW_PARTS, TILE, build_schedule
+from lcmchain.solver.schedule import LEAST_PART, build_schedule
 from lcmchain.solver.simulation import Simulation
 
 STAGES = ("block", "middle", "vector", "sum", "chunk")
@@ -26,17 +26,9 @@ def performed(schedule):
         for part in range(schedule.phase_start[phase], schedule.phase_start[phase + 1]):
             place = 0
             for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
-                blocks = range(schedule.block_start[tile], schedule.block_start[tile + 1])
-                queues = [
-                    getattr(schedule, stage)[
-                        getattr(schedule, f"{stage}_start")[tile] : getattr(
-                            schedule, f"{stage}_start"
-                        )[tile + 1]
-                    ]
-                    for stage in STAGES[1:]
-                ]
-                for stage, pieces in zip(STAGES, (blocks, *queues), strict=True):
-                    for piece in pieces:
+                for stage in STAGES:
+                    start = getattr(schedule, f"{stage}_start")
+                    for piece in getattr(schedule, stage)[start[tile] : start[tile + 1]]:
                         assert int(piece) not in found[stage], f"{stage} {piece} is done twice"
                         found[stage][int(piece)] = (phase, part, place)
                         place += 1
@@ -89,11 +81,18 @@ def test_nothing_is_done_before_what_it_needs(parts, in_plane):
     assert (model.fibre_bending is not None) == in_plane
     schedule = build_schedule(model, parts)
     require_order(model, schedule)
-    tiles = -(-model.body.data.corner_node.size // (8 * LANES * TILE))
-    assert schedule.phase_start[1] == min(parts, tiles)
-    assert schedule.phase_start.size == (3 if parts <= FEW_PARTS else 4)
-    if parts == 1:  # nothing lies between parts
-        assert schedule.chunk_start[tiles] == schedule.chunk.size
+    blocks = model.body.data.corner_node.size // (8 * LANES)
+    assert schedule.phase_start[1] == min(parts, -(-blocks // LEAST_PART))
+    if parts == 1:
+        assert schedule.phase_start.tolist() == [0, 1]
+
+
+def test_in_the_second_round_parts_complete_what_lies_between_them():
+    overrides = ("blank.edge_length=2.5 mm", "blank.fibre_angle=0 deg")
+    model = build_model(scene_from_text(SHEET, overrides=overrides))
+    schedule = build_schedule(model, 2)
+    require_order(model, schedule)
+    assert schedule.phase_start.tolist() == [0, 2, 4]
 
 
 @given(st.integers(0, 10**6), st.integers(1, 9), st.integers(1, 400), st.integers(9, 2000))
