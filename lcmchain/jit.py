@@ -8,6 +8,7 @@ from typing import Any
 from numba import njit
 from numba.core.dispatcher import Dispatcher
 
+from lcmchain.cache_lines import align_compiled_code
 from lcmchain.large_tuples import load_parts_of_tuples
 from lcmchain.self_contained import keep_code_self_contained
 from lcmchain.threads import load_threading_library
@@ -17,6 +18,7 @@ load_threading_library()
 keep_lane_loops()
 keep_code_self_contained()
 load_parts_of_tuples()
+align_compiled_code()
 use_widest_vectors()
 
 # 'nnan' and 'ninf' are left out on purpose: they let the compiler delete the guards' checks.

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lcmchain.cache_lines import aligned
 from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, build_face_pressure
 from lcmchain.effects.fibre_bending import (
     FORCE_ROWS,
@@ -337,12 +338,12 @@ def assemble_bodies(
         nodes=NodeData(
             force_slot=force_slot,
             chunk_order=_chunk_order(force_slot),
-            mass=mass,
-            inverse_mass=1.0 / mass,
-            area=area,
-            impedance=np.sqrt(area * mass),
+            mass=aligned(mass),
+            inverse_mass=aligned(1.0 / mass),
+            area=aligned(area),
+            impedance=aligned(np.sqrt(area * mass)),
             free=free,
-            offset=offset,
+            offset=aligned(offset),
         ),
         tools=without_initial_overlap(tools, positions, offset, thickness),
         tool_names=tuple(tool_names),

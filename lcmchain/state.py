@@ -13,6 +13,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from lcmchain.cache_lines import aligned, zeros
 from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.errors import InputError
 from lcmchain.model import NODE_CHUNK, Model
@@ -129,7 +130,7 @@ class _Arrays:
     def zeros(cls, model: Model) -> Self:
         """Return all arrays with zeros."""
         return cls(
-            **{name: np.zeros(*declared) for name, declared in cls.shapes_and_types(model).items()}
+            **{name: zeros(*declared) for name, declared in cls.shapes_and_types(model).items()}
         )
 
     @classmethod
@@ -274,7 +275,7 @@ class State(_Arrays):
         differing = sorted(set(arrays) ^ set(cls.names()))
         if differing:
             raise ValueError(f"missing or unknown arrays: {', '.join(differing)}")
-        return cls(**arrays)
+        return cls(**{name: aligned(array) for name, array in arrays.items()})
 
     def frame(self) -> dict[str, np.ndarray]:
         """Return copies of the arrays that saved frames hold."""
@@ -283,7 +284,7 @@ class State(_Arrays):
 
     def copy(self) -> State:
         """Return an independent copy, for checkpoints and rollback."""
-        return State(**{name: array.copy() for name, array in self.as_dict().items()})
+        return State(**{name: aligned(array) for name, array in self.as_dict().items()})
 
     def set_to(self, other: State) -> None:
         """Take over the values of another state of the same model, without new arrays."""

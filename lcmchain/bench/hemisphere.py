@@ -11,12 +11,13 @@ from lcmchain.elements.blocks import own_blocks
 from lcmchain.elements.solid_shell.packing import curved_rows
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
+from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
 from lcmchain.threads import use_threads
 
 # Where whole steps are timed: the sheet lies on punch, die fillet and under the holder.
 MID_STROKE = 0.06
-WHOLE_CHUNKS = 8
+# As many as go by while the frequency is looked at once.
+WHOLE_CHUNKS = CALM_CHUNKS_PER_FREQUENCY
 
 SCENE = """
 title = "bench"

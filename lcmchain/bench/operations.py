@@ -59,6 +59,7 @@ def kernel_assembly() -> str:
     arguments = (
         model.node_positions.T.copy(),
         data.corner_node,
+        data.corner_run,
         data.element_data,
         np.zeros(model.corner_force_size),
         np.zeros(model.history_size),

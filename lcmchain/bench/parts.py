@@ -19,10 +19,11 @@ from lcmchain.model import NODE_CHUNK
 from lcmchain.solver.contact_forces import ROWS, add_contact_forces
 from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.solver.loop import gather_internal_forces, integrate
-from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
+from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
 from lcmchain.tools.span_distance import SPAN
 
-CHUNKS = 4
+#: As many as go by while the frequency is looked at once.
+CHUNKS = CALM_CHUNKS_PER_FREQUENCY
 CALLS = CHUNKS * STEPS_PER_CHUNK
 SUMS = 64  # numbers that a chunk of nodes sums up, at most
 
@@ -56,7 +57,8 @@ def repeated_gather(arrays, calls):
     node_count = arrays.mass.size
     for _ in range(calls):
         for first in range(0, node_count, NODE_CHUNK):
-            gather_internal_forces(arrays, first, min(first + NODE_CHUNK, node_count))
+            last = min(first + NODE_CHUNK, node_count)
+            gather_internal_forces(arrays, arrays.force_slot, first, last)
 
 
 @routine
@@ -95,6 +97,7 @@ def measure_parts() -> Parts:
         "element kernel": kernel_work(simulation, model.body.data, CALLS),
         **_loops(simulation, dt),
         "between chunks of steps": _between_chunks(simulation),
+        "samples of the histories": _samples(simulation, dt),
     }
     element_steps = CALLS * model.element_count
     parts = [measure(name, 1, element_steps, work) for name, work in works.items()]
@@ -121,6 +124,16 @@ def _loops(simulation: Simulation, dt: float) -> dict[str, Callable[[], None]]:
         "contact": lambda: repeated_contact(arrays, model.tools, model.environment, dt, CALLS),
         "motion of the nodes": lambda: repeated_motion(at_rest, model.environment, dt, CALLS),
     }  # fmt: skip
+
+
+def _samples(simulation: Simulation, dt: float) -> Callable[[], None]:
+    count = round(CALLS * dt / simulation.model.history_interval)
+
+    def work() -> None:
+        for _ in range(count):
+            simulation.energy()
+
+    return work
 
 
 def _between_chunks(simulation: Simulation) -> Callable[[], None]:

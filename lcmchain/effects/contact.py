@@ -30,11 +30,8 @@ SHAPES = {
     FIELD: "distance field of a surface mesh",
 }
 
-
-@equation
-def share_inside(depth, way):
-    """Return the part of a way towards or out of the tool that is spent inside."""
-    return depth / way if way > depth else 1.0
+#: What ways into a tool or out of it are at least [m]: the square of it is still normal.
+SHORTEST_WAY = 1e-100
 
 
 @equation
@@ -57,12 +54,19 @@ def normal_force(stiffness, damping, gap, velocity, mobility, acceleration, dt_l
     dt_last, dt : the steps before and after [s].
     """
     interval = 0.5 * (dt_last + dt)
-    elastic = -stiffness * gap
+    depth = -gap
+    elastic = stiffness * depth
     leaving = velocity + interval * (acceleration + mobility * elastic)
-    inside = share_inside(-gap, -velocity * dt_last) + share_inside(-gap, leaving * dt)
-    elastic *= 0.5 * inside
+    # of a way longer than the depth, depth over way is spent inside
+    way_in = max(-velocity * dt_last, depth, SHORTEST_WAY)
+    way_out = max(leaving * dt, depth, SHORTEST_WAY)
+    ways = way_in * way_out
+    damped = 1.0 + 0.5 * interval * mobility * damping
+    # one division for the sum of both parts and for the damping
+    inverse = 1.0 / (ways * damped)
+    elastic *= 0.5 * depth * (way_in + way_out) * damped * inverse
     mean = velocity + 0.5 * interval * (acceleration + mobility * elastic)
-    mean /= 1.0 + 0.5 * interval * mobility * damping
+    mean *= ways * inverse
     force = max(elastic - damping * mean, 0.0)
     mean = velocity + 0.5 * interval * (acceleration + mobility * force)
     return force, (elastic - force) * mean * interval

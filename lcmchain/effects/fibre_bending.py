@@ -25,9 +25,10 @@ import numpy as np
 from numba import prange
 
 from lcmchain.effects.effect import Effect, Switch, refused
-from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW, in_blocks, in_shared_blocks
+from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
+from lcmchain.elements.lane_runs import find_runs, load_vectors
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
-from lcmchain.jit import equation, kernel, span_routine
+from lcmchain.jit import equation, kernel, span_part, span_routine
 from lcmchain.mesh.fibre_lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
 
@@ -38,7 +39,7 @@ INDEX_ROWS = 10
 MIDDLE_ROWS = 3
 VECTOR_ROWS = 12
 FORCE_ROWS = 3
-# Rows of scratch: the places before and after along fibre 1, then 2.
+# Rows of scratch: three for each of four neighbours.
 NEAR_ROWS = 12
 # Columns of the constants that have the same unit, one group behind the other.
 CONSTANT_GROUPS = (4, 2, 2, 1)
@@ -55,12 +56,14 @@ class FibreBendingData(NamedTuple):
         the force on a node of the model. start : where each block has them (``SharedBlocks``).
     indices : nodes of the model below and above; then of the neighbours before and after along
         fibre 1, then 2, where their middles begin, and where what they send to the node does.
+    runs : of the indices of each row (``elements/lane_runs.py``).
     first_force : where the forces begin in the corner forces.
     """
 
     constants: np.ndarray
     start: np.ndarray
     indices: np.ndarray
+    runs: np.ndarray
     first_force: int
 
 
@@ -145,7 +148,11 @@ def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
         for k, end in enumerate(ends)
     ]
     middles = [_place(end, MIDDLE_ROWS) for end in ends]
-    indices = np.column_stack([table.below, table.above, *middles, *source])
+    # rows of one kind, which are places in one array
+    kinds = [
+        in_blocks(np.column_stack(kind).astype(np.int32)).reshape(-1, len(kind), LANES)
+        for kind in ((table.below, table.above), middles, source)
+    ]
     largest = np.abs(constants).max(axis=0)
     first = np.cumsum((0, *CONSTANT_GROUPS[:-1]))
     scale = np.maximum(np.maximum.reduceat(largest, first), TINY)
@@ -153,7 +160,8 @@ def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
     return FibreBendingData(
         constants=shared.values,
         start=shared.start,
-        indices=in_blocks(indices.astype(np.int32)),
+        indices=np.concatenate(kinds, axis=1).ravel(),
+        runs=np.concatenate([find_runs(kind) for kind in kinds], axis=1).ravel(),
         first_force=first_force,
     )
 
@@ -268,37 +276,32 @@ def fibre_bending_forces(data, position, corner_force, middle, vector):
     block_count = data.start.size
     pieces = -(-block_count // PIECE)
     for piece in prange(pieces):
+        near = np.empty(NEAR_ROWS * LANES)
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
-            find_middle(data, position, middle, block)
+            find_middle(data, position, middle, block, near)
     for piece in prange(pieces):
         near = np.empty(NEAR_ROWS * LANES)
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
             find_vectors(data, middle, vector, block, near)
     for piece in prange(pieces):
+        near = np.empty(NEAR_ROWS * LANES)
         for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
-            add_vectors(data, vector, corner_force, block)
+            add_vectors(data, vector, corner_force, block, near)
 
 
 @span_routine
-def find_middle(data, position, middle, block):
-    indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
+def find_middle(data, position, middle, block, near):
+    """Write the places of the nodes of a block."""
     own = middle[block * MIDDLE_ROWS * LANES : (block + 1) * MIDDLE_ROWS * LANES]
-    for lane in range(LANES):
-        below, above = np.uint64(indices[lane]), np.uint64(indices[LANES + lane])
-        for d in range(3):
-            own[d * LANES + lane] = 0.5 * (position[d, below] + position[d, above])
+    load_neighbours(data, position, position.shape[1], block, 0, 2, near)
+    for lane in range(MIDDLE_ROWS * LANES):
+        own[lane] = 0.5 * (near[lane] + near[MIDDLE_ROWS * LANES + lane])
 
 
 @span_routine
 def find_vectors(data, middle, vector, block, near):
     """Write what the nodes send to their neighbours along the fibres."""
-    indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
-    for k in range(4):
-        for lane in range(LANES):
-            place = np.uint64(indices[(2 + k) * LANES + lane])
-            near[3 * k * LANES + lane] = middle[place]
-            near[(3 * k + 1) * LANES + lane] = middle[place + NEXT_ROW]
-            near[(3 * k + 2) * LANES + lane] = middle[place + SECOND_ROW]
+    load_neighbours(data, middle, LANES, block, 2, 6, near)
     start = data.start[block]
     constants = data.constants[start : start + CONSTANT_ROWS * LANES]
     here = middle[block * MIDDLE_ROWS * LANES : (block + 1) * MIDDLE_ROWS * LANES]
@@ -308,25 +311,31 @@ def find_vectors(data, middle, vector, block, near):
 
 
 @span_routine
-def add_vectors(data, vector, corner_force, block):
+def add_vectors(data, vector, corner_force, block, near):
     """Write the forces on the nodes: the sums of what they get, less what they send."""
-    indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
+    load_neighbours(data, vector, LANES, block, 6, 10, near)
     start = data.start[block]
     constants = data.constants[start : start + CONSTANT_ROWS * LANES]
     own = vector[block * VECTOR_ROWS * LANES : (block + 1) * VECTOR_ROWS * LANES]
     first = data.first_force + block * FORCE_ROWS * LANES
     force = corner_force[first : first + FORCE_ROWS * LANES]
     for lane in range(LANES):
-        i, j = np.uint64(indices[6 * LANES + lane]), np.uint64(indices[7 * LANES + lane])
-        k, m = np.uint64(indices[8 * LANES + lane]), np.uint64(indices[9 * LANES + lane])
         share = constants[8 * LANES + lane]
         for d in range(3):
-            row = np.uint64(d * LANES)
-            got = vector[i + row] + vector[j + row]
-            got += vector[k + row] + vector[m + row]
+            got = near[d * LANES + lane] + near[(3 + d) * LANES + lane]
+            got += near[(6 + d) * LANES + lane] + near[(9 + d) * LANES + lane]
             sent = own[d * LANES + lane] + own[(3 + d) * LANES + lane]
             sent += own[(6 + d) * LANES + lane] + own[(9 + d) * LANES + lane]
             force[d * LANES + lane] = share * (got - sent)
+
+
+@span_part
+def load_neighbours(data, values, step, block, first_row, last_row, near):
+    """Write to ``near`` what the nodes of a block have at indices of some rows."""
+    indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
+    for row in range(first_row, last_row):
+        place, to = row * LANES, 3 * (row - first_row) * LANES
+        load_vectors(values, step, indices, place, data.runs, block * INDEX_ROWS + row, near, to)
 
 
 @equation

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcmchain.cache_lines import aligned
+
 LANES = 16
 # Indices read from arrays are taken as unsigned: for a signed one every access first asks whether
 # it counts from the end. A row further on is then so many unsigned lanes away.
@@ -75,12 +77,12 @@ def in_shared_blocks(rows: np.ndarray, scale: np.ndarray) -> SharedBlocks:
         kept.append(left[0])
         left = left[~alike]
     place[left] = np.arange(len(kept), len(kept) + left.size)
-    values = np.ascontiguousarray(blocks[[*kept, *left]]).ravel()
+    values = aligned(blocks[[*kept, *left]]).ravel()
     return SharedBlocks(values, place * np.int32(blocks.shape[1]))
 
 
 def own_blocks(rows: np.ndarray) -> SharedBlocks:
     """Return rows (E, R) in blocks of which each has its own place."""
-    values = in_blocks(rows)
+    values = aligned(in_blocks(rows))
     size = rows.shape[1] * LANES
     return SharedBlocks(values, np.arange(values.size // size, dtype=np.int32) * np.int32(size))

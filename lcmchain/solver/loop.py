@@ -131,6 +131,7 @@ def advance(
                     schedule,
                     phase,
                     bodies[0].data.corner_node,
+                    bodies[0].data.corner_run,
                     bodies[0].data.element_data,
                     bodies[0].data.law,
                     bodies[0].data.options,
@@ -159,17 +160,30 @@ def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
     for place in prange(arrays.chunk_order.size):
         work = np.empty(ROWS * SPAN)
         chunk = arrays.chunk_order[place]
-        move_chunk(arrays, tools, environment, pressed, averaging, chunk, dt_last, dt, work)
+        move_chunk(
+            arrays,
+            arrays.force_slot,
+            tools,
+            environment,
+            pressed,
+            averaging,
+            chunk,
+            dt_last,
+            dt,
+            work,
+        )
 
 
 @routine
-def move_chunk(arrays, tools, environment, pressed, averaging, chunk, dt_last, dt, work):
+def move_chunk(
+    arrays, force_slot, tools, environment, pressed, averaging, chunk, dt_last, dt, work
+):
     """Sum the forces on the nodes of a chunk, and update their velocities and positions."""
     first = chunk * NODE_CHUNK
     last = min(first + NODE_CHUNK, arrays.mass.size)
     sums = arrays.chunk_sums[chunk]
     sums[:] = 0.0
-    gather_internal_forces(arrays, first, last)
+    gather_internal_forces(arrays, force_slot, first, last)
     if pressed is not None:
         add_pressure_loads(arrays, first, last, dt_last, sums)
     if tools is not None:
@@ -183,6 +197,7 @@ def make_parts(
     schedule,
     phase,
     corner_node,
+    corner_run,
     element_data,
     law,
     options,
@@ -205,22 +220,35 @@ def make_parts(
         part = first_part + k
         work, near = np.empty(ROWS * SPAN), np.empty(NEAR_ROWS * LANES)
         for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
-            for place in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
+            for piece in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
+                block = schedule.block[piece]
                 forces_of_block(
                     arrays.position,
                     corner_node,
+                    corner_run,
                     element_data,
                     arrays.corner_force,
                     arrays.history,
                     law,
                     options,
-                    schedule.block[place],
+                    block,
+                    schedule.place[block],
                 )
             if fibre_bending is not None:
                 bend_fibres(arrays, schedule, fibre_bending, tile, near)
-            for place in range(schedule.chunk_start[tile], schedule.chunk_start[tile + 1]):
-                chunk = schedule.chunk[place]
-                move_chunk(arrays, tools, environment, pressed, averaging, chunk, dt_last, dt, work)
+            for piece in range(schedule.chunk_start[tile], schedule.chunk_start[tile + 1]):
+                move_chunk(
+                    arrays,
+                    schedule.force_slot,
+                    tools,
+                    environment,
+                    pressed,
+                    averaging,
+                    schedule.chunk[piece],
+                    dt_last,
+                    dt,
+                    work,
+                )
 
 
 @routine
@@ -228,21 +256,21 @@ def bend_fibres(arrays, schedule, data, tile, near):
     """Make what the fibres' bending has to do behind a tile of elements."""
     middle, vector, force = arrays.bending_middle, arrays.bending_vector, arrays.corner_force
     for k in range(schedule.middle_start[tile], schedule.middle_start[tile + 1]):
-        find_middle(data, arrays.position, middle, schedule.middle[k])
+        find_middle(data, arrays.position, middle, schedule.middle[k], near)
     for k in range(schedule.vector_start[tile], schedule.vector_start[tile + 1]):
         find_vectors(data, middle, vector, schedule.vector[k], near)
     for k in range(schedule.sum_start[tile], schedule.sum_start[tile + 1]):
-        add_vectors(data, vector, force, schedule.sum[k])
+        add_vectors(data, vector, force, schedule.sum[k], near)
 
 
 @ordered_span_routine
-def gather_internal_forces(arrays, first, last):
+def gather_internal_forces(arrays, force_slot, first, last):
     """Set the force on each node to minus the sum of its corner forces.
 
     Summed in their order: a sheet moves as it does without the slots that others need.
     """
     force, corner_force = arrays.force, arrays.corner_force
-    force_slot = arrays.force_slot[:, first:last]
+    force_slot = force_slot[:, first:last]
     force_x, force_y, force_z = force[0, first:last], force[1, first:last], force[2, first:last]
     for i in range(last - first):
         x = 0.0

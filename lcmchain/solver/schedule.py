@@ -20,11 +20,12 @@ import numpy as np
 
 from lcmchain.effects.fibre_bending import INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS, FibreBendingData
 from lcmchain.elements.blocks import LANES
+from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
 from lcmchain.model import NODE_CHUNK, Model
 
 #: Blocks of 16 elements in a tile, at most: few enough for what they write to stay in the nearer
 #: caches, and enough for the code of one loop to stay at hand before that of the next one follows.
-TILE = 16
+TILE = 32
 #: Blocks of a part, at least.
 LEAST_PART = 4
 
@@ -54,6 +55,8 @@ class Schedule(NamedTuple):
     sum_start: np.ndarray
     chunk: np.ndarray
     chunk_start: np.ndarray
+    place: np.ndarray
+    force_slot: np.ndarray
 
 
 class _Tiles(NamedTuple):
@@ -112,6 +115,9 @@ def build_schedule(model: Model, part_count: int) -> Schedule:
     piece, needed = map(np.concatenate, zip(*needs, strict=True))
     chunks = tiles.after(piece, needed, chunk_count)
 
+    last_use = np.maximum.reduceat(chunks[node // NODE_CHUNK], np.arange(0, node.size, 8 * LANES))
+    place = _places(tiles, last_use)
+
     part_start, phase_start = list(tiles.part_start), list(range(0, len(tiles.part_start), parts))
     late = np.flatnonzero(chunks == tiles.last)
     if late.size:
@@ -121,6 +127,7 @@ def build_schedule(model: Model, part_count: int) -> Schedule:
         phase_start += [phase_start[-1] + 1, phase_start[-1] + 1 + parts]
     queues = [_queue(of, part_start[-1]) for of in (tiles.of_block, middles, vectors, sums, chunks)]
     arrays = [phase_start, part_start, *(array for queue in queues for array in queue)]
+    arrays += [place, _moved(model.nodes.force_slot, place)]
     return Schedule(*(np.asarray(array, dtype=np.int32) for array in arrays))
 
 
@@ -141,6 +148,40 @@ def _tiles(block_count: int, parts: int) -> _Tiles:
         np.append(np.repeat(following, counts), part_start[-1]),
         first + (block - ends[stretch]) // TILE,
         part_start.tolist(),
+    )
+
+
+def _places(tiles: _Tiles, last_use: np.ndarray) -> np.ndarray:
+    """Return where the forces of each block lie: where others were that nobody needs any more.
+
+    Each part has places of its own. Forces that another part sums up, or that are summed up last,
+    keep theirs.
+
+    Parameters
+    ----------
+    last_use : (block_count,) tile in which the last forces of each block are summed up.
+    """
+    place, count = np.empty(last_use.size, dtype=np.int64), 0
+    blocks, block_start = _queue(tiles.of_block, tiles.last)
+    for part in range(int(tiles.part.max()) + 1):
+        free: list[int] = []
+        left: dict[int, list[int]] = {}
+        for tile in np.flatnonzero(tiles.part[: tiles.last] == part).tolist():
+            for block in blocks[block_start[tile] : block_start[tile + 1]].tolist():
+                if not free:
+                    free, count = [count], count + 1
+                place[block] = free.pop()
+                left.setdefault(int(last_use[block]), []).append(int(place[block]))
+            free += left.pop(tile, [])
+    return place
+
+
+def _moved(force_slot: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return slots for other places of the blocks; those behind the blocks stay."""
+    size = CORNER_ROWS * LANES
+    block, within = np.divmod(force_slot, size)
+    return np.where(
+        block < place.size, place[np.minimum(block, place.size - 1)] * size + within, force_slot
     )
 
 

@@ -46,9 +46,11 @@ from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
 # short enough that a fabric under compaction stiffens by less than step_safety allows for.
 STEPS_PER_CHUNK = 50
-# The in-plane frequency changes slowly: its bound is renewed every so many chunks, unless the sheet
-# may stiffen in between.
+# The in-plane frequency changes slowly: its bound, which costs as much as a hundred evaluations of
+# the forces, is renewed every so many chunks, unless the sheet may stiffen in between; after a look
+# that has changed nothing only after as many as the second number.
 CHUNKS_PER_FREQUENCY = 8
+CALM_CHUNKS_PER_FREQUENCY = 24
 # Elements follow the curvature that they share with neighbours every so many chunks: their forces
 # hardly depend on it (``elements/solid_shell/curvature.py``).
 CHUNKS_PER_RENEWAL = 4
@@ -271,11 +273,12 @@ class Simulation:
         renew = present == 0.0 or state.counters[CHUNKS] >= CHUNKS_PER_FREQUENCY
         if renew or self._may_stiffen(conditions, present):
             omega2, element, code = self._highest_frequency()
+            state.counters[CHUNKS] = CHUNKS_PER_FREQUENCY - CALM_CHUNKS_PER_FREQUENCY
             if not STEP_HYSTERESIS * present < omega2 <= present:
                 state.clock[OMEGA2] = omega2
                 state.counters[CONTROLLING_ELEMENT] = element
                 state.counters[CONTROLLING_PART] = code
-            state.counters[CHUNKS] = 0
+                state.counters[CHUNKS] = 0
         state.counters[CHUNKS] += 1
         self.find_contact()
         element = int(state.counters[CONTROLLING_ELEMENT])

@@ -12,6 +12,7 @@ import math
 
 from lcmchain.jit import span_part
 from lcmchain.tools.distance import FIELD, ON_AXIS, PLANE, REVOLVED, field_distance
+from lcmchain.tools.level_part import BEGIN, DEPTH, END, HEIGHT, NORMAL
 from lcmchain.tools.profiles import ARC
 
 #: Nodes of a span, neighbours in memory.
@@ -57,6 +58,13 @@ def span_distances(table, tool, x, y, z, travel, work):
             work[NORMAL_Z * SPAN + i] = 1.0
     elif kind == FIELD:
         field_distances(table, tool, work)
+    elif faces_level_part(table.level_part[tool], kind == REVOLVED, work):
+        for i in range(SPAN):
+            up = table.level_part[tool, NORMAL]
+            work[GAP * SPAN + i] = up * (work[LOCAL_Z * SPAN + i] - table.level_part[tool, HEIGHT])
+            work[NORMAL_X * SPAN + i] = 0.0
+            work[NORMAL_Y * SPAN + i] = 0.0
+            work[NORMAL_Z * SPAN + i] = up
     else:
         profile_distances(table, tool, kind == REVOLVED, work)
     if table.aligned[tool] == 0:
@@ -138,6 +146,29 @@ def field_distances(table, tool, work):
 
 
 @span_part
+def faces_level_part(part, revolved, work):
+    """Tell whether all nodes are nearer to the level part of a profile than to any other part.
+
+    That is all there is to plates away from their edges: neither root nor division.
+    """
+    begin, end, height, depth = part[BEGIN], part[END], part[HEIGHT], part[DEPTH]
+    if begin >= end:
+        return False
+    facing = 0
+    for i in range(SPAN):
+        x, y = work[LOCAL_X * SPAN + i], work[LOCAL_Y * SPAN + i]
+        away = abs(work[LOCAL_Z * SPAN + i] - height)
+        low, high = begin + away, end - away
+        if revolved:
+            squared = x * x + y * y
+            inside = ((low < 0.0) | (squared > low * low)) & (high > 0.0) & (squared < high * high)
+        else:
+            inside = (x > low) & (x < high)
+        facing += 1 if inside & (away < depth) else 0
+    return facing == SPAN
+
+
+@span_part
 def profile_distances(table, tool, revolved, work):
     """Write the distances to a profile, piece by piece; normals in its plane, then in space."""
     for i in range(SPAN):
@@ -166,7 +197,7 @@ def profile_distances(table, tool, revolved, work):
         in_plane = scale * work[NORMAL_X * SPAN + i]
         work[NORMAL_X * SPAN + i] = in_plane * x
         work[NORMAL_Y * SPAN + i] = in_plane * y
-        work[NORMAL_Z * SPAN + i] *= scale * radius
+        work[NORMAL_Z * SPAN + i] *= scale * radius if length != 1.0 else 1.0
 
 
 @span_part

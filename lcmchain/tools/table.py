@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcmchain.tools.distance import REVOLVED
+from lcmchain.tools.level_part import COLUMNS, level_part
 from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS
 from lcmchain.tools.tool import Tool
 
@@ -37,6 +39,7 @@ class ToolTable(NamedTuple):
         entries table_start[t] to table_start[t + 1].
     segment_start, segments, corner_start, corners : profiles one after the other, see
         `Profile.segments` and `Profile.corners`.
+    level_part : of the profiles, shape [T, 5], see :mod:`lcmchain.tools.level_part`.
     spacing, grid_origin, grid_shape, box, grid_start, coefficients, far_bound : distance fields one
         after the other, in local coordinates; see `DistanceField`.
     """
@@ -65,6 +68,7 @@ class ToolTable(NamedTuple):
     segments: np.ndarray
     corner_start: np.ndarray
     corners: np.ndarray
+    level_part: np.ndarray
     spacing: np.ndarray
     grid_origin: np.ndarray
     grid_shape: np.ndarray
@@ -155,6 +159,12 @@ def build_tool_table(
         segments=_joined(parts("segments"), np.zeros((0, SEGMENT_COLUMNS))),
         corner_start=_starts(parts("corners")),
         corners=_joined(parts("corners"), np.zeros((0, CORNER_COLUMNS))),
+        level_part=np.array(
+            [
+                level_part(row["segments"], row["corners"], revolved=row["kind"] == REVOLVED)
+                for row in rows
+            ]
+        ).reshape(count, COLUMNS),
         spacing=column("spacing"),
         grid_origin=column("grid_origin", width=(3,)),
         grid_shape=column("grid_shape", np.int64, (3,)),

@@ -222,6 +222,7 @@ def test_the_lane_loop_is_packed(batch, make, combination, bending_thickness):
     arguments = (
         make.positions_of(case.x),
         data.corner_node,
+        data.corner_run,
         data.element_data,
         np.zeros(case.model.corner_force_size),
         np.empty(0),

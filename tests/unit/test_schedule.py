@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 from lcmchain.effects.fibre_bending import INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.elements.blocks import LANES, in_blocks
+from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
 from lcmchain.model import NODE_CHUNK, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.schedule import LEAST_PART, build_schedule
@@ -51,6 +53,7 @@ def require_order(model, schedule):
     for block, chunks in enumerate(chunk_of):
         for chunk in chunks:
             assert is_after(done["chunk"][chunk], done["block"][block])
+    require_forces_kept(model, schedule, chunk_of, done)
     if model.fibre_bending is None:
         assert not done["middle"] and not done["vector"] and not done["sum"]
         return
@@ -64,6 +67,25 @@ def require_order(model, schedule):
             assert is_after(done["vector"][piece], done["middle"][needed])
         for needed in {piece, *(rows[6:] // (VECTOR_ROWS * LANES)).ravel().tolist()}:
             assert is_after(done["sum"][piece], done["vector"][needed])
+
+
+def require_forces_kept(model, schedule, chunk_of, done):
+    """Forces lie where they are looked for, and stay there until they have been summed up."""
+    size = CORNER_ROWS * LANES
+    slot = model.nodes.force_slot
+    of_elements = slot < schedule.place.size * size
+    block, within = np.divmod(slot[of_elements], size)
+    np.testing.assert_array_equal(
+        schedule.force_slot[of_elements], schedule.place[block] * size + within
+    )
+    np.testing.assert_array_equal(schedule.force_slot[~of_elements], slot[~of_elements])
+    for place in set(schedule.place.tolist()):
+        one_by_one = sorted(
+            np.flatnonzero(schedule.place == place).tolist(), key=lambda b: done["block"][b]
+        )
+        for before, after in pairwise(one_by_one):
+            for chunk in chunk_of[before]:
+                assert is_after(done["block"][after], done["chunk"][chunk])
 
 
 SHEET = """
@@ -85,6 +107,13 @@ def test_nothing_is_done_before_what_it_needs(parts, in_plane):
     assert schedule.phase_start[1] == min(parts, -(-blocks // LEAST_PART))
     if parts == 1:
         assert schedule.phase_start.tolist() == [0, 1]
+
+
+def test_forces_lie_where_others_have_been_summed_up():
+    model = build_model(scene_from_text(SHEET, overrides=("blank.edge_length=1 mm",)))
+    schedule = build_schedule(model, 2)
+    # two parts, and in each of them little more than the tiles at work
+    assert schedule.place.max() < 0.25 * schedule.place.size
 
 
 def test_in_the_second_round_parts_complete_what_lies_between_them():
@@ -113,11 +142,13 @@ def test_any_numbering_of_elements_and_nodes_will_do(seed, parts, element_count,
     columns = [own, own + node_count // 2, *place(ends, MIDDLE_ROWS), *place(ends, VECTOR_ROWS)]
     columns[1] = np.minimum(columns[1], node_count - 1)
     indices = in_blocks(np.column_stack(columns).astype(np.int32))
+    size = -(-element_count // LANES) * CORNER_ROWS * LANES
     data = SimpleNamespace(indices=indices, start=np.zeros(-(-mid_count // LANES)))
     model = SimpleNamespace(
         body=SimpleNamespace(data=SimpleNamespace(corner_node=in_blocks(nodes))),
         fibre_bending=SimpleNamespace(data=data),
         node_count=node_count,
+        nodes=SimpleNamespace(force_slot=random.integers(0, 2 * size, (3, node_count))),
     )
     require_order(model, build_schedule(model, parts))
 

@@ -26,6 +26,7 @@ from lcmchain.tools import (
     signed_distance,
     tool_surface,
 )
+from lcmchain.tools.level_part import NONE
 from lcmchain.tools.motion import Motion
 from lcmchain.tools.shapes import Shape
 from lcmchain.tools.span_distance import DISTANCE_ROWS, SPAN, span_distances
@@ -385,6 +386,32 @@ def test_loops_over_nodes_find_the_same_distance(name, axis):
     packed_gap, packed_normal = distances_of_spans(table, points)
     np.testing.assert_allclose(packed_gap, gap, rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(packed_normal, normal, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ANALYTIC)
+def test_level_parts_change_no_bit(name):
+    table = TABLES[name]
+    without = table._replace(level_part=np.array([NONE]))
+    random = np.random.default_rng(11)
+    for centre in random.uniform(-0.12, 0.12, (400, 3)):
+        centre[2] *= random.choice([0.02, 0.2, 1.0])
+        points = centre + random.uniform(-0.006, 0.006, (SPAN, 3)) * [1.0, 1.0, 0.2]
+        for found, known in zip(
+            distances_of_spans(table, points), distances_of_spans(without, points)
+        ):
+            np.testing.assert_array_equal(found, known)
+
+
+def test_level_parts_of_profiles():
+    level = {name: table.level_part[0].tolist() for name, table in TABLES.items()}
+    inf = math.inf
+    assert level["plate with hole"] == pytest.approx([0.087, inf, 0.0, 1.0, inf])
+    assert level["holder with hole"] == pytest.approx([0.087, inf, 0.0, -1.0, inf])
+    assert level["sharp hole"] == pytest.approx([0.077, inf, 0.0, 1.0, inf])
+    assert level["puck"] == pytest.approx([-inf, 0.026, 0.0, -1.0, 0.01])
+    assert level["ring"] == pytest.approx([0.04, 0.07, 0.0, -1.0, 0.015])
+    for name in ("sphere-capped punch", "roller", "cone", "plate"):
+        assert level[name] == list(NONE)
 
 
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0)])

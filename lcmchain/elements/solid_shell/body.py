@@ -13,6 +13,7 @@ import numpy as np
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
 from lcmchain.elements.family import Condition, NormalPressure, ReferenceFrequencies, Unsound
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
+from lcmchain.elements.lane_runs import find_runs
 from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.elements.solid_shell.curvature import renew_curvature
 from lcmchain.elements.solid_shell.cut_frequency import CutElements
@@ -112,10 +113,12 @@ class SolidShellBody:
             )
             change = _padded(change, padded)
         rows = flat_rows(geometry) if flat else curved_rows(geometry)
+        corner_node = in_blocks(mesh.elements + first_node).astype(np.int32)
         data = SolidShellData(
             law=material.law,
             options=kernel_options(material, choices, flat=flat, fibre_share=share),
-            corner_node=in_blocks(mesh.elements + first_node).astype(np.int32),
+            corner_node=corner_node,
+            corner_run=find_runs(corner_node.reshape(-1, LANES)).ravel(),
             element_data=shared_rows(rows, flat=flat),
             transformation=_padded(T, padded),
             transformation_change=change,

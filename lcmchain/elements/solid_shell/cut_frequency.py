@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, from_blocks, in_blocks, own_blocks
+from lcmchain.elements.lane_runs import find_runs
 from lcmchain.elements.solid_shell.frequency import NodalShares, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import ReferenceGeometry
 from lcmchain.elements.solid_shell.kernel import SolidShellData
@@ -78,10 +79,11 @@ class CutElements:
         padded[len(elements) :] = elements[-1]
         weight = near.weight[faces[padded]]
         curved = data.transformation_change.shape[0] > 1
+        own_corners = from_blocks(data.corner_node, 8, len(corner))[elements]
+        corner_node = in_blocks(own_corners.astype(np.int32))
         own = data._replace(
-            corner_node=in_blocks(
-                from_blocks(data.corner_node, 8, len(corner))[elements].astype(np.int32)
-            ),
+            corner_node=corner_node,
+            corner_run=find_runs(corner_node.reshape(-1, LANES)).ravel(),
             element_data=own_blocks(element_rows[elements]),
             transformation=data.transformation[padded],
             transformation_change=data.transformation_change[padded if curved else slice(None)],

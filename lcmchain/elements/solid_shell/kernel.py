@@ -15,6 +15,7 @@ from numba import prange
 from lcmchain.dispatch import implements
 from lcmchain.elements.blocks import LANES, SharedBlocks
 from lcmchain.elements.family import internal_forces
+from lcmchain.elements.lane_runs import RUN_COLUMNS, load_vectors
 from lcmchain.elements.solid_shell.bending import (
     at_reference_thickness,
     at_reference_thickness_stress,
@@ -95,6 +96,7 @@ class SolidShellData(NamedTuple):
 
     law : see :mod:`lcmchain.materials.law`. options : :class:`Options`.
     corner_node : (block_count * 8 * 16,) int32, nodes of the corners.
+    corner_run : where those of a corner in a block follow each other (``elements/lane_runs.py``).
     element_data : reference geometry, FLAT_ROWS or CURVED_ROWS rows (see ``packing.py``).
     transformation : (block_count * 16, 6, 6) T⁰; transformation_change : (..., 3, 6, 6) T^ξ, T^η,
         T^ζ, read only for curved references.
@@ -106,6 +108,7 @@ class SolidShellData(NamedTuple):
     law: Any
     options: Options
     corner_node: np.ndarray
+    corner_run: np.ndarray
     element_data: SharedBlocks
     transformation: np.ndarray
     transformation_change: np.ndarray
@@ -574,6 +577,7 @@ def solid_shell_forces(body, positions, corner_force, history):
     element_forces(
         positions,
         body.corner_node,
+        body.corner_run,
         body.element_data,
         corner_force,
         full_history(body.options.director, body.corner_node, history),
@@ -604,32 +608,50 @@ def full_history(director, corner_node, history):
 
 
 @kernel
-def element_forces(positions, corner_node, element_data, corner_force, history, law, options):
+def element_forces(
+    positions, corner_node, corner_run, element_data, corner_force, history, law, options
+):
     for block in prange(corner_node.size // (8 * LANES)):
         forces_of_block(
-            positions, corner_node, element_data, corner_force, history, law, options, block
+            positions,
+            corner_node,
+            corner_run,
+            element_data,
+            corner_force,
+            history,
+            law,
+            options,
+            block,
+            block,
         )
 
 
 @equation
 def forces_of_block(
-    positions, corner_node, element_data, corner_force, history, law, options, block
+    positions,
+    corner_node,
+    corner_run,
+    element_data,
+    corner_force,
+    history,
+    law,
+    options,
+    block,
+    place,
 ):
-    """Write the internal forces of the elements of one block."""
+    """Write the internal forces of the elements of one block to a place in the corner forces."""
     history_size = history.size // (corner_node.size // (8 * LANES))
     curvature_size = curvature_rows(options.director) * LANES
     # views per block: indices made of a lane and literals are provably not negative, which
     # spares the wrap-around test that would keep the lane loop scalar
     nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
-    corner = corner_force[block * CORNER_ROWS * LANES : (block + 1) * CORNER_ROWS * LANES]
+    corner = corner_force[place * CORNER_ROWS * LANES : (place + 1) * CORNER_ROWS * LANES]
     data = constants_of_block(options, element_data, block)
     own = history[block * history_size : (block + 1) * history_size]
     shared, past = own[:curvature_size], own[curvature_size:]
+    runs = corner_run[block * 8 * RUN_COLUMNS : (block + 1) * 8 * RUN_COLUMNS]
     for c in range(8):
-        for lane in range(LANES):
-            node = np.uint64(nodes[c * LANES + lane])
-            corner[3 * c * LANES + lane] = positions[0, node]
-            corner[(3 * c + 1) * LANES + lane] = positions[1, node]
-            corner[(3 * c + 2) * LANES + lane] = positions[2, node]
+        step = positions.shape[1]
+        load_vectors(positions, step, nodes, c * LANES, runs, c, corner, 3 * c * LANES)
     for lane in range(LANES):
         element_in_lane(lane, corner, data, law, past, shared, options)
