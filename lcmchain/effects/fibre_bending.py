@@ -57,6 +57,7 @@ class FibreBendingData(NamedTuple):
     indices : nodes of the model below and above; then of the neighbours before and after along
         fibre 1, then 2, where their middles begin, and where what they send to the node does.
     runs : of the indices of each row (``elements/lane_runs.py``).
+    place : (block_count,) where the middles, vectors and forces of a block lie, in blocks.
     first_force : where the forces begin in the corner forces.
     """
 
@@ -64,6 +65,7 @@ class FibreBendingData(NamedTuple):
     start: np.ndarray
     indices: np.ndarray
     runs: np.ndarray
+    place: np.ndarray
     first_force: int
 
 
@@ -148,22 +150,37 @@ def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
         for k, end in enumerate(ends)
     ]
     middles = [_place(end, MIDDLE_ROWS) for end in ends]
-    # rows of one kind, which are places in one array
-    kinds = [
-        in_blocks(np.column_stack(kind).astype(np.int32)).reshape(-1, len(kind), LANES)
-        for kind in ((table.below, table.above), middles, source)
-    ]
+    indices = np.column_stack([table.below, table.above, *middles, *source])
     largest = np.abs(constants).max(axis=0)
     first = np.cumsum((0, *CONSTANT_GROUPS[:-1]))
     scale = np.maximum(np.maximum.reduceat(largest, first), TINY)
     shared = in_shared_blocks(constants, np.repeat(scale, CONSTANT_GROUPS))
-    return FibreBendingData(
+    data = FibreBendingData(
         constants=shared.values,
         start=shared.start,
-        indices=np.concatenate(kinds, axis=1).ravel(),
-        runs=np.concatenate([find_runs(kind) for kind in kinds], axis=1).ravel(),
+        indices=in_blocks(indices.astype(np.int32)),
+        runs=np.zeros(0, dtype=np.int32),
+        place=np.zeros(0, dtype=np.int32),
         first_force=first_force,
     )
+    return at_places(data, np.arange(shared.start.size, dtype=np.int32))
+
+
+def at_places(data: FibreBendingData, place: np.ndarray) -> FibreBendingData:
+    """Return the constants of blocks in their own order for other places of what they write.
+
+    Parameters
+    ----------
+    place : (block_count,) int32, see :class:`FibreBendingData`.
+    """
+    indices = data.indices.reshape(-1, INDEX_ROWS, LANES).copy()
+    for rows, size in ((slice(2, 6), MIDDLE_ROWS * LANES), (slice(6, 10), VECTOR_ROWS * LANES)):
+        block, within = np.divmod(indices[:, rows], size)
+        indices[:, rows] = place[block] * size + within
+    # rows of one kind are places in one array
+    kinds = (indices[:, :2], indices[:, 2:6], indices[:, 6:])
+    runs = np.concatenate([find_runs(kind) for kind in kinds], axis=1)
+    return data._replace(indices=indices.ravel(), runs=runs.ravel(), place=place)
 
 
 def _place(node: np.ndarray, row_count: int) -> np.ndarray:
@@ -292,7 +309,8 @@ def fibre_bending_forces(data, position, corner_force, middle, vector):
 @span_routine
 def find_middle(data, position, middle, block, near):
     """Write the places of the nodes of a block."""
-    own = middle[block * MIDDLE_ROWS * LANES : (block + 1) * MIDDLE_ROWS * LANES]
+    place = data.place[block]
+    own = middle[place * MIDDLE_ROWS * LANES : (place + 1) * MIDDLE_ROWS * LANES]
     load_neighbours(data, position, position.shape[1], block, 0, 2, near)
     for lane in range(MIDDLE_ROWS * LANES):
         own[lane] = 0.5 * (near[lane] + near[MIDDLE_ROWS * LANES + lane])
@@ -302,10 +320,10 @@ def find_middle(data, position, middle, block, near):
 def find_vectors(data, middle, vector, block, near):
     """Write what the nodes send to their neighbours along the fibres."""
     load_neighbours(data, middle, LANES, block, 2, 6, near)
-    start = data.start[block]
+    place, start = data.place[block], data.start[block]
     constants = data.constants[start : start + CONSTANT_ROWS * LANES]
-    here = middle[block * MIDDLE_ROWS * LANES : (block + 1) * MIDDLE_ROWS * LANES]
-    own = vector[block * VECTOR_ROWS * LANES : (block + 1) * VECTOR_ROWS * LANES]
+    here = middle[place * MIDDLE_ROWS * LANES : (place + 1) * MIDDLE_ROWS * LANES]
+    own = vector[place * VECTOR_ROWS * LANES : (place + 1) * VECTOR_ROWS * LANES]
     for lane in range(LANES):
         bend_in_lane(here, near, constants, own, lane)
 
@@ -314,10 +332,10 @@ def find_vectors(data, middle, vector, block, near):
 def add_vectors(data, vector, corner_force, block, near):
     """Write the forces on the nodes: the sums of what they get, less what they send."""
     load_neighbours(data, vector, LANES, block, 6, 10, near)
-    start = data.start[block]
+    place, start = data.place[block], data.start[block]
     constants = data.constants[start : start + CONSTANT_ROWS * LANES]
-    own = vector[block * VECTOR_ROWS * LANES : (block + 1) * VECTOR_ROWS * LANES]
-    first = data.first_force + block * FORCE_ROWS * LANES
+    own = vector[place * VECTOR_ROWS * LANES : (place + 1) * VECTOR_ROWS * LANES]
+    first = data.first_force + place * FORCE_ROWS * LANES
     force = corner_force[first : first + FORCE_ROWS * LANES]
     for lane in range(LANES):
         share = constants[8 * LANES + lane]

@@ -18,7 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.effects.fibre_bending import INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS, FibreBendingData
+from lcmchain.effects.fibre_bending import (
+    FORCE_ROWS,
+    INDEX_ROWS,
+    MIDDLE_ROWS,
+    VECTOR_ROWS,
+    FibreBendingData,
+)
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
 from lcmchain.model import NODE_CHUNK, Model
@@ -56,6 +62,7 @@ class Schedule(NamedTuple):
     chunk: np.ndarray
     chunk_start: np.ndarray
     place: np.ndarray
+    bending_place: np.ndarray
     force_slot: np.ndarray
 
 
@@ -103,20 +110,25 @@ def build_schedule(model: Model, part_count: int) -> Schedule:
     tiles = _tiles(len(corner_nodes), parts)
 
     # a node is there from the first of its elements on, and free to move after the last one
-    node, tile = corner_nodes.ravel(), np.repeat(tiles.of_block, 8 * LANES)
-    needs = [(node // NODE_CHUNK, tile)]
-    middles = vectors = sums = np.zeros(0, dtype=np.int64)
+    block = np.repeat(np.arange(len(corner_nodes)), 8 * LANES)
+    node, tile = corner_nodes.ravel(), tiles.of_block[block]
+    chunk_needs, bending = [(node // NODE_CHUNK, tile)], NO_BENDING
     if model.fibre_bending is not None and model.fibre_bending.data is not None:
         first = np.full(model.node_count, tiles.last)
         np.minimum.at(first, node, tile)
-        middles, vectors, sums, more = _bending(model.fibre_bending.data, first, tiles)
-        needs += more
-    chunk_count = -(-model.node_count // NODE_CHUNK)
-    piece, needed = map(np.concatenate, zip(*needs, strict=True))
-    chunks = tiles.after(piece, needed, chunk_count)
+        bending = _bending(model.fibre_bending.data, first, tiles)
+        chunk_needs += [
+            (bending.node // NODE_CHUNK, stage[bending.node_piece])
+            for stage in (bending.middle, bending.sum)
+        ]
+    piece, needed = map(np.concatenate, zip(*chunk_needs, strict=True))
+    chunks = tiles.after(piece, needed, -(-model.node_count // NODE_CHUNK))
 
-    last_use = np.maximum.reduceat(chunks[node // NODE_CHUNK], np.arange(0, node.size, 8 * LANES))
-    place = _places(tiles, last_use)
+    used = tiles.after(block, chunks[node // NODE_CHUNK], len(corner_nodes))
+    place = _places(tiles, tiles.of_block, used)
+    piece = np.concatenate([bending.used_piece, bending.node_piece])
+    tile = np.concatenate([bending.used_tile, chunks[bending.node // NODE_CHUNK]])
+    bending_place = _places(tiles, bending.middle, tiles.after(piece, tile, bending.middle.size))
 
     part_start, phase_start = list(tiles.part_start), list(range(0, len(tiles.part_start), parts))
     late = np.flatnonzero(chunks == tiles.last)
@@ -125,9 +137,12 @@ def build_schedule(model: Model, part_count: int) -> Schedule:
         chunks[late] += 1 + np.arange(late.size) * parts // late.size
         part_start += list(tiles.last + 1 + np.arange(parts + 1))
         phase_start += [phase_start[-1] + 1, phase_start[-1] + 1 + parts]
-    queues = [_queue(of, part_start[-1]) for of in (tiles.of_block, middles, vectors, sums, chunks)]
+    stages = (tiles.of_block, bending.middle, bending.vector, bending.sum, chunks)
+    queues = [_queue(of, part_start[-1]) for of in stages]
     arrays = [phase_start, part_start, *(array for queue in queues for array in queue)]
-    arrays += [place, _moved(model.nodes.force_slot, place)]
+    force_slot = _moved(model.nodes.force_slot, 0, CORNER_ROWS, place)
+    force_slot = _moved(force_slot, bending.first_force, FORCE_ROWS, bending_place)
+    arrays += [place, bending_place, force_slot]
     return Schedule(*(np.asarray(array, dtype=np.int32) for array in arrays))
 
 
@@ -151,44 +166,66 @@ def _tiles(block_count: int, parts: int) -> _Tiles:
     )
 
 
-def _places(tiles: _Tiles, last_use: np.ndarray) -> np.ndarray:
-    """Return where the forces of each block lie: where others were that nobody needs any more.
+def _places(tiles: _Tiles, written: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Return where what pieces write may lie: where what nobody needs any more did.
 
-    Each part has places of its own. Forces that another part sums up, or that are summed up last,
-    keep theirs.
+    Each part has places of its own. What another part reads last, or what is read last of all,
+    keeps its own.
 
     Parameters
     ----------
-    last_use : (block_count,) tile in which the last forces of each block are summed up.
+    written, used : (piece_count,) tile in which a piece writes, and one that finds done all that
+        reads it.
     """
-    place, count = np.empty(last_use.size, dtype=np.int64), 0
-    blocks, block_start = _queue(tiles.of_block, tiles.last)
+    place, count = np.empty(used.size, dtype=np.int64), 0
+    pieces, start = _queue(written, tiles.last + 1)
     for part in range(int(tiles.part.max()) + 1):
         free: list[int] = []
         left: dict[int, list[int]] = {}
         for tile in np.flatnonzero(tiles.part[: tiles.last] == part).tolist():
-            for block in blocks[block_start[tile] : block_start[tile + 1]].tolist():
+            for piece in pieces[start[tile] : start[tile + 1]].tolist():
                 if not free:
                     free, count = [count], count + 1
-                place[block] = free.pop()
-                left.setdefault(int(last_use[block]), []).append(int(place[block]))
+                place[piece] = free.pop()
+                left.setdefault(int(used[piece]), []).append(int(place[piece]))
             free += left.pop(tile, [])
+    late = pieces[start[tiles.last] :]
+    place[late] = count + np.arange(late.size)
     return place
 
 
-def _moved(force_slot: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Return slots for other places of the blocks; those behind the blocks stay."""
-    size = CORNER_ROWS * LANES
-    block, within = np.divmod(force_slot, size)
-    return np.where(
-        block < place.size, place[np.minimum(block, place.size - 1)] * size + within, force_slot
-    )
+def _moved(slot: np.ndarray, first: int, rows: int, place: np.ndarray) -> np.ndarray:
+    """Return slots in blocks of so many rows, from ``first`` on, for other places of the blocks."""
+    block, within = np.divmod(slot - first, rows * LANES)
+    inside = (block >= 0) & (block < place.size)
+    moved = slot.copy()
+    moved[inside] = first + place[block[inside]] * rows * LANES + within[inside]
+    return moved
 
 
-def _bending(
-    data: FibreBendingData, first_tile: np.ndarray, tiles: _Tiles
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return the tiles of the three stages of the fibres' bending, and what chunks of nodes need.
+class _Bending(NamedTuple):
+    """Where the stages of the fibres' bending are done.
+
+    middle, vector, sum : (piece_count,) tile of each piece. node, node_piece : nodes of the model
+    and the pieces that read them, and write the force on them. used_piece, used_tile : pieces, and
+    tiles in which another one reads what they write. first_force : where their forces begin.
+    """
+
+    first_force: int
+    middle: np.ndarray
+    vector: np.ndarray
+    sum: np.ndarray
+    node: np.ndarray
+    node_piece: np.ndarray
+    used_piece: np.ndarray
+    used_tile: np.ndarray
+
+
+NO_BENDING = _Bending(0, *[np.zeros(0, dtype=np.int64)] * 7)
+
+
+def _bending(data: FibreBendingData, first_tile: np.ndarray, tiles: _Tiles) -> _Bending:
+    """Return where the stages of the fibres' bending are done.
 
     Parameters
     ----------
@@ -197,16 +234,18 @@ def _bending(
     count = data.start.size
     own = np.arange(count)
     indices = data.indices.reshape(count, INDEX_ROWS, LANES)
-    nodes, before_and_after, sources = indices[:, :2], indices[:, 2:6], indices[:, 6:]
+    node, before_and_after, sources = indices[:, :2].ravel(), indices[:, 2:6], indices[:, 6:]
     node_piece = np.repeat(own, 2 * LANES)
-    middles = _latest(node_piece, first_tile[nodes.ravel()], count)  # any part may read the nodes
-    neighbour_piece = np.concatenate([own, np.repeat(own, 4 * LANES)])
-    neighbour = before_and_after.ravel() // (MIDDLE_ROWS * LANES)
-    vectors = tiles.after(neighbour_piece, middles[np.concatenate([own, neighbour])], count)
-    neighbour = sources.ravel() // (VECTOR_ROWS * LANES)
-    sums = tiles.after(neighbour_piece, vectors[np.concatenate([own, neighbour])], count)
-    chunk = nodes.ravel() // NODE_CHUNK
-    return middles, vectors, sums, [(chunk, middles[node_piece]), (chunk, sums[node_piece])]
+    middle = _latest(node_piece, first_tile[node], count)  # any part may read the nodes
+    reader = np.concatenate([own, np.repeat(own, 4 * LANES)])
+    of_middles = np.concatenate([own, before_and_after.ravel() // (MIDDLE_ROWS * LANES)])
+    vector = tiles.after(reader, middle[of_middles], count)
+    of_vectors = np.concatenate([own, sources.ravel() // (VECTOR_ROWS * LANES)])
+    total = tiles.after(reader, vector[of_vectors], count)
+    used_piece = np.concatenate([of_middles, of_vectors])
+    used_tile = np.concatenate([vector[reader], total[reader]])
+    stages = (middle, vector, total)
+    return _Bending(data.first_force, *stages, node, node_piece, used_piece, used_tile)
 
 
 def _latest(piece: np.ndarray, tile: np.ndarray, count: int) -> np.ndarray:

@@ -128,7 +128,7 @@ class Simulation:
         self.model = model
         self.state = state or State.at_rest(model)
         self.control = StepControl()
-        self._schedules: dict[int, Schedule] = {}
+        self._schedules: dict[int, tuple[Schedule, Any]] = {}
         self._bind()
 
     @classmethod
@@ -377,11 +377,12 @@ class Simulation:
         self._arrays = Arrays(*self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict())  # type: ignore[call-arg]
 
     def _advance(self, step_count: int, step: float) -> None:
-        model, schedule = self.model, self._schedule()
+        model = self.model
+        schedule, bending = self._schedule()
         advance(
             self._arrays,
             model.placed,
-            None if model.fibre_bending is None else model.fibre_bending.data,
+            bending,
             model.pore,
             model.face_pressure,
             model.pressed,
@@ -395,13 +396,20 @@ class Simulation:
             float(step),
         )
 
-    def _schedule(self) -> Schedule | None:
-        """Return the order of a step for the present threads; None for what has none."""
+    def _schedule(self) -> tuple[Schedule | None, Any]:
+        """Return the order of a step for the present threads, and the fibres' bending for it.
+
+        None is the order of what has none.
+        """
         model, parts = self.model, thread_count()
+        bending = None if model.fibre_bending is None else model.fibre_bending.data
         if len(model.bodies) != 1 or not isinstance(model.body.data, SolidShellData):
-            return None
+            return None, bending
         if parts not in self._schedules:
-            self._schedules[parts] = build_schedule(model, parts)
+            schedule = build_schedule(model, parts)
+            if bending is not None:
+                bending = fibre_bending.at_places(bending, schedule.bending_place)
+            self._schedules[parts] = schedule, bending
         return self._schedules[parts]
 
     def _history(self, body: Body) -> np.ndarray:

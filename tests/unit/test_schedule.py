@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lcmchain.effects.fibre_bending import INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS
+from lcmchain.effects.fibre_bending import FORCE_ROWS, INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.elements.blocks import LANES, in_blocks
 from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
 from lcmchain.model import NODE_CHUNK, build_model
@@ -58,34 +58,46 @@ def require_order(model, schedule):
         assert not done["middle"] and not done["vector"] and not done["sum"]
         return
     indices = model.fibre_bending.data.indices.reshape(-1, INDEX_ROWS, LANES)
+    uses = {piece: [] for piece in range(len(indices))}
     for piece, rows in enumerate(indices):
         for chunk in set((rows[:2] // NODE_CHUNK).ravel().tolist()):
             # the positions are read before the nodes move, the forces are there when they do
             assert is_after(done["chunk"][chunk], done["middle"][piece])
             assert is_after(done["chunk"][chunk], done["sum"][piece])
+            uses[piece].append(done["chunk"][chunk])
         for needed in {piece, *(rows[2:6] // (MIDDLE_ROWS * LANES)).ravel().tolist()}:
             assert is_after(done["vector"][piece], done["middle"][needed])
+            uses[needed].append(done["vector"][piece])
         for needed in {piece, *(rows[6:] // (VECTOR_ROWS * LANES)).ravel().tolist()}:
             assert is_after(done["sum"][piece], done["vector"][needed])
+            uses[needed].append(done["sum"][piece])
+    require_places_left(schedule.bending_place, done["middle"], uses)
 
 
 def require_forces_kept(model, schedule, chunk_of, done):
     """Forces lie where they are looked for, and stay there until they have been summed up."""
-    size = CORNER_ROWS * LANES
-    slot = model.nodes.force_slot
-    of_elements = slot < schedule.place.size * size
-    block, within = np.divmod(slot[of_elements], size)
-    np.testing.assert_array_equal(
-        schedule.force_slot[of_elements], schedule.place[block] * size + within
-    )
-    np.testing.assert_array_equal(schedule.force_slot[~of_elements], slot[~of_elements])
-    for place in set(schedule.place.tolist()):
-        one_by_one = sorted(
-            np.flatnonzero(schedule.place == place).tolist(), key=lambda b: done["block"][b]
-        )
-        for before, after in pairwise(one_by_one):
-            for chunk in chunk_of[before]:
-                assert is_after(done["block"][after], done["chunk"][chunk])
+    bending = 0 if model.fibre_bending is None else model.fibre_bending.data.first_force
+    for first, rows, place in (
+        (0, CORNER_ROWS, schedule.place),
+        (bending, FORCE_ROWS, schedule.bending_place),
+    ):
+        slot = model.nodes.force_slot
+        inside = (slot >= first) & (slot < first + place.size * rows * LANES)
+        block, within = np.divmod(slot[inside] - first, rows * LANES)
+        moved = first + place[block] * rows * LANES + within
+        np.testing.assert_array_equal(schedule.force_slot[inside], moved)
+    uses = {
+        block: [done["chunk"][chunk] for chunk in chunks] for block, chunks in enumerate(chunk_of)
+    }
+    require_places_left(schedule.place, done["block"], uses)
+
+
+def require_places_left(place, written, uses):
+    """Nothing is written to a place before all that reads what was there has been done."""
+    for one in set(place.tolist()):
+        pieces = sorted(np.flatnonzero(place == one).tolist(), key=lambda piece: written[piece])
+        for before, after in pairwise(pieces):
+            assert all(is_after(written[after], use) for use in uses[before])
 
 
 SHEET = """
@@ -114,6 +126,7 @@ def test_forces_lie_where_others_have_been_summed_up():
     schedule = build_schedule(model, 2)
     # two parts, and in each of them little more than the tiles at work
     assert schedule.place.max() < 0.25 * schedule.place.size
+    assert schedule.bending_place.max() < 0.25 * schedule.bending_place.size
 
 
 def test_in_the_second_round_parts_complete_what_lies_between_them():
@@ -143,7 +156,9 @@ def test_any_numbering_of_elements_and_nodes_will_do(seed, parts, element_count,
     columns[1] = np.minimum(columns[1], node_count - 1)
     indices = in_blocks(np.column_stack(columns).astype(np.int32))
     size = -(-element_count // LANES) * CORNER_ROWS * LANES
-    data = SimpleNamespace(indices=indices, start=np.zeros(-(-mid_count // LANES)))
+    data = SimpleNamespace(
+        indices=indices, start=np.zeros(-(-mid_count // LANES)), first_force=size
+    )
     model = SimpleNamespace(
         body=SimpleNamespace(data=SimpleNamespace(corner_node=in_blocks(nodes))),
         fibre_bending=SimpleNamespace(data=data),
@@ -174,8 +189,10 @@ shape = { type = "plate_with_hole", hole_radius = "28 mm", fillet_radius = "10 m
 def test_the_number_of_parts_changes_no_bit(monkeypatch):
     def formed(parts):
         simulation = Simulation.from_scene(scene_from_text(CUP))
-        monkeypatch.setattr(simulation, "_schedules", {1: build_schedule(simulation.model, parts)})
-        monkeypatch.setattr("lcmchain.solver.simulation.thread_count", lambda: 1)
+        monkeypatch.setattr(
+            "lcmchain.solver.simulation.build_schedule",
+            lambda model, _: build_schedule(model, parts),
+        )
         simulation.advance_to(2e-3)
         return {name: array.tobytes() for name, array in simulation.state.as_dict().items()}
 

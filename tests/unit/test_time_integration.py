@@ -12,8 +12,12 @@ from lcmchain.elements.family import internal_forces
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.loop import NODE_CHUNK
-from lcmchain.solver.simulation import Simulation
-from lcmchain.state import EXTERNAL
+from lcmchain.solver.simulation import (
+    CALM_CHUNKS_PER_FREQUENCY,
+    CHUNKS_PER_FREQUENCY,
+    Simulation,
+)
+from lcmchain.state import EXTERNAL, OMEGA2
 
 SHEET = """
 title = "a small sheet"
@@ -143,7 +147,7 @@ def test_the_step_stays_while_it_could_grow_but_little():
     sim.advance_to(8000 * sim.critical_step(), lambda sim: steps.append(sim.control.step))
     assert len(steps) > 100
     assert (np.diff(steps) <= 0.0).all()
-    assert len(set(steps)) < len(steps) / 16  # one look in eight asks for the bound
+    assert len(set(steps)) < len(steps) / 16  # few looks ask for the bound
     assert steps[-1] > 0.98 * steps[0]
 
 
@@ -153,6 +157,28 @@ def test_the_step_stays_while_it_could_grow_but_little():
 def angular_momentum(sim):
     state, mass = sim.state, sim.model.nodes.mass
     return np.cross(state.position.T, (mass * state.velocity).T).sum(axis=0)
+
+
+def test_the_frequency_is_looked_at_less_often_while_it_stays(monkeypatch):
+    sim = simulation(SHEET)
+    bound, element, code = sim._highest_frequency()
+    looks = []
+
+    def looked(self):
+        looks.append(chunk)
+        # stays, and from the chunk 60 on grows with every look
+        return bound * 1.05 ** sum(look >= 60 for look in looks), element, code
+
+    monkeypatch.setattr(Simulation, "_highest_frequency", looked)
+    monkeypatch.setattr(Simulation, "_may_stiffen", lambda *_: False)
+    for chunk in range(100):
+        sim.prepare_steps()
+    apart = np.diff(looks)
+    calm = apart[: np.searchsorted(looks, 60)]
+    assert calm[0] == CHUNKS_PER_FREQUENCY  # the first look had nothing to compare with
+    assert (calm[1:] == CALM_CHUNKS_PER_FREQUENCY).all()
+    assert (apart[calm.size :] == CHUNKS_PER_FREQUENCY).all()
+    assert sim.state.clock[OMEGA2] == pytest.approx(bound * 1.05 ** (len(looks) - len(calm)))
 
 
 def test_free_flight_conserves_energy_and_momenta():
