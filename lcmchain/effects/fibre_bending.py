@@ -28,7 +28,7 @@ from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
 from lcmchain.elements.lane_runs import find_runs, load_vectors
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
-from lcmchain.jit import equation, kernel, span_part, span_routine
+from lcmchain.jit import equation, kernel, routine, span_part, span_routine
 from lcmchain.mesh.fibre_lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
 
@@ -232,7 +232,7 @@ def mid_positions(table: FibreBending, position: np.ndarray) -> np.ndarray:
 def curvatures(table: FibreBending, x: np.ndarray) -> np.ndarray:
     """Return κ - κ of the reference (2, mid_count) [1/m] at mid-surface nodes x (mid_count, 3).
 
-    Plain NumPy, written apart from the compiled forces so that each checks the other.
+    Plain NumPy, written apart from the compiled forces and energy so that each checks the others.
     """
     tangent = x[table.after] - x[table.before]
     result = np.zeros(table.stiffness.shape)
@@ -256,9 +256,44 @@ def curvatures(table: FibreBending, x: np.ndarray) -> np.ndarray:
 
 def stored_energy(table: FibreBending, position: np.ndarray) -> float:
     """Return the energy [J] at node positions (3, node_count) [m]."""
-    return float(
-        0.5 * (table.stiffness * curvatures(table, mid_positions(table, position)) ** 2).sum()
-    )
+    energy = 0.0
+    for family, other in ((0, 1), (1, 0)):
+        energy += _energy_of_family(
+            mid_positions(table, position),
+            table.before[family],
+            table.after[family],
+            table.before[other],
+            table.after[other],
+            table.weight_before[family],
+            table.weight_after[family],
+            table.stiffness[family],
+            table.rest[family],
+        )
+    return energy
+
+
+@routine
+def _energy_of_family(x, before, after, before2, after2, m, p, stiffness, rest):
+    """Return the energy [J] of one family of fibres at mid-surface nodes x (mid_count, 3)."""
+    energy = 0.0
+    for n in range(stiffness.size):
+        ends, across_ends = (before[n], after[n]), (before2[n], after2[n])
+        w_across, tt, across_t, across2, w_t = 0.0, 0.0, 0.0, 0.0, 0.0
+        for d in range(3):
+            t = x[ends[1], d] - x[ends[0], d]
+            across = x[across_ends[1], d] - x[across_ends[0], d]
+            w = m[n] * (x[ends[0], d] - x[n, d]) + p[n] * (x[ends[1], d] - x[n, d])
+            w_across += w * across
+            w_t += w * t
+            tt += t * t
+            across_t += across * t
+            across2 += across * across
+        # |p|² of the part of the other tangent that is normal to the own one
+        normal2 = across2 - across_t * across_t / tt
+        if stiffness[n] > 0.0 and normal2 > 0.0:
+            curvature = (w_across - across_t / tt * w_t) / math.sqrt(normal2)
+            energy += 0.5 * stiffness[n] * (curvature - rest[n]) ** 2
+    return energy
 
 
 def frequency_bound(table: FibreBending, mass: np.ndarray) -> float:

@@ -125,6 +125,15 @@ def test_an_arc_within_the_plane_has_its_energy(element, family):
     assert D == pytest.approx(0.1 * model.material.bending_matrix()[family, family] * inertia)
 
 
+@pytest.mark.parametrize("element", TYPES)
+def test_the_energy_is_that_of_the_curvatures(element):
+    model = model_of(element)
+    table, position = model.fibre_bending, crumpled(model)
+    kappa = curvatures(table, mid_positions(table, position))
+    known = 0.5 * (table.stiffness * kappa**2).sum()
+    assert stored_energy(table, position) == pytest.approx(known, rel=1e-12)
+
+
 def test_bending_out_of_the_plane_costs_nothing():
     """On a cylinder all fibres along and around it are geodesics."""
     model = model_of()

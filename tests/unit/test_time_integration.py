@@ -165,14 +165,15 @@ def test_the_frequency_is_looked_at_less_often_while_it_stays(monkeypatch):
     looks = []
 
     def looked(self):
-        looks.append(chunk)
+        looks.append(len(prepared))
         # stays, and from the chunk 60 on grows with every look
         return bound * 1.05 ** sum(look >= 60 for look in looks), element, code
 
     monkeypatch.setattr(Simulation, "_highest_frequency", looked)
     monkeypatch.setattr(Simulation, "_may_stiffen", lambda *_: False)
-    for chunk in range(100):
-        sim.prepare_steps()
+    prepared = []
+    while len(prepared) < 100:
+        prepared.append(sim.prepare_steps())
     apart = np.diff(looks)
     calm = apart[: np.searchsorted(looks, 60)]
     assert calm[0] == CHUNKS_PER_FREQUENCY  # the first look had nothing to compare with
