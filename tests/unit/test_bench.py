@@ -77,7 +77,7 @@ def test_parts_of_a_step_in_the_table_and_as_json(monkeypatch, tmp_path):
     table = tables.run_part_bench(tmp_path / "parts.json")
     figures = json.loads((tmp_path / "parts.json").read_text(encoding="utf-8"))
     *alone, whole = figures["parts"]
-    assert whole["name"] == "whole step" and len(alone) == 6
+    assert whole["name"] == "whole step" and len(alone) == 7
     assert all(part["median"] > 0.0 and part["threads"] == 1 for part in alone)
     assert figures["between"] == pytest.approx(whole["median"] - sum(p["median"] for p in alone))
     assert list(table.columns[2].cells)[0] == "1.00"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -121,6 +122,16 @@ def test_nothing_is_done_before_what_it_needs(parts, in_plane):
         assert schedule.phase_start.tolist() == [0, 1]
 
 
+@pytest.mark.parametrize("parts", [1, 2, 5])
+@pytest.mark.parametrize("edge", ["4 mm", "2.5 mm"])
+def test_rows_of_any_length_in_tiles_of_any_size(edge, parts, monkeypatch):
+    overrides = (f"blank.edge_length={edge}", "blank.fibre_angle=0 deg")
+    model = build_model(scene_from_text(SHEET, overrides=overrides))
+    for tile in (1, 2, 4):
+        monkeypatch.setattr("lcmchain.solver.schedule.TILE", tile)
+        require_order(model, build_schedule(model, parts))
+
+
 def test_forces_lie_where_others_have_been_summed_up():
     model = build_model(scene_from_text(SHEET, overrides=("blank.edge_length=1 mm",)))
     schedule = build_schedule(model, 2)
@@ -165,7 +176,10 @@ def test_any_numbering_of_elements_and_nodes_will_do(seed, parts, element_count,
         node_count=node_count,
         nodes=SimpleNamespace(force_slot=random.integers(0, 2 * size, (3, node_count))),
     )
-    require_order(model, build_schedule(model, parts))
+    # tiles of a block or two: many turns for so few elements
+    with patch("lcmchain.solver.schedule.TILE", int(random.integers(1, 3))):
+        schedule = build_schedule(model, parts)
+    require_order(model, schedule)
 
 
 CUP = """

@@ -182,6 +182,29 @@ def test_the_frequency_is_looked_at_less_often_while_it_stays(monkeypatch):
     assert sim.state.clock[OMEGA2] == pytest.approx(bound * 1.05 ** (len(looks) - len(calm)))
 
 
+def test_a_thickness_wave_that_governs_is_looked_at_where_it_may_have_become_faster():
+    elastic = SHEET.replace(
+        'preset = "MD600"',
+        'law = "isotropic"\ndensity = "1000 kg/m^3"\nthickness = "0.502 mm"\n'
+        'young_modulus = "1 GPa"\npoisson_ratio = 0.3',
+    )
+    sim = simulation(elastic)
+    conditions = sim.require_sound()
+    bound = sim._highest_frequency()[0]
+    assert not sim._may_stiffen(conditions, bound)
+    for stretch in (0.9, 1.1):
+        squeezed = simulation(elastic)
+        squeezed.state.position[2] *= stretch
+        assert squeezed._may_stiffen(squeezed.require_sound(), bound)
+    # in a fabric under compaction the law itself stiffens
+    fabric = simulation(SHEET)
+    fabric.state.position[2] *= 0.98
+    height = fabric.model.body.geometry.height.min()
+    tangent = fabric.model.material.stress_and_tangent(np.zeros(6))[1][2, 2]
+    wave = tangent / (fabric.model.material.density * height**2)
+    assert fabric._may_stiffen(fabric.require_sound(), wave)
+
+
 def test_free_flight_conserves_energy_and_momenta():
     """A sheet thrown with spin: more than a full turn about a skew axis, and straight on."""
     sim = simulation(SHEET)

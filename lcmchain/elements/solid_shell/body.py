@@ -38,6 +38,9 @@ STRIP_WIDTH = 1.0
 # The in-plane frequency changes slowly: its bound is renewed every so many chunks of steps, unless
 # the thickness wave comes near it.
 THICKNESS_SHARE = 0.3
+# Change of the thickness up to which its wave, of a law that has not stiffened, is as fast as in
+# the reference: the step's safety allows for more.
+UNCHANGED_STRETCH = 0.05
 # Below this fraction of its initial thickness an element counts as collapsed; one with fibres does
 # so where it would hold more fibre than space.
 COLLAPSED_STRETCH = 0.05
@@ -312,9 +315,15 @@ class SolidShellBody:
         tangent = self.material.stress_and_tangent(strain)[1][2, 2]
         height = self.geometry.height[thinnest]
         density = self.material.density * self.least_mass_factor
-        if tangent / (density * height**2) > THICKNESS_SHARE * omega2:
+        near = tangent / (density * height**2) > THICKNESS_SHARE * omega2
+        if near and not self._as_stiff_as_at_rest(tangent, condition.thickness_stretch):
             return True
         return shear_may_stiffen(self, condition, omega2)
+
+    def _as_stiff_as_at_rest(self, tangent: float, stretch: np.ndarray) -> bool:
+        """Whether the thickness wave is still that of the reference, which was looked at first."""
+        at_rest = self.material.stress_and_tangent(np.zeros(6))[1][2, 2]
+        return tangent <= at_rest and bool(np.abs(stretch - 1.0).max() < UNCHANGED_STRETCH)
 
     def unsound(
         self,
