@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcmchain.bench.measure import Measurement, kernel_work, measure
-from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 
@@ -97,20 +96,19 @@ def measured_plate(simulation: Simulation, chunks: int, threads: int | None) -> 
 
 
 def least_traffic(simulation: Simulation) -> float:
-    """Return the bytes that a step of a free plate moves: what each loop reads, and what it writes.
+    """Return the bytes that a step of a free plate reads from memory and writes to it, at least.
 
-    What another loop has left in a cache makes it less; it is more where a line of memory is read
-    before it is written. The elements of a regular plate share their constants, which count for
-    nothing.
+    State and constants of the nodes, and where neighbours lie, of a mesh in rows. What loops leave
+    each other stays in the caches (``lcmchain/solver/schedule.py``); it is more where a line of
+    memory is read before it is written. The elements of a regular plate share their constants,
+    which count for nothing.
     """
-    model = simulation.model
-    nodes, body, fibres = model.nodes, model.body.data, model.fibre_bending
-    way, forces = simulation.state.position.nbytes, 8 * model.corner_force_size
-    by_elements = way + body.corner_node.nbytes + forces
-    by_nodes = forces + nodes.force_slot.nbytes + nodes.mass.nbytes + nodes.inverse_mass.nbytes
-    by_nodes += 5 * way  # positions and velocities before and after, and the force
-    by_fibres = 0
+    model, state = simulation.model, simulation.state
+    nodes, fibres = model.nodes, model.fibre_bending
+    # positions and velocities before and after, and the force
+    moved = 5 * state.position.nbytes + state.history.nbytes
+    moved += nodes.force_slot.nbytes + nodes.mass.nbytes + nodes.inverse_mass.nbytes
+    moved += model.body.data.corner_run.nbytes
     if fibres is not None and fibres.data is not None:
-        rows = 8 * fibres.padded_count
-        by_fibres = way + fibres.data.indices.nbytes + 3 * (MIDDLE_ROWS + VECTOR_ROWS) * rows
-    return float(by_elements + by_fibres + by_nodes)
+        moved += fibres.data.runs.nbytes
+    return float(moved)
