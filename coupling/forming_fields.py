@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.coupling.permeability import principal_permeabilities
 from lcmchain.fields import FIELDS, FrameSeries, Histories, add_face_variables, model_datasets
@@ -15,6 +15,9 @@ from lcmchain.results import COMPLETE
 from lcmchain.scene import Scene
 from lcmchain.scene.permeability import Permeability
 from lcmchain.solver.simulation import Simulation, Snapshot
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def forming_datasets(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 from pathlib import Path
@@ -45,6 +46,10 @@ from lcmchain.commands.verify import verify_app
 from lcmchain.errors import InputError, LcmchainError, MappingError, UnfinishedRun
 
 # Nothing heavy is imported up here: `lcmchain --help` must answer at once.
+
+# So many more objects than there were start a search for garbage. By default a start would spend
+# a fifth of its time on searches among what imported packages have made.
+OBJECTS_PER_COLLECTION = 100_000
 
 app = typer.Typer(
     name="lcmchain",
@@ -332,6 +337,7 @@ app.command()(docs)
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line: exit code 0 done, 2 wrong input, 1 failed run."""
+    gc.set_threshold(OBJECTS_PER_COLLECTION)
     try:
         with show_python_warnings():
             app(args=arguments)

@@ -8,24 +8,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
 from lcmchain.check.effects_of_run import later_stages
 from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.draping import drape
-from lcmchain.draping.result import (
-    draped_datasets,
-    draping_effect,
-    draping_summary,
-    locking_warnings,
-)
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import LcmchainError, MappingError, OutputError, UnfinishedRun
-from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
 from lcmchain.mesh.blank import build_blank
@@ -41,6 +31,9 @@ from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.summary import run_head, run_summary, scene_head
 from lcmchain.threads import use_threads
 from lcmchain.tools import ToolTable, ToolWarning
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -383,10 +376,14 @@ class _DrapingJob(_Job):
         return self.draped.tools
 
     def effects(self) -> list[Effect]:
+        from lcmchain.draping.result import draping_effect
+
         return [draping_effect(self.draped), *later_stages(self.scene)]
 
     def build(self) -> None:
         """Drape the blank: what is wrong with the input is found here."""
+        from lcmchain.draping import drape
+
         self.tell(0.0, "compiling")
         start = time.perf_counter()
         with _noted_warnings() as noted:
@@ -408,6 +405,7 @@ class _DrapingJob(_Job):
     def form(self, checkpoint: Checkpoint | None) -> None:
         """Write the fields of the draped blank."""
         from lcmchain.coupling.forming_fields import with_permeability
+        from lcmchain.draping.result import draped_datasets, draping_summary, locking_warnings
 
         datasets = with_permeability(self.scene, draped_datasets(self.scene, self.draped))
         _write_datasets(self.scene, datasets, self.folder)
@@ -439,6 +437,8 @@ def _write_fields(
 
 
 def _write_datasets(scene: Scene, datasets: dict[str, xr.Dataset], folder: Path) -> None:
+    from lcmchain.fields import write_forming_netcdf, write_pvd, write_vtu
+
     write_forming_netcdf(folder / "forming.nc", datasets)
     if scene.output.vtu:
         write_vtu(folder / "forming.vtu", datasets)

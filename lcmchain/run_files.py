@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lcmchain.check.report import START_PICTURE
 from lcmchain.errors import InputError
+from lcmchain.report.captions import CAPTIONS, START_PICTURE
 from lcmchain.results.log import LOG_FILE
 from lcmchain.results.state import SUMMARY_FILE
 from lcmchain.scene import Scene
@@ -67,8 +67,6 @@ def require_free_names(scene: Scene) -> None:
     ------
     InputError : names the mapping.
     """
-    from lcmchain.report.captions import CAPTIONS
-
     taken = {Path(name).stem for name in (*OWN_FILES, *CAPTIONS, START_PICTURE)}
     for index, target in enumerate(scene.mapping):
         if target.name in taken:

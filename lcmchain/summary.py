@@ -9,7 +9,6 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain import __version__
 from lcmchain.check import run_effects
@@ -22,9 +21,6 @@ from lcmchain.check.quasi_static import (
 )
 from lcmchain.check.tools_without_touch import tools_never_touched
 from lcmchain.effects.mass_scaling import added_mass
-from lcmchain.fields import field_summary
-from lcmchain.fields.dataset import HISTORY
-from lcmchain.fields.summary import field_warnings, punch_index
 from lcmchain.results import RUNNING
 from lcmchain.scene import rung_of
 from lcmchain.state import HALVINGS
@@ -35,6 +31,8 @@ from lcmchain.thresholds import (
 )
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lcmchain.scene import Scene
     from lcmchain.solver.simulation import Simulation
 
@@ -94,6 +92,10 @@ def run_summary(
     threads : of the compiled loops.
     warnings : found while the model was built.
     """
+    # Imported when there are fields: a run need not wait for xarray before its first step.
+    from lcmchain.fields.dataset import HISTORY
+    from lcmchain.fields.summary import field_summary, field_warnings, punch_index
+
     model, state = simulation.model, simulation.state
     history = datasets[HISTORY]
     punch = punch_index(history) if history.sizes["tool"] else None

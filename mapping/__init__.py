@@ -1,27 +1,6 @@
 """Transfer of forming fields onto the meshes of later stages."""
 
-from __future__ import annotations
+import lazy_loader
 
-from lcmchain.mapping.options import MappingOptions
-from lcmchain.mapping.report import MappingReport
-from lcmchain.mapping.sheet import Sheet, read_sheet
-from lcmchain.mapping.stage import map_file, map_forming
-from lcmchain.mapping.target import TargetMesh, read_target
-from lcmchain.mapping.transfer import MappedFields, transfer
-from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
-
-__all__ = [
-    "MappedFields",
-    "MappingOptions",
-    "MappingReport",
-    "MappingWeights",
-    "Sheet",
-    "Status",
-    "TargetMesh",
-    "compute_weights",
-    "map_file",
-    "map_forming",
-    "read_sheet",
-    "read_target",
-    "transfer",
-]
+# The names are those of the stub beside this file; each is imported when it is first asked for.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

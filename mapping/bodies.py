@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 BODY = "body"
 

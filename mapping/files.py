@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import meshio
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, Variable, saved_times
 from lcmchain.fields.vtu import write_mesh
@@ -23,6 +23,9 @@ from lcmchain.mapping.target.variables import (
 )
 from lcmchain.mapping.transfer import ERROR, PERMEABILITY, MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 ALIGNMENT = (
     "largest eigenvalue of the mean of the tensors a a over the part of the sheet above the cell: "

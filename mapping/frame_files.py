@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, UgridMesh, saved_times
@@ -17,6 +17,9 @@ from lcmchain.mapping.frames import MappedFrame
 from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import ERROR, turned
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def write_frames(

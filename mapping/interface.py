@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
@@ -17,6 +16,9 @@ from lcmchain.fields.ugrid import CONVENTIONS, UgridMesh
 from lcmchain.mapping.patch_fields import PatchFields
 from lcmchain.mapping.patches import Patches, centres_of, group_cells, shared_edges
 from lcmchain.mapping.surface import Surface
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MESH = UgridMesh("interface")
 #: Dimension of the values that are exchanged, and the variable that says which face has which.

@@ -6,12 +6,16 @@ two-dimensional mesh, since readers of UGRID files (xugrid, VTK, ugrid-checks) k
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.mapping.target import TargetMesh
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SOLID = "solid"
 SKIN = UgridMesh("skin")

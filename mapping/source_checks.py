@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.table import FIELD_OF_VARIABLE
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: What the netCDF libraries raise on a damaged file, when it is opened or when values are read.
 UNREADABLE = (OSError, ValueError, RuntimeError, KeyError, TypeError, AttributeError, IndexError)

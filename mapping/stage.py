@@ -7,10 +7,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import write_netcdf
@@ -34,6 +33,9 @@ from lcmchain.mapping.transfer import MappedFields, transfer, turned
 from lcmchain.mapping.verify import Verification, verify
 from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
 from lcmchain.results import require_complete
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Options that are given or not, in the order in which the history tells them.
 FLAGS = (

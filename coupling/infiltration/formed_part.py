@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.coupling.infiltration.places import place_text
 from lcmchain.coupling.permeability import principal_permeabilities
@@ -21,6 +21,9 @@ from lcmchain.mapping.structure.stage import is_mapped, open_mapped
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.results import require_complete
 from lcmchain.scene.permeability import Permeability
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Fields that no infiltration can do without.
 NEEDED = ("thickness", "fibre_volume_fraction")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Factor on the permeability (C,) from the fibre volume fractions (C,) now and in the beginning.
 PermeabilityFactor = Callable[[np.ndarray, np.ndarray], np.ndarray]

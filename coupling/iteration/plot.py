@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
-import xarray as xr
 
 from lcmchain.coupling.iteration.history import FAILED, OUTCOMES, REJECTED
 from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Residuals of more iterations than these are drawn without markers.
 FEW_ITERATIONS = 200

@@ -12,10 +12,9 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from lcmchain import read_scene, run
 from lcmchain.fields import read_forming
@@ -28,6 +27,9 @@ from lcmchain.fields.measures import (
 )
 from lcmchain.report.comparison import draw_comparison
 from lcmchain.report.shown import SHOWN
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 EXAMPLES = Path(__file__).parents[1]
 SCENES = {"with blank holder": "hemisphere_holder", "without blank holder": "hemisphere_free"}

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.check.quasi_static import two_digits
 from lcmchain.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Fibres that hardly strain could have any modulus: none lower than this part is recommended.
 LEAST_FACTOR = 0.01

@@ -14,10 +14,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.loads import exceeded_over, has_histories
 from lcmchain.materials.law import Material
@@ -32,6 +31,9 @@ from lcmchain.thresholds import (
     LONGEST_DYNAMIC_PART,
 )
 from lcmchain.tools.motion import GUIDED
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 PERIODS = (3, 5)
 IDLE_STRAIN = 1e-6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from lcmchain.check.quasi_static import two_digits
-from lcmchain.fields.dataset import NO_THICKNESS
+from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.scene import Scene
 from lcmchain.scene.fabrics import preset_remarks
 

@@ -38,16 +38,13 @@ from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.model import Model, build_model
+from lcmchain.report.captions import START_PICTURE
 from lcmchain.scene import Scene
 from lcmchain.scene.fabrics import preset_basis
 from lcmchain.tools import ToolTable, build_tool_table
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-
-#: Picture of the start, which a check leaves in the folder of the results.
-START_PICTURE = "initial.png"
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,18 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import xarray as xr
 from rich.table import Table
 
 from lcmchain.atomic import replacing
 from lcmchain.fields import write_forming_netcdf, write_vtu
 from lcmchain.report.pictures import draw_field
 from lcmchain.report.shown import SHOWN
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True)

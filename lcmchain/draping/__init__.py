@@ -1,6 +1,6 @@
 """Kinematic draping: a pin-jointed net of inextensible fibres laid onto the surface of a tool."""
 
-from lcmchain.draping.drape import Draped, drape
-from lcmchain.draping.surface import is_drapable
+import lazy_loader
 
-__all__ = ["Draped", "drape", "is_drapable"]
+# The names are those of the stub beside this file; each is imported when it is first asked for.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.draping.drape import Draped
 from lcmchain.draping.surface import end_travel
@@ -13,6 +12,9 @@ from lcmchain.effects.effect import Effect
 from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
 from lcmchain.fields.summary import field_warnings
 from lcmchain.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Said of the face fields that a net does not know.
 CONSTANT_VOLUME = (

@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.elements.families import family_of
 from lcmchain.fields.derived import derive_fields
@@ -17,7 +16,7 @@ from lcmchain.fields.histories import Histories
 from lcmchain.fields.history_group import HISTORY, history_dataset
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.pressure import pressure_fields, tool_pressure
-from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS
+from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
     NO_NODE,
@@ -26,11 +25,12 @@ from lcmchain.fields.ugrid import (
     Variable,
     saved_times,
 )
-from lcmchain.fields.wrinkles import WRINKLE_LENGTH, longest_wave, wrinkle_height
 from lcmchain.materials.law import Material, remembered
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lcmchain.elements.family import Body
     from lcmchain.model import Model
     from lcmchain.scene import Scene
@@ -40,11 +40,8 @@ SHEET, SOLID = ROOT, "/solid"
 SHEET_MESH = UgridMesh("sheet")
 SOLID_MESH = UgridMesh("solid", topology_dimension=3)
 
-#: What a result of the 2D approach says about the thickness, in the file and in its summary.
-NO_THICKNESS = (
-    'element = "membrane-shell" predicts no thickness, and therefore no fibre volume fraction, no '
-    "compaction pressure and no permeability"
-)
+#: Attribute of ``wrinkle_height``: the longest wave that counts as wrinkle [m].
+WRINKLE_LENGTH = "longest_wave_m"
 
 
 class LaidSheet(NamedTuple):
@@ -97,6 +94,8 @@ class SheetFrames:
         tools: ToolTable | None = None,
     ) -> SheetFrames:
         """Return the part of a body; ``history`` is its own, in blocks, for every frame."""
+        from lcmchain.fields.wrinkles import longest_wave, wrinkle_height
+
         nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
         steps = [pressure_fields(body, *state) for state in zip(frames.positions, history)]
         on_nodes = None

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.histories import Histories
 from lcmchain.fields.table import Field
 from lcmchain.fields.ugrid import TIME, Variable, saved_times
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 HISTORY = "/history"
 
@@ -65,6 +69,8 @@ def history_dataset(frames: FrameSeries, histories: Histories | None = None) -> 
 
     Variables of the histories begin with ``history_`` and have the dimension ``history_time``.
     """
+    import xarray as xr
+
     variables = _of_frames(frames)
     if histories is not None and histories.time.size:
         variables |= _of_histories(histories)

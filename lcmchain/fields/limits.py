@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.sheet import sheet_areas, sheet_faces, sheet_positions
 from lcmchain.materials.law import Material
 from lcmchain.quantities.places import millimetres
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Fibre volume fraction above which round fibres can hardly be packed (hexagonal: 0.907).
 LARGEST_FIBRE_VOLUME_FRACTION = 0.9

@@ -10,11 +10,15 @@ the shape.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.sheet import vector
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Interval over which forces are averaged to be quoted, relative to the time of the process, and
 # travel over which their parts are, relative to the stroke: long enough for a single snap or wave

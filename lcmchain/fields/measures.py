@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
@@ -13,6 +14,9 @@ from lcmchain.fields.sheet import (
     sheet_faces,
     sheet_positions,
 )
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # four elements beyond the end of the die fillet at 87 mm
 FLANGE_RADIUS = 0.105

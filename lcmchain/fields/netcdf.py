@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.netcdf_file import open_netcdf, write_netcdf
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def write_forming_netcdf(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.derived import face_area_vectors
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def vector(dataset: xr.Dataset, stem: str, frame: int | None = None) -> np.ndarray:

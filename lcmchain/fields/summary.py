@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
-from lcmchain.fields.dataset import HISTORY, NO_THICKNESS, SHEET
+from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.limits import packing_warnings, shear_range_warnings
 from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import sheet_areas, vector
+from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.fields.waves import wave_warnings
 from lcmchain.materials.law import Material
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def fibre_mass(sheet: xr.Dataset, frame: int = -1) -> float:

@@ -219,3 +219,9 @@ FIELDS: dict[str, Field] = {field.name: field for field in _FIELDS}
 FIELD_OF_VARIABLE: dict[str, Field] = {
     variable: field for field in _FIELDS for variable in field.variables
 }
+
+#: What a result of the 2D approach says about the thickness, in the file and in its summary.
+NO_THICKNESS = (
+    'element = "membrane-shell" predicts no thickness, and therefore no fibre volume fraction, no '
+    "compaction pressure and no permeability"
+)

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 CONVENTIONS = "CF-1.11 UGRID-1.0"
 
@@ -165,6 +167,8 @@ class UgridMesh:
         self, variables: Mapping[str, Variable], attributes: Mapping[str, Any]
     ) -> xr.Dataset:
         """Return the mesh's variables as a dataset, its coordinates marked as such."""
+        import xarray as xr
+
         dataset = xr.Dataset(dict(variables), attrs=dict(attributes))
         return dataset.set_coords(self.coordinates)
 

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import meshio
 import numpy as np
-import xarray as xr
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
 from lcmchain.fields.sheet import vector
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int = -1) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.sheet import (
     face_centres,
@@ -20,6 +20,9 @@ from lcmchain.mesh.fibre_lines import lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.quantities.places import millimetres
 from lcmchain.thresholds import LEAST_ELEMENTS_PER_WAVE
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Turn of the sheet over half a wave that counts as one [rad]. At eight elements of 5 mm it is a
 #: wave of 1.1 mm from crest to trough; shallower ones are no wrinkles.

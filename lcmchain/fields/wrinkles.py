@@ -29,8 +29,6 @@ from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.table import ToolTable
 
-#: Attribute of ``wrinkle_height``: the longest wave that counts as wrinkle [m].
-WRINKLE_LENGTH = "longest_wave_m"
 #: Longest wave that counts as wrinkle by default: so many edges of the mesh (fewer do not resolve
 #: a wave), and at least so many thicknesses of the sheet.
 WAVE_IN_EDGES = 8.0

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import re
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from latex2mathml.converter import convert
 from markdown_it import MarkdownIt
-from markdown_it.token import Token
 from mdit_py_plugins.anchors import anchors_plugin
 from mdit_py_plugins.dollarmath import dollarmath_plugin
 from pygments import highlight
 from pygments.formatters import HtmlFormatter
 from pygments.lexers import get_lexer_by_name
+
+if TYPE_CHECKING:
+    from markdown_it.token import Token
 
 #: Languages of code blocks that are coloured; every other block is plain text.
 COLOURED = ("toml", "python")

@@ -1,7 +1,6 @@
 """Pictures, plots and the report of a run."""
 
-from lcmchain.report.html import write_report
-from lcmchain.report.pictures import draw_result
-from lcmchain.report.start import draw_initial
+import lazy_loader
 
-__all__ = ["draw_initial", "draw_result", "write_report"]
+# The names are those of the stub beside this file; each is imported when it is first asked for.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

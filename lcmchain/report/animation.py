@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
-import xarray as xr
 
 from lcmchain.atomic import replacing
 from lcmchain.fields.sheet import sheet_faces, sheet_positions
@@ -18,6 +18,9 @@ from lcmchain.report.shown import SHOWN, Shown, colour_scale
 from lcmchain.report.style import RC, headline, new_figure
 from lcmchain.report.transparent import DepthBuffer, draw_tool
 from lcmchain.report.view import boundary_edges, hangs_down, oblique
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Pixels per inch, and seconds: of the whole film, of a frame at least, of the last frame.
 DPI = 120

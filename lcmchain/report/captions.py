@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from lcmchain.report.shown import SHOWN
 
+#: Picture of the start, which a check leaves in the folder of the results.
+START_PICTURE = "initial.png"
+
 #: Captions in the order in which pictures are shown.
 CAPTIONS: dict[str, str] = {
     **{

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.report.renderer import (
@@ -22,6 +22,9 @@ from lcmchain.report.renderer import (
 from lcmchain.report.shown import Shown, colour_scale
 from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
 from lcmchain.report.view import boundary_edges, hangs_down, oblique
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 PANEL = 4.1  # width of one panel [in]
 CONTOUR_STYLES = ((0, ()), (0, (4, 2)), (0, (1, 1.5)))

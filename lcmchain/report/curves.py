@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.loads import has_histories, mean_force
 from lcmchain.fields.summary import punch_index, tool_force_magnitude
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Digits of the numbers: more than any plot shows.
 DIGITS = 6

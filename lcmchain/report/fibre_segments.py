@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from lcmchain.fields.sheet import reference_positions, sheet_faces, vector
 from lcmchain.mesh.fibre_lines import lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Lines of either family in a picture, whatever the mesh.
 MOST_LINES = 31

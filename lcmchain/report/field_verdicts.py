@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
 from lcmchain.fields.sheet import sheet_areas
@@ -29,6 +28,8 @@ from lcmchain.thresholds import (
 )
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lcmchain.scene import Scene
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions, vector
 from lcmchain.fields.ugrid import TIME
 from lcmchain.report.packing import packed
 from lcmchain.report.shown import SHOWN, Shown, colour_scale
 from lcmchain.report.view import boundary_edges, hangs_down
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Most saved frames that the view holds, and what positions and fields of all may take [byte].
 MOST_FRAMES = 12

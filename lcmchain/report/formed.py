@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.report.fibre_segments import fibre_segments
@@ -16,6 +16,9 @@ from lcmchain.report.run_tools import RunTools
 from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK, RC, headline, new_figure, save
 from lcmchain.report.transparent import DepthBuffer, draw_tool
 from lcmchain.report.view import FROM_ABOVE, View, boundary_edges, hangs_down, oblique
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SHEET_COLOUR = "#f1efe9"
 

@@ -9,8 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import xarray as xr
-
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.fields.dataset import HISTORY, SHEET
@@ -27,6 +25,8 @@ from lcmchain.report.verdicts import verdicts
 from lcmchain.results import COMPLETE
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lcmchain.effects.effect import Effect
     from lcmchain.scene import Scene
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
@@ -32,6 +32,9 @@ from lcmchain.report.shown import SHOWN, Shown, colour_scale
 from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save
 from lcmchain.report.travel import draw_force_over_travel
 from lcmchain.report.view import FROM_ABOVE, boundary_edges, hangs_down, oblique
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def draw_result(

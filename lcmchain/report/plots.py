@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.loads import has_histories, mean_force, quoted_force
 from lcmchain.fields.summary import punch_index, tool_force_magnitude
 from lcmchain.report.style import INK, RC, SERIES, headline, new_figure, save
 from lcmchain.thresholds import LARGEST_KINETIC_PART
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Parts of the energy balance that are not stored or dissipated energy, and how they are drawn.
 WORK, ERROR, MASS_DAMPING = "external", "balance_error", "mass_damping"

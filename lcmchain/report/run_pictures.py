@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET
@@ -20,6 +19,8 @@ from lcmchain.report.run_tools import RunTools
 from lcmchain.scene.output import NO_FILM, Output
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lcmchain.materials.law import Material
     from lcmchain.mesh.sheet_mesh import SheetMesh
     from lcmchain.scene import Scene

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.dataset import SHEET, SOLID
 from lcmchain.fields.sheet import (
@@ -24,6 +23,7 @@ from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save
 from lcmchain.tools.distance import FIELD, gaps
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.axes import Axes
 
 SHEET_COLOUR = "#b9c0c8"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.sheet import reference_positions, sheet_positions
 from lcmchain.report.packing import packed
@@ -13,6 +12,8 @@ from lcmchain.tools.drawing import tool_surface
 from lcmchain.tools.motion.base import unit_direction
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lcmchain.scene import Scene
 
 #: Surfaces with more triangles than this in all are left out, the finest first.

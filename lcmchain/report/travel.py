@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.loads import has_histories, mean_force
 from lcmchain.fields.summary import punch_index, tool_force_magnitude
 from lcmchain.report.renderer import axes_at
 from lcmchain.report.style import INK, RC, SERIES, headline, new_figure, save
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # A tool that travels less than this part of the largest travel has no stroke of its own.
 LEAST_STROKE = 0.05

@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.fields.dataset import SHEET
 from lcmchain.quantities.durations import milliseconds_text
@@ -32,6 +31,8 @@ from lcmchain.thresholds import (
 )
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lcmchain.scene import Scene
 
 

@@ -6,9 +6,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.table import FIELD_OF_VARIABLE
@@ -18,6 +18,9 @@ from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, PERMEABILITY_
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.target.variables import cell_variables
 from lcmchain.mapping.transfer import MappedFields
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _COMPONENT = re.compile(r"(.+)_([xyz])")
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
-
-import xarray as xr
+from typing import TYPE_CHECKING, NamedTuple
 
 from lcmchain.errors import InputError
 from lcmchain.mapping.formats import drape, lcmsim, rtmsim, vmap
@@ -14,6 +12,9 @@ from lcmchain.mapping.formats.cells import MappedCells, mapped_cells
 from lcmchain.mapping.formats.report import ExportReport, Loss, Saver
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.transfer import MappedFields
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class Format(NamedTuple):

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import meshio
 import numpy as np
-import xarray as xr
 
 from lcmchain import __version__
 from lcmchain.errors import InputError
@@ -17,6 +16,9 @@ from lcmchain.mapping.structure.mesh import DeckMesh
 from lcmchain.mapping.structure.results import StructuralResults
 from lcmchain.mapping.structure.sections import Sections
 from lcmchain.mapping.target import TargetMesh
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Components of stresses and strains in the axes of a cell, and of laminates.
 COMPONENTS = ("11", "22", "33", "12", "13", "23")

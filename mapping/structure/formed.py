@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.mapping.target import TargetMesh
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Families closer to each other than this have no plane between them.
 CLOSEST_FAMILIES = np.radians(1.0)

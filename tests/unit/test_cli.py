@@ -75,6 +75,17 @@ def test_help_lists_the_commands_without_loading_the_solver():
         assert f" {command} " in result.stdout
 
 
+def test_run_does_not_wait_for_what_its_steps_do_not_need():
+    program = (
+        "import sys\n"
+        "import lcmchain.pipeline\n"
+        "heavy = {'xarray', 'pandas', 'matplotlib', 'scipy.optimize', 'scipy.ndimage'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+
+
 def test_no_command_shows_the_help(capsys):
     assert exit_code() == 2
     captured = capsys.readouterr()

@@ -12,8 +12,6 @@ from lcmchain.quantities.entry_types import AbsentMeans, FileName, LengthUnit, P
 from lcmchain.quantities.units import length_factor
 from lcmchain.tools.distance import FIELD
 from lcmchain.tools.shapes.base import ToolShape, shape_entries
-from lcmchain.tools.surfaces.distance_field import build_distance_field
-from lcmchain.tools.surfaces.reading import read_surface
 from lcmchain.tools.surfaces.surface import Surface
 
 
@@ -37,11 +35,17 @@ class SurfaceMesh(ToolShape):
         return length_factor(self.length_unit)
 
     def surface_mesh(self, directory: Path, blank: np.ndarray | None = None) -> Surface:
+        # Imported where a tool is a file: what these need of scipy takes as long as other scenes
+        # take to be read.
+        from lcmchain.tools.surfaces.reading import read_surface
+
         return read_surface(Path(directory) / self.file, self.length_unit, blank)
 
     def table_entries(
         self, directory: Path, *, key: str, blank: np.ndarray | None = None
     ) -> dict[str, Any]:
+        from lcmchain.tools.surfaces.distance_field import build_distance_field
+
         surface = self.surface_mesh(directory, blank)
         field = build_distance_field(surface, self.spacing, key=key)
         return shape_entries(

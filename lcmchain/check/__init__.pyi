@@ -1,0 +1,20 @@
+from .effects_of_run import run_effects
+from .expected_cost import Estimate, estimate_run
+from .remarks import scene_warnings
+from .report import CheckReport, check_scene, draw_start
+from .saved_frames import require_frames_fit
+from .tools_at_start import InitialGap, initial_gaps, require_no_initial_overlap
+
+__all__ = [
+    "CheckReport",
+    "Estimate",
+    "InitialGap",
+    "check_scene",
+    "draw_start",
+    "estimate_run",
+    "initial_gaps",
+    "require_frames_fit",
+    "require_no_initial_overlap",
+    "run_effects",
+    "scene_warnings",
+]

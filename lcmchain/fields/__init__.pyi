@@ -1,0 +1,41 @@
+from .dataset import (
+    LaidSheet,
+    add_face_variables,
+    build_datasets,
+    laid_datasets,
+    model_datasets,
+)
+from .derived import derive_fields
+from .frames import FrameSeries
+from .histories import Histories
+from .netcdf import read_forming, read_group, write_forming_netcdf
+from .pressure import pressure_fields, tool_pressure
+from .sheet import sheet_areas, sheet_faces, sheet_positions
+from .summary import fibre_mass, field_summary
+from .table import FIELDS, Field
+from .vtu import write_pvd, write_vtu
+
+__all__ = [
+    "FIELDS",
+    "Field",
+    "FrameSeries",
+    "Histories",
+    "LaidSheet",
+    "add_face_variables",
+    "build_datasets",
+    "laid_datasets",
+    "model_datasets",
+    "derive_fields",
+    "fibre_mass",
+    "field_summary",
+    "pressure_fields",
+    "read_forming",
+    "read_group",
+    "sheet_areas",
+    "sheet_faces",
+    "sheet_positions",
+    "tool_pressure",
+    "write_forming_netcdf",
+    "write_pvd",
+    "write_vtu",
+]

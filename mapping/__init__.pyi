@@ -1,0 +1,23 @@
+from .options import MappingOptions
+from .report import MappingReport
+from .sheet import Sheet, read_sheet
+from .stage import map_file, map_forming
+from .target import TargetMesh, read_target
+from .transfer import MappedFields, transfer
+from .weights import MappingWeights, Status, compute_weights
+
+__all__ = [
+    "MappedFields",
+    "MappingOptions",
+    "MappingReport",
+    "MappingWeights",
+    "Sheet",
+    "Status",
+    "TargetMesh",
+    "compute_weights",
+    "map_file",
+    "map_forming",
+    "read_sheet",
+    "read_target",
+    "transfer",
+]
