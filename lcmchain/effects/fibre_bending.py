@@ -7,7 +7,10 @@ the mesh lets them be. With D they have a width of about sqrt(D / (C12 t)), what
 With x the mid-surface nodes before, at and after a node along a fibre, l₋ and l₊ their distances in
 the reference and h their mean, w = ((x₊ - x)/l₊ - (x - x₋)/l₋) / h and κ = w·p/|p|, where p is the
 part of the other fibre's tangent t₂ (difference over its own two neighbours) that is normal to this
-fibre's tangent t₁. Forces are the exact derivative.
+fibre's tangent t₁. Where fibres come to lie on themselves or on each other, as in a fold as sharp
+as the mesh, the sheet has no plane and p no direction: below a tenth of the reference's area
+|t₁ × t₂| the energy fades out with it, W s (2 - s) with s the square of the area over that tenth.
+Forces are the exact derivative.
 Source: second-gradient models of fabrics, Ferretti, Madeo, dell'Isola, Boisse: Z. angew. Math.
 Phys. 65 (2014) 587-612; the discrete form: own.
 Stability limit: its ω², bounded by Cauchy's inequality, is added to that of the elements.
@@ -34,7 +37,7 @@ from lcmchain.mesh.sheet_mesh import NO_NODE
 
 # Rows of a node in a block of 16: constants; indices; its place; what it sends along and against
 # fibre 1, then fibre 2; the force on it.
-CONSTANT_ROWS = 9
+CONSTANT_ROWS = 10
 INDEX_ROWS = 10
 MIDDLE_ROWS = 3
 VECTOR_ROWS = 12
@@ -42,9 +45,12 @@ FORCE_ROWS = 3
 # Rows of scratch: three for each of four neighbours.
 NEAR_ROWS = 12
 # Columns of the constants that have the same unit, one group behind the other.
-CONSTANT_GROUPS = (4, 2, 2, 1)
+CONSTANT_GROUPS = (4, 2, 2, 1, 1)
 # Blocks that a thread takes at a time.
 PIECE = 8
+# Part of the area between the two fibres below which a sheet counts as folded on itself. Shear
+# takes it there at 84°, beyond every locking angle.
+FOLDED = 0.1
 # Keeps what ends of lines divide by from being zero; nothing is as small.
 TINY = 1e-300
 
@@ -52,8 +58,9 @@ TINY = 1e-300
 class FibreBendingData(NamedTuple):
     """Constants of the kernel, flat arrays in blocks of 16 nodes (``elements/blocks.py``).
 
-    constants : weights before and after along fibre 1, then 2; stiffness 1, 2; rest 1, 2; share of
-        the force on a node of the model. start : where each block has them (``SharedBlocks``).
+    constants : weights before and after along fibre 1, then 2; stiffness 1, 2; rest 1, 2; what
+        makes s of |t₁ × t₂|²; share of the force on a node of the model. start : where each block
+        has them (``SharedBlocks``).
     indices : nodes of the model below and above; then of the neighbours before and after along
         fibre 1, then 2, where their middles begin, and where what they send to the node does.
     runs : of the indices of each row (``elements/lane_runs.py``).
@@ -79,6 +86,7 @@ class FibreBending(NamedTuple):
     weight_before, weight_after : (2, mid_count) of their positions in the curvature [1/m²].
     stiffness : (2, mid_count) D times the node's area [N m³]; 0 where a line ends.
     rest : (2, mid_count) curvature of the reference [1/m].
+    per_area2 : (mid_count,) what makes s of |t₁ × t₂|² [1/m⁴].
     data : the same for the kernel.
     """
 
@@ -90,6 +98,7 @@ class FibreBending(NamedTuple):
     weight_after: np.ndarray
     stiffness: np.ndarray
     rest: np.ndarray
+    per_area2: np.ndarray
     data: FibreBendingData | None
 
     @property
@@ -139,7 +148,7 @@ def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
         rows[family] for family in (0, 1) for rows in (table.weight_before, table.weight_after)
     ]
     share = np.where(table.below == table.above, 1.0, 0.5)
-    constants = np.column_stack([*along, *table.stiffness, *table.rest, share])
+    constants = np.column_stack([*along, *table.stiffness, *table.rest, table.per_area2, share])
     ends = [rows[family] for family in (0, 1) for rows in (table.before, table.after)]
     # The node before sends along the fibre, the one after against it. Where a line ends the node is
     # its own neighbour, and what it sends there comes back.
@@ -216,11 +225,16 @@ def _of_body(body: Any, first_mid: int) -> FibreBending:
         weight_after=np.where(inner, 1.0 / (lengths[1] * mean), 0.0),
         stiffness=np.where(inner, D * body.node_area[sides[0]], 0.0),
         rest=np.zeros((2, len(X))),
+        per_area2=np.zeros(len(X)),
         data=None,
     )
     shift = np.int32(first_mid)
+    flat, bent = FOLDED**2 * _areas2(table, X), table.stiffness.any(axis=0)
     return table._replace(
-        rest=curvatures(table, X), before=table.before + shift, after=table.after + shift
+        rest=curvatures(table, X),
+        per_area2=np.divide(1.0, flat, where=bent, out=np.zeros(len(X))),
+        before=table.before + shift,
+        after=table.after + shift,
     )
 
 
@@ -254,6 +268,18 @@ def curvatures(table: FibreBending, x: np.ndarray) -> np.ndarray:
     return result - table.rest
 
 
+def unfolded(table: FibreBending, x: np.ndarray) -> np.ndarray:
+    """Return the part (mid_count,) of their energy that nodes keep, 1 where nothing is folded."""
+    s = np.minimum(table.per_area2 * _areas2(table, x), 1.0)
+    return s * (2.0 - s)
+
+
+def _areas2(table: FibreBending, x: np.ndarray) -> np.ndarray:
+    """Return |t₁ × t₂|² (mid_count,) [m⁴]."""
+    first, second = x[table.after] - x[table.before]
+    return (np.cross(first, second) ** 2).sum(axis=-1)
+
+
 def stored_energy(table: FibreBending, position: np.ndarray) -> float:
     """Return the energy [J] at node positions (3, node_count) [m]."""
     energy = 0.0
@@ -268,12 +294,13 @@ def stored_energy(table: FibreBending, position: np.ndarray) -> float:
             table.weight_after[family],
             table.stiffness[family],
             table.rest[family],
+            table.per_area2,
         )
     return energy
 
 
 @routine
-def _energy_of_family(x, before, after, before2, after2, m, p, stiffness, rest):
+def _energy_of_family(x, before, after, before2, after2, m, p, stiffness, rest, per_area2):
     """Return the energy [J] of one family of fibres at mid-surface nodes x (mid_count, 3)."""
     energy = 0.0
     for n in range(stiffness.size):
@@ -292,7 +319,8 @@ def _energy_of_family(x, before, after, before2, after2, m, p, stiffness, rest):
         normal2 = across2 - across_t * across_t / tt
         if stiffness[n] > 0.0 and normal2 > 0.0:
             curvature = (w_across - across_t / tt * w_t) / math.sqrt(normal2)
-            energy += 0.5 * stiffness[n] * (curvature - rest[n]) ** 2
+            s = min(per_area2[n] * tt * normal2, 1.0)
+            energy += 0.5 * stiffness[n] * (curvature - rest[n]) ** 2 * s * (2.0 - s)
     return energy
 
 
@@ -373,7 +401,7 @@ def add_vectors(data, vector, corner_force, block, near):
     first = data.first_force + place * FORCE_ROWS * LANES
     force = corner_force[first : first + FORCE_ROWS * LANES]
     for lane in range(LANES):
-        share = constants[8 * LANES + lane]
+        share = constants[9 * LANES + lane]
         for d in range(3):
             got = near[d * LANES + lane] + near[(3 + d) * LANES + lane]
             got += near[(6 + d) * LANES + lane] + near[(9 + d) * LANES + lane]
@@ -402,7 +430,8 @@ def bend_in_lane(here, near, constants, own, i):
 
     With n = t₁ × t₂ and p the part of the other tangent that is normal to the own one,
     |p| = |n|/|t|: with w = κ p̂ + τ t̂ + ν n̂ and c = t·t₂/|t|², ∂κ/∂w = p̂, ∂κ/∂t₂ = ν n̂/|p| and
-    ∂κ/∂t = -c ν n̂/|p| - τ p̂/|t|. One division serves all that is divided by.
+    ∂κ/∂t = -c ν n̂/|p| - τ p̂/|t|. Of s, ∂|n|²/∂t₁ = 2 t₂ × n. One division serves all that is
+    divided by.
     """
     L = LANES
     x = load3(here, i)
@@ -418,15 +447,21 @@ def bend_in_lane(here, near, constants, own, i):
     inverse = 1.0 / (t11 * t22 * nn + TINY)
     per_t11, per_t22, per_nn = inverse * t22 * nn, inverse * t11 * nn, inverse * t11 * t22
     t12 = dot(t1, t2)
-    c1, q1, u1, lift1, slide1 = bending_of(
-        constants[i + 4 * L], constants[i + 6 * L], w1, t1, t2, t12, t11, per_t11, n, per_nn
+    per_area2 = constants[i + 8 * L]
+    s = min(per_area2 * nn, 1.0)
+    kept = s * (2.0 - s)
+    c1, q1, u1, lift1, slide1, twice1 = bending_of(
+        constants[i + 4 * L], constants[i + 6 * L], w1, t1, t2, t12, t11, per_t11, n, per_nn, kept
     )
-    c2, q2, u2, lift2, slide2 = bending_of(
-        constants[i + 5 * L], constants[i + 7 * L], w2, t2, t1, t12, t22, per_t22, n, per_nn
+    c2, q2, u2, lift2, slide2, twice2 = bending_of(
+        constants[i + 5 * L], constants[i + 7 * L], w2, t2, t1, t12, t22, per_t22, n, per_nn, kept
     )
+    fade = 2.0 * per_area2 * (1.0 - s) * (twice1 + twice2)
     # the tangent of one fibre is where the other's p comes from
     v1 = combination2(lift2 - c1 * lift1, n, -slide1, q1)
     v2 = combination2(lift1 - c2 * lift2, n, -slide2, q2)
+    v1 = plus(fade, combination2(t22, t1, -t12, t2), v1)
+    v2 = plus(fade, combination2(t11, t2, -t12, t1), v2)
     store3(own, i, combination2(p1, u1, 1.0, v1))
     store3(own, i + 3 * L, combination2(m1, u1, -1.0, v1))
     store3(own, i + 6 * L, combination2(p2, u2, 1.0, v2))
@@ -440,15 +475,20 @@ def curvature_vector(m, p, before, x, after):
 
 
 @equation
-def bending_of(stiffness, rest, w, t, across, t12, tt, per_tt, n, per_nn):
-    """Return c, p̂, and of the moment D A (κ - rest): times p̂, ν/(|p| |n|), τ/|t|."""
+def bending_of(stiffness, rest, w, t, across, t12, tt, per_tt, n, per_nn, kept):
+    """Return c, p̂; of the moment D A (κ - rest): times p̂, ν/(|p| |n|), τ/|t|; and 2 W A.
+
+    ``kept`` is the part of the moment that is left where the sheet is folded on itself.
+    """
     c = t12 * per_tt
     per_p = math.sqrt(tt * per_nn)
     q = scaled(per_p, plus(-c, t, across))
-    moment = stiffness * (dot(w, q) - rest)
+    change = dot(w, q) - rest
+    twice = stiffness * change * change
+    moment = kept * stiffness * change
     lift = per_p * per_nn * dot(w, n) * moment
     slide = per_tt * dot(w, t) * moment
-    return c, q, scaled(moment, q), lift, slide
+    return c, q, scaled(moment, q), lift, slide, twice
 
 
 @equation
