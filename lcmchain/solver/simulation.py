@@ -48,9 +48,12 @@ from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 STEPS_PER_CHUNK = 50
 # The in-plane frequency changes slowly: its bound, which costs as much as a hundred evaluations of
 # the forces, is renewed every so many chunks, unless the sheet may stiffen in between; after a look
-# that has changed nothing only after as many as the second number.
+# that has found it calm only after as many as the second number. It is calm where ω² has risen by
+# less than this part since the last look: what it may rise in three times as many chunks is little
+# beside what step_safety leaves.
 CHUNKS_PER_FREQUENCY = 8
 CALM_CHUNKS_PER_FREQUENCY = 24
+CALM_RISE = 1e-2
 # Elements follow the curvature that they share with neighbours every so many chunks: their forces
 # hardly depend on it (``elements/solid_shell/curvature.py``).
 CHUNKS_PER_RENEWAL = 4
@@ -273,12 +276,13 @@ class Simulation:
         renew = present == 0.0 or state.counters[CHUNKS] >= CHUNKS_PER_FREQUENCY
         if renew or self._may_stiffen(conditions, present):
             omega2, element, code = self._highest_frequency()
-            state.counters[CHUNKS] = CHUNKS_PER_FREQUENCY - CALM_CHUNKS_PER_FREQUENCY
-            if not STEP_HYSTERESIS * present < omega2 <= present:
+            calm = STEP_HYSTERESIS * present < omega2 < (1.0 + CALM_RISE) * present
+            wait = CALM_CHUNKS_PER_FREQUENCY if calm else CHUNKS_PER_FREQUENCY
+            state.counters[CHUNKS] = CHUNKS_PER_FREQUENCY - wait
+            if not calm or omega2 > present:
                 state.clock[OMEGA2] = omega2
                 state.counters[CONTROLLING_ELEMENT] = element
                 state.counters[CONTROLLING_PART] = code
-                state.counters[CHUNKS] = 0
         state.counters[CHUNKS] += 1
         self.find_contact()
         element = int(state.counters[CONTROLLING_ELEMENT])

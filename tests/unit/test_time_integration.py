@@ -14,6 +14,7 @@ from lcmchain.scene import scene_from_text
 from lcmchain.solver.loop import NODE_CHUNK
 from lcmchain.solver.simulation import (
     CALM_CHUNKS_PER_FREQUENCY,
+    CALM_RISE,
     CHUNKS_PER_FREQUENCY,
     Simulation,
 )
@@ -159,27 +160,30 @@ def angular_momentum(sim):
     return np.cross(state.position.T, (mass * state.velocity).T).sum(axis=0)
 
 
-def test_the_frequency_is_looked_at_less_often_while_it_stays(monkeypatch):
+@pytest.mark.parametrize("growth", [0.05, 1.1 * CALM_RISE])
+@pytest.mark.parametrize("drift", [0.0, 0.9 * CALM_RISE])
+def test_the_frequency_is_looked_at_less_often_while_it_stays(monkeypatch, drift, growth):
+    """It hardly rises at first, and from the chunk 60 on grows with every look."""
     sim = simulation(SHEET)
     bound, element, code = sim._highest_frequency()
     looks = []
 
     def looked(self):
+        found.append(found[-1] * (1.0 + (growth if len(prepared) >= 60 else drift)))
         looks.append(len(prepared))
-        # stays, and from the chunk 60 on grows with every look
-        return bound * 1.05 ** sum(look >= 60 for look in looks), element, code
+        return found[-1], element, code
 
     monkeypatch.setattr(Simulation, "_highest_frequency", looked)
     monkeypatch.setattr(Simulation, "_may_stiffen", lambda *_: False)
-    prepared = []
+    prepared, found = [], [bound]
     while len(prepared) < 100:
         prepared.append(sim.prepare_steps())
+        assert sim.state.clock[OMEGA2] == found[-1]
     apart = np.diff(looks)
     calm = apart[: np.searchsorted(looks, 60)]
     assert calm[0] == CHUNKS_PER_FREQUENCY  # the first look had nothing to compare with
     assert (calm[1:] == CALM_CHUNKS_PER_FREQUENCY).all()
     assert (apart[calm.size :] == CHUNKS_PER_FREQUENCY).all()
-    assert sim.state.clock[OMEGA2] == pytest.approx(bound * 1.05 ** (len(looks) - len(calm)))
 
 
 def test_a_thickness_wave_that_governs_is_looked_at_where_it_may_have_become_faster():
