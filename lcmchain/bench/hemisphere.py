@@ -73,6 +73,7 @@ def at_mid_stroke(*overrides: str) -> Simulation:
 def measurements() -> list[Measurement]:
     """Run all measurements: element kernels on one core, whole steps on one and on all cores."""
     simulation, triangles = at_mid_stroke(), at_mid_stroke("element=membrane-shell")
+    turned = at_mid_stroke("blank.fibre_angle=30 deg")
     body, count = simulation.model.body, simulation.model.element_count
     data, options = body.data, body.data.options
     curved = data._replace(
@@ -100,6 +101,7 @@ def measurements() -> list[Measurement]:
     work = kernel_work(triangles, triangles.model.body.data)
     found.append(measure("triangle kernel, membrane-shell", 1, calls, work))
     found += whole_steps("whole step, hemisphere_holder", simulation)
+    found += whole_steps("whole step, the same with fibres at 30 deg, cut elements", turned)
     found += whole_steps("whole step, the same with membrane-shell", triangles)
     return found
 

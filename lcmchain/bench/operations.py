@@ -65,6 +65,8 @@ def kernel_assembly() -> str:
         np.zeros(model.history_size),
         data.law,
         data.options,
+        data.flat_data,
+        data.flat_options,
     )
     # code loaded from the disk cache cannot be inspected
     options = {k: v for k, v in element_forces.targetoptions.items() if k != "nopython"}

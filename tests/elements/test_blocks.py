@@ -13,13 +13,28 @@ from lcmchain.elements.blocks import (
     in_shared_blocks,
     own_blocks,
 )
+from lcmchain.elements.solid_shell.kernel import NOT_FLAT
+from lcmchain.mesh.numbering import STRETCH
 from lcmchain.model import NODE_CHUNK, build_model
 from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
 
 SCENE = """
 process = { time = "2 ms" }
 blank = { size = ["300 mm", "250 mm"], edge_length = "EDGE mm", fibre_angle = "ANGLE deg" }
 material = { preset = "MD600" }
+"""
+
+DRAWN = """
+process = { time = "2 ms", gravity = true }
+blank = { size = ["100 mm", "80 mm"], edge_length = "5 mm", fibre_angle = "30 deg" }
+material = { preset = "MD600" }
+
+[[tools]]
+name = "punch"
+shape = { type = "sphere_capped_punch", radius = "20 mm" }
+position = "0 0 0.502 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "2 mm" }
 """
 
 
@@ -65,9 +80,38 @@ def test_the_elements_of_a_regular_sheet_have_one_block_of_constants():
     assert data.element_data.values.size == 19 * LANES
 
 
-def test_elements_that_a_turned_outline_cuts_keep_their_own():
-    data = model_of(angle=30.0).body.data
-    assert data.element_data.values.size > 19 * LANES
+@pytest.mark.parametrize("angle", [10.0, 30.0, 45.0])
+def test_elements_that_a_turned_outline_cuts_keep_their_own_and_the_others_share_one(angle):
+    """Cut elements come together: few blocks have one, hardly more than there are cut elements."""
+    body = model_of(angle=angle).body
+    data, count = body.data, body.mesh.element_count
+    assert data.element_data.values.size == 66 * LANES * data.element_data.start.size
+    assert data.flat_data.values.size == 19 * LANES
+    is_flat = data.flat_data.start != NOT_FLAT
+    assert (data.flat_data.start[is_flat] == 0).all()
+    of_block = np.pad(body.geometry.flat, (0, -count % LANES), mode="edge").reshape(-1, LANES)
+    np.testing.assert_array_equal(is_flat, of_block.all(axis=1))
+    assert is_flat.mean() > body.geometry.flat.mean() - LANES / STRETCH
+
+
+def test_a_cut_sheet_moves_as_it_does_when_all_its_elements_count_as_curved(monkeypatch):
+    def formed(flat_data):
+        simulation = Simulation.from_scene(scene_from_text(DRAWN))
+        assert (simulation.model.body.data.flat_data is not None) == flat_data
+        simulation.advance_to(1e-3)
+        return simulation.state
+
+    fast = formed(True)
+    monkeypatch.setattr("lcmchain.elements.solid_shell.body.flat_blocks", lambda geometry: None)
+    slow = formed(False)
+    assert fast.step_count == slow.step_count
+    reference = slow.position
+    moved = np.abs(reference - Simulation.from_scene(scene_from_text(DRAWN)).state.position).max()
+    assert moved > 1e-4
+    np.testing.assert_allclose(fast.position, reference, rtol=0.0, atol=1e-10 * moved)
+    np.testing.assert_allclose(
+        fast.velocity, slow.velocity, rtol=0.0, atol=1e-9 * np.abs(slow.velocity).max()
+    )
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0])

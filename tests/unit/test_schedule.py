@@ -200,9 +200,14 @@ shape = { type = "plate_with_hole", hole_radius = "28 mm", fillet_radius = "10 m
 """
 
 
-def test_the_number_of_parts_changes_no_bit(monkeypatch):
+@pytest.mark.parametrize("angle", ["0 deg", "30 deg"])
+def test_the_number_of_parts_changes_no_bit(monkeypatch, angle):
+    """Of a sheet whose elements are all alike, and of one that its outline cuts."""
+
     def formed(parts):
-        simulation = Simulation.from_scene(scene_from_text(CUP))
+        scene = scene_from_text(CUP, overrides=(f"blank.fibre_angle={angle}",))
+        simulation = Simulation.from_scene(scene)
+        assert (simulation.model.body.data.flat_data is None) == (angle == "0 deg")
         monkeypatch.setattr(
             "lcmchain.solver.simulation.build_schedule",
             lambda model, _: build_schedule(model, parts),

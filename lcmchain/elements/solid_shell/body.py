@@ -26,7 +26,12 @@ from lcmchain.elements.solid_shell.geometry import (
     strain_transformation,
 )
 from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS, Options, SolidShellData
-from lcmchain.elements.solid_shell.packing import curved_rows, flat_rows, shared_rows
+from lcmchain.elements.solid_shell.packing import (
+    curved_rows,
+    flat_blocks,
+    flat_rows,
+    shared_rows,
+)
 from lcmchain.elements.solid_shell.pressure import normal_pressure
 from lcmchain.errors import InputError
 from lcmchain.materials.law import MOST_HISTORY, Material, MaterialWithMemory, history_count
@@ -116,6 +121,10 @@ class SolidShellBody:
             )
             change = _padded(change, padded)
         rows = flat_rows(geometry) if flat else curved_rows(geometry)
+        flat_data = flat_blocks(geometry)
+        flat_options = None
+        if flat_data is not None:
+            flat_options = kernel_options(material, choices, flat=True, fibre_share=share)
         corner_node = in_blocks(mesh.elements + first_node).astype(np.int32)
         data = SolidShellData(
             law=material.law,
@@ -123,6 +132,8 @@ class SolidShellBody:
             corner_node=corner_node,
             corner_run=find_runs(corner_node.reshape(-1, LANES)).ravel(),
             element_data=shared_rows(rows, flat=flat),
+            flat_data=flat_data,
+            flat_options=flat_options,
             transformation=_padded(T, padded),
             transformation_change=change,
             density=float(material.density),
@@ -140,7 +151,9 @@ class SolidShellBody:
 
     @property
     def kernel(self) -> str:
-        return self.type if self.data.options.curved is None else f"curved {self.type}"
+        if self.data.options.curved is None:
+            return self.type
+        return f"{'curved' if self.data.flat_data is None else 'partly curved'} {self.type}"
 
     @property
     def force_nodes(self) -> np.ndarray:
@@ -210,7 +223,7 @@ class SolidShellBody:
         return tuple(found)
 
     def effects(self) -> dict[str, tuple[bool, str]]:
-        return solid_shell_effects(self.material, self.data.options)
+        return solid_shell_effects(self.material, self.data)
 
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
         count, real = self._padded_count, slice(self.mesh.element_count)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.elements.solid_shell.kernel import Options
+from lcmchain.elements.solid_shell.kernel import NOT_FLAT, Options, SolidShellData
 from lcmchain.materials.law import Material, Remembered, remembered
 
 
-def solid_shell_effects(material: Material, options: Options) -> dict[str, tuple[bool, str]]:
+def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, tuple[bool, str]]:
     """Return (active, reason) by the name of the effect."""
-    past = remembered(material.law)
+    past, options = remembered(material.law), data.options
     return {
         "thickness": (True, "both faces of the sheet have nodes"),
         "compaction": _compaction(material, options),
         "bending": (True, _bending(material, options)),
         "transverse shear": (True, "assumed natural strains, C13 and C23"),
         "hourglass control": (True, _hourglass(material, options)),
-        "enhanced strain": _enhanced_strain(material, options),
+        "enhanced strain": _enhanced_strain(material, data),
         "memory": (bool(past), _names(past) or "the law remembers nothing"),
     }
 
@@ -61,11 +61,14 @@ def _hourglass(material: Material, options: Options) -> str:
     return reason
 
 
-def _enhanced_strain(material: Material, options: Options) -> tuple[bool, str]:
+def _enhanced_strain(material: Material, data: SolidShellData) -> tuple[bool, str]:
     if material.couples_thickness:
         reason = "normal and other strains couple"
-    elif options.curved is not None:
+    elif data.flat_data is not None:
+        share = np.mean(data.flat_data.start == NOT_FLAT)
+        reason = f"{share:.0%} of the blocks have elements cut, curved or skewed at the start"
+    elif data.options.curved is not None:
         reason = "the sheet is curved or skewed at the start"
     else:
         reason = "normal and other strains do not couple, and the sheet is flat"
-    return options.enhanced is not None, reason
+    return data.options.enhanced is not None, reason

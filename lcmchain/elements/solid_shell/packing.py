@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.elements.blocks import SharedBlocks, in_shared_blocks, own_blocks
+from lcmchain.elements.blocks import (
+    LANES,
+    SharedBlocks,
+    in_blocks,
+    in_shared_blocks,
+    own_blocks,
+)
 from lcmchain.elements.solid_shell.geometry import ReferenceGeometry
+from lcmchain.elements.solid_shell.kernel import NOT_FLAT
 
 # Every product a_k·a_l (modes counted from 1) in the covariant strains, in the order in which
 # ``covariant_products`` holds them: Taylor term, Voigt component, ((factor, k, l), ...).
@@ -53,6 +60,23 @@ def shared_rows(rows: np.ndarray, *, flat: bool) -> SharedBlocks:
     largest = np.abs(rows).max(axis=0)
     first = np.cumsum((0, *FLAT_GROUPS[:-1]))
     return in_shared_blocks(rows, np.repeat(np.maximum.reduceat(largest, first), FLAT_GROUPS))
+
+
+def flat_blocks(geometry: ReferenceGeometry) -> SharedBlocks | None:
+    """Return the data of blocks of flat elements, in a sheet where others are not.
+
+    The others begin at NOT_FLAT. ``None`` where there are no blocks of both kinds.
+    """
+    is_flat = in_blocks(geometry.flat[:, None]).reshape(-1, LANES)
+    chosen = is_flat.all(axis=1)
+    if chosen.all() or not chosen.any():
+        return None
+    last = len(geometry.K) - 1
+    elements = np.minimum(np.arange(is_flat.size), last).reshape(is_flat.shape)[chosen]
+    data = shared_rows(flat_rows(geometry)[elements.ravel()], flat=True)
+    start = np.full(chosen.shape, NOT_FLAT, dtype=np.int32)
+    start[chosen] = data.start
+    return data._replace(start=start)
 
 
 def flat_rows(geometry: ReferenceGeometry) -> np.ndarray:
