@@ -11,7 +11,7 @@ import typer
 
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.options import OutFolder, Overrides, Quiet
-from lcmchain.commands.terminal import console, progress_bar, say, warn
+from lcmchain.commands.terminal import progress_bar, say, show_whole, warn
 from lcmchain.errors import InputError
 
 if TYPE_CHECKING:
@@ -81,9 +81,9 @@ def study_accuracy(
             )  # fmt: skip
         write_accuracy(folder, study)
     if not quiet:
-        console().print(terminal_table(study))
+        show_whole(terminal_table(study))
         if study.orders:
-            console().print(order_table(study))
+            show_whole(order_table(study))
         if study.sentence():
             say(study.sentence())
         say(f"Chart, tables and report in {folder}")
@@ -115,7 +115,7 @@ def study_effects(
             )
         write_effects(folder / "effects.csv", study)
     if not quiet:
-        console().print(effects_table(study))
+        show_whole(effects_table(study))
         say(f"Table in {folder}")
     for change in study.changes:
         if change.failure:
@@ -159,7 +159,7 @@ def study_sweep(
             )  # fmt: skip
         write_sweep(folder, title, runs)
     if not quiet:
-        console().print(sweep_table(title, runs))
+        show_whole(sweep_table(title, runs))
         say(f"Tables in {folder}")
     for run in runs:
         if run.failure:
@@ -205,7 +205,7 @@ def study_sensitivity(
             )  # fmt: skip
         write_sensitivity(folder / "sensitivity.csv", found)
     if not quiet:
-        console().print(sensitivity_table(found))
+        show_whole(sensitivity_table(found))
         say(f"Table in {folder}")
     for failure in found.failures:
         warn(failure)

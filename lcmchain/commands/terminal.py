@@ -14,8 +14,12 @@ from lcmchain.errors import InputError, StrictError
 if TYPE_CHECKING:
     from pydantic import BaseModel
     from rich.console import Console
+    from rich.table import Table
 
     from lcmchain.quantities.units import Dimension
+
+# No table is as wide as that many characters.
+WIDEST = 10_000
 
 
 @contextmanager
@@ -100,6 +104,14 @@ def console(*, stderr: bool = False) -> Console:
     from rich.console import Console
 
     return Console(stderr=stderr)
+
+
+def show_whole(table: Table) -> None:
+    """Print a table of numbers without cutting any off, where it has more columns than fit too."""
+    terminal = console()
+    wide = terminal.options.update(max_width=WIDEST)
+    terminal.width = max(terminal.width, terminal.measure(table, options=wide).maximum)
+    terminal.print(table)
 
 
 def say(message: str) -> None:

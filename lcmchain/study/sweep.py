@@ -18,7 +18,7 @@ from lcmchain.fields.netcdf_file import ROOT, write_netcdf
 from lcmchain.study.plain_table import plain_table
 from lcmchain.study.results import RESULTS, results_of
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.sampling import Entry, number_and_unit, samples
+from lcmchain.study.sampling import Entry, number_and_unit, samples, with_unit
 from lcmchain.study.source import Source
 from lcmchain.study.variant import Variant
 
@@ -85,8 +85,18 @@ def sweep_table(title: str, runs: Sequence[SweptRun]) -> Table:
         numbers = [
             "failed" if run.failure else f"{r.scale * run.results[r.name]:.4g}" for r in shown
         ]
-        table.add_row(*run.entries.values(), *numbers, f"{run.seconds:.3g}")
+        values = [_shortened(value) for value in run.entries.values()]
+        table.add_row(*values, *numbers, f"{run.seconds:.3g}")
     return table
+
+
+def _shortened(value: str) -> str:
+    """Return a quantity with four digits; names and lists as they are."""
+    try:
+        number, unit = number_and_unit(value)
+    except InputError:
+        return value
+    return with_unit(float(f"{number:.4g}"), unit).strip('"')
 
 
 def write_sweep(folder: Path, title: str, runs: Sequence[SweptRun]) -> list[Path]:

@@ -184,6 +184,14 @@ def test_commands_of_studies(dent, tmp_path):
     assert all(a <= f <= b for a, f, b in zip(thirds, frictions, thirds[1:], strict=False))
     by_friction = sorted(rows, key=lambda row: float(row["contact.friction"]))
     assert float(by_friction[0]["forming_work"]) < float(by_friction[-1]["forming_work"])
+    table = CliRunner(env={"COLUMNS": "60"}).invoke(
+        app, ["study", "sweep", scene, *sweep, "--out", str(tmp_path / "b"), *coarse[:-1]],
+        catch_exceptions=False,
+    ).stdout  # fmt: skip
+    assert "…" not in table, "cut off on a narrow terminal"
+    for row in rows:
+        line = next(k for k in table.splitlines() if f"{float(row['contact.friction']):.4g}" in k)
+        assert f"{1e3 * float(row['forming_work']):.4g}" in line.split()
     inputs = ["--vary", "contact.friction", "--vary", "material.membrane.shear_polynomial"]
     done = CliRunner().invoke(
         app, ["study", "sensitivity", scene, *inputs, "--out", str(tmp_path / "c"), *coarse],
