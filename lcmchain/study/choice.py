@@ -93,6 +93,7 @@ class Knowledge:
     Parameters
     ----------
     levels : meshes that were run, the coarsest first. laws : of errors over the edge length.
+    own_edge : edge length of the scene [m].
     left : solver time that may be spent on the run [s]; None for any.
     rehearsed : seconds by edge length (:func:`lcmchain.study.levels.expected_seconds`).
     settled : whether time allows no edge lengths but those: where the mesh has to fit the outline,
@@ -101,6 +102,7 @@ class Knowledge:
 
     levels: Sequence[Level]
     laws: Mapping[str, Convergence]
+    own_edge: float = math.inf
     left: float | None = None
     rehearsed: Mapping[float, float] = field(default_factory=dict)
     settled: bool = False
@@ -143,7 +145,8 @@ def choose(wish: Wish, candidates: Sequence[Candidate], known: Knowledge) -> tup
     -------
     The choice, and the largest expected error over what is wished.
     """
-    plans = [_plan(wish, candidate, known) for candidate in candidates]
+    own = next((c.errors for c in candidates if c.settings == AS_IT_IS), {})
+    plans = [_plan(wish, candidate, known, own) for candidate in candidates]
     keeping = [plan for plan in plans if plan[1] <= MARGIN * (1.0 + ROUNDING)]
     if keeping:
         return min(keeping, key=lambda plan: plan[0].run_seconds)
@@ -153,8 +156,14 @@ def choose(wish: Wish, candidates: Sequence[Candidate], known: Knowledge) -> tup
     return min(near, key=lambda plan: plan[0].run_seconds)
 
 
-def _plan(wish: Wish, candidate: Candidate, known: Knowledge) -> tuple[Choice, float]:
-    """Return the coarsest mesh on which settings keep a wish, and the worst error over the wish."""
+def _plan(
+    wish: Wish, candidate: Candidate, known: Knowledge, own: Mapping[str, float]
+) -> tuple[Choice, float]:
+    """Return the coarsest mesh on which settings keep a wish, and the worst error over the wish.
+
+    Where an error is beyond every mesh, nothing is saved at its expense: the mesh is not coarser
+    than the scene's, and its settings are to be off by no more than the scene's ``own``.
+    """
     edge, why, notes = known.levels[0].edge, "the coarsest pilot will do", []
     given_up = []
     for name, allowed in wish.errors.items():
@@ -175,16 +184,19 @@ def _plan(wish: Wish, candidate: Candidate, known: Knowledge) -> tuple[Choice, f
         needed = law.size(room)
         if needed < edge:
             edge, why = needed, f"the {title} needs edges of {mm(needed)}"
+    if given_up and known.own_edge < edge:
+        edge, why = known.own_edge, "no mesh keeps the wish, and these are the scene's"
     affordable = known.affordable(candidate)
     if affordable > edge or (known.left is not None and not wish.errors):
         edge, why = affordable, f"edges of {mm(affordable)} are what the time allows"
     errors = known.errors(candidate, edge)
+    counted = dict(errors)
+    for name in given_up:
+        of_settings = candidate.errors.get(name, 0.0)
+        if of_settings <= own.get(name, 0.0):
+            counted[name] = of_settings
     worst = max(
-        (
-            (candidate.errors.get(name, 0.0) if name in given_up else errors[name]) / allowed
-            for name, allowed in wish.errors.items()
-            if name in errors
-        ),
+        (counted[name] / allowed for name, allowed in wish.errors.items() if name in counted),
         default=0.0,
     )
     choice = Choice(

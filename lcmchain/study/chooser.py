@@ -388,7 +388,8 @@ class Chooser:
     def _choice(self, *, settled: bool = False) -> Choice:
         """Return what keeps the wish by what is known so far."""
         laws, left = error_laws(self.levels), self._time_left()
-        known = Knowledge(self.levels, laws, left, self._beginnings(), settled)
+        own_edge = self.scene.blank.edge_length
+        known = Knowledge(self.levels, laws, own_edge, left, self._beginnings(), settled)
         choice, worst = choose(self.wish, self.candidates, known)
         finest = self.levels[-1].edge / FARTHEST
         if len(self.levels) >= MOST_PILOTS and choice.edge_length < finest:

@@ -290,6 +290,33 @@ def test_what_does_not_converge_is_told_and_no_mesh_is_spent_on_it(dent, tmp_pat
     assert choice.edge_length > 0.95 * alone.run(alone.make).edge_length
 
 
+def test_settings_add_nothing_to_what_no_mesh_can_keep(dent, tmp_path):
+    """Added mass within the wish is not taken where the mesh alone misses it for good."""
+
+    class Restless(Known):
+        restless = True
+
+        def outcome(self, edge, settings):
+            made = super().outcome(edge, settings)
+            if self.restless:
+                wave = math.radians(8.0) * math.sin(5.0 * math.log2(0.04 / edge))
+                made.values["shear_angle"] = made.values["shear_angle"] + wave
+            return made
+
+    wish, of_speed = read_wish("2 deg shear", None), math.radians(0.3)
+    fine = type(dent)(dent.text, dent.path, ('blank.edge_length="1.5 mm"',), None)
+    restless = Restless(fine, tmp_path, wish, 1.0, 0.01, of_speed=of_speed)
+    choice = restless.run(restless.make)
+    assert not choice.kept
+    assert any("shear angle changes by" in note for note in choice.notes)
+    assert choice.settings == AS_IT_IS
+    assert choice.edge_length == 1.5e-3
+    assert "the scene's" in choice.why
+    calm = Restless(fine, tmp_path, wish, 1.0, 0.01, of_speed=of_speed)
+    calm.restless = False
+    assert calm.run(calm.make).settings.mass > 1.0
+
+
 def test_wishes_are_read_with_their_units():
     wish = read_wish("1 deg shear, 1.5 % thickness, 3% force, 0.5 mm contour", "20 s")
     assert wish.errors == pytest.approx(
