@@ -38,6 +38,7 @@ from lcmchain.mesh.sheet_mesh import NO_NODE
 # Rows of a node in a block of 16: constants; indices; its place; what it sends along and against
 # fibre 1, then fibre 2; the force on it.
 CONSTANT_ROWS = 10
+AREA_ROW = 8
 INDEX_ROWS = 10
 MIDDLE_ROWS = 3
 VECTOR_ROWS = 12
@@ -447,7 +448,7 @@ def bend_in_lane(here, near, constants, own, i):
     inverse = 1.0 / (t11 * t22 * nn + TINY)
     per_t11, per_t22, per_nn = inverse * t22 * nn, inverse * t11 * nn, inverse * t11 * t22
     t12 = dot(t1, t2)
-    per_area2 = constants[i + 8 * L]
+    per_area2 = constants[i + AREA_ROW * L]
     s = min(per_area2 * nn, 1.0)
     kept = s * (2.0 - s)
     c1, q1, u1, lift1, slide1, twice1 = bending_of(

@@ -20,8 +20,8 @@ DEMANDED = {
     "bias_extension", "fibre_to_shear_stiffness", "compaction_between_plates",
     "step_follows_compaction", "pinched", "pinched_shut", "fillets", "release",
     "chatter_on_an_edge", "wrinkling_strip", "fast_punch", "perturbed_mesh", "coarse_mesh",
-    "published_compaction", "fine_mesh", "consolidation", "staggered_coupling", "undrained_column",
-    "hardening_column", "coupling_that_fails",
+    "published_compaction", "fine_mesh", "sharp_folds", "consolidation", "staggered_coupling",
+    "undrained_column", "hardening_column", "coupling_that_fails",
 }  # fmt: skip
 
 

@@ -7,12 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from lcmchain.effects.fibre_bending import AREA_ROW, CONSTANT_ROWS, FibreBending
+from lcmchain.elements.blocks import LANES
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools import gaps
 from lcmchain.verification.hard_cases.case import CaseResult, guarded, hard_case, stopped
 from lcmchain.verification.hard_cases.sheets import MD600, fields, simulation
 
 THEME = "Forming"
+# Times what tells the area between two fibres from that of a fold: no fold is as sharp.
+NEVER = 1e12
 
 
 def hemisphere(
@@ -127,6 +131,48 @@ def fast_punch(name: str, full: bool) -> Iterator[CaseResult]:
         + (f"stopped ({message.split('. Likely')[0]}), " if message else "")
         + f"nodes {1e3 * inside:.1f} mm inside a tool",
     )
+
+
+@hard_case("sharp_folds", THEME)
+def sharp_folds(name: str, full: bool) -> Iterator[CaseResult]:
+    """The hemisphere without holder as a membrane, which folds at no cost, as sharply as the mesh.
+
+    Hard because fibres come to lie on themselves and on each other in the folds: there is no plane
+    for them to bend in, and the forces of their bending within it grow without bound.
+    """
+    time = 0.1
+    folding, unbounded = (
+        hemisphere(time=time, holder=False, element='type = "membrane-shell", bending = false')
+        for _ in range(2)
+    )
+    assert unbounded.model.fibre_bending is not None
+    never_folded(unbounded.model.fibre_bending)
+    message = stopped(lambda: unbounded.advance_to(time))
+    energy = unbounded.energy()
+    found = f"balance error {100.0 * abs(energy['balance_error'] / energy['external']):.2g} %"
+    if message:
+        found = f"stopped ({message.split(': motion')[0]})"
+    worst, work = 0.0, 0.0
+    for part in np.linspace(0.0, 1.0, 11)[1:]:
+        folding.advance_to(float(part * time))
+        energy = folding.energy()
+        worst = max(worst, abs(energy["balance_error"]))
+        work = max(work, abs(energy["external"]))
+    yield CaseResult(
+        name,
+        "energy balance error over the work",
+        100.0 * worst / work,
+        1.0,
+        "%",
+        without=f"fibres that bend at full cost in folds: {found}",
+    )
+
+
+def never_folded(table: FibreBending) -> None:
+    """Let fibres resist bending within the plane at full cost in folds of any sharpness."""
+    assert table.data is not None
+    table.per_area2[:] *= NEVER
+    table.data.constants.reshape(-1, CONSTANT_ROWS, LANES)[:, AREA_ROW] *= NEVER
 
 
 @hard_case(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.effects.supports import Support
+from lcmchain.elements.families import family_of
 from lcmchain.fields.derived import derive_fields
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import assemble_model
@@ -48,17 +49,18 @@ def simulation(
     blank = build_blank(scene.blank, material.thickness, perturbation=perturbation, seed=seed)
     if shape is not None:
         blank = replace(blank, node_positions=shape(blank.node_positions))
+    mesh = family_of(scene.element).mesh_of(blank)
     model = assemble_model(
-        blank,
+        mesh,
         material,
         scene.element,
         tools=build_tool_table(
-            scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
+            scene.tools, scene.source.directory, scene.process.time, blank=mesh.node_positions
         ),
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,
-        supports=supports(blank.node_positions) if supports else HOLDS_NOTHING,
+        supports=supports(mesh.node_positions) if supports else HOLDS_NOTHING,
     )
     return Simulation(
         replace(
