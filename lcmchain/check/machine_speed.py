@@ -21,11 +21,11 @@ from lcmchain.model import Model
 from lcmchain.threads import worthwhile_threads
 
 #: Time per element and step that is assumed without a measurement, on one core.
-ASSUMED = {"solid-shell": 0.12e-6, "partly curved solid-shell": 0.14e-6,
-           "curved solid-shell": 0.17e-6, "membrane-shell": 0.05e-6,
+ASSUMED = {"solid-shell": 0.09e-6, "partly curved solid-shell": 0.10e-6,
+           "curved solid-shell": 0.14e-6, "membrane-shell": 0.05e-6,
            "membrane": 0.03e-6}  # fmt: skip
-# Part of a step that further threads share: two of them make it 1.4 times faster.
-SHARED = 0.57
+# Part of a step that further threads share: two of them make it 1.6 times faster.
+SHARED = 0.76
 # Runs of fewer steps than this say little.
 FEWEST_STEPS = 2000
 # Of so many last runs the fastest counts: other work on the machine only ever adds to the time.
