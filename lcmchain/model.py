@@ -206,12 +206,22 @@ class Model:
         """Whether any law has a memory."""
         return any(history_count(body.material.law) for body in self.bodies)
 
-    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
+    def renew(
+        self, positions: np.ndarray, history: np.ndarray, counted_at: np.ndarray | None = None
+    ) -> float:
         """Renew what elements take from their neighbours; return the energy that it puts in [J].
 
-        positions : (3, node_count) [m]; history : (history_size,), written.
+        Parameters
+        ----------
+        positions : (3, node_count) [m]. history : (history_size,), written.
+        counted_at : positions at which the energy is taken, ``positions`` by default. Between two
+            steps those half a step before: the energy ½ v₋·M v₊ + U that central differences
+            conserve then changes by ΔU - ½ dt v₋·Δf, which is ΔU there.
         """
-        return sum(body.renew(positions, self.history_of(body, history)) for body in self.bodies)
+        return sum(
+            body.renew(positions, self.history_of(body, history), counted_at)
+            for body in self.bodies
+        )
 
     def history_of(self, body: Body, history: np.ndarray) -> np.ndarray:
         """Return a body's part of the history values (history_size,)."""

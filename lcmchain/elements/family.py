@@ -154,8 +154,13 @@ class Body(Protocol):
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
         """Return strain energy and hourglass energy [J] at positions (3, node_count)."""
 
-    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
-        """Renew in ``history`` what elements take from neighbours; return the energy put in [J]."""
+    def renew(
+        self, positions: np.ndarray, history: np.ndarray, counted_at: np.ndarray | None = None
+    ) -> float:
+        """Renew in ``history`` what elements take from neighbours; return the energy put in [J].
+
+        counted_at : positions at which the energy is taken, ``positions`` by default.
+        """
 
     def normal_pressure(self, positions: np.ndarray, history: np.ndarray) -> NormalPressure | None:
         """Return the pressure through the thickness at positions (3, node_count); None without.

@@ -31,6 +31,7 @@ from lcmchain.state import (
     FRICTION,
     HALVINGS,
     KINETIC,
+    LAST_STEP,
     MASS_DAMPING,
     MOST_HALVINGS,
     OMEGA2,
@@ -434,7 +435,9 @@ class Simulation:
         """Renew what elements take from their neighbours, at the start and now and then."""
         state = self.state
         if state.counters[RENEWED] % CHUNKS_PER_RENEWAL == 0:
-            state.work[RENEWAL] -= self.model.renew(state.position, state.history)
+            half_before = state.position - 0.5 * state.clock[LAST_STEP] * state.velocity
+            given = self.model.renew(state.position, state.history, half_before)
+            state.work[RENEWAL] -= given
             state.counters[RENEWED] = 0
         state.counters[RENEWED] += 1
 

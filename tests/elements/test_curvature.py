@@ -241,14 +241,17 @@ def test_a_sheet_that_is_curved_at_the_start_has_no_strain_and_turns_freely(make
         assert abs(force).max() < 1e-9 * 1e9 * EDGE * THICKNESS
 
 
-def test_the_energy_of_a_renewal_is_booked():
-    model = sheet(flat())
-    rng = np.random.default_rng(8)
+def compacted_bend():
+    """Nodes of a bent and compacted sheet, crumpled a little: S33 is not zero."""
     bent = cylinder(0.25)
     middle = bent.mean(axis=0)
-    bent = middle + 0.8 * (bent - middle)  # compacted, so that S33 is not zero
-    bent = bent + 1e-5 * rng.normal(size=bent.shape)
-    x = positions_of(bent)
+    bent = middle + 0.8 * (bent - middle)
+    return bent + 1e-5 * np.random.default_rng(8).normal(size=bent.shape)
+
+
+def test_the_energy_of_a_renewal_is_booked():
+    model = sheet(flat())
+    x = positions_of(compacted_bend())
     history = np.zeros(model.history_size)
     before = sum(model.body.stored_energy(x, history))
     given = model.renew(x, history)
@@ -287,3 +290,19 @@ def test_a_fold_shares_no_more_than_a_turn_of_sixty_degrees():
     assert 2.0 * rows[:, 3].max() <= 0.25 * (2.0 * half / THICKNESS) ** 2 * (1.0 + 1e-9)
     thickness = derive_fields(model.blank, model.material, folded.reshape(-1, 3))["thickness"]
     np.testing.assert_allclose(thickness, THICKNESS * np.sqrt(1.0 + 2.0 * strain), rtol=1e-9)
+
+
+def test_between_steps_a_renewal_puts_in_what_half_a_step_before_it_would():
+    """ΔU there is ΔU - ½ dt v·Δf here: what the energy of central differences changes by."""
+    model = sheet(flat())
+    x = positions_of(compacted_bend())
+    half_way = 1e-9 * np.random.default_rng(9).normal(size=x.shape)
+    given = []
+    for counted_at in (x, x - half_way, x + half_way):
+        history = np.zeros(model.history_size)
+        given.append(model.renew(x, history, counted_at))
+    old = corner_forces(model, x, np.zeros(model.history_size))
+    change = corner_forces(model, x, history) - old
+    way = half_way.T[model.blank.elements]
+    assert given[1] - given[0] == pytest.approx(-np.sum(change * way), rel=1e-3)
+    assert given[2] - given[0] == pytest.approx(np.sum(change * way), rel=1e-3)

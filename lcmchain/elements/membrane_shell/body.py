@@ -207,7 +207,9 @@ class MembraneShellBody:
     def history_count(self) -> int:
         return 0
 
-    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
+    def renew(
+        self, positions: np.ndarray, history: np.ndarray, counted_at: np.ndarray | None = None
+    ) -> float:
         return 0.0  # triangles read the nodes of their neighbours in every step
 
     def normal_pressure(self, positions: np.ndarray, history: np.ndarray) -> None:

@@ -233,10 +233,12 @@ class SolidShellBody:
         membrane = self.material.membrane_energy(strain[real], past) * self.geometry.volume
         return membrane.sum() + bending[real].sum(), hourglass[real].sum()
 
-    def renew(self, positions: np.ndarray, history: np.ndarray) -> float:
+    def renew(
+        self, positions: np.ndarray, history: np.ndarray, counted_at: np.ndarray | None = None
+    ) -> float:
         if self.data.options.director is not None:
             return 0.0
-        given = renew_curvature(self.data, positions, history)
+        given = renew_curvature(self.data, positions, history, counted_at)
         return float(given[: self.mesh.element_count].sum())
 
     def normal_pressure(self, positions: np.ndarray, history: np.ndarray) -> NormalPressure:

@@ -49,19 +49,27 @@ from lcmchain.mesh.bends import LARGEST_TILT, LARGEST_TURN, RIDGE
 SMALLEST_CHANGE = 1e-13
 
 
-def renew_curvature(body: SolidShellData, positions: np.ndarray, history: np.ndarray) -> np.ndarray:
+def renew_curvature(
+    body: SolidShellData,
+    positions: np.ndarray,
+    history: np.ndarray,
+    counted_at: np.ndarray | None = None,
+) -> np.ndarray:
     """Renew the shared curvature in ``history``; return the energy [J] that this gives elements.
 
     Parameters
     ----------
     body, positions, history : as for :func:`lcmchain.elements.solid_shell.kernel.internal_forces`;
         the first four rows of the history are written.
+    counted_at : (3, node_count) positions at which the energy is taken, ``positions`` by default
+        (:meth:`lcmchain.model.Model.renew`).
     """
     padded = body.corner_node.size // 8
     centre, normal, work = np.empty((3, padded)), np.empty((3, padded)), np.empty(padded)
     element_frames(positions, body.corner_node, centre, normal)
     element_curvatures(
         positions,
+        positions if counted_at is None else counted_at,
         body.corner_node,
         body.element_data,
         body.neighbour,
@@ -103,6 +111,7 @@ def element_frames(positions, corner_node, centre, normal):
 @kernel
 def element_curvatures(
     positions,
+    counted_at,
     corner_node,
     element_data,
     neighbour,
@@ -122,8 +131,9 @@ def element_curvatures(
         data = constants_of_block(options, element_data, block)
         own = history[block * history_size : (block + 1) * history_size]
         shared, past = own[: CURVATURE_ROWS * LANES], own[CURVATURE_ROWS * LANES :]
-        corner = np.empty(24 * LANES)
+        corner, counted = np.empty(24 * LANES), np.empty(24 * LANES)
         gather(positions, nodes, corner)
+        gather(counted_at, nodes, counted)
         for lane in range(LANES):
             element = block * LANES + lane
             a = mode_vectors(
@@ -136,6 +146,11 @@ def element_curvatures(
                 a, element, neighbour, centre, normal, inverse_height_of(options, data, lane)
             )
             new = (new[0], new[1], new[2], new[3] + reference_curvature[element])
+            a = mode_vectors(
+                load_component(counted, lane),
+                load_component(counted, lane + LANES),
+                load_component(counted, lane + 2 * LANES),
+            )
             zeta = (dot(a[0], a[5]), dot(a[1], a[4]), dot(a[0], a[4]) + dot(a[1], a[5]))
             change = curvature_compaction(new, zeta) - curvature_compaction(old, zeta)
             work[element] = 0.0
