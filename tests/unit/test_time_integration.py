@@ -18,7 +18,8 @@ from lcmchain.solver.simulation import (
     CHUNKS_PER_FREQUENCY,
     Simulation,
 )
-from lcmchain.state import EXTERNAL, OMEGA2
+from lcmchain.state import EXTERNAL, LAST_STEP, OMEGA2, RENEWAL, RENEWED
+from lcmchain.verification.random_elements import corner_forces
 
 SHEET = """
 title = "a small sheet"
@@ -366,6 +367,31 @@ def test_looking_at_a_run_does_not_change_it(pressed):
 
     sim.advance_to(4e-3, on_chunk=look)
     assert_identical(sim.state, state)
+
+
+def test_what_a_renewal_puts_in_is_counted_as_the_steps_see_it():
+    """ΔU - ½ dt v·Δf: the forces that come with it have not yet moved anything."""
+    sim = simulation(SHEET)
+    x, velocity = sim.state.position, np.zeros_like(sim.state.position)
+    velocity[2] = 5.0 * np.cos(200.0 * x[0]) * np.cos(150.0 * x[1])
+    sim.set_velocity(velocity)
+    sim.advance_to(2e-4)
+    state, body = sim.state, sim.model.body
+    past, booked = state.history.copy(), state.work[RENEWAL]
+    state.counters[RENEWED] = 0
+    sim.prepare_steps()
+    put_in = booked - state.work[RENEWAL]
+    before, after = (
+        sum(body.stored_energy(state.position, history)) for history in (past, state.history)
+    )
+    old, new = (
+        corner_forces(sim.model, state.position, history.copy())
+        for history in (past, state.history)
+    )
+    half_step = 0.5 * state.clock[LAST_STEP] * state.velocity
+    lag = np.sum((new - old) * half_step.T[body.mesh.elements])
+    assert abs(lag) > 1e-3 * abs(after - before)
+    assert put_in - (after - before) == pytest.approx(-lag, rel=0.05)
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
