@@ -38,8 +38,8 @@ COMPILED = re.compile(rf"^@({DECORATORS})\b", re.M)
 HEAD = """# Mutation study
 
 What each test is for, shown by breaking it: one line of the sources is changed at a time, and the
-named tests must notice. Made by `python tests/mutation/run.py --out tests/mutation/table.md` (about
-half an hour on two cores); the mutants are data in `mutants.toml`.
+named tests must notice. Made by `python tests/mutation/run.py --out tests/mutation/table.md` (in
+an hour or two on two cores); the mutants are data in `mutants.toml`.
 
 """
 TIME_LIMIT = 900.0  # of the tests of one mutant [s]; an endless loop is noticed too
