@@ -76,7 +76,8 @@ def measurements() -> list[Measurement]:
     turned = at_mid_stroke("blank.fibre_angle=30 deg")
     body, count = simulation.model.body, simulation.model.element_count
     data, options = body.data, body.data.options
-    curved = data._replace(
+    parallelograms = data._replace(quick_data=None, quick_options=None, general=True)
+    curved = parallelograms._replace(
         options=options._replace(flat=None, curved=True, enhanced=True),
         element_data=own_blocks(curved_rows(body.geometry)),
     )
@@ -85,13 +86,17 @@ def measurements() -> list[Measurement]:
         law=StVenantKirchhoff(steel, thickness=1e-3, density=1e3).law,
         options=curved.options._replace(conservative=None),
     )
-    published = data._replace(options=options._replace(director=True, conservative=None))
+    assert data.quick_options is not None
+    published = data._replace(
+        quick_options=data.quick_options._replace(director=True, conservative=None)
+    )
 
     calls = KERNEL_CALLS * count
     found = [
         measure(f"element kernel, {name}", 1, calls, kernel_work(simulation, body_data))
         for name, body_data in (
-            ("MD600, flat reference", data),
+            ("MD600, edges along the fibres", data),
+            ("MD600, parallelograms", parallelograms),
             ("as published (director)", published),
             ("MD600, curved reference", curved),
             ("full 6x6 law, curved reference", full),

@@ -65,8 +65,9 @@ def kernel_assembly() -> str:
         np.zeros(model.history_size),
         data.law,
         data.options,
-        data.flat_data,
-        data.flat_options,
+        data.quick_data,
+        data.quick_options,
+        data.general,
     )
     # code loaded from the disk cache cannot be inspected
     options = {k: v for k, v in element_forces.targetoptions.items() if k != "nopython"}

@@ -43,7 +43,7 @@ from lcmchain.elements.pressed_elements import (
     PressedElements,
     load_corner,
 )
-from lcmchain.elements.solid_shell.equations import mode_components
+from lcmchain.elements.solid_shell.equations import EIGHTH, mode_components, scaled7
 from lcmchain.elements.solid_shell.kernel import load_component, store_component
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel
@@ -119,9 +119,9 @@ def push_in_lane(corner, lane, pressure, resistance, velocity, nodes):
         )
     )
     p = pressure - resistance * volume_rate(g, modes_of_lane(velocity, nodes, lane))
-    store_component(corner, lane, pushed(p, g, 0))
-    store_component(corner, lane + LANES, pushed(p, g, 1))
-    store_component(corner, lane + 2 * LANES, pushed(p, g, 2))
+    store_component(corner, lane, scaled7(EIGHTH, pushed(p, g, 0)))
+    store_component(corner, lane + LANES, scaled7(EIGHTH, pushed(p, g, 1)))
+    store_component(corner, lane + 2 * LANES, scaled7(EIGHTH, pushed(p, g, 2)))
 
 
 @equation

@@ -13,7 +13,7 @@ from lcmchain.elements.blocks import (
     in_shared_blocks,
     own_blocks,
 )
-from lcmchain.elements.solid_shell.kernel import NOT_FLAT
+from lcmchain.elements.solid_shell.kernel import ALIGNED_ROWS, GENERAL
 from lcmchain.mesh.numbering import STRETCH
 from lcmchain.model import NODE_CHUNK, build_model
 from lcmchain.scene import scene_from_text
@@ -78,6 +78,9 @@ def test_the_elements_of_a_regular_sheet_have_one_block_of_constants():
     data = model_of().body.data
     assert data.element_data.start.size == 3000 // LANES + 1
     assert data.element_data.values.size == 19 * LANES
+    assert data.quick_data.values.size == ALIGNED_ROWS * LANES
+    assert (data.quick_data.start == 0).all()
+    assert data.general is None
 
 
 @pytest.mark.parametrize("angle", [10.0, 30.0, 45.0])
@@ -86,23 +89,23 @@ def test_elements_that_a_turned_outline_cuts_keep_their_own_and_the_others_share
     body = model_of(angle=angle).body
     data, count = body.data, body.mesh.element_count
     assert data.element_data.values.size == 66 * LANES * data.element_data.start.size
-    assert data.flat_data.values.size == 19 * LANES
-    is_flat = data.flat_data.start != NOT_FLAT
-    assert (data.flat_data.start[is_flat] == 0).all()
+    assert data.quick_data.values.size == ALIGNED_ROWS * LANES
+    is_flat = data.quick_data.start != GENERAL
+    assert (data.quick_data.start[is_flat] == 0).all()
     of_block = np.pad(body.geometry.flat, (0, -count % LANES), mode="edge").reshape(-1, LANES)
     np.testing.assert_array_equal(is_flat, of_block.all(axis=1))
     assert is_flat.mean() > body.geometry.flat.mean() - LANES / STRETCH
 
 
 def test_a_cut_sheet_moves_as_it_does_when_all_its_elements_count_as_curved(monkeypatch):
-    def formed(flat_data):
+    def formed(quick):
         simulation = Simulation.from_scene(scene_from_text(DRAWN))
-        assert (simulation.model.body.data.flat_data is not None) == flat_data
+        assert (simulation.model.body.data.quick_data is not None) == quick
         simulation.advance_to(1e-3)
         return simulation.state
 
     fast = formed(True)
-    monkeypatch.setattr("lcmchain.elements.solid_shell.body.flat_blocks", lambda geometry: None)
+    monkeypatch.setattr("lcmchain.elements.solid_shell.body.quick_blocks", lambda geometry: None)
     slow = formed(False)
     assert fast.step_count == slow.step_count
     reference = slow.position
@@ -112,6 +115,28 @@ def test_a_cut_sheet_moves_as_it_does_when_all_its_elements_count_as_curved(monk
     np.testing.assert_allclose(
         fast.velocity, slow.velocity, rtol=0.0, atol=1e-9 * np.abs(slow.velocity).max()
     )
+
+
+def test_a_sheet_along_its_fibres_moves_as_parallelograms_do(monkeypatch):
+    """Drawn over a punch, so that its elements share curvature; their edges have unlike lengths."""
+    overrides = ('blank.size=["100 mm", "83 mm"]', 'blank.fibre_angle="0 deg"')
+    scene = scene_from_text(DRAWN, overrides=overrides)
+
+    def formed(quick):
+        simulation = Simulation.from_scene(scene)
+        data = simulation.model.body.data
+        assert (data.quick_data is not None) == quick
+        assert (data.general is None) == quick
+        simulation.advance_to(1e-3)
+        return simulation.state
+
+    aligned = formed(True)
+    monkeypatch.setattr("lcmchain.elements.solid_shell.body.quick_blocks", lambda geometry: None)
+    general = formed(False)
+    assert aligned.step_count == general.step_count
+    moved = np.abs(general.position - Simulation.from_scene(scene).state.position).max()
+    assert moved > 1e-4
+    np.testing.assert_allclose(aligned.position, general.position, rtol=0.0, atol=1e-10 * moved)
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0])

@@ -10,7 +10,7 @@ import pytest
 from numba import njit, typeof
 
 from lcmchain.elements.solid_shell.energies import strain_energies
-from lcmchain.elements.solid_shell.kernel import NOT_FLAT, element_forces
+from lcmchain.elements.solid_shell.kernel import GENERAL, element_forces
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError
 from lcmchain.materials.st_venant_kirchhoff import StiffnessLaw
@@ -20,8 +20,13 @@ from lcmchain.materials.st_venant_kirchhoff import StiffnessLaw
 FABRIC_FLAT = ("fabric", "flat", "normal", "conservative")
 FULL_CURVED = ("full", "curved", "normal", "conservative")
 FABRIC_MIXED = ("fabric", "mixed", "normal", "conservative")
+FABRIC_ALIGNED = ("fabric", "aligned", "normal", "conservative")
 COMBINATIONS = [
     FABRIC_FLAT,
+    FABRIC_ALIGNED,
+    ("fabric", "aligned", "director", "published"),
+    ("full", "aligned", "director", "conservative"),
+    ("fabric", "aligned and mixed", "normal", "conservative"),
     ("fabric", "flat", "director", "published"),
     ("fabric", "curved", "normal", "conservative"),
     ("fabric", "curved", "director", "conservative"),
@@ -33,6 +38,7 @@ COMBINATIONS = [
 ]
 ELEMENT_COUNT = 37  # two full blocks of 16 lanes and a part of a third
 CURVED_OF_MIXED = [16, 20, 31]  # the second block has elements of both kinds, the others flat ones
+CURVED = {"flat": (), "aligned": (), "curved": range(ELEMENT_COUNT)}
 
 
 @dataclass
@@ -59,12 +65,14 @@ def batch(make):
         material_kind, shape, compaction_strain, hourglass = combination
         rng = np.random.default_rng(7)
         material = make.md600() if material_kind == "fabric" else make.coupled(rng)
-        curved = {"flat": [], "curved": range(ELEMENT_COUNT), "mixed": CURVED_OF_MIXED}[shape]
+        curved = CURVED.get(shape, CURVED_OF_MIXED)
         X, fibres = map(
             np.array,
             zip(
                 *(
-                    make.curved_reference(rng) if i in curved else make.flat_reference(rng)
+                    make.curved_reference(rng)
+                    if i in curved
+                    else make.flat_reference(rng, aligned="aligned" in shape)
                     for i in range(ELEMENT_COUNT)
                 )
             ),
@@ -100,19 +108,25 @@ def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
     case = batch(combination)
     kind, shape, strain, hourglass = combination
     options = case.model.body.data.options
-    assert (options.flat is None, options.curved is None) == (shape != "flat", shape == "flat")
+    is_flat = shape in ("flat", "aligned")
+    assert (options.flat is None, options.curved is None) == (not is_flat, is_flat)
     assert (options.director is None) == (strain == "normal")
     assert (options.conservative is None) == (hourglass == "published" or kind == "full")
-    assert (options.enhanced is None) == (kind == "fabric" and shape == "flat")
+    assert (options.enhanced is None) == (kind == "fabric" and is_flat)
     data = case.model.body.data
-    assert (data.flat_data is None) == (shape != "mixed")
-    if shape == "mixed":
-        assert (data.flat_data.start != NOT_FLAT).tolist() == [True, False, True]
-        assert (data.flat_options.enhanced is None) == (kind == "fabric")
+    assert (data.quick_data is None) == (shape in ("flat", "curved"))
+    assert (data.general is None) == (shape == "aligned")
+    if data.quick_data is not None:
+        mixed = shape != "aligned"
+        assert (data.quick_data.start != GENERAL).tolist() == [True, not mixed, True]
+        assert (data.quick_options.enhanced is None) == (kind == "fabric")
+        assert (data.quick_options.aligned is None) == (shape == "mixed")
     assert_agree(case, forces_of(case))
 
 
-@pytest.mark.parametrize("combination", [FABRIC_FLAT, FULL_CURVED, FABRIC_MIXED], ids=" ".join)
+@pytest.mark.parametrize(
+    "combination", [FABRIC_FLAT, FABRIC_ALIGNED, FULL_CURVED, FABRIC_MIXED], ids=" ".join
+)
 @pytest.mark.parametrize(
     "options",
     [
@@ -147,7 +161,7 @@ def test_a_flat_element_has_the_same_forces_as_a_curved_one(batch, forces_of, ma
         flat.options,
     )
     assert general.body.data.options.curved is not None
-    assert general.body.data.flat_data is None
+    assert general.body.data.quick_data is None
     x = np.insert(flat.x, before, warped, axis=0)
     is_warped = np.insert(np.zeros(ELEMENT_COUNT, dtype=bool), before, True)
     forces = forces_of(Batch(None, None, x, None, None, general))
@@ -231,7 +245,9 @@ def lane_loops(assembly):
 
 @pytest.mark.skipif("avx2" not in processor_flags(), reason="the processor has no AVX2")
 @pytest.mark.parametrize("bending_thickness", ["current", "reference"])
-@pytest.mark.parametrize("combination", [FABRIC_FLAT, FULL_CURVED, FABRIC_MIXED], ids=" ".join)
+@pytest.mark.parametrize(
+    "combination", [FABRIC_FLAT, FABRIC_ALIGNED, FULL_CURVED, FABRIC_MIXED], ids=" ".join
+)
 def test_the_lane_loop_is_packed(batch, make, combination, bending_thickness):
     """The arithmetic of the element runs on vectors.
 
@@ -249,8 +265,9 @@ def test_the_lane_loop_is_packed(batch, make, combination, bending_thickness):
         np.empty(0),
         data.law,
         data.options,
-        data.flat_data,
-        data.flat_options,
+        data.quick_data,
+        data.quick_options,
+        data.general,
     )
     # code loaded from the disk cache cannot be inspected
     options = {k: v for k, v in element_forces.targetoptions.items() if k != "nopython"}

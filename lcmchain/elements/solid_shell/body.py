@@ -25,12 +25,15 @@ from lcmchain.elements.solid_shell.geometry import (
     reference_geometry,
     strain_transformation,
 )
-from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS, Options, SolidShellData
+from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS, GENERAL, Options, SolidShellData
 from lcmchain.elements.solid_shell.packing import (
+    Kind,
     curved_rows,
-    flat_blocks,
     flat_rows,
-    shared_rows,
+    in_kind_blocks,
+    kind_of,
+    quick_blocks,
+    quick_kind_of,
 )
 from lcmchain.elements.solid_shell.pressure import normal_pressure
 from lcmchain.errors import InputError
@@ -106,13 +109,13 @@ class SolidShellBody:
                 key="element.fibre_hourglass",
             )
         geometry = reference_geometry(mesh.node_positions[mesh.elements], mesh.fibre_direction_1)
-        flat = bool(np.all(geometry.flat))
+        kind = kind_of(geometry)
         padded = LANES * -(-len(mesh.elements) // LANES)
         share = choices.fibre_hourglass
         if share is None:
             share = strip_share(material, geometry)
         T = strain_transformation(geometry.K, geometry.K)
-        if flat:
+        if kind == "flat":
             change = np.zeros((1, 3, 6, 6))
         else:
             change = np.stack(
@@ -120,20 +123,23 @@ class SolidShellBody:
                 axis=1,
             )
             change = _padded(change, padded)
-        rows = flat_rows(geometry) if flat else curved_rows(geometry)
-        flat_data = flat_blocks(geometry)
-        flat_options = None
-        if flat_data is not None:
-            flat_options = kernel_options(material, choices, flat=True, fibre_share=share)
+        rows = flat_rows(geometry) if kind == "flat" else curved_rows(geometry)
+        quick_data, quick_options = quick_blocks(geometry), None
+        if quick_data is not None:
+            quick_kind = quick_kind_of(geometry)
+            assert quick_kind is not None
+            quick_options = kernel_options(material, choices, kind=quick_kind, fibre_share=share)
+        left = quick_data is None or bool((quick_data.start == GENERAL).any())
         corner_node = in_blocks(mesh.elements + first_node).astype(np.int32)
         data = SolidShellData(
             law=material.law,
-            options=kernel_options(material, choices, flat=flat, fibre_share=share),
+            options=kernel_options(material, choices, kind=kind, fibre_share=share),
             corner_node=corner_node,
             corner_run=find_runs(corner_node.reshape(-1, LANES)).ravel(),
-            element_data=shared_rows(rows, flat=flat),
-            flat_data=flat_data,
-            flat_options=flat_options,
+            element_data=in_kind_blocks(rows, kind),
+            quick_data=quick_data,
+            quick_options=quick_options,
+            general=True if left else None,
             transformation=_padded(T, padded),
             transformation_change=change,
             density=float(material.density),
@@ -153,7 +159,7 @@ class SolidShellBody:
     def kernel(self) -> str:
         if self.data.options.curved is None:
             return self.type
-        return f"{'curved' if self.data.flat_data is None else 'partly curved'} {self.type}"
+        return f"{'curved' if self.data.quick_data is None else 'partly curved'} {self.type}"
 
     @property
     def force_nodes(self) -> np.ndarray:
@@ -427,22 +433,24 @@ def strip_share(material: Material, geometry: ReferenceGeometry) -> float:
 
 
 def kernel_options(
-    material: Material, choices: Any, *, flat: bool, fibre_share: float = 1.0
+    material: Material, choices: Any, *, kind: Kind, fibre_share: float = 1.0
 ) -> Options:
     """Choose the effects of the element: what material and reference geometry call for."""
     # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it
     enhanced = getattr(choices, "enhanced_strain", None)
     if enhanced is None:
-        enhanced = material.couples_thickness or not flat
+        enhanced = material.couples_thickness or kind == "curved"
     conservative = choices.hourglass == "conservative" and not material.constant_tangent
     return Options(
-        flat=True if flat else None,
-        curved=None if flat else True,
+        aligned=True if kind == "aligned" else None,
+        flat=True if kind == "flat" else None,
+        curved=True if kind == "curved" else None,
         director=True if choices.compaction_strain == "director" else None,
         # a constant tangent needs no correction of the hourglass energy
         conservative=True if conservative else None,
         enhanced=True if enhanced else None,
         reference_bending=True if choices.bending_thickness == "reference" else None,
+        coupled=True if choices.cross_terms else None,
         zeta2=1.0 / 3.0,
         zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,
         cross=1.0 / 3.0 if choices.cross_terms else 0.0,

@@ -37,6 +37,7 @@ from lcmchain.elements.solid_shell.kernel import (
     load_component,
     load_curvature,
     mode_vectors,
+    natural_moments,
     resultants,
     with_centre33,
 )
@@ -174,7 +175,16 @@ def mean_stress33(a, data, i, law, history, curvature, options, change):
     """Return the volume times S33 in the middle of a change of E33 [J]."""
     _, E, _, _, volume, _ = element_stress(a, data, i, law, history, curvature, options)
     middle = with_centre33(E, E.centre[2] + 0.5 * change)
-    S = resultants(law, history, options, options.conservative, options.enhanced, middle)
+    S = resultants(
+        law,
+        history,
+        options,
+        options.conservative,
+        options.enhanced,
+        options.coupled,
+        natural_moments(options),
+        middle,
+    )
     return volume * S.centre[2]
 
 

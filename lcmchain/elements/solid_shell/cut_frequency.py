@@ -85,8 +85,9 @@ class CutElements:
             corner_node=corner_node,
             corner_run=find_runs(corner_node.reshape(-1, LANES)).ravel(),
             element_data=own_blocks(element_rows[elements]),
-            flat_data=None,
-            flat_options=None,
+            quick_data=None,
+            quick_options=None,
+            general=True,
             transformation=data.transformation[padded],
             transformation_change=data.transformation_change[padded if curved else slice(None)],
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.elements.solid_shell.kernel import NOT_FLAT, Options, SolidShellData
+from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
 from lcmchain.materials.law import Material, Remembered, remembered
 
 
@@ -64,11 +64,11 @@ def _hourglass(material: Material, options: Options) -> str:
 def _enhanced_strain(material: Material, data: SolidShellData) -> tuple[bool, str]:
     if material.couples_thickness:
         reason = "normal and other strains couple"
-    elif data.flat_data is not None:
-        share = np.mean(data.flat_data.start == NOT_FLAT)
-        reason = f"{share:.0%} of the blocks have elements cut, curved or skewed at the start"
-    elif data.options.curved is not None:
-        reason = "the sheet is curved or skewed at the start"
-    else:
+    elif data.options.curved is None:
         reason = "normal and other strains do not couple, and the sheet is flat"
+    elif data.quick_data is not None:
+        share = np.mean(data.quick_data.start == GENERAL)
+        reason = f"{share:.0%} of the blocks have elements cut, curved or skewed at the start"
+    else:
+        reason = "the sheet is curved or skewed at the start"
     return data.options.enhanced is not None, reason

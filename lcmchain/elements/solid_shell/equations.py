@@ -26,6 +26,7 @@ from lcmchain.jit import equation
 
 THIRD = 1.0 / 3.0
 NINTH = 1.0 / 9.0
+EIGHTH = (0.125,) * 7
 
 
 class Taylor(NamedTuple):
@@ -44,81 +45,107 @@ class Taylor(NamedTuple):
 
 
 @equation
-def face_modes(x0, x1, x2, x3):
-    """Return 4 times mean, ξ-, η- and ξη-coefficient of one face."""
-    return x0 + x1 + x2 + x3, x1 - x0 + x2 - x3, x2 - x0 + x3 - x1, x0 - x1 + x2 - x3
+def face_differences(x0, x1, x2, x3):
+    """Return 4 times the ξ-, η- and ξη-coefficient of one face, and 2 (x3 - x0)."""
+    lower, upper, side = x1 - x0, x2 - x3, x3 - x0
+    twist = upper - lower
+    return lower + upper, 2.0 * side + twist, twist, 2.0 * side
+
+
+@equation
+def eightfold_modes(x0, x1, x2, x3, x4, x5, x6, x7):
+    """Return one Cartesian component of 8 a1 ... 8 a7 from the nodes' (Hadamard transform, Eq. 5).
+
+    Of differences alone: a position far from the origin costs no digits.
+    """
+    b_xi, b_eta, b_xi_eta, b_side = face_differences(x0, x1, x2, x3)
+    t_xi, t_eta, t_xi_eta, t_side = face_differences(x4, x5, x6, x7)
+    xi_zeta = t_xi - b_xi
+    return (
+        t_xi + b_xi,
+        t_eta + b_eta,
+        4.0 * (x4 - x0) + (xi_zeta + (t_side - b_side)),
+        t_xi_eta + b_xi_eta,
+        t_eta - b_eta,
+        xi_zeta,
+        t_xi_eta - b_xi_eta,
+    )
 
 
 @equation
 def mode_components(x0, x1, x2, x3, x4, x5, x6, x7):
-    """Return one Cartesian component of a1 ... a7 from the nodes' (Hadamard transform, Eq. 5)."""
-    b, b_xi, b_eta, b_xi_eta = face_modes(x0, x1, x2, x3)
-    t, t_xi, t_eta, t_xi_eta = face_modes(x4, x5, x6, x7)
+    """Return one Cartesian component of a1 ... a7 from the nodes'."""
+    return scaled7(EIGHTH, eightfold_modes(x0, x1, x2, x3, x4, x5, x6, x7))
+
+
+@equation
+def scaled7(s, p):
     return (
-        0.125 * (t_xi + b_xi),
-        0.125 * (t_eta + b_eta),
-        0.125 * (t - b),
-        0.125 * (t_xi_eta + b_xi_eta),
-        0.125 * (t_eta - b_eta),
-        0.125 * (t_xi - b_xi),
-        0.125 * (t_xi_eta - b_xi_eta),
+        s[0] * p[0],
+        s[1] * p[1],
+        s[2] * p[2],
+        s[3] * p[3],
+        s[4] * p[4],
+        s[5] * p[5],
+        s[6] * p[6],
     )
+
+
+@equation
+def face_forces(mean, xi, eta, xi_eta):
+    """Return the forces on the four nodes of a face from those on its coefficients."""
+    along, across, turned, twisted = mean - eta, mean + eta, xi - xi_eta, xi + xi_eta
+    return along - turned, along + turned, across + twisted, across - twisted
 
 
 @equation
 def node_components(p1, p2, p3, p4, p5, p6, p7):
-    """Return one component of the eight nodal forces: the transpose of :func:`mode_components`."""
-    b_xi, t_xi = 0.125 * (p1 - p6), 0.125 * (p1 + p6)
-    b_eta, t_eta = 0.125 * (p2 - p5), 0.125 * (p2 + p5)
-    b_xi_eta, t_xi_eta = 0.125 * (p4 - p7), 0.125 * (p4 + p7)
-    t = 0.125 * p3
-    return (
-        b_xi_eta - t - b_xi - b_eta,
-        b_xi - b_eta - b_xi_eta - t,
-        b_xi + b_eta + b_xi_eta - t,
-        b_eta - b_xi - b_xi_eta - t,
-        t + t_xi_eta - t_xi - t_eta,
-        t + t_xi - t_eta - t_xi_eta,
-        t + t_xi + t_eta + t_xi_eta,
-        t + t_eta - t_xi - t_xi_eta,
-    )
+    """Return one component of the nodal forces: the transpose of :func:`eightfold_modes`."""
+    b = face_forces(-p3, p1 - p6, p2 - p5, p4 - p7)
+    t = face_forces(p3, p1 + p6, p2 + p5, p4 + p7)
+    return (b[0], b[1], b[2], b[3], t[0], t[1], t[2], t[3])
 
 
 @equation
-def covariant_products(a):
+def covariant_products(a, xx, yy):
     """Return the Taylor coefficients of g_i·g_j-products after ANS, Eqs. (6)-(8) and (10).
 
     Covariant strains are these minus the same products of the reference element. The transverse
     normal is collocated at (±1, ±1, 0), the transverse shears at (±1, 0, ±1) and (0, ±1, ±1).
     Components that vanish identically are left out: the order is that of the tuples below.
+
+    ``xx``, ``yy`` are the squares of ξ and η at these places: 1, unless a1 ... a7 are coefficients
+    in other coordinates.
     """
     a1, a2, a3, a4, a5, a6, a7 = a
+    tilt23 = dot(a3, a5) + xx * dot(a6, a7)
+    tilt13 = dot(a3, a6) + yy * dot(a5, a7)
     return Taylor(
         centre=(
             0.5 * dot(a1, a1),
             0.5 * dot(a2, a2),
-            0.5 * (dot(a3, a3) + dot(a5, a5) + dot(a6, a6) + dot(a7, a7)),
+            0.5 * (dot(a3, a3) + yy * dot(a5, a5) + xx * (dot(a6, a6) + yy * dot(a7, a7))),
             dot(a1, a2),
-            dot(a2, a3) + dot(a4, a6),
-            dot(a1, a3) + dot(a4, a5),
+            dot(a2, a3) + xx * dot(a4, a6),
+            dot(a1, a3) + yy * dot(a4, a5),
         ),
         zeta=(  # 11 22 12 23 13
             dot(a1, a6),
             dot(a2, a5),
             dot(a1, a5) + dot(a2, a6),
-            dot(a3, a5) + dot(a6, a7),
-            dot(a3, a6) + dot(a5, a7),
+            tilt23,
+            tilt13,
         ),
         zeta2=(0.5 * dot(a6, a6), 0.5 * dot(a5, a5), dot(a5, a6)),  # 11 22 12
         xi=(  # 22 33 12 23
             dot(a2, a4),
-            dot(a3, a6) + dot(a5, a7),
+            tilt13,
             dot(a1, a4),
             dot(a2, a6) + dot(a3, a4),
         ),
         eta=(  # 11 33 12 13
             dot(a1, a4),
-            dot(a3, a5) + dot(a6, a7),
+            tilt23,
             dot(a2, a4),
             dot(a1, a5) + dot(a3, a4),
         ),
@@ -136,14 +163,15 @@ def covariant_products(a):
 
 
 @equation
-def stress_matrix(Sbar):
+def stress_matrix(Sbar, n33, xx, yy):
     """Return Σ_kl (k ≤ l, the entries that do not vanish) from covariant stress resultants.
 
     ``Sbar`` holds, in the layout of :func:`covariant_products`, the derivatives of the energy with
     respect to the covariant strain coefficients. Then p_k = Σ_l Σ_kl a_l, the internal forces
-    of Eqs. (15) and (16) on the mode vectors.
+    of Eqs. (15) and (16) on the mode vectors. ``n33`` is that of the centre, ``None`` where it
+    vanishes.
     """
-    n11, n22, n33, n12, n23, n13 = Sbar.centre
+    n11, n22, _, n12, n23, n13 = Sbar.centre
     z11, z22, z12, z23, z13 = Sbar.zeta
     q11, q22, q12 = Sbar.zeta2
     x22, x33, x12, x23 = Sbar.xi
@@ -156,11 +184,27 @@ def stress_matrix(Sbar):
         (n11, n12, n13, x12 + e11, z12 + e13, z11, twist1),
         (n22, n23, x22 + e12, z22, z12 + x23, twist2),
         (n33, x23 + e13, tilt23, tilt13, twist3),
-        (n13 + twist2, n23 + twist1),  # 45 46; 44 = 47 = 0
-        (n33 + q22, q12 + twist3, tilt13),  # 55 56 57
-        (n33 + q11, tilt23),  # 66 67
-        n33,  # 77
+        (yy * n13 + twist2, xx * n23 + twist1),  # 45 46; 44 = 47 = 0
+        (with_part(q22, yy, n33), q12 + twist3, yy * tilt13),  # 55 56 57
+        (with_part(q11, xx, n33), xx * tilt23),  # 66 67
+        part(xx * yy, n33),  # 77
     )
+
+
+@equation
+def part(factor, value):
+    """Return a product; ``None`` of ``None``."""
+    if value is None:
+        return None
+    return factor * value
+
+
+@equation
+def with_part(total, factor, value):
+    """Return a sum and a product; ``value`` is ``None`` where there is none."""
+    if value is None:
+        return total
+    return total + factor * value
 
 
 @equation
@@ -176,11 +220,11 @@ def mode_force_components(sigma, a1, a2, a3, a4, a5, a6, a7):
     return (
         s11 * a1 + s12 * a2 + s13 * a3 + s14 * a4 + s15 * a5 + s16 * a6 + s17 * a7,
         s12 * a1 + s22 * a2 + s23 * a3 + s24 * a4 + s25 * a5 + s26 * a6 + s27 * a7,
-        s13 * a1 + s23 * a2 + s33 * a3 + s34 * a4 + s35 * a5 + s36 * a6 + s37 * a7,
+        with_part(s13 * a1 + s23 * a2 + s34 * a4 + s35 * a5 + s36 * a6 + s37 * a7, a3, s33),
         s14 * a1 + s24 * a2 + s34 * a3 + s45 * a5 + s46 * a6,
         s15 * a1 + s25 * a2 + s35 * a3 + s45 * a4 + s55 * a5 + s56 * a6 + s57 * a7,
         s16 * a1 + s26 * a2 + s36 * a3 + s46 * a4 + s56 * a5 + s66 * a6 + s67 * a7,
-        s17 * a1 + s27 * a2 + s37 * a3 + s57 * a5 + s67 * a6 + s77 * a7,
+        with_part(s17 * a1 + s27 * a2 + s37 * a3 + s57 * a5 + s67 * a6, a7, s77),
     )
 
 
@@ -538,7 +582,42 @@ def scaled_in_plane_shear_stress(unit, factor, S):
     return (S[0] + s * row[0], S[1] + s * row[1], S[2], S[3] + s * row[2], S[4], S[5])
 
 
+# --- reference along the fibres -------------------------------------------------------------------
+
+
+class Lengths(NamedTuple):
+    """What a rectangle along the material axes needs to be computed in its material coordinates.
+
+    With X, Y, Z in place of ξ, η, ζ the mode vectors are K11 a1, K22 a2, a3/h, K11 K22 a4 and so
+    on. Covariant strains are material ones then, T is the identity, and the element's lengths are
+    in the places and moments of X, Y, Z alone.
+
+    xx, yy : X², Y² at the edges. modes : of the eightfold modes. forces : modes times 8 J⁰.
+    curvature : of the products in :func:`curvature_compaction`. moments : see :class:`Moments`;
+    those over the thickness without the factors of the integration points.
+    """
+
+    xx: float
+    yy: float
+    modes: tuple
+    forces: tuple
+    curvature: tuple
+    moments: tuple
+
+
 # --- stress resultants ---------------------------------------------------------------------------
+
+
+class Moments(NamedTuple):
+    """Means over the volume that weight the Taylor terms in Eqs. (15) and (16)."""
+
+    zeta: float  # <ζ²>
+    zeta2: float  # <ζ⁴>
+    xi: float  # <ξ²>
+    eta: float  # <η²>
+    eta_zeta: float  # <η²ζ²>
+    xi_zeta: float  # <ξ²ζ²>
+    cross: float  # of the terms that couple E^0 and E^ζζ
 
 
 @equation
@@ -552,13 +631,17 @@ def condensed_enhanced_strain(bending_stress33, tangent33):
 
 
 @equation
-def thickness_resultants(options, S_centre, S_zeta, S_zeta2):
+def thickness_resultants(coupled, moments, S_centre, S_zeta, S_zeta2):
     """Return the means over ζ of S*, ζS*, ζ²S* that Eq. (15) multiplies with B^0, B^ζ, B^ζζ.
 
-    ``options`` holds the means ``zeta2``, ``zeta4`` and ``cross`` of powers of ζ.
+    ``coupled`` is ``None`` where the terms that couple E^0 and E^ζζ are dropped.
     """
+    zeta = scaled6(moments.zeta, S_zeta)
+    zeta2 = scaled6(moments.zeta2, S_zeta2)
+    if coupled is None:
+        return S_centre, zeta, zeta2
     return (
-        sum6(S_centre, scaled6(options.cross, S_zeta2)),
-        scaled6(options.zeta2, S_zeta),
-        sum6(scaled6(options.cross, S_centre), scaled6(options.zeta4, S_zeta2)),
+        sum6(S_centre, scaled6(moments.cross, S_zeta2)),
+        zeta,
+        sum6(scaled6(moments.cross, S_centre), zeta2),
     )

@@ -20,6 +20,7 @@ from numba import prange
 
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.bending import inverse_stretch
+from lcmchain.elements.solid_shell.equations import stress_matrix
 from lcmchain.elements.solid_shell.kernel import (
     SolidShellData,
     constants_of_block,
@@ -532,7 +533,7 @@ def element_frequency_bounds(
                 a_array[k, 0], a_array[k, 1], a_array[k, 2] = mx[k], my[k], mz[k]
             lane_history = load_history(law, past, lane, LANES)
             shared_curvature = load_curvature(options.director, shared, lane)
-            sigma, E, S33, normal, _, inverse_height = element_stress(
+            Sbar, E, S33, normal, _, inverse_height = element_stress(
                 a, data, lane, law, lane_history, shared_curvature, options
             )
             element = block * LANES + lane
@@ -560,7 +561,7 @@ def element_frequency_bounds(
                 scale_in_plane_shear(T, read, factor, material[4])
 
             norms[:] = 0.0
-            add_stress_stiffness(sigma, norms)
+            add_stress_stiffness(stress_matrix(Sbar, Sbar.centre[2], 1.0, 1.0), norms)
             if options.director is None:
                 add_normal_compaction(
                     a[0], a[1], a[2], normal[1:], S33, inverse_height, material[0, 2], norms

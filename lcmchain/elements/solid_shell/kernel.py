@@ -21,23 +21,27 @@ from lcmchain.elements.solid_shell.bending import (
     at_reference_thickness_stress,
 )
 from lcmchain.elements.solid_shell.equations import (
+    EIGHTH,
     NINTH,
     THIRD,
     CurvedFrame,
     FlatFrame,
+    Lengths,
+    Moments,
     Taylor,
     condensed_enhanced_strain,
     covariant_products,
     curvature_compaction,
     curved_covariant_stress,
     curved_material_strain,
+    eightfold_modes,
     flat_covariant_stress,
     flat_material_strain,
-    mode_components,
     mode_force_components,
     node_components,
     normal_compaction,
     scaled6,
+    scaled7,
     scaled_in_plane_shear,
     scaled_in_plane_shear_stress,
     stress_matrix,
@@ -60,19 +64,20 @@ from lcmchain.materials.stiffness import by_structure, product
 CORNER_ROWS = 24
 # First rows of an element's history, where compaction is measured by the normal thickness.
 CURVATURE_ROWS = 4
+ALIGNED_ROWS = 25
 FLAT_ROWS = 19
 CURVED_ROWS = 66
-# Where the constants of a block begin that has none of a flat one.
-NOT_FLAT = -1
+# Where the constants of a block begin that the general kernel has to take.
+GENERAL = -1
 
 
 class Options(NamedTuple):
     """What the element's kernels are compiled for, and the numbers of its choices.
 
-    flat, curved : ``True`` or ``None``, one of them ``None``: kind of the reference geometry that
-        the constants describe; ``curved`` holds for any.
-    director, conservative, enhanced, reference_bending : ``True`` or ``None``: the effect is on or
-        pruned.
+    aligned, flat, curved : ``True`` or ``None``, one of them ``True``: kind of the reference
+        geometry that the constants describe: rectangles along the fibres, parallelograms, any.
+    director, conservative, enhanced, reference_bending, coupled : ``True`` or ``None``: the effect
+        is on or pruned; ``coupled`` says whether ``cross`` is not 0.
     zeta2, zeta4 : means of ζ² and ζ⁴ over the thickness by the integration points of Eq. (15): 1/3
         and 1/5 for three or more Gauss points and for the exact integral, 1/3 and 1/9 for two.
     cross : weight of the terms that couple E^0 and E^ζζ: <ζ²> as printed in Eqs. (15) and (19), 0
@@ -81,12 +86,14 @@ class Options(NamedTuple):
     fibre_share : of the fibre stiffness in the in-plane hourglass terms, 1 as in Eq. (18).
     """
 
+    aligned: Any
     flat: Any
     curved: Any
     director: Any
     conservative: Any
     enhanced: Any
     reference_bending: Any
+    coupled: Any
     zeta2: float
     zeta4: float
     cross: float
@@ -101,8 +108,10 @@ class SolidShellData(NamedTuple):
     corner_node : (block_count * 8 * 16,) int32, nodes of the corners.
     corner_run : where those of a corner in a block follow each other (``elements/lane_runs.py``).
     element_data : reference geometry, FLAT_ROWS or CURVED_ROWS rows (see ``packing.py``).
-    flat_data, flat_options : those of the blocks whose elements are all flat, in a sheet where
-        others are not; else ``None``. The forces of such a block take less than half the time.
+    quick_data, quick_options : constants (ALIGNED_ROWS or FLAT_ROWS rows) and choices for the
+        forces of those blocks whose elements are all of a kind with a quicker kernel: rectangles
+        along the fibres, or, where others are curved, parallelograms; ``None`` without such blocks.
+    general : ``True`` where blocks are left to the kernel of ``options``, else ``None``.
     transformation : (block_count * 16, 6, 6) T⁰; transformation_change : (..., 3, 6, 6) T^ξ, T^η,
         T^ζ, read only for curved references.
     density : [kg/m³]; nodal masses are one eighth of the element's.
@@ -115,8 +124,9 @@ class SolidShellData(NamedTuple):
     corner_node: np.ndarray
     corner_run: np.ndarray
     element_data: SharedBlocks
-    flat_data: Any
-    flat_options: Any
+    quick_data: Any
+    quick_options: Any
+    general: Any
     transformation: np.ndarray
     transformation_change: np.ndarray
     density: float
@@ -196,15 +206,15 @@ def difference_flat(E, R):
 
 
 @equation
-def slope_stress(slope, x, e):
+def slope_stress(moments, slope, x, e):
     """Return the part of one component; ``slope`` is None where the tangent does not change."""
     if slope is None:
         return 0.0
-    return 0.5 * THIRD * slope * (x * x + e * e)
+    return 0.5 * slope * (moments.xi * (x * x) + moments.eta * (e * e))
 
 
 @equation
-def hourglass_tangent_stress(fibre_share, slope, x, e):
+def hourglass_tangent_stress(moments, fibre_share, slope, x, e):
     """Return the centre stress from the change of the hourglass energy with the tangent.
 
     The hourglass energy (V/6)(E^ξ:C(E⁰):E^ξ + E^η:C(E⁰):E^η) of Eq. (16) depends on E⁰ through the
@@ -212,12 +222,12 @@ def hourglass_tangent_stress(fibre_share, slope, x, e):
     feeds energy to a sheet that is compacted and warped at once (manual: departures).
     """
     return (
-        fibre_share * slope_stress(slope[0], x[0], e[0]),
-        fibre_share * slope_stress(slope[1], x[1], e[1]),
-        slope_stress(slope[2], x[2], e[2]),
-        slope_stress(slope[3], x[3], e[3]),
-        slope_stress(slope[4], x[4], e[4]),
-        slope_stress(slope[5], x[5], e[5]),
+        fibre_share * slope_stress(moments, slope[0], x[0], e[0]),
+        fibre_share * slope_stress(moments, slope[1], x[1], e[1]),
+        slope_stress(moments, slope[2], x[2], e[2]),
+        slope_stress(moments, slope[3], x[3], e[3]),
+        slope_stress(moments, slope[4], x[4], e[4]),
+        slope_stress(moments, slope[5], x[5], e[5]),
     )
 
 
@@ -301,21 +311,27 @@ def stresses(law, history, options, enhanced, E):
 
 
 @equation
-def resultants(law, history, options, conservative, enhanced, E):
+def natural_moments(options):
+    """Return the moments of the natural coordinates ξ, η, ζ."""
+    return Moments(options.zeta2, options.zeta4, THIRD, THIRD, NINTH, NINTH, options.cross)
+
+
+@equation
+def resultants(law, history, options, conservative, enhanced, coupled, moments, E):
     """Return stress resultants of Eqs. (15) and (16) per unit volume 8 J⁰."""
     S = stresses(law, history, options, enhanced, E)
-    c, z, q = thickness_resultants(options, S.centre, S.zeta, S.zeta2)
+    c, z, q = thickness_resultants(coupled, moments, S.centre, S.zeta, S.zeta2)
     if conservative is not None:
         slope = tangent_slope(law, E.centre, history)
-        c = sum6(c, hourglass_tangent_stress(options.fibre_share, slope, E.xi, E.eta))
+        c = sum6(c, hourglass_tangent_stress(moments, options.fibre_share, slope, E.xi, E.eta))
     return Taylor(
         c,
         z,
         q,
-        scaled6(THIRD, S.xi),
-        scaled6(THIRD, S.eta),
-        scaled6(NINTH, S.eta_zeta),
-        scaled6(NINTH, S.xi_zeta),
+        scaled6(moments.xi, S.xi),
+        scaled6(moments.eta, S.eta),
+        scaled6(moments.eta_zeta, S.eta_zeta),
+        scaled6(moments.xi_zeta, S.xi_zeta),
     )
 
 
@@ -341,6 +357,64 @@ def load3(data, i):
 def load3x3(data, i):
     L = LANES
     return (load3(data, i), load3(data, i + 3 * L), load3(data, i + 6 * L))
+
+
+@equation
+def load7(data, i):
+    a, b, c, d, e, f = load6(data, i)
+    return a, b, c, d, e, f, data[i + 6 * LANES]
+
+
+@equation
+def element_lengths(data, i):
+    """Return what an aligned element is computed with (ALIGNED_ROWS rows)."""
+    L = LANES
+    return Lengths(
+        data[i],
+        data[i + L],
+        load7(data, i + 2 * L),
+        load7(data, i + 9 * L),
+        load3(data, i + 16 * L),
+        load6(data, i + 19 * L),
+    )
+
+
+@equation
+def material_moments(options, moments):
+    """Return the moments of the material coordinates of an aligned element."""
+    zz, zzzz, xi, eta, eta_zeta, xi_zeta = moments
+    return Moments(
+        options.zeta2 * zz, options.zeta4 * zzzz, xi, eta, eta_zeta, xi_zeta, options.cross * zz
+    )
+
+
+@equation
+def unit_products(E):
+    """Return the strains of an aligned element: its reference has the products 1, 1, 1, 0, 0, 0."""
+    c = E.centre
+    return Taylor(
+        (c[0] - 0.5, c[1] - 0.5, c[2] - 0.5, c[3], c[4], c[5]),
+        (E.zeta[0], E.zeta[1], 0.0, E.zeta[2], E.zeta[3], E.zeta[4]),
+        (E.zeta2[0], E.zeta2[1], 0.0, E.zeta2[2], 0.0, 0.0),
+        (0.0, E.xi[0], E.xi[1], E.xi[2], E.xi[3], 0.0),
+        (E.eta[0], 0.0, E.eta[1], E.eta[2], 0.0, E.eta[3]),
+        (E.eta_zeta[0], 0.0, 0.0, E.eta_zeta[1], 0.0, E.eta_zeta[2]),
+        (0.0, E.xi_zeta[0], 0.0, E.xi_zeta[1], E.xi_zeta[2], 0.0),
+    )
+
+
+@equation
+def in_order_of_products(S):
+    """Return the transpose of :func:`unit_products`: the resultants in its layout."""
+    return Taylor(
+        S.centre,
+        (S.zeta[0], S.zeta[1], S.zeta[3], S.zeta[4], S.zeta[5]),
+        (S.zeta2[0], S.zeta2[1], S.zeta2[3]),
+        (S.xi[1], S.xi[2], S.xi[3], S.xi[4]),
+        (S.eta[0], S.eta[2], S.eta[3], S.eta[5]),
+        (S.eta_zeta[0], S.eta_zeta[3], S.eta_zeta[5]),
+        (S.xi_zeta[1], S.xi_zeta[3], S.xi_zeta[4]),
+    )
 
 
 @equation
@@ -381,8 +455,14 @@ def curved_frame(data, i):
 @equation
 def load_component(x, i):
     """Return one component of the mode vectors from the eight corner values at stride 3 rows."""
+    return scaled7(EIGHTH, load_eightfold(x, i))
+
+
+@equation
+def load_eightfold(x, i):
+    """Return one component of eight times the mode vectors."""
     s = 3 * LANES
-    return mode_components(
+    return eightfold_modes(
         x[i],
         x[i + s],
         x[i + 2 * s],
@@ -396,7 +476,7 @@ def load_component(x, i):
 
 @equation
 def store_component(f, i, p):
-    """Store one component of the eight corner forces from that of the mode forces."""
+    """Store one component of the eight corner forces from that on eight times the mode vectors."""
     s = 3 * LANES
     n = node_components(p[0], p[1], p[2], p[3], p[4], p[5], p[6])
     f[i] = n[0]
@@ -415,11 +495,6 @@ def with_normal(director, p, g, s, k):
     if director is not None:
         return p
     return (p[0] + s * g[1][k], p[1] + s * g[2][k], p[2] + s * g[3][k], p[3], p[4], p[5], p[6])
-
-
-@equation
-def times_volume(v, p):
-    return (v * p[0], v * p[1], v * p[2], v * p[3], v * p[4], v * p[5], v * p[6])
 
 
 @equation
@@ -466,10 +541,14 @@ def add_curvature_stress(curvature, S33, S):
 
 @equation
 def element_stress(a, data, i, law, history, curvature, options):
-    """Return Σ (:func:`stress_matrix`) per volume, the strains, S33, and the normal compaction.
+    """Return covariant stress resultants per volume, strains, S33, and the normal compaction.
 
     The compaction by the normal thickness is no product of mode vectors: its stress resultant S33
-    is returned beside Σ, followed by (E33, gradients), the volume 8 J⁰ and 1/h.
+    is returned beside the others, followed by (E33, gradients), the volume 8 J⁰ and 1/h.
+
+    ``a`` are the mode vectors; of an aligned element those in material coordinates
+    (:class:`lcmchain.elements.solid_shell.equations.Lengths`), in which the strains and resultants
+    are given too; its volume and 1/h are 1.
     """
     # as arguments of their own, options that are None prune the code of what is not called for
     o = options
@@ -481,12 +560,14 @@ def element_stress(a, data, i, law, history, curvature, options):
         history,
         curvature,
         o,
+        o.aligned,
         o.flat,
         o.curved,
         o.director,
         o.conservative,
         o.enhanced,
         o.reference_bending,
+        o.coupled,
     )
 
 
@@ -499,14 +580,22 @@ def chosen_element_stress(
     history,
     curvature,
     options,
+    aligned,
     flat,
     curved,
     director,
     conservative,
     enhanced,
     reference_bending,
+    coupled,
 ):
-    products = covariant_products(a)
+    xx, yy = places_at_edges(aligned, data, i)
+    moments = moments_of(aligned, options, data, i)
+    products = covariant_products(a, xx, yy)
+    if aligned is not None:
+        inverse_height, volume = 1.0, 1.0
+        curvature = scaled_curvature(curvature, element_lengths(data, i).curvature)
+        E = unit_products(scaled_shear_rows(products, options.in_plane_shear))
     if curved is not None:
         curved_axes, inverse_height, volume, reference = curved_frame(data, i)
         E = curved_material_strain(curved_axes, difference(products, reference))
@@ -523,7 +612,7 @@ def chosen_element_stress(
         E = with_centre33(E, normal[0] + curvature_compaction(curvature, products.zeta))
     if reference_bending is not None:
         E = at_reference_thickness(E)
-    S = resultants(law, history, options, conservative, enhanced, E)
+    S = resultants(law, history, options, conservative, enhanced, coupled, moments, E)
     if reference_bending is not None:
         S = at_reference_thickness_stress(E, S)
     S33 = 0.0
@@ -536,10 +625,62 @@ def chosen_element_stress(
         Sbar = curved_covariant_stress(curved_axes, S)
     if flat is not None:
         Sbar = scaled_shear_rows(flat_covariant_stress(flat_axes, S), options.in_plane_shear)
+    if aligned is not None:
+        Sbar = scaled_shear_rows(in_order_of_products(S), options.in_plane_shear)
     if director is None:
         Sbar = add_curvature_stress(curvature, S33, Sbar)
-    sigma = stress_matrix(Sbar)
-    return sigma, E, S33, normal, volume, inverse_height
+    return Sbar, E, S33, normal, volume, inverse_height
+
+
+@equation
+def places_at_edges(aligned, data, i):
+    """Return the squares of the first two coordinates at the edges."""
+    if aligned is None:
+        return 1.0, 1.0
+    return data[i], data[i + LANES]
+
+
+@equation
+def moments_of(aligned, options, data, i):
+    if aligned is None:
+        return natural_moments(options)
+    return material_moments(options, element_lengths(data, i).moments)
+
+
+@equation
+def scaled_curvature(curvature, factors):
+    return (
+        factors[0] * curvature[0],
+        factors[1] * curvature[1],
+        factors[2] * curvature[2],
+        curvature[3],
+    )
+
+
+@equation
+def centre33(director, curved, Sbar):
+    """Return the resultant on the covariant 33 of the centre, ``None`` where it vanishes."""
+    if director is None:
+        if curved is None:
+            return None
+    return Sbar.centre[2]
+
+
+@equation
+def mode_scales(aligned, data, i):
+    """Return what eight times the mode vectors are multiplied with."""
+    if aligned is None:
+        return EIGHTH
+    return element_lengths(data, i).modes
+
+
+@equation
+def force_scales(aligned, data, i, volume):
+    """Return what the forces per volume are multiplied with: :func:`mode_scales` times 8 J⁰."""
+    if aligned is None:
+        v = 0.125 * volume
+        return (v, v, v, v, v, v, v)
+    return element_lengths(data, i).forces
 
 
 @equation
@@ -548,14 +689,17 @@ def element_in_lane(i, corner, data, law, history, shared, options):
 
     The history of the lane goes on to the end of the step.
     """
-    mx = load_component(corner, i)
-    my = load_component(corner, i + LANES)
-    mz = load_component(corner, i + 2 * LANES)
+    scales = mode_scales(options.aligned, data, i)
+    mx = scaled7(scales, load_eightfold(corner, i))
+    my = scaled7(scales, load_eightfold(corner, i + LANES))
+    mz = scaled7(scales, load_eightfold(corner, i + 2 * LANES))
     past = load_history(law, history, i, LANES)
     curvature = load_curvature(options.director, shared, i)
-    sigma, E, S33, normal, volume, _ = element_stress(
+    Sbar, E, S33, normal, volume, _ = element_stress(
         mode_vectors(mx, my, mz), data, i, law, past, curvature, options
     )
+    xx, yy = places_at_edges(options.aligned, data, i)
+    sigma = stress_matrix(Sbar, centre33(options.director, options.curved, Sbar), xx, yy)
     store_history(law, evolved_history(law, E.centre, past), history, i, LANES)
     px = mode_force_components(sigma, mx[0], mx[1], mx[2], mx[3], mx[4], mx[5], mx[6])
     py = mode_force_components(sigma, my[0], my[1], my[2], my[3], my[4], my[5], my[6])
@@ -563,9 +707,10 @@ def element_in_lane(i, corner, data, law, history, shared, options):
     px = with_normal(options.director, px, normal, S33, 0)
     py = with_normal(options.director, py, normal, S33, 1)
     pz = with_normal(options.director, pz, normal, S33, 2)
-    store_component(corner, i, times_volume(volume, px))
-    store_component(corner, i + LANES, times_volume(volume, py))
-    store_component(corner, i + 2 * LANES, times_volume(volume, pz))
+    scales = force_scales(options.aligned, data, i, volume)
+    store_component(corner, i, scaled7(scales, px))
+    store_component(corner, i + LANES, scaled7(scales, py))
+    store_component(corner, i + 2 * LANES, scaled7(scales, pz))
 
 
 @implements(internal_forces, SolidShellData)
@@ -590,8 +735,9 @@ def solid_shell_forces(body, positions, corner_force, history):
         full_history(body.options.director, body.corner_node, history),
         body.law,
         body.options,
-        body.flat_data,
-        body.flat_options,
+        body.quick_data,
+        body.quick_options,
+        body.general,
     )
 
 
@@ -603,9 +749,16 @@ def curvature_rows(director):
 @equation
 def constants_of_block(options, element_data, block):
     """Return the reference geometry of the elements of a block."""
-    size = (FLAT_ROWS if options.curved is None else CURVED_ROWS) * LANES
     first = element_data.start[block]
-    return element_data.values[first : first + size]
+    return element_data.values[first : first + reference_rows(options) * LANES]
+
+
+@routine
+def reference_rows(options):
+    """Return how many rows of constants the elements have."""
+    if options.aligned is not None:
+        return ALIGNED_ROWS
+    return FLAT_ROWS if options.curved is None else CURVED_ROWS
 
 
 @routine
@@ -626,8 +779,9 @@ def element_forces(
     history,
     law,
     options,
-    flat_data,
-    flat_options,
+    quick_data,
+    quick_options,
+    general,
 ):
     for block in prange(corner_node.size // (8 * LANES)):
         forces_of_block(
@@ -639,8 +793,9 @@ def element_forces(
             history,
             law,
             options,
-            flat_data,
-            flat_options,
+            quick_data,
+            quick_options,
+            general,
             block,
             block,
         )
@@ -656,8 +811,9 @@ def forces_of_block(
     history,
     law,
     options,
-    flat_data,
-    flat_options,
+    quick_data,
+    quick_options,
+    general,
     block,
     place,
 ):
@@ -674,14 +830,15 @@ def forces_of_block(
     for c in range(8):
         step = positions.shape[1]
         load_vectors(positions, step, nodes, c * LANES, runs, c, corner, 3 * c * LANES)
-    is_flat = False
-    if flat_data is not None:
-        is_flat = flat_data.start[block] != NOT_FLAT
-        if is_flat:
-            data = constants_of_block(flat_options, flat_data, block)
+    is_general = True
+    if quick_data is not None:
+        is_general = quick_data.start[block] == GENERAL
+        if not is_general:
+            data = constants_of_block(quick_options, quick_data, block)
             for lane in range(LANES):
-                element_in_lane(lane, corner, data, law, past, shared, flat_options)
-    if not is_flat:
-        data = constants_of_block(options, element_data, block)
-        for lane in range(LANES):
-            element_in_lane(lane, corner, data, law, past, shared, options)
+                element_in_lane(lane, corner, data, law, past, shared, quick_options)
+    if general is not None:
+        if is_general:
+            data = constants_of_block(options, element_data, block)
+            for lane in range(LANES):
+                element_in_lane(lane, corner, data, law, past, shared, options)

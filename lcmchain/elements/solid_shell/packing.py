@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from lcmchain.elements.blocks import (
@@ -12,7 +14,7 @@ from lcmchain.elements.blocks import (
     own_blocks,
 )
 from lcmchain.elements.solid_shell.geometry import ReferenceGeometry
-from lcmchain.elements.solid_shell.kernel import NOT_FLAT
+from lcmchain.elements.solid_shell.kernel import GENERAL
 
 # Every product a_k·a_l (modes counted from 1) in the covariant strains, in the order in which
 # ``covariant_products`` holds them: Taylor term, Voigt component, ((factor, k, l), ...).
@@ -49,34 +51,68 @@ COVARIANT_PRODUCTS = (
 TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
 
 
-# Columns of ``flat_rows`` that have the same unit, one group behind the other.
-FLAT_GROUPS = (9, 4, 1, 1, 4)
+#: Kinds of reference that kernels are compiled for, each a special case of the next one: flat
+#: rectangles along the fibres, flat parallelograms, and any.
+Kind = Literal["aligned", "flat", "curved"]
+# Columns of their rows that have the same unit, one group behind the other.
+GROUPS: dict[Kind, tuple[int, ...]] = {"aligned": (1,) * 25, "flat": (9, 4, 1, 1, 4)}
 
 
-def shared_rows(rows: np.ndarray, *, flat: bool) -> SharedBlocks:
+def kind_of(geometry: ReferenceGeometry) -> Kind:
+    """Return the kind of the general kernel: the one whose constants all functions know."""
+    return "flat" if geometry.flat.all() else "curved"
+
+
+def quick_kind_of(geometry: ReferenceGeometry) -> Kind | None:
+    """Return the kind of the quicker kernel that blocks of a sheet may have, or ``None``."""
+    if geometry.flat.any() and geometry.aligned[geometry.flat].all():
+        return "aligned"
+    return "flat" if kind_of(geometry) == "curved" else None
+
+
+def in_kind_blocks(rows: np.ndarray, kind: Kind) -> SharedBlocks:
     """Return the data of elements in blocks; those of a flat regular mesh share one."""
-    if not flat:
+    if kind not in GROUPS:
         return own_blocks(rows)
+    groups = GROUPS[kind]
     largest = np.abs(rows).max(axis=0)
-    first = np.cumsum((0, *FLAT_GROUPS[:-1]))
-    return in_shared_blocks(rows, np.repeat(np.maximum.reduceat(largest, first), FLAT_GROUPS))
+    first = np.cumsum((0, *groups[:-1]))
+    return in_shared_blocks(rows, np.repeat(np.maximum.reduceat(largest, first), groups))
 
 
-def flat_blocks(geometry: ReferenceGeometry) -> SharedBlocks | None:
-    """Return the data of blocks of flat elements, in a sheet where others are not.
+def quick_blocks(geometry: ReferenceGeometry) -> SharedBlocks | None:
+    """Return the data of blocks for the quicker kernel, ``None`` where it has none.
 
-    The others begin at NOT_FLAT. ``None`` where there are no blocks of both kinds.
+    The others begin at GENERAL.
     """
-    is_flat = in_blocks(geometry.flat[:, None]).reshape(-1, LANES)
-    chosen = is_flat.all(axis=1)
-    if chosen.all() or not chosen.any():
+    kind = quick_kind_of(geometry)
+    if kind is None:
+        return None
+    is_quick = in_blocks(geometry.flat[:, None]).reshape(-1, LANES)
+    chosen = is_quick.all(axis=1)
+    if not chosen.any():
         return None
     last = len(geometry.K) - 1
-    elements = np.minimum(np.arange(is_flat.size), last).reshape(is_flat.shape)[chosen]
-    data = shared_rows(flat_rows(geometry)[elements.ravel()], flat=True)
-    start = np.full(chosen.shape, NOT_FLAT, dtype=np.int32)
+    elements = np.minimum(np.arange(is_quick.size), last).reshape(is_quick.shape)[chosen]
+    rows = aligned_rows(geometry) if kind == "aligned" else flat_rows(geometry)
+    data = in_kind_blocks(rows[elements.ravel()], kind)
+    start = np.full(chosen.shape, GENERAL, dtype=np.int32)
     start[chosen] = data.start
     return data._replace(start=start)
+
+
+def aligned_rows(geometry: ReferenceGeometry) -> np.ndarray:
+    """Return the data (E, 25) of :class:`lcmchain.elements.solid_shell.equations.Lengths`.
+
+    Rows of elements that are not aligned mean nothing.
+    """
+    k1, k2, h = geometry.K[:, 0, 0], geometry.K[:, 1, 1], 1.0 / geometry.height
+    with np.errstate(divide="ignore"):
+        xx, yy, zz = 1.0 / k1**2, 1.0 / k2**2, geometry.height**2
+    modes = 0.125 * np.array([k1, k2, h, k1 * k2, k2 * h, k1 * h, k1 * k2 * h])
+    curvature = (xx / h, yy / h, 1.0 / (k1 * k2 * h))
+    moments = (zz, zz * zz, xx / 3.0, yy / 3.0, yy * zz / 9.0, xx * zz / 9.0)
+    return np.column_stack([xx, yy, *modes, *(geometry.volume * modes), *curvature, *moments])
 
 
 def flat_rows(geometry: ReferenceGeometry) -> np.ndarray:
