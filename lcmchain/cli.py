@@ -40,6 +40,7 @@ from lcmchain.commands.terminal import (
     require_none,
     say,
     show_python_warnings,
+    show_whole,
     warn,
 )
 from lcmchain.commands.verify import verify_app
@@ -300,36 +301,36 @@ def bench(
     if unit:
         from lcmchain.fmu.benchmark import run_unit_bench
 
-        console().print(run_unit_bench())
+        show_whole(run_unit_bench())
         return
     if filling:
         from lcmchain.coupling.infiltration.benchmark import run_filling_bench
 
-        console().print(run_filling_bench())
+        show_whole(run_filling_bench())
         return
     if mapping:
         from lcmchain.mapping.benchmark import run_mapping_bench
 
-        console().print(run_mapping_bench())
+        show_whole(run_mapping_bench())
         return
     if parts:
         from lcmchain.bench import run_part_bench
 
-        console().print(run_part_bench(json_file))
+        show_whole(run_part_bench(json_file))
         return
     if effects:
         from lcmchain.bench import run_effect_bench
 
-        console().print(run_effect_bench(json_file))
+        show_whole(run_effect_bench(json_file))
         return
     if peers:
         from lcmchain.bench.peers import run_peer_bench
 
-        console().print(run_peer_bench(json_file))
+        show_whole(run_peer_bench(json_file))
         return
     from lcmchain.bench import run_bench, run_size_bench
 
-    console().print(run_size_bench(json_file) if sizes else run_bench(json_file))
+    show_whole(run_size_bench(json_file) if sizes else run_bench(json_file))
 
 
 app.command()(docs)

@@ -7,6 +7,7 @@ import types
 from pathlib import Path
 
 import pytest
+from rich.table import Table
 
 from lcmchain import cli
 from lcmchain.commands.folders import default_out
@@ -260,6 +261,19 @@ def test_bench_prints_its_table(monkeypatch, capsys):
     assert "gravity to speed.json" in capsys.readouterr().out
     assert exit_code("bench", "--parts") == 0
     assert "gather to None" in capsys.readouterr().out
+
+
+def test_tables_of_speed_are_whole_on_narrow_terminals(monkeypatch, capsys):
+    def figures(json_file):
+        table = Table("program", "µs")
+        table.add_row("CalculiX C3D8R, explicit, of a plate of 1024 hexahedra", "5.58")
+        return table
+
+    monkeypatch.setenv("COLUMNS", "40")
+    stand_in(monkeypatch, "lcmchain.bench", run_bench=figures, run_size_bench=figures)
+    assert exit_code("bench") == 0
+    row = capsys.readouterr().out.splitlines()[3]
+    assert "explicit, of a plate of 1024 hexahedra" in row and "5.58" in row
 
 
 # --- check ----------------------------------------------------------------------------------------
