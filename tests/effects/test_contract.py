@@ -87,7 +87,8 @@ def test_an_inactive_effect_of_the_element_would_change_nothing(law, coupled):
 
     def forces(**changes):
         body = model.body
-        data = body.data._replace(options=body.data.options._replace(**changes))
+        assert body.data.general is None  # all elements have the quick kernel
+        data = body.data._replace(quick_options=body.data.quick_options._replace(**changes))
         changed = replace(model, bodies=(replace(body, data=data),))
         return make.corner_forces(changed, bent, np.zeros(model.history_size))
 

@@ -206,28 +206,28 @@ def difference_flat(E, R):
 
 
 @equation
-def slope_stress(moments, slope, x, e):
-    """Return the part of one component; ``slope`` is None where the tangent does not change."""
+def with_slope_stress(total, share, moments, slope, x, e):
+    """Add the part of one component; ``slope`` is None where the tangent does not change."""
     if slope is None:
-        return 0.0
-    return 0.5 * slope * (moments.xi * (x * x) + moments.eta * (e * e))
+        return total
+    return total + share * (0.5 * slope * (moments.xi * (x * x) + moments.eta * (e * e)))
 
 
 @equation
-def hourglass_tangent_stress(moments, fibre_share, slope, x, e):
-    """Return the centre stress from the change of the hourglass energy with the tangent.
+def with_hourglass_tangent_stress(c, moments, fibre_share, slope, x, e):
+    """Add to the centre stress that from the change of the hourglass energy with the tangent.
 
     The hourglass energy (V/6)(E^ξ:C(E⁰):E^ξ + E^η:C(E⁰):E^η) of Eq. (16) depends on E⁰ through the
     tangent of Eq. (18). The paper leaves that derivative out; then the element has no potential and
     feeds energy to a sheet that is compacted and warped at once (manual: departures).
     """
     return (
-        fibre_share * slope_stress(moments, slope[0], x[0], e[0]),
-        fibre_share * slope_stress(moments, slope[1], x[1], e[1]),
-        slope_stress(moments, slope[2], x[2], e[2]),
-        slope_stress(moments, slope[3], x[3], e[3]),
-        slope_stress(moments, slope[4], x[4], e[4]),
-        slope_stress(moments, slope[5], x[5], e[5]),
+        with_slope_stress(c[0], fibre_share, moments, slope[0], x[0], e[0]),
+        with_slope_stress(c[1], fibre_share, moments, slope[1], x[1], e[1]),
+        with_slope_stress(c[2], 1.0, moments, slope[2], x[2], e[2]),
+        with_slope_stress(c[3], 1.0, moments, slope[3], x[3], e[3]),
+        with_slope_stress(c[4], 1.0, moments, slope[4], x[4], e[4]),
+        with_slope_stress(c[5], 1.0, moments, slope[5], x[5], e[5]),
     )
 
 
@@ -323,7 +323,7 @@ def resultants(law, history, options, conservative, enhanced, coupled, moments, 
     c, z, q = thickness_resultants(coupled, moments, S.centre, S.zeta, S.zeta2)
     if conservative is not None:
         slope = tangent_slope(law, E.centre, history)
-        c = sum6(c, hourglass_tangent_stress(moments, options.fibre_share, slope, E.xi, E.eta))
+        c = with_hourglass_tangent_stress(c, moments, options.fibre_share, slope, E.xi, E.eta)
     return Taylor(
         c,
         z,
