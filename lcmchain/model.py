@@ -30,7 +30,7 @@ from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.scene import Contact, Element, Process
 from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
-from lcmchain.tools.span_distance import SPAN
+from lcmchain.tools.span_rows import SPAN
 from lcmchain.tools.table import ToolTable, build_tool_table
 
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
@@ -195,6 +195,31 @@ class Model:
         if self.fibre_bending is None:
             return 0.0
         return frequency_bound(self.fibre_bending, self.nodes.mass)
+
+    @cached_property
+    def stiffness_at_rest(self) -> float:
+        """Larger in-plane stiffness of each sheet at rest, times its volume, of all sheets [J]."""
+        stiffness = 0.0
+        for body in self.bodies:
+            C = body.material.stress_and_tangent(np.zeros(6))[1]
+            stiffness += max(C[0, 0], C[1, 1]) * body.volume
+        return stiffness
+
+    @cached_property
+    def contact_stiffness(self) -> np.ndarray:
+        """Contact stiffness of the nodes (node_count,) [N/m]."""
+        return self.environment.penalty * self.nodes.area
+
+    @cached_property
+    def contact_damping(self) -> np.ndarray:
+        """Contact damping of the nodes (node_count,) [N s/m]."""
+        critical = 2.0 * np.sqrt(self.contact_stiffness * self.nodes.mass)
+        return self.environment.contact_damping_ratio * critical
+
+    @cached_property
+    def contact_omega2(self) -> np.ndarray:
+        """ω² of the nodes (node_count,) on the contact stiffness of one tool [1/s²]."""
+        return self.contact_stiffness / self.nodes.mass
 
     @property
     def pressed(self) -> bool | None:

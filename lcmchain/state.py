@@ -17,7 +17,7 @@ from lcmchain.cache_lines import aligned, zeros
 from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.errors import InputError
 from lcmchain.model import NODE_CHUNK, Model
-from lcmchain.tools.span_distance import SPAN
+from lcmchain.tools.span_rows import SPAN
 
 # Columns of ``State.work``: energies [J] accumulated over the run, or of the last step.
 KINETIC = 0  # of the sheets and of guided tools, last step

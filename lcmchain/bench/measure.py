@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,6 +46,17 @@ def measure(
         work()
         samples.append(1e6 * (time.perf_counter() - start) / element_steps)
     return Measurement(name, used, statistics.median(samples), min(samples), max(samples))
+
+
+def median_of(turns: Sequence[Measurement]) -> Measurement:
+    """Return the median of the same measurement made several times."""
+    return Measurement(
+        turns[0].name,
+        turns[0].threads,
+        statistics.median(turn.median for turn in turns),
+        min(turn.least for turn in turns),
+        max(turn.most for turn in turns),
+    )
 
 
 @routine

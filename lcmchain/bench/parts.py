@@ -13,6 +13,7 @@ import numpy as np
 
 from lcmchain.bench.hemisphere import at_mid_stroke
 from lcmchain.bench.measure import Measurement, kernel_work, measure
+from lcmchain.bench.operations import contact_operations, count_operations
 from lcmchain.effects.fibre_bending import fibre_bending_forces
 from lcmchain.jit import routine
 from lcmchain.model import NODE_CHUNK
@@ -20,7 +21,7 @@ from lcmchain.solver.contact_forces import ROWS, add_contact_forces
 from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.solver.loop import gather_internal_forces, integrate
 from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
-from lcmchain.tools.span_distance import SPAN
+from lcmchain.tools.span_rows import SPAN
 
 #: As many as go by while the frequency is looked at once.
 CHUNKS = CALM_CHUNKS_PER_FREQUENCY
@@ -28,11 +29,20 @@ CALLS = CHUNKS * STEPS_PER_CHUNK
 SUMS = 64  # numbers that a chunk of nodes sums up, at most
 
 
+KERNEL = "element kernel"
+BENDING = "bending of the fibres in the plane"
+CONTACT = "contact"
+
+
 class Parts(NamedTuple):
-    """Parts of a step and the whole one, each with its time per element and step."""
+    """Parts of a step and the whole one, each with its time per element and step.
+
+    operations : of some parts, per element.
+    """
 
     parts: list[Measurement]
     whole: Measurement
+    operations: dict[str, float]
 
     @property
     def kernel(self) -> Measurement:
@@ -94,14 +104,23 @@ def measure_parts() -> Parts:
             simulation.make_steps(STEPS_PER_CHUNK, simulation.prepare_steps())
 
     works = {
-        "element kernel": kernel_work(simulation, model.body.data, CALLS),
+        KERNEL: kernel_work(simulation, model.body.data, CALLS),
         **_loops(simulation, dt),
         "between chunks of steps": _between_chunks(simulation),
         "samples of the histories": _samples(simulation, dt),
     }
     element_steps = CALLS * model.element_count
+    operations = _operations(simulation)
     parts = [measure(name, 1, element_steps, work) for name, work in works.items()]
-    return Parts(parts, measure("whole step", 1, element_steps, whole))
+    return Parts(parts, measure("whole step", 1, element_steps, whole), operations)
+
+
+def _operations(simulation: Simulation) -> dict[str, float]:
+    counted, count = count_operations(), simulation.model.element_count
+    assert simulation.model.fibre_bending is not None
+    bending = counted.bending * simulation.model.fibre_bending.padded_count
+    contact = contact_operations(simulation, counted)
+    return {KERNEL: float(counted.kernel), BENDING: bending / count, CONTACT: contact / count}
 
 
 def _loops(simulation: Simulation, dt: float) -> dict[str, Callable[[], None]]:
@@ -116,12 +135,12 @@ def _loops(simulation: Simulation, dt: float) -> dict[str, Callable[[], None]]:
         force=np.zeros_like(arrays.force),
     )
     return {
-        "bending of the fibres in the plane": lambda: repeated_bending(
+        BENDING: lambda: repeated_bending(
             bending, arrays.position, arrays.corner_force, arrays.bending_middle,
             arrays.bending_vector, CALLS,
         ),
         "forces of the elements at the nodes": lambda: repeated_gather(arrays, CALLS),
-        "contact": lambda: repeated_contact(arrays, model.tools, model.environment, dt, CALLS),
+        CONTACT: lambda: repeated_contact(arrays, model.tools, model.environment, dt, CALLS),
         "motion of the nodes": lambda: repeated_motion(at_rest, model.environment, dt, CALLS),
     }  # fmt: skip
 

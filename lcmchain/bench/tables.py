@@ -14,7 +14,7 @@ from lcmchain.atomic import replacing
 from lcmchain.bench import hemisphere, sizes
 from lcmchain.bench.machine import Machine, measure_machine
 from lcmchain.bench.measure import REPETITIONS, Measurement
-from lcmchain.bench.operations import kernel_operations
+from lcmchain.bench.operations import count_operations
 from lcmchain.bench.parts import Parts, measure_parts
 from lcmchain.bench.sizes import Plate
 from lcmchain.check.effect_cost import cost_table, measure_effects, record_effect_parts
@@ -38,7 +38,7 @@ def run_bench(json_file: Path | None = None) -> Table:
 def run_size_bench(json_file: Path | None = None) -> Table:
     """Measure free plates and the machine; return the table of ``lcmchain bench --sizes``."""
     machine, plates = measure_machine(), sizes.measure_plates()
-    operations = kernel_operations()
+    operations = count_operations().kernel
     if json_file is not None:
         figures = {
             "machine": asdict(machine),
@@ -54,11 +54,16 @@ def run_size_bench(json_file: Path | None = None) -> Table:
 
 def run_part_bench(json_file: Path | None = None) -> Table:
     """Measure the parts of a step; return the table of ``lcmchain bench --parts``."""
-    found = measure_parts()
+    found, machine = measure_parts(), measure_machine()
     if json_file is not None:
-        figures = [asdict(m) for m in (*found.parts, found.whole)]
-        write_figures(json_file, {"parts": figures, "between": found.between})
-    return part_table(found)
+        figures = {
+            "machine": asdict(machine),
+            "parts": [asdict(m) for m in (*found.parts, found.whole)],
+            "operations": found.operations,
+            "between": found.between,
+        }
+        write_figures(json_file, figures)
+    return part_table(machine, found)
 
 
 def run_effect_bench(json_file: Path | None = None) -> Table:
@@ -100,20 +105,28 @@ def hemisphere_table(measurements: list[Measurement]) -> Table:
     return table
 
 
-def part_table(found: Parts) -> Table:
-    """Return the table of the parts of a step."""
+def part_table(machine: Machine, found: Parts) -> Table:
+    """Return the table of the parts of a step, with operations per element where counted."""
     table = Table(
-        title=f"Parts of a step, µs per element, one core, median of {REPETITIONS}",
+        title=(
+            f"Parts of a step, µs per element, one core, median of {REPETITIONS} (one core: "
+            f"{machine.arithmetic:.0f} GFLOP/s of fused multiply-adds)"
+        ),
         title_justify="left",
     )
     table.add_column("part")
-    for column in ("alone", "kernels"):
+    for column in ("alone", "kernels", "operations", "GFLOP/s", "of peak"):
         table.add_column(column, justify="right")
     rows = [(part.name, part.median) for part in found.parts]
     rows += [("more than its parts alone", found.between)]
     rows += [(found.whole.name, found.whole.median)]
     for name, time in rows:
-        table.add_row(name, f"{time:.4f}", f"{time / found.kernel.median:.2f}")
+        rates = ["", "", ""]
+        if name in found.operations:
+            rate = 1e-3 * found.operations[name] / time
+            rates = [f"{found.operations[name]:.0f}", f"{rate:.1f}"]
+            rates += [f"{rate / machine.arithmetic:.0%}"]
+        table.add_row(name, f"{time:.4f}", f"{time / found.kernel.median:.2f}", *rates)
     return table
 
 

@@ -109,6 +109,18 @@ def number_at(typing_context, values, place):
     return values.dtype(values, types.intp), build
 
 
+@intrinsic
+def put_number_at(typing_context, values, place, number):
+    """Write a number to a place in the memory of a C-contiguous array of any shape."""
+
+    def build(context, builder, signature, arguments):
+        data = _data(context, builder, values, arguments[0])
+        builder.store(arguments[2], builder.gep(data, [arguments[1]]))
+        return context.get_dummy_value()
+
+    return types.none(values, types.intp, values.dtype), build
+
+
 def _data(context, builder, kind, array):
     """Return the pointer to an array's numbers."""
     if kind.layout != "C":

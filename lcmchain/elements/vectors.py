@@ -34,3 +34,9 @@ def combination2(s, a, t, b):
 def plus(s, a, b):
     """Return s a + b."""
     return (s * a[0] + b[0], s * a[1] + b[1], s * a[2] + b[2])
+
+
+@equation
+def products(a, b):
+    """Return the products of the components."""
+    return (a[0] * b[0], a[1] * b[1], a[2] * b[2])

@@ -1,9 +1,9 @@
 """Contact forces of the tools on the nodes of a chunk.
 
-Nodes are taken in spans of 16 neighbours (``tools/span_distance.py``), those of which one is near a
-tool. Everything about a span happens in loops over its nodes that compile to vectors: the
-distances, the pressure forces, friction, and the sums. What the nodes have is copied into rows of
-one scratch array before. Nodes of the span that do not touch the tool get a force of zero.
+Nodes are taken in spans of 16 neighbours (``tools/span_rows.py``), those of which one is near a
+tool. Where one of a span touches, what all of them have is copied into rows of one scratch array;
+one loop over the nodes, which compiles to vectors, makes all forces. Nodes of the span that do not
+touch the tool get a force of zero.
 """
 
 from __future__ import annotations
@@ -12,45 +12,39 @@ import math
 
 from lcmchain.effects.contact import normal_force
 from lcmchain.effects.friction import friction
-from lcmchain.effects.gravity import weight_at, weights_of
-from lcmchain.jit import span_part, span_routine
+from lcmchain.effects.gravity import weight_at
+from lcmchain.elements.vectors import dot, plus, products, scaled
+from lcmchain.jit import equation, span_part, span_routine
 from lcmchain.state import CONTACT, CONTACT_DAMPING, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
-from lcmchain.tools.span_distance import (
-    DISTANCE_ROWS,
-    GAP,
-    NORMAL_X,
-    NORMAL_Y,
-    NORMAL_Z,
+from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, NORMAL_X, span_distances
+from lcmchain.tools.span_rows import (
     SPAN,
     load_row,
-    span_distances,
+    load_rows,
+    put_vector,
+    store_row,
+    store_rows,
+    vector_at,
 )
 
-# Rows of the scratch array of a span, behind those of the distance. What the nodes have:
-VELOCITY_X = DISTANCE_ROWS  # relative to the tool [m/s]
-VELOCITY_Y = DISTANCE_ROWS + 1
-VELOCITY_Z = DISTANCE_ROWS + 2
-OTHERS_X = DISTANCE_ROWS + 3  # all other forces [N]
-OTHERS_Y = DISTANCE_ROWS + 4
-OTHERS_Z = DISTANCE_ROWS + 5
-FREE_X = DISTANCE_ROWS + 6
-FREE_Y = DISTANCE_ROWS + 7
-FREE_Z = DISTANCE_ROWS + 8
-INVERSE_MASS = DISTANCE_ROWS + 9
-AREA = DISTANCE_ROWS + 10
-IMPEDANCE = DISTANCE_ROWS + 11
-STICK_X = DISTANCE_ROWS + 12  # elastic slip of the friction springs [m]
-STICK_Y = DISTANCE_ROWS + 13
-STICK_Z = DISTANCE_ROWS + 14
-# What contact adds:
-PRESSURE = DISTANCE_ROWS + 15  # normal force [N]
-FORCE_X = DISTANCE_ROWS + 16
-FORCE_Y = DISTANCE_ROWS + 17
-FORCE_Z = DISTANCE_ROWS + 18
-STORED = DISTANCE_ROWS + 19  # energy of the springs [J]
-DAMPED = DISTANCE_ROWS + 20  # energy that contact damping takes [J]
-LOST = DISTANCE_ROWS + 21  # energy that sliding takes [J]
-ROWS = DISTANCE_ROWS + 22
+# Rows of the scratch array of a span, behind those of the distance; of vectors the first of three.
+# What the nodes have:
+VELOCITY = DISTANCE_ROWS  # [m/s]
+FORCE = DISTANCE_ROWS + 3  # all that have come before, then with those of the tool [N]
+FREE = DISTANCE_ROWS + 6
+STICK = DISTANCE_ROWS + 9  # elastic slip of the friction springs [m]
+INVERSE_MASS = DISTANCE_ROWS + 12
+AREA = DISTANCE_ROWS + 13
+IMPEDANCE = DISTANCE_ROWS + 14
+NORMAL_FORCE = DISTANCE_ROWS + 15  # sum over the tools [N]
+WEIGHT = DISTANCE_ROWS + 16  # acceleration along -z [m/s²]
+OFFSET = DISTANCE_ROWS + 17  # [m]
+# What contact adds, for the sums: with them in the loop that makes the forces it finds no vectors.
+ADDED = DISTANCE_ROWS + 18  # [N]
+STORED = DISTANCE_ROWS + 21  # energy of the springs [J]
+DAMPED = DISTANCE_ROWS + 22  # energy that contact damping takes [J]
+LOST = DISTANCE_ROWS + 23  # energy that sliding takes [J]
+ROWS = DISTANCE_ROWS + 24
 
 
 @span_routine
@@ -68,52 +62,50 @@ def add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, wor
         for span in range(first // SPAN, -(-last // SPAN)):
             if near[tool, span] != 0:
                 begin = span * SPAN
-                end = min(begin + SPAN, last)
+                count = min(SPAN, last - begin)
                 add_span_forces(
-                    arrays, tools, environment, tool, begin, end, dt_last, dt, work, sums
+                    arrays, tools, environment, tool, begin, count, dt_last, dt, work, sums
                 )
 
 
 @span_part
-def add_span_forces(arrays, tools, environment, tool, begin, end, dt_last, dt, work, sums):
-    """Add the contact forces of one tool to the nodes ``begin`` to ``end`` of a span."""
-    position = arrays.position
-    span_distances(
-        tools,
-        tool,
-        position[0, begin:end],
-        position[1, begin:end],
-        position[2, begin:end],
-        arrays.tool_travel[tool],
-        work,
-    )
-    column = WORK_COLUMNS + TOOL_COLUMNS * tool + 3
+def add_span_forces(arrays, tools, environment, tool, begin, count, dt_last, dt, work, sums):
+    """Add the contact forces of one tool to the nodes of a span, ``count`` from ``begin`` on."""
+    span_distances(tools, tool, arrays.position, begin, count, arrays.tool_travel[tool], work)
+    column = WORK_COLUMNS + TOOL_COLUMNS * tool
     deepest = -arrays.penetration_max[tool]
     touching, deeper = find_gaps(
-        arrays.offset[begin:end], tools.initial_overlap[tool], deepest, end - begin, work
+        arrays.offset, begin, count, tools.initial_overlap[tool], deepest, work
     )
-    sticks = tools.friction[tool] > 0.0
-    if touching == 0 and not (sticks and is_displaced(arrays.stick[tool], begin, end)):
+    coefficient = tools.friction[tool]
+    sticks = coefficient > 0.0
+    if touching == 0 and not (sticks and is_displaced(arrays.stick[tool], begin, count)):
         return
     if deeper > 0:
         for i in range(SPAN):
-            sums[column] = min(sums[column], work[GAP * SPAN + i])
-    load_span(arrays, arrays.free, tools, tool, begin, end, work)
-    normal_forces(environment, arrays.free, begin, end, dt_last, dt, work)
+            sums[column + 3] = min(sums[column + 3], work[GAP * SPAN + i])
+    load_span(arrays, arrays.free, environment.gravity, begin, count, work)
+    direction, speed = tools.direction, arrays.tool_velocity[tool]
+    velocity = speed * direction[tool, 0], speed * direction[tool, 1], speed * direction[tool, 2]
     if sticks:
-        friction_forces(
-            arrays.stick[tool], tools.friction[tool], environment, begin, end, dt_last, work
-        )
-    add_to_nodes(arrays.force, arrays.contact_force, tool, begin, end, work, sums)
+        stick = arrays.stick[tool]
+        load_rows(stick, begin, count, STICK, work)
+        make_forces(environment, arrays.free, velocity, coefficient, count, dt_last, dt, work)
+        store_rows(work, STICK, stick, begin, count)
+    else:
+        make_forces(environment, arrays.free, velocity, None, count, dt_last, dt, work)
+    store_rows(work, FORCE, arrays.force, begin, count)
+    store_row(work, NORMAL_FORCE, arrays.contact_force, begin, count)
+    add_sums(work, sums, column)
 
 
 @span_part
-def find_gaps(offset, overlap, deepest, count, work):
+def find_gaps(offset, begin, count, overlap, deepest, work):
     """Turn distances into gaps [m]; return how many nodes touch, and how many lie the deepest."""
     touching, deeper = 0, 0
-    load_row(offset, INVERSE_MASS, work)
+    load_row(offset, begin, count, OFFSET, work)
     for i in range(SPAN):
-        gap = work[GAP * SPAN + i] - (work[INVERSE_MASS * SPAN + i] - overlap)
+        gap = work[GAP * SPAN + i] - (work[OFFSET * SPAN + i] - overlap)
         gap = gap if i < count else math.inf
         work[GAP * SPAN + i] = gap
         touching += 1 if gap < 0.0 else 0
@@ -122,158 +114,107 @@ def find_gaps(offset, overlap, deepest, count, work):
 
 
 @span_part
-def is_displaced(stick, begin, end):
+def is_displaced(stick, begin, count):
     """Tell whether a friction spring of the span holds any slip."""
     displaced = 0
-    for i in range(begin, end):
+    for i in range(begin, begin + count):
         displaced += 1 if (stick[0, i] != 0.0) | (stick[1, i] != 0.0) | (stick[2, i] != 0.0) else 0
     return displaced > 0
 
 
 @span_part
-def load_span(arrays, free, tools, tool, begin, end, work):
-    """Copy what the nodes have into their rows, and take their velocities relative to the tool."""
-    velocity, force = arrays.velocity, arrays.force
-    load_row(velocity[0, begin:end], VELOCITY_X, work)
-    load_row(velocity[1, begin:end], VELOCITY_Y, work)
-    load_row(velocity[2, begin:end], VELOCITY_Z, work)
-    load_row(force[0, begin:end], OTHERS_X, work)
-    load_row(force[1, begin:end], OTHERS_Y, work)
-    load_row(force[2, begin:end], OTHERS_Z, work)
+def load_span(arrays, free, gravity, begin, count, work):
+    """Copy what the nodes have into their rows."""
+    load_rows(arrays.velocity, begin, count, VELOCITY, work)
+    load_rows(arrays.force, begin, count, FORCE, work)
     if free is not None:
-        load_row(free[0, begin:end], FREE_X, work)
-        load_row(free[1, begin:end], FREE_Y, work)
-        load_row(free[2, begin:end], FREE_Z, work)
-    load_row(arrays.inverse_mass[begin:end], INVERSE_MASS, work)
-    load_row(arrays.area[begin:end], AREA, work)
-    load_row(arrays.impedance[begin:end], IMPEDANCE, work)
-    speed, direction = arrays.tool_velocity[tool], tools.direction
-    tool_x = speed * direction[tool, 0]
-    tool_y = speed * direction[tool, 1]
-    tool_z = speed * direction[tool, 2]
+        load_rows(free, begin, count, FREE, work)
+    load_row(arrays.inverse_mass, begin, count, INVERSE_MASS, work)
+    load_row(arrays.area, begin, count, AREA, work)
+    load_row(arrays.impedance, begin, count, IMPEDANCE, work)
+    load_row(arrays.contact_force, begin, count, NORMAL_FORCE, work)
     for i in range(SPAN):
-        work[VELOCITY_X * SPAN + i] -= tool_x
-        work[VELOCITY_Y * SPAN + i] -= tool_y
-        work[VELOCITY_Z * SPAN + i] -= tool_z
+        work[WEIGHT * SPAN + i] = weight_at(gravity, begin + min(i, count - 1))
 
 
 @span_part
-def normal_forces(environment, free, begin, end, dt_last, dt, work):
-    """Write the pressure forces, and their energies, from the gaps and normals."""
-    penalty, weights = environment.penalty, weights_of(environment.gravity, begin, end)
+def make_forces(environment, free, tool_velocity, coefficient, count, dt_last, dt, work):
+    """Add pressure and friction to the forces on the nodes, and move the friction springs on.
+
+    Without friction ``coefficient`` is None. The spring of a node that lifts off is lost, and its
+    energy with it.
+    """
+    penalty = environment.penalty
     damping = environment.contact_damping_ratio * 2.0 * math.sqrt(penalty)
+    tangential = environment.tangential_ratio * penalty
     for i in range(SPAN):
         gap = work[GAP * SPAN + i]
-        nx = work[NORMAL_X * SPAN + i]
-        ny = work[NORMAL_Y * SPAN + i]
-        nz = work[NORMAL_Z * SPAN + i]
-        stiffness = penalty * work[AREA * SPAN + i]
-        velocity = work[VELOCITY_X * SPAN + i] * nx + work[VELOCITY_Y * SPAN + i] * ny
-        velocity += work[VELOCITY_Z * SPAN + i] * nz
-        wx, wy, wz = nx, ny, nz  # of the components that are free
+        touches = gap < 0.0
+        normal = vector_at(work, NORMAL_X, i)
+        others = vector_at(work, FORCE, i)
+        velocity = plus(-1.0, tool_velocity, vector_at(work, VELOCITY, i))
+        leaving = dot(velocity, normal)
+        movable = normal
         if free is not None:
-            wx *= work[FREE_X * SPAN + i]
-            wy *= work[FREE_Y * SPAN + i]
-            wz *= work[FREE_Z * SPAN + i]
-        others = wx * work[OTHERS_X * SPAN + i] + wy * work[OTHERS_Y * SPAN + i]
-        others += wz * work[OTHERS_Z * SPAN + i]
-        inverse_mass = work[INVERSE_MASS * SPAN + i]
-        normal, damped = normal_force(
+            movable = products(normal, vector_at(work, FREE, i))
+        inverse_mass, area = work[INVERSE_MASS * SPAN + i], work[AREA * SPAN + i]
+        stiffness = penalty * area
+        pressure, damped = normal_force(
             stiffness,
             damping * work[IMPEDANCE * SPAN + i],
             gap,
-            velocity,
-            (wx * nx + wy * ny + wz * nz) * inverse_mass,
-            others * inverse_mass - wz * weight_at(weights, i),
+            leaving,
+            dot(movable, normal) * inverse_mass,
+            dot(movable, others) * inverse_mass - movable[2] * work[WEIGHT * SPAN + i],
             dt_last,
             dt,
         )
-        normal = normal if gap < 0.0 else 0.0
-        work[PRESSURE * SPAN + i] = normal
-        work[FORCE_X * SPAN + i] = normal * nx
-        work[FORCE_Y * SPAN + i] = normal * ny
-        work[FORCE_Z * SPAN + i] = normal * nz
-        work[DAMPED * SPAN + i] = damped if gap < 0.0 else 0.0
-        work[STORED * SPAN + i] = 0.5 * stiffness * gap * gap if gap < 0.0 else 0.0
-        work[LOST * SPAN + i] = 0.0
+        pressure = pressure if touches else 0.0
+        force = scaled(pressure, normal)
+        stored = 0.5 * stiffness * gap * gap if touches else 0.0
+        if coefficient is not None:
+            stiffness = tangential * area
+            stick = vector_at(work, STICK, i)
+            before = 0.5 * stiffness * dot(stick, stick)
+            slip = scaled(dt_last, plus(-leaving, normal, velocity))
+            limit = coefficient * pressure
+            stick, drag, dissipated = friction(stick, slip, normal, stiffness, limit)
+            stick = vector_where(touches, stick)
+            put_vector(work, STICK, i, stick)
+            force = plus(1.0, vector_where(touches, drag), force)
+            after = 0.5 * stiffness * dot(stick, stick)
+            stored += after
+            lost = dissipated if touches else before
+            work[LOST * SPAN + i] = lost if i < count else 0.0
+        put_vector(work, FORCE, i, plus(1.0, others, force))
+        put_vector(work, ADDED, i, force)
+        work[NORMAL_FORCE * SPAN + i] += pressure
+        work[STORED * SPAN + i] = stored
+        work[DAMPED * SPAN + i] = damped if touches else 0.0
+        if coefficient is None:
+            work[LOST * SPAN + i] = 0.0
+
+
+@equation
+def vector_where(condition, a):
+    """Return a vector where the condition holds, else zero."""
+    x = a[0] if condition else 0.0
+    y = a[1] if condition else 0.0
+    z = a[2] if condition else 0.0
+    return x, y, z
 
 
 @span_part
-def friction_forces(stick, coefficient, environment, begin, end, dt_last, work):
-    """Add friction to the forces, and move the friction springs on.
-
-    The spring of a node that lifts off is lost, and its energy with it.
-    """
-    load_row(stick[0, begin:end], STICK_X, work)
-    load_row(stick[1, begin:end], STICK_Y, work)
-    load_row(stick[2, begin:end], STICK_Z, work)
-    tangential = environment.tangential_ratio * environment.penalty
-    for i in range(SPAN):
-        touches = work[GAP * SPAN + i] < 0.0
-        nx = work[NORMAL_X * SPAN + i]
-        ny = work[NORMAL_Y * SPAN + i]
-        nz = work[NORMAL_Z * SPAN + i]
-        stiffness = tangential * work[AREA * SPAN + i]
-        ux = work[VELOCITY_X * SPAN + i]
-        uy = work[VELOCITY_Y * SPAN + i]
-        uz = work[VELOCITY_Z * SPAN + i]
-        un = ux * nx + uy * ny + uz * nz
-        sx = work[STICK_X * SPAN + i]
-        sy = work[STICK_Y * SPAN + i]
-        sz = work[STICK_Z * SPAN + i]
-        before = 0.5 * stiffness * (sx * sx + sy * sy + sz * sz)
-        slip = (dt_last * (ux - un * nx), dt_last * (uy - un * ny), dt_last * (uz - un * nz))
-        limit = coefficient * work[PRESSURE * SPAN + i]
-        s, f, dissipated = friction((sx, sy, sz), slip, (nx, ny, nz), stiffness, limit)
-        after = 0.5 * stiffness * (s[0] * s[0] + s[1] * s[1] + s[2] * s[2])
-        work[STICK_X * SPAN + i] = s[0] if touches else 0.0
-        work[STICK_Y * SPAN + i] = s[1] if touches else 0.0
-        work[STICK_Z * SPAN + i] = s[2] if touches else 0.0
-        work[FORCE_X * SPAN + i] += f[0] if touches else 0.0
-        work[FORCE_Y * SPAN + i] += f[1] if touches else 0.0
-        work[FORCE_Z * SPAN + i] += f[2] if touches else 0.0
-        work[STORED * SPAN + i] += after if touches else 0.0
-        lost = dissipated if touches else before
-        work[LOST * SPAN + i] = lost if i < end - begin else 0.0
-    store_row(work, STICK_X, stick[0, begin:end])
-    store_row(work, STICK_Y, stick[1, begin:end])
-    store_row(work, STICK_Z, stick[2, begin:end])
-
-
-@span_part
-def store_row(work, row, values):
-    """Write a row back to the nodes of the span."""
-    if values.size == SPAN:
-        for i in range(SPAN):
-            values[i] = work[row * SPAN + i]
-    else:
-        for i in range(values.size):
-            values[i] = work[row * SPAN + i]
-
-
-@span_part
-def add_to_nodes(force, contact_force, tool, begin, end, work, sums):
-    """Add the forces of the span to those of its nodes, and sum them up for the tool."""
-    for i in range(SPAN):
-        work[OTHERS_X * SPAN + i] += work[FORCE_X * SPAN + i]
-        work[OTHERS_Y * SPAN + i] += work[FORCE_Y * SPAN + i]
-        work[OTHERS_Z * SPAN + i] += work[FORCE_Z * SPAN + i]
-    store_row(work, OTHERS_X, force[0, begin:end])
-    store_row(work, OTHERS_Y, force[1, begin:end])
-    store_row(work, OTHERS_Z, force[2, begin:end])
-    load_row(contact_force[begin:end], IMPEDANCE, work)
-    for i in range(SPAN):
-        work[IMPEDANCE * SPAN + i] += work[PRESSURE * SPAN + i]
-    store_row(work, IMPEDANCE, contact_force[begin:end])
+def add_sums(work, sums, column):
+    """Sum up the forces on the nodes for the tool, and the energies."""
     total_x, total_y, total_z, stored, damped, lost = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(SPAN):
-        total_x += work[FORCE_X * SPAN + i]
-        total_y += work[FORCE_Y * SPAN + i]
-        total_z += work[FORCE_Z * SPAN + i]
+        total_x += work[ADDED * SPAN + i]
+        total_y += work[(ADDED + 1) * SPAN + i]
+        total_z += work[(ADDED + 2) * SPAN + i]
         stored += work[STORED * SPAN + i]
         damped += work[DAMPED * SPAN + i]
         lost += work[LOST * SPAN + i]
-    column = WORK_COLUMNS + TOOL_COLUMNS * tool
     sums[column] -= total_x
     sums[column + 1] -= total_y
     sums[column + 2] -= total_z

@@ -7,7 +7,8 @@ from numba import prange
 
 from lcmchain.jit import kernel, routine, span_routine
 from lcmchain.model import NODE_CHUNK
-from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, SPAN, span_distances
+from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, span_distances
+from lcmchain.tools.span_rows import SPAN
 
 
 @kernel
@@ -29,15 +30,7 @@ def mark_near_nodes(arrays, tools, tool, reach, first, last, work):
     travel = arrays.tool_travel[tool]
     for begin in range(first, last, SPAN):
         end = min(begin + SPAN, last)
-        span_distances(
-            tools,
-            tool,
-            position[0, begin:end],
-            position[1, begin:end],
-            position[2, begin:end],
-            travel,
-            work,
-        )
+        span_distances(tools, tool, position, begin, end - begin, travel, work)
         for i in range(end - begin):
             near[begin + i] = 1 if work[GAP * SPAN + i] < reach else 0
 

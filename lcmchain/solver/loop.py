@@ -50,7 +50,7 @@ from lcmchain.state import (
     State,
 )
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
-from lcmchain.tools.span_distance import SPAN
+from lcmchain.tools.span_rows import SPAN
 
 #: What the loop reads and writes: constants of the nodes, state, and scratch arrays.
 Arrays: Any = NamedTuple(  # type: ignore[misc]

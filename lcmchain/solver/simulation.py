@@ -506,15 +506,12 @@ class Simulation:
         cause = model.body_of_element(element).cause(code)
         contact2 = rate = 0.0
         if len(model.tool_names) and state.near.any():
-            mass = model.nodes.mass
-            stiffness = model.environment.penalty * model.nodes.area
-            contact2 = float(np.max(state.near.sum(axis=0) * stiffness / mass))
-            damping = 2.0 * model.environment.contact_damping_ratio * np.sqrt(stiffness * mass)
+            contact2 = float(np.max(state.near.sum(axis=0) * model.contact_omega2))
             for tool, tool_mass in enumerate(model.tools.mass):
                 if tool_mass > 0.0:
                     near = state.near[tool] != 0
-                    contact2 += float(np.sum(stiffness[near])) / tool_mass
-                    rate = max(rate, float(np.sum(damping[near])) / tool_mass)
+                    contact2 += float(np.sum(model.contact_stiffness[near])) / tool_mass
+                    rate = max(rate, float(np.sum(model.contact_damping[near])) / tool_mass)
         rate += self._resistance_rate()
         pressure2 = self._pressure_frequency(omega2)
         if max(contact2, pressure2) > omega2:

@@ -14,9 +14,7 @@ from lcmchain.jit import span_part
 from lcmchain.tools.distance import FIELD, ON_AXIS, PLANE, REVOLVED, field_distance
 from lcmchain.tools.level_part import BEGIN, DEPTH, END, HEIGHT, NORMAL
 from lcmchain.tools.profiles import ARC
-
-#: Nodes of a span, neighbours in memory.
-SPAN = 16
+from lcmchain.tools.span_rows import SPAN, load_rows
 
 # Rows of ``work``, each of one value per point. What the caller gets:
 GAP = 0
@@ -35,19 +33,17 @@ DISTANCE_ROWS = 10
 
 
 @span_part
-def span_distances(table, tool, x, y, z, travel, work):
+def span_distances(table, tool, position, first, count, travel, work):
     """Write the gaps [m] and unit normals of points to the first rows of ``work``.
 
     Parameters
     ----------
     table, tool, travel : see :func:`lcmchain.tools.distance.signed_distance`.
-    x, y, z : coordinates [m] of the nodes, SPAN or, of the last span, fewer; what is written for
-        the missing ones means nothing.
+    position : (3, node_count) [m], of which the nodes from ``first`` on are taken: ``count`` of
+        them, SPAN or, of the last span, fewer. What is written for the missing ones means nothing.
     work : (DISTANCE_ROWS * SPAN,) or longer.
     """
-    load_row(x, LOCAL_X, work)
-    load_row(y, LOCAL_Y, work)
-    load_row(z, LOCAL_Z, work)
+    load_rows(position, first, count, LOCAL_X, work)
     to_tool_frame(table, tool, travel, work)
     kind = table.kind[tool]
     if kind == PLANE:
@@ -69,17 +65,6 @@ def span_distances(table, tool, x, y, z, travel, work):
         profile_distances(table, tool, kind == REVOLVED, work)
     if table.aligned[tool] == 0:
         normals_from_tool_frame(table.rotation[tool], work)
-
-
-@span_part
-def load_row(values, row, work):
-    """Write what the nodes of a span have into a row; the last one's for those that are missing."""
-    if values.size == SPAN:
-        for i in range(SPAN):
-            work[row * SPAN + i] = values[i]
-    else:
-        for i in range(SPAN):
-            work[row * SPAN + i] = values[min(i, values.size - 1)]
 
 
 @span_part

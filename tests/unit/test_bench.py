@@ -10,7 +10,12 @@ from lcmchain.bench import hemisphere, machine, operations, parts, sizes, tables
 from lcmchain.check.effect_cost import EffectCost
 from lcmchain.effects.switches import Switchable
 from lcmchain.scene import scene_from_text
+from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.solver.simulation import Simulation
+
+COUNTED = operations.Operations(
+    kernel=1000, bending=300, frame=1, profile=0, line=0, arc=0, corner=0, gap=0, force=0
+)
 
 
 @pytest.fixture
@@ -22,7 +27,7 @@ def small(monkeypatch):
     monkeypatch.setattr(sizes, "REPETITIONS", 2)
     plates = sizes.measure_plates
     monkeypatch.setattr(sizes, "measure_plates", lambda: plates((100, 225), threads=(1,)))
-    monkeypatch.setattr(tables, "kernel_operations", lambda: 1000)
+    monkeypatch.setattr(tables, "count_operations", lambda: COUNTED)
 
 
 def test_plates_in_the_table_and_as_json(small, tmp_path):
@@ -51,9 +56,37 @@ def test_operations_are_those_of_single_numbers():
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="counts code of x86")
-def test_the_kernel_makes_about_a_thousand_operations():
-    # once per element, not once per lane of a block
-    assert 800 < operations.kernel_operations() < 2000
+def test_operations_of_a_step_are_counted_once_per_element_or_node():
+    counted = operations.count_operations()
+    assert 800 < counted.kernel < 2000
+    # two differences, two scalar products in the plane
+    assert counted.line == 8
+    # the same, with root, radius, side, normal, and the bound of the cosine
+    assert counted.arc == 8 + 6
+    assert counted.gap == 2
+    assert 200 < counted.bending < 400 and 100 < counted.force < 200
+
+
+def test_operations_of_contact_are_those_of_the_spans_near_a_tool():
+    simulation = cup()
+    simulation.prepare_steps()
+    find_near_spans(simulation.arrays.near, simulation.arrays.near_span)
+    near = int(simulation.arrays.near_span.sum())
+    assert 0 < near < simulation.arrays.near_span.size
+
+    def made(**counts):
+        none = dict.fromkeys(operations.Operations._fields, 0)
+        return operations.contact_operations(simulation, operations.Operations(**(none | counts)))
+
+    assert made(frame=2) == 2 * 16 * near
+    assert made(frame=2, gap=3) == 5 * 16 * near
+    # the sheet lies on the die and under the holder, beside their hole and away from it
+    assert 0 < made(profile=1) < made(frame=1)
+    simulation.arrays.near_span[:] = 1
+    assert made(frame=1) == 16 * simulation.arrays.near_span.size
+    assert 0 < made(force=1) < made(frame=1)
+    # punch, die and holder are of a line and an arc, or of two lines and an arc
+    assert made(arc=1) == made(profile=1) <= made(line=1) < 2 * made(profile=1)
 
 
 def test_the_least_traffic_of_a_plate_is_that_of_its_arrays():
@@ -65,14 +98,16 @@ def test_the_least_traffic_of_a_plate_is_that_of_its_arrays():
     assert nodes < per_element < 1.5 * nodes  # and where neighbours lie
 
 
-def test_parts_of_a_step_in_the_table_and_as_json(monkeypatch, tmp_path):
-    def cup():
-        coarse = scene_from_text(hemisphere.SCENE, overrides=("blank.edge_length=30 mm",))
-        simulation = Simulation.from_scene(coarse)
-        simulation.advance_to(2e-3)
-        return simulation
+def cup():
+    coarse = scene_from_text(hemisphere.SCENE, overrides=("blank.edge_length=30 mm",))
+    simulation = Simulation.from_scene(coarse)
+    simulation.advance_to(2e-3)
+    return simulation
 
+
+def test_parts_of_a_step_in_the_table_and_as_json(small, monkeypatch, tmp_path):
     monkeypatch.setattr(parts, "at_mid_stroke", cup)
+    monkeypatch.setattr(parts, "count_operations", lambda: COUNTED)
     table = tables.run_part_bench(tmp_path / "parts.json")
     figures = json.loads((tmp_path / "parts.json").read_text(encoding="utf-8"))
     *alone, whole = figures["parts"]
@@ -80,6 +115,10 @@ def test_parts_of_a_step_in_the_table_and_as_json(monkeypatch, tmp_path):
     assert all(part["median"] > 0.0 and part["threads"] == 1 for part in alone)
     assert figures["between"] == pytest.approx(whole["median"] - sum(p["median"] for p in alone))
     assert list(table.columns[2].cells)[0] == "1.00"
+    kernel, peak = figures["parts"][0]["median"], figures["machine"]["arithmetic"]
+    assert figures["operations"]["element kernel"] == 1000
+    assert list(table.columns[4].cells)[0] == f"{1.0 / kernel:.1f}"
+    assert list(table.columns[5].cells)[0] == f"{1.0 / kernel / peak:.0%}"
 
 
 def test_costs_of_effects_in_the_table_and_as_json(monkeypatch, tmp_path):

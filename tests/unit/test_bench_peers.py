@@ -55,7 +55,7 @@ class Twin:
 
 def test_what_a_run_takes_before_and_after_its_steps_drops_out(plate):
     own = np.full_like(plate[0].nodes, 1.25)
-    speed = measure_peer(Twin(), "1", plate[0], own, repetitions=1)
+    speed = measure_peer(Twin(), "1", plate[0], own)
     assert speed.processor == pytest.approx(3.0) and speed.wall == pytest.approx(6.0)
     assert speed.difference == pytest.approx(0.2)
 

@@ -29,7 +29,8 @@ from lcmchain.tools import (
 from lcmchain.tools.level_part import NONE
 from lcmchain.tools.motion import Motion
 from lcmchain.tools.shapes import Shape
-from lcmchain.tools.span_distance import DISTANCE_ROWS, SPAN, span_distances
+from lcmchain.tools.span_distance import DISTANCE_ROWS, span_distances
+from lcmchain.tools.span_rows import SPAN
 from lcmchain.tools.surfaces.distance_field import BAND, build_distance_field
 from lcmchain.tools.surfaces.reading import read_surface
 
@@ -366,12 +367,12 @@ def test_distance_moves_and_turns_with_the_tool(name, axis, position, travel):
 
 def distances_of_spans(table, points):
     """As distances_and_normals, from the loops over nodes that the solver runs."""
-    rows = []
+    rows, position = [], np.ascontiguousarray(points.T)
     for start in range(0, len(points), SPAN):
-        x, y, z = np.ascontiguousarray(points[start : start + SPAN].T)
+        count = min(SPAN, len(points) - start)
         work = np.full(DISTANCE_ROWS * SPAN, np.nan)
-        span_distances(table, 0, x, y, z, 0.0, work)
-        rows.append(work.reshape(DISTANCE_ROWS, SPAN)[:4, : len(x)])
+        span_distances(table, 0, position, start, count, 0.0, work)
+        rows.append(work.reshape(DISTANCE_ROWS, SPAN)[:4, :count])
     gap, *normal = np.concatenate(rows, axis=1)
     return gap, np.transpose(normal)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import platform
+import statistics
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,6 +13,7 @@ from rich.table import Table
 
 from lcmchain import __version__
 from lcmchain.bench import sizes
+from lcmchain.bench.measure import median_of
 from lcmchain.bench.peers.calculix import CalculiX
 from lcmchain.bench.peers.kratos import PRISM, Kratos
 from lcmchain.bench.peers.peer import REPETITIONS, Peer, PeerSpeed, measure_peer
@@ -35,25 +39,43 @@ class Comparison(NamedTuple):
 
 
 def compare(edge_elements: int = EDGE_ELEMENTS, repetitions: int = REPETITIONS) -> Comparison:
-    """Measure all programs that are installed."""
+    """Measure all programs that are installed, in turn: all find the machine as fast or slow."""
     use_threads(1)
     plate, simulation = elastic_plate(edge_elements)
     own = own_displacement(plate, simulation)
-    elastic = _measured(simulation)
-    fabric = _measured(sizes.free_plate(len(plate.elements)))
-    found, missing = [], []
-    for peer in PEERS:
-        version = peer.version()
-        if version is None:
-            missing.append((peer.name, peer.install))
-        else:
-            found.append(measure_peer(peer, version, plate, own, repetitions))
-    return Comparison(elastic, fabric, found, missing)
+    fabric = sizes.free_plate(len(plate.elements))
+    versions = {peer: peer.version() for peer in PEERS}
+    installed = [(peer, version) for peer, version in versions.items() if version is not None]
+    turns: list[tuple[sizes.Plate, sizes.Plate, list[PeerSpeed]]] = []
+    for _ in range(repetitions):
+        speeds = [measure_peer(peer, version, plate, own) for peer, version in installed]
+        turns.append((_measured(simulation), _measured(fabric), speeds))
+    elastics, fabrics, peers = zip(*turns, strict=True)
+    return Comparison(
+        _median_plate(elastics),
+        _median_plate(fabrics),
+        [_median_speed(speeds) for speeds in zip(*peers, strict=True)],
+        [(peer.name, peer.install) for peer, version in versions.items() if version is None],
+    )
 
 
 def _measured(simulation: Simulation) -> sizes.Plate:
     chunks = round(sizes.ELEMENT_STEPS / simulation.model.element_count / STEPS_PER_CHUNK)
     return measured_plate(simulation, max(1, chunks), 1)
+
+
+def _median_plate(turns: Sequence[sizes.Plate]) -> sizes.Plate:
+    kernel, step = (
+        median_of([getattr(turn, what) for turn in turns]) for what in ("kernel", "step")
+    )
+    return dataclasses.replace(turns[0], kernel=kernel, step=step)
+
+
+def _median_speed(turns: Sequence[PeerSpeed]) -> PeerSpeed:
+    return turns[0]._replace(
+        processor=statistics.median(turn.processor for turn in turns),
+        wall=statistics.median(turn.wall for turn in turns),
+    )
 
 
 def run_peer_bench(json_file: Path | None = None) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -48,8 +47,8 @@ class Peer(Protocol):
 class PeerSpeed(NamedTuple):
     """What a peer takes [µs per element and step], and how far it agrees.
 
-    processor, wall : medians. difference : to this program's displacement after a quarter of a
-    period, L2 over the nodes, in parts of it.
+    difference : to this program's displacement after a quarter of a period, L2 over the nodes, in
+        parts of it.
     """
 
     name: str
@@ -59,23 +58,20 @@ class PeerSpeed(NamedTuple):
     difference: float
 
 
-def measure_peer(
-    peer: Peer, version: str, plate: Plate, own: np.ndarray, repetitions: int = REPETITIONS
-) -> PeerSpeed:
-    """Measure a peer: differences of a long and a short run, so that reading and output drop out.
+def measure_peer(peer: Peer, version: str, plate: Plate, own: np.ndarray) -> PeerSpeed:
+    """Measure a peer: difference of a long and a short run, so that reading and output drop out.
 
     Parameters
     ----------
     own : displacement of this program after a quarter of a period (node_count, 3) [m].
     """
-    processor, wall = [], []
-    for _ in range(repetitions):
-        short = peer.run(plate, SHORT * plate.quarter_period)
-        long = peer.run(plate, plate.quarter_period)
-        microseconds = 1e6 / (len(plate.elements) * (long.steps - short.steps))
-        processor.append(microseconds * (long.processor - short.processor))
-        wall.append(microseconds * (long.wall - short.wall))
-    difference = float(np.linalg.norm(long.displacement - own) / np.linalg.norm(own))
+    short = peer.run(plate, SHORT * plate.quarter_period)
+    long = peer.run(plate, plate.quarter_period)
+    microseconds = 1e6 / (len(plate.elements) * (long.steps - short.steps))
     return PeerSpeed(
-        peer.name, version, statistics.median(processor), statistics.median(wall), difference
+        peer.name,
+        version,
+        processor=microseconds * (long.processor - short.processor),
+        wall=microseconds * (long.wall - short.wall),
+        difference=float(np.linalg.norm(long.displacement - own) / np.linalg.norm(own)),
     )

@@ -343,8 +343,13 @@ class SolidShellBody:
 
     def _as_stiff_as_at_rest(self, tangent: float, stretch: np.ndarray) -> bool:
         """Whether the thickness wave is still that of the reference, which was looked at first."""
-        at_rest = self.material.stress_and_tangent(np.zeros(6))[1][2, 2]
-        return tangent <= at_rest and bool(np.abs(stretch - 1.0).max() < UNCHANGED_STRETCH)
+        unchanged = bool(np.abs(stretch - 1.0).max() < UNCHANGED_STRETCH)
+        return tangent <= self._tangent_at_rest and unchanged
+
+    @cached_property
+    def _tangent_at_rest(self) -> float:
+        """Stiffness against compaction of the reference [Pa]."""
+        return float(self.material.stress_and_tangent(np.zeros(6))[1][2, 2])
 
     def unsound(
         self,

@@ -48,6 +48,17 @@ from lcmchain.materials.stiffness import by_structure
 from lcmchain.mesh.hexahedron import MODES
 
 
+class Parts(NamedTuple):
+    """Scratch for the parts of a row that belong to the modes, of two rows.
+
+    length : (2, 7) of the parts. mode : (2, 7) int64, the modes that the row has a part of; most
+    rows have one of few.
+    """
+
+    length: np.ndarray
+    mode: np.ndarray
+
+
 class NodalShares(NamedTuple):
     """Bounds of the stiffness of elements of a diagonal law by 3x3 matrices of their corners.
 
@@ -137,16 +148,24 @@ def scale_in_plane_shear(T, read, factor, rows):
 
 
 @routine
-def mode_lengths(row, lengths):
-    """Fill ``lengths`` (7,) with the lengths of the parts of a row that belong to the modes."""
+def find_parts(row, length, mode):
+    """Fill a row of each of ``Parts``; return how many modes the row (21,) has a part of."""
+    count = 0
     for k in range(7):
         x, y, z = row[3 * k], row[3 * k + 1], row[3 * k + 2]
         squared = x * x + y * y + z * z
-        lengths[k] = math.sqrt(squared) if squared > 0.0 else 0.0
+        length[k] = 0.0
+        if squared > 0.0:
+            length[k] = math.sqrt(squared)
+            mode[count] = k
+            count += 1
+    return count
 
 
 @routine
-def add_diagonal_stiffness(C_M, C_B, rows, law, history, options, conservative, enhanced, E, norms):
+def add_diagonal_stiffness(
+    C_M, C_B, rows, law, history, options, conservative, enhanced, E, norms, parts
+):
     """Add bounds of the blocks of Σ d b bᵀ, for diagonal stiffnesses, to ``norms``.
 
     The derivatives of the tangent C^M in the conservative hourglass energy (1/6) E^ξ:C(E⁰):E^ξ
@@ -160,28 +179,27 @@ def add_diagonal_stiffness(C_M, C_B, rows, law, history, options, conservative, 
         curvature = with_fibre_share(options.fibre_share, curvature)
     C_hg = stabilising_tangent(conservative, law, E.centre, C_M, history)
     C_hg = hourglass_stiffness(C_hg, options.fibre_share)
-    lengths, other = np.empty(7), np.empty(7)
     for i in range(6):
         xi, eta = abs(E.xi[i]), abs(E.eta[i])
         centre = C_M[i] + abs(curvature[i]) * (xi * xi + eta * eta) / 6.0
-        add_row(rows[0, i], centre, norms, lengths)
-        add_row(rows[1, i], options.zeta2 * C_B[i], norms, lengths)
-        add_row(rows[2, i], options.zeta4 * C_B[i], norms, lengths)
-        add_row(rows[3, i], C_hg[i] / 3.0, norms, lengths)
-        add_row(rows[4, i], C_hg[i] / 3.0, norms, lengths)
-        add_row(rows[5, i], C_B[i] / 9.0, norms, lengths)
-        add_row(rows[6, i], C_B[i] / 9.0, norms, lengths)
+        add_row(rows[0, i], centre, norms, parts)
+        add_row(rows[1, i], options.zeta2 * C_B[i], norms, parts)
+        add_row(rows[2, i], options.zeta4 * C_B[i], norms, parts)
+        add_row(rows[3, i], C_hg[i] / 3.0, norms, parts)
+        add_row(rows[4, i], C_hg[i] / 3.0, norms, parts)
+        add_row(rows[5, i], C_B[i] / 9.0, norms, parts)
+        add_row(rows[6, i], C_B[i] / 9.0, norms, parts)
         # cross terms of B^0 and B^ζζ: not symmetric, their symmetric part counts
         cross = 0.5 * options.cross * (C_M[i] + C_B[i])
-        add_pair(rows[0, i], rows[2, i], cross, norms, lengths, other)
+        add_pair(rows[0, i], rows[2, i], cross, norms, parts)
         if slope[i] != 0.0:
-            add_pair(rows[0, i], rows[3, i], abs(slope[i]) * xi / 3.0, norms, lengths, other)
-            add_pair(rows[0, i], rows[4, i], abs(slope[i]) * eta / 3.0, norms, lengths, other)
+            add_pair(rows[0, i], rows[3, i], abs(slope[i]) * xi / 3.0, norms, parts)
+            add_pair(rows[0, i], rows[4, i], abs(slope[i]) * eta / 3.0, norms, parts)
 
 
 @routine
 def add_nodal_stiffness(
-    C_M, C_B, rows, law, history, options, conservative, E, norms, weight, is_triangle, nodal
+    C_M, C_B, rows, law, history, options, conservative, E, norms, parts, weight, is_triangle, nodal
 ):
     """Share out :func:`add_diagonal_stiffness` to the corners; couplings of two rows stay norms."""
     slope, curvature = ZERO, ZERO
@@ -192,7 +210,6 @@ def add_nodal_stiffness(
         curvature = with_fibre_share(options.fibre_share, curvature)
     C_hg = stabilising_tangent(conservative, law, E.centre, C_M, history)
     C_hg = hourglass_stiffness(C_hg, options.fibre_share)
-    lengths, other = np.empty(7), np.empty(7)
     corner = np.empty((8, 3))
     nodal[:] = 0.0
     for i in range(6):
@@ -206,10 +223,10 @@ def add_nodal_stiffness(
         share_out(rows[5, i], C_B[i] / 9.0, weight, is_triangle, corner, nodal)
         share_out(rows[6, i], C_B[i] / 9.0, weight, is_triangle, corner, nodal)
         cross = 0.5 * options.cross * (C_M[i] + C_B[i])
-        add_pair(rows[0, i], rows[2, i], cross, norms, lengths, other)
+        add_pair(rows[0, i], rows[2, i], cross, norms, parts)
         if slope[i] != 0.0:
-            add_pair(rows[0, i], rows[3, i], abs(slope[i]) * xi / 3.0, norms, lengths, other)
-            add_pair(rows[0, i], rows[4, i], abs(slope[i]) * eta / 3.0, norms, lengths, other)
+            add_pair(rows[0, i], rows[3, i], abs(slope[i]) * xi / 3.0, norms, parts)
+            add_pair(rows[0, i], rows[4, i], abs(slope[i]) * eta / 3.0, norms, parts)
 
 
 @routine
@@ -245,24 +262,31 @@ def share_out(row, d, weight, is_triangle, corner, nodal):
 
 
 @routine
-def add_row(row, d, norms, lengths):
+def add_row(row, d, norms, parts):
     """Add the norms of the blocks of d b bᵀ."""
-    mode_lengths(row, lengths)
-    for k in range(7):
-        for m in range(7):
-            norms[k, m] += d * lengths[k] * lengths[m]
+    length, mode = parts.length[0], parts.mode[0]
+    count = find_parts(row, length, mode)
+    for i in range(count):
+        k = mode[i]
+        for j in range(count):
+            norms[k, mode[j]] += d * length[k] * length[mode[j]]
 
 
 @routine
-def add_pair(row, other_row, d, norms, lengths, other):
+def add_pair(row, other_row, d, norms, parts):
     """Add the norms of the blocks of d (b cᵀ + c bᵀ)."""
     if d == 0.0:
         return
-    mode_lengths(row, lengths)
-    mode_lengths(other_row, other)
-    for k in range(7):
-        for m in range(7):
-            norms[k, m] += d * (lengths[k] * other[m] + other[k] * lengths[m])
+    length, other = parts.length[0], parts.length[1]
+    count = find_parts(row, length, parts.mode[0])
+    other_count = find_parts(other_row, other, parts.mode[1])
+    for i in range(count):
+        k = parts.mode[0, i]
+        for j in range(other_count):
+            m = parts.mode[1, j]
+            product = d * length[k] * other[m]
+            norms[k, m] += product
+            norms[m, k] += product
 
 
 @routine
@@ -275,7 +299,7 @@ def matrix6(rows, C):
 
 @routine
 def add_full_stiffness(
-    M_rows, B_rows, rows, law, history, options, conservative, enhanced, E, norms
+    M_rows, B_rows, rows, law, history, options, conservative, enhanced, E, norms, parts
 ):
     """Add the norms of the blocks of Σ Bᵀ C B for full 6x6 stiffnesses to ``norms``.
 
@@ -360,7 +384,7 @@ def add_stress_stiffness(sigma, norms):
 
 
 @routine
-def add_normal_compaction(a1, a2, a3, gradients, S33, inverse_height, row, norms):
+def add_normal_compaction(a1, a2, a3, gradients, S33, inverse_height, row, norms, parts):
     """Set the row of E33 by the normal thickness t = a3·n, and add its geometric stiffness.
 
     The second variation of ½t² is (δt)² + t δ²t with δ²t = -2 (n·δa_α)(a^α·δa3) + 2 (n·δa_α)
@@ -383,7 +407,7 @@ def add_normal_compaction(a1, a2, a3, gradients, S33, inverse_height, row, norms
         for m in range(2):
             norms[k, m] += w * dual[k] * dual[m] * (t + 2.0 * tilt)
     if S33 > 0.0:
-        add_row(row, S33 / (t * inverse_height) ** 2, norms, np.empty(7))
+        add_row(row, S33 / (t * inverse_height) ** 2, norms, parts)
 
 
 @routine
@@ -396,7 +420,7 @@ def add_curvature(curvature, zeta_rows, row):
 
 
 @routine
-def add_change_of_bending(S, E, options, rows, norms):
+def add_change_of_bending(S, E, options, rows, norms, parts):
     """Turn the rows of the bending strains into those at the reference thickness.
 
     With Ê = E/λ^n, n = 1 or 2 and r = 1/λ², the rows are b/λ^n - n r Ê b33, and the second
@@ -416,8 +440,8 @@ def add_change_of_bending(S, E, options, rows, norms):
     itself += add_change_of_term(
         S.xi_zeta, E.xi_zeta, 1.0 / 9.0, 1.0, s, r, rows[6], row33, coupling
     )
-    add_pair(coupling, row33, 1.0, norms, np.empty(7), np.empty(7))
-    add_row(row33, itself, norms, np.empty(7))
+    add_pair(coupling, row33, 1.0, norms, parts)
+    add_row(row33, itself, norms, parts)
 
 
 @routine
@@ -520,6 +544,7 @@ def element_frequency_bounds(
         material = np.empty((7, 6, 21))
         norms = np.empty((7, 7))
         weight, image = np.empty(7), np.empty(7)
+        parts = Parts(np.empty((2, 7)), np.empty((2, 7), dtype=np.int64))
         for c in range(8):
             for lane in range(LANES):
                 for d in range(3):
@@ -564,13 +589,13 @@ def element_frequency_bounds(
             add_stress_stiffness(stress_matrix(Sbar, Sbar.centre[2], 1.0, 1.0), norms)
             if options.director is None:
                 add_normal_compaction(
-                    a[0], a[1], a[2], normal[1:], S33, inverse_height, material[0, 2], norms
+                    a[0], a[1], a[2], normal[1:], S33, inverse_height, material[0, 2], norms, parts
                 )
                 add_curvature(shared_curvature, covariant[1], material[0, 2])
             C_M = membrane_response(law, E.centre, lane_history)[1]
             if options.reference_bending is not None:
                 S = stresses(law, lane_history, options, options.enhanced, E)
-                add_change_of_bending(S, E, options, material, norms)
+                add_change_of_bending(S, E, options, material, norms, parts)
             if nodal is None:
                 add_stiffness(
                     C_M,
@@ -583,6 +608,7 @@ def element_frequency_bounds(
                     options.enhanced,
                     E,
                     norms,
+                    parts,
                 )
             else:
                 add_nodal_stiffness(
@@ -595,6 +621,7 @@ def element_frequency_bounds(
                     options.conservative,
                     E,
                     norms,
+                    parts,
                     nodal.weight[element],
                     nodal.is_triangle[element],
                     nodal.stiffness[element],
