@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lcmchain.elements.solid_shell.frequency import Parts, add_pair, add_row
 from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, orthotropic_stiffness
 from lcmchain.verification.random_elements import bounds_and_frequencies
@@ -135,3 +136,17 @@ def test_compaction_comes_to_govern(make):
         (bound,), (true,) = bounds_and_frequencies([(X, [1.0, 0.0, 0.0])], [x], fabric)
         np.testing.assert_allclose(2.0 / true, critical, rtol=0.02)
         np.testing.assert_allclose(bound, true, rtol=0.1)
+
+
+def test_rows_that_few_modes_have_a_part_of():
+    """Norms of the blocks of d b bᵀ and of d (b cᵀ + c bᵀ), where b and c share some modes."""
+    random = np.random.default_rng(4)
+    rows = random.normal(size=(2, 7, 3)) * [[[1], [0], [1], [0], [0], [1], [0]]]
+    rows[1, 3], rows[1, 0] = random.normal(size=3), 0.0
+    parts = Parts(np.empty((2, 7)), np.empty((2, 7), dtype=np.int64))
+    (b, c), norms = np.linalg.norm(rows, axis=2), np.full((7, 7), 0.5)
+    add_row(rows[0].ravel(), 3.0, norms, parts)
+    np.testing.assert_allclose(norms, 0.5 + 3.0 * np.outer(b, b), rtol=1e-14)
+    norms[:] = 0.5
+    add_pair(rows[0].ravel(), rows[1].ravel(), 2.0, norms, parts)
+    np.testing.assert_allclose(norms, 0.5 + 2.0 * (np.outer(b, c) + np.outer(c, b)), rtol=1e-14)
