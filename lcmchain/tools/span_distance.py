@@ -1,9 +1,8 @@
 """Signed distances from a span of nodes to a rigid tool, in loops that compile to vectors.
 
 The same distances as :func:`lcmchain.tools.distance.signed_distance`, which says what they mean.
-Here the loop over the nodes is the innermost one, inside that over the pieces of the profile. A
-span is a run of 16 neighbouring nodes: loops of this one length, over rows of one array, are what
-the compiler turns into packed instructions without asking which arrays may overlap.
+Here the loop over the nodes of a span (``span_rows.py``) is the innermost one, inside that over the
+pieces of the profile.
 """
 
 from __future__ import annotations

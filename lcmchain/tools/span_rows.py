@@ -22,10 +22,11 @@ def load_row(values, first, count, row, work):
     values : C-contiguous, read in the order of memory from ``first`` on.
     """
     if count == SPAN:
-        copy_lanes(values, first, first, SPAN, work, row * SPAN)
+        copy_lanes(values, first, first, SPAN, work, row * SPAN)  # type: ignore[call-arg]
     else:
         for i in range(SPAN):
-            work[row * SPAN + i] = number_at(values, first + min(i, count - 1))
+            place = first + min(i, count - 1)
+            work[row * SPAN + i] = number_at(values, place)  # type: ignore[call-arg]
 
 
 @span_part
@@ -40,10 +41,12 @@ def load_rows(values, first, count, row, work):
 def store_row(work, row, values, first, count):
     """Write a row back to the nodes of the span."""
     if count == SPAN:
-        copy_lanes(work, row * SPAN, row * SPAN, SPAN, values, first)
+        begin = row * SPAN
+        copy_lanes(work, begin, begin, SPAN, values, first)  # type: ignore[call-arg]
     else:
         for i in range(count):
-            put_number_at(values, first + i, work[row * SPAN + i])
+            number = work[row * SPAN + i]
+            put_number_at(values, first + i, number)  # type: ignore[call-arg]
 
 
 @span_part
