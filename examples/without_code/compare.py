@@ -29,7 +29,7 @@ from pathlib import Path
 # Arguments that are None in the plate's scene.
 ABSENT = {
     "fibre_bending", "pore", "face_pressure", "supports", "pressed", "free", "averaging", "tools",
-    "director", "curved", "flat", "general", "enhanced", "reference_bending",
+    "director", "curved", "general", "enhanced", "reference_bending",
 }  # fmt: skip
 SOURCES = (
     "solver/loop.py", "solver/contact_forces.py", "elements/solid_shell/kernel.py",
