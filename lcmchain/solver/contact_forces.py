@@ -186,13 +186,13 @@ def make_forces(environment, free, tool_velocity, coefficient, count, dt_last, d
             stored += after
             lost = dissipated if touches else before
             work[LOST * SPAN + i] = lost if i < count else 0.0
+        else:
+            work[LOST * SPAN + i] = 0.0
         put_vector(work, FORCE, i, plus(1.0, others, force))
         put_vector(work, ADDED, i, force)
         work[NORMAL_FORCE * SPAN + i] += pressure
         work[STORED * SPAN + i] = stored
         work[DAMPED * SPAN + i] = damped if touches else 0.0
-        if coefficient is None:
-            work[LOST * SPAN + i] = 0.0
 
 
 @equation

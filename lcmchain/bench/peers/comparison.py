@@ -65,10 +65,11 @@ def _measured(simulation: Simulation) -> sizes.Plate:
 
 
 def _median_plate(turns: Sequence[sizes.Plate]) -> sizes.Plate:
-    kernel, step = (
-        median_of([getattr(turn, what) for turn in turns]) for what in ("kernel", "step")
+    return dataclasses.replace(
+        turns[0],
+        kernel=median_of([turn.kernel for turn in turns]),
+        step=median_of([turn.step for turn in turns]),
     )
-    return dataclasses.replace(turns[0], kernel=kernel, step=step)
 
 
 def _median_speed(turns: Sequence[PeerSpeed]) -> PeerSpeed:
