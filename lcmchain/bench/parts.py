@@ -17,11 +17,10 @@ from lcmchain.bench.operations import contact_operations, count_operations
 from lcmchain.effects.fibre_bending import fibre_bending_forces
 from lcmchain.jit import routine
 from lcmchain.model import NODE_CHUNK
-from lcmchain.solver.contact_forces import ROWS, add_contact_forces
+from lcmchain.solver.contact_forces import add_contact_forces, scratch_size
 from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.solver.loop import gather_internal_forces, integrate
 from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
-from lcmchain.tools.span_rows import SPAN
 
 #: As many as go by while the frequency is looked at once.
 CHUNKS = CALM_CHUNKS_PER_FREQUENCY
@@ -75,7 +74,7 @@ def repeated_gather(arrays, calls):
 def repeated_contact(arrays, tools, environment, dt, calls):
     """Evaluate the contact of all nodes so often."""
     node_count = arrays.mass.size
-    work, sums = np.empty(ROWS * SPAN), np.zeros(SUMS)
+    work, sums = np.empty(scratch_size(tools)), np.zeros(SUMS)
     for _ in range(calls):
         for first in range(0, node_count, NODE_CHUNK):
             last = min(first + NODE_CHUNK, node_count)

@@ -36,7 +36,7 @@ SHORTEST_WAY = 1e-100
 
 @equation
 def normal_force(stiffness, damping, gap, velocity, mobility, acceleration, dt_last, dt):
-    """Return the contact pressure force [N] and the energy that its damping takes [J].
+    """Return the pressure force [N], what damping takes off the spring's [N], and its energy [J].
 
     The spring counts only for the parts of the two neighbouring steps that the node spends inside.
     To the order of the step this closes the energy balance of the steps that cross the surface;
@@ -50,7 +50,7 @@ def normal_force(stiffness, damping, gap, velocity, mobility, acceleration, dt_l
     stiffness, damping : of the contact [N/m, N s/m]; gap : negative [m].
     velocity : normal velocity relative to the tool before the step [m/s].
     mobility : inverse mass along the normal, of the components that are free [1/kg].
-    acceleration : along the normal by all other forces [m/s²].
+    acceleration : along the normal by all other forces, of other tools as well [m/s²].
     dt_last, dt : the steps before and after [s].
     """
     interval = 0.5 * (dt_last + dt)
@@ -69,7 +69,8 @@ def normal_force(stiffness, damping, gap, velocity, mobility, acceleration, dt_l
     mean *= ways * inverse
     force = max(elastic - damping * mean, 0.0)
     mean = velocity + 0.5 * interval * (acceleration + mobility * force)
-    return force, (elastic - force) * mean * interval
+    taken = elastic - force
+    return force, taken, taken * mean * interval
 
 
 class Contact(SceneModel):

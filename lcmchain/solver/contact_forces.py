@@ -2,8 +2,8 @@
 
 Nodes are taken in spans of 16 neighbours (``tools/span_rows.py``), those of which one is near a
 tool. Where one of a span touches, what all of them have is copied into rows of one scratch array;
-one loop over the nodes, which compiles to vectors, makes all forces. Nodes of the span that do not
-touch the tool get a force of zero.
+one loop over the nodes for each tool, which compiles to vectors, makes its forces. Nodes of the
+span that do not touch the tool get a force of zero.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import math
 from lcmchain.effects.contact import normal_force
 from lcmchain.effects.friction import friction
 from lcmchain.effects.gravity import weight_at
+from lcmchain.elements.lane_runs import copy_lanes
 from lcmchain.elements.vectors import dot, plus, products, scaled
 from lcmchain.jit import equation, span_part, span_routine
 from lcmchain.state import CONTACT, CONTACT_DAMPING, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
@@ -44,7 +45,26 @@ ADDED = DISTANCE_ROWS + 18  # [N]
 STORED = DISTANCE_ROWS + 21  # energy of the springs [J]
 DAMPED = DISTANCE_ROWS + 22  # energy that contact damping takes [J]
 LOST = DISTANCE_ROWS + 23  # energy that sliding takes [J]
-ROWS = DISTANCE_ROWS + 24
+# Springs of the tools that are still to come, where a span touches several [N].
+PENDING = DISTANCE_ROWS + 24
+# Force that damping takes off the spring, along the normal; of all tools together [N].
+TAKEN = DISTANCE_ROWS + 27
+ALL_TAKEN = DISTANCE_ROWS + 28
+ROWS = DISTANCE_ROWS + 31
+# Behind them, what is kept for every tool: gap and normal, and a row that begins with 1 where the
+# span touches the tool, else with 0.
+TOUCHED = 4
+KEPT_ROWS = 5
+#: No tool.
+NONE = -1
+
+
+@equation
+def scratch_size(tools):
+    """Return how many numbers the scratch array of a span has."""
+    if tools is None:
+        return 0
+    return (ROWS + KEPT_ROWS * tools.kind.size) * SPAN
 
 
 @span_routine
@@ -52,51 +72,168 @@ def add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, wor
     """Add the contact forces of all tools to the nodes ``first`` to ``last`` of a chunk.
 
     Energies, the forces on the tools and the deepest penetrations go to ``sums``; ``work`` has
-    ROWS * SPAN numbers.
+    :func:`scratch_size` numbers.
     """
-    near = arrays.near_span
     contact_force = arrays.contact_force[first:last]
     for i in range(last - first):
         contact_force[i] = 0.0
-    for tool in range(tools.kind.size):
-        for span in range(first // SPAN, -(-last // SPAN)):
-            if near[tool, span] != 0:
-                begin = span * SPAN
-                count = min(SPAN, last - begin)
-                add_span_forces(
-                    arrays, tools, environment, tool, begin, count, dt_last, dt, work, sums
-                )
+    clear(PENDING, work)
+    for span in range(first // SPAN, -(-last // SPAN)):
+        begin = span * SPAN
+        count = min(SPAN, last - begin)
+        touching, present = find_contacts(arrays, tools, span, begin, count, work, sums)
+        if touching > 0:
+            load_span(arrays, arrays.free, environment.gravity, begin, count, work)
+            if touching > 1:
+                keep_distances(present, work)
+                present = NONE
+                add_springs(tools, environment.penalty, work)
+            add_span_forces(
+                arrays, tools, environment, touching, present, begin, count, dt_last, dt, work, sums
+            )
 
 
 @span_part
-def add_span_forces(arrays, tools, environment, tool, begin, count, dt_last, dt, work, sums):
-    """Add the contact forces of one tool to the nodes of a span, ``count`` from ``begin`` on."""
-    span_distances(tools, tool, arrays.position, begin, count, arrays.tool_travel[tool], work)
-    column = WORK_COLUMNS + TOOL_COLUMNS * tool
-    deepest = -arrays.penetration_max[tool]
-    touching, deeper = find_gaps(
-        arrays.offset, begin, count, tools.initial_overlap[tool], deepest, work
-    )
-    coefficient = tools.friction[tool]
-    sticks = coefficient > 0.0
-    if touching == 0 and not (sticks and is_displaced(arrays.stick[tool], begin, count)):
-        return
-    if deeper > 0:
-        for i in range(SPAN):
-            sums[column + 3] = min(sums[column + 3], work[GAP * SPAN + i])
-    load_span(arrays, arrays.free, environment.gravity, begin, count, work)
-    direction, speed = tools.direction, arrays.tool_velocity[tool]
-    velocity = speed * direction[tool, 0], speed * direction[tool, 1], speed * direction[tool, 2]
-    if sticks:
-        stick = arrays.stick[tool]
-        load_rows(stick, begin, count, STICK, work)
-        make_forces(environment, arrays.free, velocity, coefficient, count, dt_last, dt, work)
-        store_rows(work, STICK, stick, begin, count)
-    else:
-        make_forces(environment, arrays.free, velocity, None, count, dt_last, dt, work)
+def find_contacts(arrays, tools, span, begin, count, work, sums):
+    """Find the tools that a span touches; return how many they are, and one of them.
+
+    The distances to this one are in their rows, those to the others are kept.
+    """
+    found, present = 0, NONE
+    for tool in range(tools.kind.size):
+        work[(ROWS + KEPT_ROWS * tool + TOUCHED) * SPAN] = 0.0
+        if arrays.near_span[tool, span] != 0:
+            keep_distances(present, work)
+            present = NONE
+            travel = arrays.tool_travel[tool]
+            span_distances(tools, tool, arrays.position, begin, count, travel, work)
+            deepest = -arrays.penetration_max[tool]
+            touching, deeper = find_gaps(
+                arrays.offset, begin, count, tools.initial_overlap[tool], deepest, work
+            )
+            if deeper > 0:
+                column = WORK_COLUMNS + TOOL_COLUMNS * tool
+                for i in range(SPAN):
+                    sums[column + 3] = min(sums[column + 3], work[GAP * SPAN + i])
+            sticks = tools.friction[tool] > 0.0
+            if touching > 0 or (sticks and is_displaced(arrays.stick[tool], begin, count)):
+                found += 1
+                present = tool
+                work[(ROWS + KEPT_ROWS * tool + TOUCHED) * SPAN] = 1.0
+    return found, present
+
+
+@span_part
+def keep_distances(tool, work):
+    """Copy the distances to a tool, where there is one, from their rows to those that are kept."""
+    if tool != NONE:
+        copy_rows(work, GAP * SPAN, (ROWS + KEPT_ROWS * tool) * SPAN)
+
+
+@span_part
+def copy_rows(work, source, target):
+    """Copy the rows of gap and normal."""
+    for k in range(TOUCHED):
+        row = source + k * SPAN
+        copy_lanes(work, row, row, SPAN, work, target + k * SPAN)  # type: ignore[call-arg]
+
+
+@span_part
+def add_springs(tools, penalty, work):
+    """Start with the springs of all tools that a span touches, and with nothing taken off them."""
+    clear(ALL_TAKEN, work)
+    for tool in range(tools.kind.size):
+        kept = (ROWS + KEPT_ROWS * tool) * SPAN
+        if work[kept + TOUCHED * SPAN] > 0.0:
+            copy_rows(work, kept, GAP * SPAN)
+            add_pending(penalty, work)
+
+
+@span_part
+def add_span_forces(
+    arrays, tools, environment, touching, present, begin, count, dt_last, dt, work, sums
+):
+    """Add the contact forces of so many tools to the nodes of a span, ``count`` from ``begin`` on.
+
+    Where one node touches several tools, what each of them takes for the motion of the node has to
+    know of the forces of the others: two tools that hold a sheet from both sides press hard and
+    move nothing. ``present`` is the tool whose distances are in their rows.
+    """
+    for tool in range(tools.kind.size):
+        kept = (ROWS + KEPT_ROWS * tool) * SPAN
+        if work[kept + TOUCHED * SPAN] > 0.0:
+            if tool != present:
+                copy_rows(work, kept, GAP * SPAN)
+            if touching > 1:
+                add_pending(-environment.penalty, work)
+            direction, speed = tools.direction, arrays.tool_velocity[tool]
+            velocity = (
+                speed * direction[tool, 0],
+                speed * direction[tool, 1],
+                speed * direction[tool, 2],
+            )
+            coefficient = tools.friction[tool]
+            if coefficient > 0.0:
+                stick = arrays.stick[tool]
+                load_rows(stick, begin, count, STICK, work)
+                make_forces(
+                    environment, arrays.free, velocity, coefficient, count, dt_last, dt, work
+                )
+                store_rows(work, STICK, stick, begin, count)
+            else:
+                make_forces(environment, arrays.free, velocity, None, count, dt_last, dt, work)
+            if touching > 1:
+                share_damping(velocity, dt_last, dt, work)
+            add_sums(work, sums, WORK_COLUMNS + TOOL_COLUMNS * tool)
+    if touching > 1:
+        add_shared_damping(arrays.free, dt_last, dt, work, sums)
+        clear(PENDING, work)
     store_rows(work, FORCE, arrays.force, begin, count)
     store_row(work, NORMAL_FORCE, arrays.contact_force, begin, count)
-    add_sums(work, sums, column)
+
+
+@span_part
+def clear(row, work):
+    """Set three rows to zero."""
+    for i in range(SPAN):
+        put_vector(work, row, i, (0.0, 0.0, 0.0))
+
+
+@span_part
+def add_pending(penalty, work):
+    """Add the springs of a tool, or take them away, to those of the tools that follow."""
+    for i in range(SPAN):
+        depth = max(-work[GAP * SPAN + i], 0.0)
+        force = penalty * work[AREA * SPAN + i] * depth
+        pending = plus(force, vector_at(work, NORMAL_X, i), vector_at(work, PENDING, i))
+        put_vector(work, PENDING, i, pending)
+
+
+@span_part
+def share_damping(tool_velocity, dt_last, dt, work):
+    """Set aside what damping takes off the springs, and leave of its energy the part of the tool.
+
+    The mean velocity of a node is known when all tools have added their forces.
+    """
+    interval = 0.5 * (dt_last + dt)
+    for i in range(SPAN):
+        normal, taken = vector_at(work, NORMAL_X, i), work[TAKEN * SPAN + i]
+        put_vector(work, ALL_TAKEN, i, plus(taken, normal, vector_at(work, ALL_TAKEN, i)))
+        work[DAMPED * SPAN + i] = -interval * taken * dot(tool_velocity, normal)
+
+
+@span_part
+def add_shared_damping(free, dt_last, dt, work, sums):
+    """Sum up what the damping of all tools takes from the motion of the nodes."""
+    interval, total = 0.5 * (dt_last + dt), 0.0
+    for i in range(SPAN):
+        change = scaled(work[INVERSE_MASS * SPAN + i], vector_at(work, FORCE, i))
+        change = (change[0], change[1], change[2] - work[WEIGHT * SPAN + i])
+        if free is not None:
+            change = products(change, vector_at(work, FREE, i))
+        mean = plus(0.5 * interval, change, vector_at(work, VELOCITY, i))
+        total += interval * dot(vector_at(work, ALL_TAKEN, i), mean)
+    sums[CONTACT_DAMPING] += total
 
 
 @span_part
@@ -151,7 +288,8 @@ def make_forces(environment, free, tool_velocity, coefficient, count, dt_last, d
         gap = work[GAP * SPAN + i]
         touches = gap < 0.0
         normal = vector_at(work, NORMAL_X, i)
-        others = vector_at(work, FORCE, i)
+        before = vector_at(work, FORCE, i)
+        others = plus(1.0, vector_at(work, PENDING, i), before)
         velocity = plus(-1.0, tool_velocity, vector_at(work, VELOCITY, i))
         leaving = dot(velocity, normal)
         movable = normal
@@ -159,7 +297,7 @@ def make_forces(environment, free, tool_velocity, coefficient, count, dt_last, d
             movable = products(normal, vector_at(work, FREE, i))
         inverse_mass, area = work[INVERSE_MASS * SPAN + i], work[AREA * SPAN + i]
         stiffness = penalty * area
-        pressure, damped = normal_force(
+        pressure, taken, damped = normal_force(
             stiffness,
             damping * work[IMPEDANCE * SPAN + i],
             gap,
@@ -175,7 +313,7 @@ def make_forces(environment, free, tool_velocity, coefficient, count, dt_last, d
         if coefficient is not None:
             stiffness = tangential * area
             stick = vector_at(work, STICK, i)
-            before = 0.5 * stiffness * dot(stick, stick)
+            held = 0.5 * stiffness * dot(stick, stick)
             slip = scaled(dt_last, plus(-leaving, normal, velocity))
             limit = coefficient * pressure
             stick, drag, dissipated = friction(stick, slip, normal, stiffness, limit)
@@ -184,14 +322,15 @@ def make_forces(environment, free, tool_velocity, coefficient, count, dt_last, d
             force = plus(1.0, vector_where(touches, drag), force)
             after = 0.5 * stiffness * dot(stick, stick)
             stored += after
-            lost = dissipated if touches else before
+            lost = dissipated if touches else held
             work[LOST * SPAN + i] = lost if i < count else 0.0
         else:
             work[LOST * SPAN + i] = 0.0
-        put_vector(work, FORCE, i, plus(1.0, others, force))
+        put_vector(work, FORCE, i, plus(1.0, before, force))
         put_vector(work, ADDED, i, force)
         work[NORMAL_FORCE * SPAN + i] += pressure
         work[STORED * SPAN + i] = stored
+        work[TAKEN * SPAN + i] = taken if touches else 0.0
         work[DAMPED * SPAN + i] = damped if touches else 0.0
 
 

@@ -32,7 +32,7 @@ from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import forces_of_block
 from lcmchain.jit import kernel, ordered_span_routine, routine, span_routine
 from lcmchain.model import NODE_CHUNK, NodeData
-from lcmchain.solver.contact_forces import ROWS, add_contact_forces
+from lcmchain.solver.contact_forces import add_contact_forces, scratch_size
 from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.state import (
     CONTACT,
@@ -50,7 +50,6 @@ from lcmchain.state import (
     State,
 )
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
-from lcmchain.tools.span_rows import SPAN
 
 #: What the loop reads and writes: constants of the nodes, state, and scratch arrays.
 Arrays: Any = NamedTuple(  # type: ignore[misc]
@@ -161,7 +160,7 @@ def advance(
 def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
     """Sum the forces on the nodes, and update velocities and positions."""
     for place in prange(arrays.chunk_order.size):
-        work = np.empty(ROWS * SPAN)
+        work = np.empty(scratch_size(tools))
         chunk = arrays.chunk_order[place]
         move_chunk(
             arrays,
@@ -224,7 +223,7 @@ def make_parts(
     first_part = schedule.phase_start[phase]
     for k in prange(schedule.phase_start[phase + 1] - first_part):
         part = first_part + k
-        work, near = np.empty(ROWS * SPAN), np.empty(NEAR_ROWS * LANES)
+        work, near = np.empty(scratch_size(tools)), np.empty(NEAR_ROWS * LANES)
         for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
             for piece in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
                 block = schedule.block[piece]

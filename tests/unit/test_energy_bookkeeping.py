@@ -22,7 +22,7 @@ import pytest
 from lcmchain.effects.friction import friction
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.state import State
+from lcmchain.state import EXTERNAL, State
 
 GRAVITY = 9.81
 AREAL_MASS = 0.6
@@ -214,6 +214,44 @@ def test_damping_takes_what_the_motion_loses(damping, mass_damping):
     expected = [coefficient * course.mean(n)[2] ** 2 * course.dt for n in range(1, 400)]
     np.testing.assert_allclose(taken, expected, rtol=1e-6, atol=1e-12 * swing)
     assert course.energies[-1]["damping"] > 0.1 * swing
+
+
+def held_from_both_sides(damping, preload, offset):
+    """A sheet between a bed and a plate that press it by ``preload``, off the middle [m]."""
+    lid = WEIGHT.format(height=1.004, mass=1e3, options='force = "0 N"')
+    sim = simulation(bed(), lid, damping=damping)
+    sim.state.driven[1] = 1  # at rest where it is
+    sim.state.tool_travel[1] = 2.0 * preload
+    start = sim.state.position.copy()
+    start[2] += offset - preload
+    sim.state.position[:] = start
+    # what loaded the springs came from outside
+    held = 0.5 * STIFFNESS * ((preload - offset) ** 2 + (preload + offset) ** 2)
+    sim.state.work[EXTERNAL] += held
+    return sim
+
+
+def test_two_tools_on_a_node_damp_what_the_motion_loses():
+    """Each of them presses a hundred times as hard as what moves it: m ü + 2c u̇ + 2k u = 0."""
+    damping, preload, offset = 0.2, 100.0 * SUNK, SUNK
+    course = run(held_from_both_sides(damping, preload, offset), 400, share=0.8)
+    dt, swing = course.dt, STIFFNESS * offset**2
+    u = np.array([s.position[2].mean() - dt * s.velocity[2].mean() for s in course.states])
+    u -= HALF_THICKNESS - preload
+    old, new = (np.array([v[2] for v in part]) for part in (
+        course.old, [course.velocity(n) for n in range(400)]
+    ))  # fmt: skip
+    # what the springs do not explain is the damping's
+    drag = MASS * (new - old) / dt + 2.0 * STIFFNESS * u
+    taken = -drag * 0.5 * (old + new) * dt
+    np.testing.assert_allclose(
+        np.diff(course.series("damping")), taken[1:], rtol=0.0, atol=1e-7 * swing
+    )
+    coefficient = 2.0 * MASS * 2.0 * damping * FREQUENCY
+    error = drag + coefficient * 0.5 * (old + new)
+    assert np.abs(error[1:]).max() < 0.02 * np.abs(drag[1:]).max()
+    assert course.energies[-1]["damping"] == pytest.approx(swing, rel=0.03)
+    assert abs(u[-1]) < 0.15 * offset
 
 
 @pytest.mark.parametrize(("damping", "mass_damping"), [(0.0, 0.0), (0.2, 0.0), (0.0, 300.0)])
