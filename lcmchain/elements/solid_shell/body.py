@@ -315,6 +315,7 @@ class SolidShellBody:
         centre_stretches(
             positions,
             self.data.corner_node,
+            self.data.corner_run,
             self._padded_height,
             self._padded_area,
             history,

@@ -27,7 +27,6 @@ import numpy as np
 from numba import prange
 
 from lcmchain.elements.blocks import LANES
-from lcmchain.elements.solid_shell.energies import gather
 from lcmchain.elements.solid_shell.equations import curvature_compaction
 from lcmchain.elements.solid_shell.kernel import (
     CURVATURE_ROWS,
@@ -35,6 +34,7 @@ from lcmchain.elements.solid_shell.kernel import (
     constants_of_block,
     element_stress,
     load_component,
+    load_corners,
     load_curvature,
     mode_vectors,
     natural_moments,
@@ -67,11 +67,12 @@ def renew_curvature(
     """
     padded = body.corner_node.size // 8
     centre, normal, work = np.empty((3, padded)), np.empty((3, padded)), np.empty(padded)
-    element_frames(positions, body.corner_node, centre, normal)
+    element_frames(positions, body.corner_node, body.corner_run, centre, normal)
     element_curvatures(
         positions,
         positions if counted_at is None else counted_at,
         body.corner_node,
+        body.corner_run,
         body.element_data,
         body.neighbour,
         body.reference_curvature,
@@ -86,12 +87,11 @@ def renew_curvature(
 
 
 @kernel
-def element_frames(positions, corner_node, centre, normal):
+def element_frames(positions, corner_node, corner_run, centre, normal):
     """Write the centres and unit normals (3, block_count * 16) of the mid-surfaces."""
     for block in prange(corner_node.size // (8 * LANES)):
-        nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         corner = np.empty(24 * LANES)
-        gather(positions, nodes, corner)
+        load_corners(positions, corner_node, corner_run, block, corner)
         for lane in range(LANES):
             element = block * LANES + lane
             a = mode_vectors(
@@ -114,6 +114,7 @@ def element_curvatures(
     positions,
     counted_at,
     corner_node,
+    corner_run,
     element_data,
     neighbour,
     reference_curvature,
@@ -128,13 +129,12 @@ def element_curvatures(
     block_count = corner_node.size // (8 * LANES)
     history_size = history.size // block_count
     for block in prange(block_count):
-        nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         data = constants_of_block(options, element_data, block)
         own = history[block * history_size : (block + 1) * history_size]
         shared, past = own[: CURVATURE_ROWS * LANES], own[CURVATURE_ROWS * LANES :]
         corner, counted = np.empty(24 * LANES), np.empty(24 * LANES)
-        gather(positions, nodes, corner)
-        gather(counted_at, nodes, counted)
+        load_corners(positions, corner_node, corner_run, block, corner)
+        load_corners(counted_at, corner_node, corner_run, block, counted)
         for lane in range(LANES):
             element = block * LANES + lane
             a = mode_vectors(

@@ -16,6 +16,7 @@ from lcmchain.elements.solid_shell.kernel import (
     element_stress,
     full_history,
     load_component,
+    load_corners,
     load_curvature,
     mode_vectors,
     stresses,
@@ -35,6 +36,7 @@ def product6(a, b):
 def centre_stretches(
     position,
     corner_node,
+    corner_run,
     reference_height,
     reference_area,
     history,
@@ -48,7 +50,7 @@ def centre_stretches(
 
     Parameters
     ----------
-    position : (3, node_count) [m]; corner_node : as for ``internal_forces``.
+    position : (3, node_count) [m]; corner_node, corner_run : as for ``internal_forces``.
     reference_height, reference_area : (block_count * 16,) [m, m²].
     history, options : of the body.
     thickness_stretch, area_stretch : (block_count * 16,), written.
@@ -56,10 +58,12 @@ def centre_stretches(
     block_count = corner_node.size // (8 * LANES)
     history_size = history.size // block_count
     for block in prange(block_count):
-        nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         shared = history[block * history_size : (block + 1) * history_size]
         corner = np.empty(24 * LANES)
-        gather(position, nodes, corner)
+        load_corners(position, corner_node, corner_run, block, corner)
+        own = slice(block * LANES, (block + 1) * LANES)
+        height, area_before = reference_height[own], reference_area[own]
+        thickness, area_ratio = thickness_stretch[own], area_stretch[own]
         for lane in range(LANES):
             a = mode_vectors(
                 load_component(corner, lane),
@@ -67,24 +71,14 @@ def centre_stretches(
                 load_component(corner, lane + 2 * LANES),
             )
             c = cross(a[0], a[1])
-            element = block * LANES + lane
             area = math.sqrt(dot(c, c))
-            stretch = dot(a[2], c) / (area * reference_height[element])
+            stretch = dot(a[2], c) / (area * height[lane])
             curvature = load_curvature(options.director, shared, lane)
             zeta = (dot(a[0], a[5]), dot(a[1], a[4]), dot(a[0], a[4]) + dot(a[1], a[5]))
             squared = stretch * stretch + 2.0 * curvature_compaction(curvature, zeta)
-            if stretch > 0.0 and squared > 0.0:
-                stretch = math.sqrt(squared)
-            thickness_stretch[element] = stretch
-            area_stretch[element] = area / reference_area[element]
-
-
-@equation
-def gather(position, nodes, corner):
-    for c in range(8):
-        for lane in range(LANES):
-            for d in range(3):
-                corner[(3 * c + d) * LANES + lane] = position[d, nodes[c * LANES + lane]]
+            upright = (stretch > 0.0) & (squared > 0.0)
+            thickness[lane] = math.sqrt(squared) if upright else stretch
+            area_ratio[lane] = area / area_before[lane]
 
 
 def strain_energies(
@@ -109,6 +103,7 @@ def strain_energies(
     element_energies(
         positions,
         body.corner_node,
+        body.corner_run,
         body.element_data,
         full_history(body.options.director, body.corner_node, history),
         body.law,
@@ -123,6 +118,7 @@ def strain_energies(
 def element_energies(
     positions,
     corner_node,
+    corner_run,
     element_data,
     history,
     law,
@@ -135,12 +131,11 @@ def element_energies(
     history_size = history.size // block_count
     curvature_size = curvature_rows(options.director) * LANES
     for block in prange(block_count):
-        nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
         data = constants_of_block(options, element_data, block)
         own = history[block * history_size : (block + 1) * history_size]
         shared, past = own[:curvature_size], own[curvature_size:]
         corner = np.empty(24 * LANES)
-        gather(positions, nodes, corner)
+        load_corners(positions, corner_node, corner_run, block, corner)
         for lane in range(LANES):
             a = mode_vectors(
                 load_component(corner, lane),

@@ -802,6 +802,16 @@ def element_forces(
 
 
 @equation
+def load_corners(positions, corner_node, corner_run, block, corner):
+    """Write the positions of the corners of a block (8 * 3 * LANES,): corner, direction, lane."""
+    nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
+    runs = corner_run[block * 8 * RUN_COLUMNS : (block + 1) * 8 * RUN_COLUMNS]
+    step = positions.shape[1]
+    for c in range(8):
+        load_vectors(positions, step, nodes, c * LANES, runs, c, corner, 3 * c * LANES)
+
+
+@equation
 def forces_of_block(
     positions,
     corner_node,
@@ -822,14 +832,10 @@ def forces_of_block(
     curvature_size = curvature_rows(options.director) * LANES
     # views per block: indices made of a lane and literals are provably not negative, which
     # spares the wrap-around test that would keep the lane loop scalar
-    nodes = corner_node[block * 8 * LANES : (block + 1) * 8 * LANES]
     corner = corner_force[place * CORNER_ROWS * LANES : (place + 1) * CORNER_ROWS * LANES]
     own = history[block * history_size : (block + 1) * history_size]
     shared, past = own[:curvature_size], own[curvature_size:]
-    runs = corner_run[block * 8 * RUN_COLUMNS : (block + 1) * 8 * RUN_COLUMNS]
-    for c in range(8):
-        step = positions.shape[1]
-        load_vectors(positions, step, nodes, c * LANES, runs, c, corner, 3 * c * LANES)
+    load_corners(positions, corner_node, corner_run, block, corner)
     is_general = True
     if quick_data is not None:
         is_general = quick_data.start[block] == GENERAL
