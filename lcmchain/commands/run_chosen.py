@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.terminal import progress_bar, require_none, say, warn
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, SimulationInterrupted
 
 if TYPE_CHECKING:
     from lcmchain.study.choice import Choice
@@ -34,6 +34,7 @@ def run_chosen(
     Raises
     ------
     InputError : a wish that cannot be read, ``--resume``, or wrong input.
+    SimulationInterrupted : Ctrl-C; the pilots are kept.
     """
     from lcmchain.study.scene_text import SceneText
     from lcmchain.study.wish import read_wish
@@ -51,13 +52,18 @@ def run_chosen(
         from lcmchain.results.state import write_summary
         from lcmchain.study.chooser import Chooser
         from lcmchain.study.outcome import outcome_of
+        from lcmchain.study.runs import INTERRUPTED
 
         result = None
         with progress_bar(quiet=quiet) as progress:
 
             def make(choice: Choice) -> Outcome:
                 nonlocal result
-                result = run(chooser.scene_of(choice), folder, threads=threads, progress=progress)
+                scene = chooser.scene_of(choice)
+                try:
+                    result = run(scene, folder, threads=threads, progress=progress)
+                except SimulationInterrupted:  # its checkpoint is of no use: no --resume here
+                    raise SimulationInterrupted(INTERRUPTED) from None
                 return outcome_of(result.datasets, result.summary)
 
             chooser = Chooser(

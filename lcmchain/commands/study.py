@@ -86,6 +86,8 @@ def study_accuracy(
             show_whole(order_table(study))
         if study.sentence():
             say(study.sentence())
+        for note in study.notes:
+            say(note)
         say(f"Chart, tables and report in {folder}")
     for failure in failures(study):
         warn(failure)

@@ -16,6 +16,7 @@ from lcmchain.study.convergence import NO_ORDER, Convergence, fitted, progress
 from lcmchain.study.ladder import EDGE, chosen, ladder, scene_name
 from lcmchain.study.levels import LEAST_PROGRESS
 from lcmchain.study.outcome import Outcome
+from lcmchain.study.process_pace import why_time_stays
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.source import Source
 from lcmchain.study.variant import Variant
@@ -49,8 +50,9 @@ class AccuracyStudy:
     ----------
     title : of the scene. settings : in the order of the study, without the reference.
     reference : the finest run. orders : by quantity, over the edge lengths of the three finest
-        meshes, of which the reference is none: it differs in its process time as well.
+        meshes, of which the reference is none where it differs in its process time as well.
     as_it_is : name of the setting that is the scene as it stands; process_time : of it [s].
+    notes : what the study has left out, and why.
     """
 
     title: str
@@ -59,6 +61,7 @@ class AccuracyStudy:
     orders: Mapping[str, Convergence]
     as_it_is: str = ""
     process_time: float = 0.0
+    notes: tuple[str, ...] = ()
 
     @property
     def quantities(self) -> list[str]:
@@ -160,15 +163,17 @@ def study_accuracy(
             "another one with --finest or --vary"
         )
     scene = text.scene()
+    stays = "" if vary else why_time_stays(scene)
     return AccuracyStudy(
         title=scene.title,
         settings=tuple(
             Setting(v, outcomes[v.name], differences(outcomes[v.name], reference)) for v in others
         ),
         reference=Setting(last, reference, differences(reference, reference)),
-        orders=_orders(others, outcomes),
+        orders=_orders(variants if last.axis == EDGE else others, outcomes),
         as_it_is=scene_name(scene),
         process_time=scene.process.time,
+        notes=(f"The process time is not varied, since {stays}",) if stays else (),
     )
 
 

@@ -23,6 +23,9 @@ MARGIN = 0.8
 ROUNDING = 1e-6
 #: The time of a mesh that was begun may exceed what is planned by this factor.
 ABOUT = 1.06
+#: A budget counts as kept up to this factor: what a run takes is known before to about a tenth, and
+#: other work on the machine takes its part.
+OVER_BUDGET = 1.25
 #: Part of a wish that is left to the mesh at least.
 LEAST_ROOM = 0.2
 
@@ -39,7 +42,9 @@ class Choice:
     run_seconds : solver time that the run was to take [s].
     pilot_seconds, seconds : solver time of the pilots, and of everything [s].
     expected_seconds : what everything was to take [s].
-    kept : whether the wish is kept by what was found; notes : what a user should know.
+    budget : solver time that everything was allowed to take [s]; None for any.
+    kept : whether the wish is kept by what was found, and the budget by the time that was taken.
+    notes : what a user should know.
     """
 
     wish: str
@@ -53,6 +58,7 @@ class Choice:
     pilot_seconds: float = 0.0
     expected_seconds: float = 0.0
     seconds: float = 0.0
+    budget: float | None = None
     kept: bool = False
     notes: list[str] = field(default_factory=list)
 
@@ -66,8 +72,24 @@ class Choice:
         text = parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
         return f"{text}, since {self.why}"
 
+    @property
+    def is_over_budget(self) -> bool:
+        """Tell whether everything took more than the budget, beyond what is known of times."""
+        return self.budget is not None and self.seconds > OVER_BUDGET * self.budget
+
+    def missed_errors(self, allowed: Mapping[str, float]) -> list[str]:
+        """Return the quantities whose error was found to be larger than allowed, or not found."""
+        return [
+            name for name, most in allowed.items() if not self.found.get(name, math.inf) <= most
+        ]
+
     def missed(self) -> str:
         """Say that the wish is not kept, and what to do."""
+        if self.is_over_budget:
+            return (
+                f"the wish, {self.wish}, is not kept: everything took {self.seconds:.3g} s of "
+                f"solver time; allow that with --budget, or make the scene cheaper"
+            )
         return (
             f"the wish, {self.wish}, is not kept by the errors that are estimated; wish for "
             "less, allow more time, or look at lcmchain study accuracy"

@@ -27,6 +27,7 @@ from lcmchain.study.choice import Choice, Knowledge, choose, mm
 from lcmchain.study.comparison import differences
 from lcmchain.study.levels import Level, error_laws, expected_seconds
 from lcmchain.study.outcome import Outcome
+from lcmchain.study.process_pace import why_time_stays
 from lcmchain.study.rehearsal import Rehearsal, rehearse
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.scene_text import SceneText
@@ -101,6 +102,7 @@ class Chooser:
         self.text, self.wish, self.progress = text, wish, progress
         self.announce = announce or (lambda _: None)
         self.scene = text.scene()
+        self.time_stays = why_time_stays(self.scene)
         self.threads, self.study = threads, Study(text, folder, Workers(1, threads))
         self.levels: list[Level] = []
         self.candidates = [Candidate(AS_IT_IS)]
@@ -355,7 +357,7 @@ class Chooser:
         Where the mesh has to fit the outline, the next finer one may have twice the elements.
         """
         left = self._time_left()
-        if left is None or self.wish.errors or self.scene.wet_forming is not None:
+        if left is None or self.wish.errors or self.time_stays:
             return choice
         times = math.floor(20.0 * min(left / choice.run_seconds, LONGER[-1])) / 20.0
         if times < SPARE:
@@ -391,6 +393,8 @@ class Chooser:
         own_edge = self.scene.blank.edge_length
         known = Knowledge(self.levels, laws, own_edge, left, self._beginnings(), settled)
         choice, worst = choose(self.wish, self.candidates, known)
+        if self.time_stays:
+            choice.why += f"; the process time stays, since {self.time_stays}"
         finest = self.levels[-1].edge / FARTHEST
         if len(self.levels) >= MOST_PILOTS and choice.edge_length < finest:
             choice.notes.append(
@@ -439,10 +443,13 @@ class Chooser:
         known = Knowledge(self.levels, error_laws(self.levels))
         choice.found = known.errors(chosen, choice.edge_length)
         choice.seconds = self.pilot_seconds + self.run_seconds
-        choice.kept = all(
-            choice.found.get(name, math.inf) <= allowed
-            for name, allowed in self.wish.errors.items()
-        )
+        choice.budget = self.wish.budget
+        if choice.is_over_budget:
+            choice.notes.append(
+                f"all runs together took {choice.seconds:.3g} s of solver time, more than the "
+                f"budget of {self.wish.budget:.3g} s"
+            )
+        choice.kept = not choice.is_over_budget and not choice.missed_errors(self.wish.errors)
 
     # --- the scene --------------------------------------------------------------------------------
 

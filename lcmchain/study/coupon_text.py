@@ -18,7 +18,7 @@ from lcmchain.scene.overrides import parse_value
 from lcmchain.solver.simulation import Simulation
 from lcmchain.study.outcome import Outcome, outcome_of_sheet
 from lcmchain.study.source import Progress
-from lcmchain.study.variant import Variant
+from lcmchain.study.variant import Variant, require_free
 from lcmchain.threads import thread_count
 
 #: Beginning of overrides that are of the test itself, not of its scene.
@@ -107,6 +107,7 @@ class CouponText:
         """
         frames = f"process.frames={FRAMES}"
         try:
+            require_free(variant.overrides, (frames,))
             return CouponJob(*self._test_and_scene((*variant.overrides, frames), variant.model))
         except InputError as error:
             raise InputError(f'setting "{variant.name}" of the study: {error}') from None

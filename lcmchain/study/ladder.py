@@ -2,7 +2,8 @@
 
 The scene as it stands is one of them. Around it one thing at a time is varied, so that a reader
 sees what each buys; with the coarse mesh several, since the cheap settings lie there. The
-reference is the finest: the shortest edges and the longest process.
+reference is the finest: the shortest edges and the longest process. Where the process time is part
+of the physics (:mod:`lcmchain.study.process_pace`) it stays as it is in all of them.
 
 Not among them: integration points. The solid-shell integrates its Taylor expansion in closed form
 and the shell its thickness, so there are none to choose (``lcmchain docs element``).
@@ -17,6 +18,7 @@ from typing import Any
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.scene import RUNGS, Scene, rung_of
+from lcmchain.study.process_pace import why_time_stays
 from lcmchain.study.source import Source
 from lcmchain.study.variant import Variant
 
@@ -54,10 +56,11 @@ def ladder(text: Source, finest: float = EDGES[-1]) -> list[Variant]:
     if not 0.0 < finest < 1.0:
         raise InputError(f"must lie between 0 and 1, is {finest:g}", key="--finest")
     scene = text.scene()
-    edges = [factor for factor in EDGES[:-1] if factor > finest] + [finest]
-    variants = [_with_edge(scene, factor) for factor in edges]
-    variants += [_with_time(scene, factor) for factor in TIMES]
-    variants += [_with_both(scene, 2.0, factor) for factor in TIMES_COARSE]
+    variants = [_with_edge(scene, factor) for factor in EDGES[:-1] if factor > finest]
+    reference = _with_edge(scene, finest)
+    if not why_time_stays(scene):
+        variants += [reference, *_with_times(scene)]
+        reference = _with_both(scene, finest, LONGEST)
     variants += _of_contact(text, scene)
     safety = scene.process.step_safety
     variants.append(
@@ -67,7 +70,7 @@ def ladder(text: Source, finest: float = EDGES[-1]) -> list[Variant]:
         half = f'process.mass_damping="{0.5 * scene.process.mass_damping:.6g} 1/s"'
         variants.append(Variant("damping / 2", DAMPING, (half,), 0.5))
     variants += _with_larger_steps(text, scene)
-    return [*variants, *_on_rungs(text, scene), _with_both(scene, finest, LONGEST)]
+    return [*variants, *_on_rungs(text, scene), reference]
 
 
 def chosen(text: Source, vary: Mapping[str, Sequence[str]]) -> list[Variant]:
@@ -107,6 +110,14 @@ def _with_edge(scene: Scene, factor: float) -> Variant:
     edge = factor * scene.blank.edge_length
     overrides = () if factor == 1.0 else (_edge(edge),)
     return Variant(_edge_text(edge), EDGE, overrides, edge)
+
+
+def _with_times(scene: Scene) -> list[Variant]:
+    """Return the scene with other process times, and with edges twice as long as well."""
+    return [
+        *(_with_time(scene, factor) for factor in TIMES),
+        *(_with_both(scene, 2.0, factor) for factor in TIMES_COARSE),
+    ]
 
 
 def _with_time(scene: Scene, factor: float) -> Variant:

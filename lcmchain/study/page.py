@@ -30,6 +30,7 @@ def write_page(path: Path, study: AccuracyStudy, chart: Path) -> None:
         headings=headings(study),
         rows=list(rows(study)),
         orders=list(order_rows(study)) if study.orders else [],
+        notes=study.notes,
         failures=failures(study),
         chart="data:image/png;base64," + base64.b64encode(chart.read_bytes()).decode(),
         style=(REPORT_ASSETS / "report.css").read_text(encoding="utf-8"),

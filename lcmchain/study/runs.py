@@ -6,6 +6,7 @@ goes on with what is missing, and so does one whose workers were lost.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import time
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lcmchain.errors import InputError, SimulationError
+from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.scene import Scene
 from lcmchain.study.outcome import Outcome, read_outcome, write_outcome
 from lcmchain.study.source import Progress, Source
@@ -24,8 +25,14 @@ from lcmchain.threads import thread_count
 
 #: Folder of the outcomes inside that of a study.
 RUNS = "runs"
+#: What is said after Ctrl-C.
+INTERRUPTED = (
+    "stopped by the user; runs that were complete are kept, and the same command goes on from there"
+)
 #: How often a run is made again whose worker was lost.
 RETRIES = 3
+#: Longest name of a file of an outcome, without its ending: file systems allow 255 bytes.
+LONGEST_NAME = 120
 #: A scheduler has to answer within this time [s].
 ANSWER_WITHIN = 10.0
 
@@ -69,6 +76,7 @@ def make_run(
     Raises
     ------
     InputError : the variant does not fit the scene.
+    SimulationInterrupted : Ctrl-C; nothing is left of this run.
     """
     job = source.job(variant)
     start = time.perf_counter()
@@ -77,6 +85,17 @@ def make_run(
     except (SimulationError, InputError) as error:  # a mesh too coarse for the blank, say
         reason = str(error).split(". ")[0]
         return Outcome(time.perf_counter() - start, thread_count(), failure=reason)
+    except SimulationInterrupted:  # a run of a study leaves no checkpoint to resume from
+        raise SimulationInterrupted(INTERRUPTED) from None
+
+
+def file_name(name: str) -> str:
+    """Return the name of the file of an outcome by that of its setting."""
+    plain = re.sub(r"[^A-Za-z0-9.+-]+", "_", name)
+    if len(plain) > LONGEST_NAME:
+        digest = hashlib.sha256(name.encode()).hexdigest()[:16]
+        plain = f"{plain[: LONGEST_NAME - len(digest) - 1]}-{digest}"
+    return f"{plain}.nc"
 
 
 class Study:
@@ -118,7 +137,7 @@ class Study:
         return self.outcomes([variant], progress)[variant.name]
 
     def _file(self, name: str) -> Path:
-        return self.folder / RUNS / f"{re.sub(r'[^A-Za-z0-9.+-]+', '_', name)}.nc"
+        return self.folder / RUNS / file_name(name)
 
     def _here(
         self, variants: Sequence[Variant], account: _Account
@@ -164,6 +183,7 @@ def _client(workers: Workers, count: int) -> Iterator[Any]:
             key="--workers" if workers.scheduler is None else "--scheduler",
         ) from None
     if workers.scheduler is not None:
+        require_address(workers.scheduler)
         try:
             client = Client(workers.scheduler, timeout=ANSWER_WITHIN, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
@@ -180,6 +200,29 @@ def _client(workers: Workers, count: int) -> Iterator[Any]:
         Client(cluster, set_as_default=False) as client,
     ):
         yield client
+
+
+def require_address(address: str) -> None:
+    """Refuse what is no address of a scheduler, before a client waits for an answer from there.
+
+    Raises
+    ------
+    InputError : names the option, with an example.
+    """
+    from distributed.comm import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+
+    try:
+        scheme, place = parse_address(address)
+        get_backend(scheme)
+        if scheme != "inproc":
+            parse_host_port(place)
+    except (ValueError, ImportError) as error:
+        raise InputError(
+            f'"{address}" is no address of a dask scheduler ({error}); for example '
+            "tcp://192.168.0.5:8786",
+            key="--scheduler",
+        ) from None
 
 
 def expected_work(scene: Scene) -> float:

@@ -14,7 +14,7 @@ from lcmchain.scene import Scene, on_rung, scene_from_text
 from lcmchain.scene.read import read_text
 from lcmchain.study.outcome import Outcome, outcome_of
 from lcmchain.study.source import Progress
-from lcmchain.study.variant import Variant
+from lcmchain.study.variant import Variant, require_free
 
 #: What a run of a study leaves out: nothing of it enters a comparison.
 WITHOUT_OUTPUT = (
@@ -100,8 +100,10 @@ class SceneText:
         """
         try:
             quiet: tuple[str, ...] = WITHOUT_OUTPUT
+            require_free(variant.overrides, quiet)  # before its value is looked at
             if self.scene(variant.overrides, variant.model).wet_forming is None:
                 quiet = (*quiet, *WITHOUT_FLOW)
+            require_free(variant.overrides, quiet)
             return SceneJob(self.scene((*variant.overrides, *quiet), variant.model))
         except InputError as error:
             raise InputError(f'setting "{variant.name}" of the study: {error}') from None

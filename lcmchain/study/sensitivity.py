@@ -3,7 +3,7 @@
 Every input is lowered and raised by the same part of its value, the others as they are. The
 elasticity of a result R with respect to an input x, (dR/R)/(dx/x), follows from the two runs by
 the central difference; what the result bends by between them, the second difference, says how far
-it can be believed.
+it can be believed. An input that lies at a bound is changed to the other side alone.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 
@@ -28,13 +29,18 @@ from lcmchain.study.variant import Variant
 
 #: Part by which inputs are lowered and raised.
 PART = 0.1
+#: Names of the two runs of an input, with the sign of its change.
+SIDES = {"lower": -1.0, "higher": 1.0}
 #: Elasticities below this are not shown as dependence.
 LEAST_SHOWN = 0.01
 #: Beginnings of the entries whose numbers are inputs where a user names none.
 TABLES = ("material.", "contact.friction")
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_NUMBERS = re.compile(rf"({_NUMBER}(?:\s+{_NUMBER})*)\s*([^\d\s.+-].*)?")
+# a unit may begin with 1, as in "200 1/s"
+_NUMBERS = re.compile(rf"({_NUMBER}(?:[\s,]+{_NUMBER})*?)(?:\s+(1\s*/.*)|\s*([^\d\s.,+-].*))?")
 _FROM_PRESET = re.compile(r" \(preset .*\)$")
+#: Entries that a default is a copy of (:mod:`lcmchain.scene.read`).
+_COPY = re.compile(r" \((?:contact\.friction|process\.time)\)$")
 
 
 @dataclass(frozen=True)
@@ -43,8 +49,9 @@ class Dependence:
 
     Parameters
     ----------
-    elasticity : (dR/R)/(dx/x), not a number where a run failed.
-    bend : second difference over the first, 0 for a result that is linear in between.
+    elasticity : (dR/R)/(dx/x), not a number where runs failed that it would follow from.
+    bend : second difference over the first, 0 for a result that is linear in between, not a number
+        where one side alone is known.
     """
 
     key: str
@@ -55,7 +62,10 @@ class Dependence:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """All dependences of a scene; ``value`` is the value of each input as text, by key."""
+    """All dependences of a scene; ``value`` is the value of each input as text, by key.
+
+    ``failures`` says which runs gave no result, and which inputs could not be changed.
+    """
 
     title: str
     part: float
@@ -74,18 +84,37 @@ def default_inputs(scene: Scene) -> dict[str, str]:
     """Return the numbers of a scene that its results may depend on, as texts by key.
 
     They are those of the material, presets included, and the friction; zeros are left out, which
-    no part of their value changes.
+    no part of their value changes, and the friction of tools that take ``contact.friction``.
     """
     found = {}
     for key, text in (*scene.source.given, *scene.source.defaulted):
-        if not key.startswith(TABLES) and not (
-            key.startswith("tools") and key.endswith(".friction")
-        ):
-            continue
-        value = _FROM_PRESET.sub("", text).strip('"')
-        if _scaled(value, 2.0) not in (None, _scaled(value, 1.0)):
-            found[key] = value
+        of_tool = key.startswith("tools.") and key.endswith(".friction") and not _COPY.search(text)
+        if (of_tool or key.startswith(TABLES)) and _is_numeric(scene, key):
+            value = _plain(text)
+            if _can_be_scaled(value):
+                found[key] = value
     return found
+
+
+def _plain(text: str) -> str:
+    """Return the value of an entry without where it is from."""
+    return _COPY.sub("", _FROM_PRESET.sub("", text)).strip('"')
+
+
+def _can_be_scaled(value: str) -> bool:
+    return _scaled(value, 2.0) not in (None, _scaled(value, 1.0))
+
+
+def _is_numeric(scene: Scene, key: str) -> bool:
+    """Tell whether an entry is a number or a row of them, and not a name such as "600 shore"."""
+    node: Any = scene
+    for part in key.split("."):
+        if isinstance(node, tuple):
+            node = next((entry for entry in node if getattr(entry, "name", "") == part), None)
+        else:
+            node = getattr(node, part, None)
+    numbers = node if isinstance(node, tuple) else (node,)
+    return all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
 
 
 def _scaled(value: str, factor: float) -> str | None:
@@ -96,8 +125,11 @@ def _scaled(value: str, factor: float) -> str | None:
     match = _NUMBERS.fullmatch(value)
     if match is None:
         return None
-    numbers = " ".join(f"{factor * float(number):.9g}" for number in match[1].split())
-    return f'"{numbers} {match[2]}"' if match[2] or " " in numbers else numbers
+    each = [f"{factor * float(number):.9g}" for number in re.split(r"[\s,]+", match[1])]
+    numbers, unit = " ".join(each), match[2] or match[3]
+    if unit:
+        return f'"{numbers} {unit}"'
+    return numbers if len(each) == 1 else f'"{numbers}"'
 
 
 def run_sensitivity(
@@ -118,7 +150,8 @@ def run_sensitivity(
 
     Raises
     ------
-    InputError : an entry that has no number or is zero, a part outside 0 to 1, or no inputs.
+    InputError : an entry that has no number or is zero, a part outside 0 to 1, or no inputs that
+        the scene lets be changed.
     SimulationInterrupted : Ctrl-C; the same call goes on from what is there.
     """
     if not 0.0 < part < 1.0:
@@ -128,26 +161,58 @@ def run_sensitivity(
     if not values:
         raise InputError("the scene has no numbers to vary; name entries", key="--vary")
     base = Variant("as it is", "sensitivity")
-    variants = [base]
-    for key, value in values.items():
-        for factor, word in ((1.0 - part, "lower"), (1.0 + part, "higher")):
-            changed = _scaled(value, factor)
-            variants.append(Variant(f"{key} {word}", "sensitivity", (f"{key}={changed}",)))
+    changed, refused = allowed_changes(text, values, part)
+    values = {key: value for key, value in values.items() if changed[key]}
+    if not values:
+        raise InputError(f"no input can be changed; {'; '.join(refused)}", key="--vary")
+    variants = [base, *(variant for key in values for variant in changed[key].values())]
     outcomes = Study(text, folder, workers).outcomes(variants, progress)
     if outcomes[base.name].failure:
         raise InputError(f"the scene itself fails: {outcomes[base.name].failure}")
     results = {name: results_of(outcome) for name, outcome in outcomes.items()}
+
+    def result(key: str, side: str, name: str) -> float:
+        return results[changed[key][side].name][name] if side in changed[key] else math.nan
+
+    failed = (f"{n}: no result, {o.failure}" for n, o in outcomes.items() if o.failure)
     return Sensitivity(
         scene.title,
         part,
         values,
         tuple(
             _dependence(key, r.name, part, results[base.name][r.name],
-                        *(results[f"{key} {word}"][r.name] for word in ("lower", "higher")))
+                        *(result(key, side, r.name) for side in SIDES))
             for key in values for r in RESULTS
         ),
-        tuple(f"{n}: no result, {o.failure}" for n, o in outcomes.items() if o.failure),
+        (*refused, *failed),
     )  # fmt: skip
+
+
+def allowed_changes(
+    text: Source, values: Mapping[str, str], part: float
+) -> tuple[dict[str, dict[str, Variant]], list[str]]:
+    """Return the variants of each input by side, those that the scene allows, and what it refuses.
+
+    A Poisson's ratio of 0.47 cannot be raised by a tenth; it is lowered alone.
+    """
+    changed: dict[str, dict[str, Variant]] = {key: {} for key in values}
+    told = []
+    for key, value in values.items():
+        reasons = {}
+        for side, sign in SIDES.items():
+            override = f"{key}={_scaled(value, 1.0 + sign * part)}"
+            variant = Variant(f"{key} {side}", "sensitivity", (override,))
+            try:
+                text.job(variant)
+            except InputError as error:
+                reasons[side] = str(error)
+            else:
+                changed[key][side] = variant
+        if reasons:
+            done = f"changed to one side alone, not {next(iter(reasons))}"
+            done = done if changed[key] else "left out"
+            told.append(f"{key} = {value}: {done}: {next(iter(reasons.values()))}")
+    return changed, told
 
 
 def _value_of(scene: Scene, key: str) -> str:
@@ -157,11 +222,11 @@ def _value_of(scene: Scene, key: str) -> str:
     ------
     InputError : the scene has no such entry, it is no single number, or zero.
     """
-    known = {k: _FROM_PRESET.sub("", t) for k, t in (*scene.source.given, *scene.source.defaulted)}
+    known = dict((*scene.source.given, *scene.source.defaulted))
     if key not in known:
         raise InputError(f'the scene has no entry "{key}" with a value', key="--vary")
-    value = known[key].strip('"')
-    if _scaled(value, 2.0) in (None, _scaled(value, 1.0)):
+    value = _plain(known[key])
+    if not _is_numeric(scene, key) or not _can_be_scaled(value):
         raise InputError(f"{key} is {value}, which is no number other than zero", key="--vary")
     return value
 
@@ -169,8 +234,15 @@ def _value_of(scene: Scene, key: str) -> str:
 def _dependence(
     key: str, result: str, part: float, middle: float, low: float, high: float
 ) -> Dependence:
-    if not all(math.isfinite(v) for v in (low, middle, high)) or middle == 0.0:
+    if (
+        not math.isfinite(middle)
+        or middle == 0.0
+        or not (math.isfinite(low) or math.isfinite(high))
+    ):
         return Dependence(key, result, math.nan, math.nan)
+    if not (math.isfinite(low) and math.isfinite(high)):
+        change = high - middle if math.isfinite(high) else middle - low
+        return Dependence(key, result, change / middle / part, math.nan)
     elasticity = (high - low) / middle / (2.0 * part)
     bend = abs(high - 2.0 * middle + low)
     first = 0.5 * abs(high - low)

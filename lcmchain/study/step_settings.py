@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from lcmchain.scene import RUNGS, Scene, rung_of
+from lcmchain.study.process_pace import why_time_stays
 
 #: Inertia of the sheet, times its own, and process times, by that of the scene, to choose from.
 MASSES = (16.0, 4.0)
@@ -85,16 +86,16 @@ class Candidate:
 def inertia_trials(scene: Scene) -> list[StepSettings]:
     """Return settings that move the sheet faster than the scene does, the fastest first.
 
-    A scene with added mass of its own keeps it; resin that flows meanwhile has times of its own.
+    A scene with added mass of its own keeps it, and its time where that is part of the physics.
     """
     if scene.process.mass_scaling is None:
         return [StepSettings(mass=mass) for mass in MASSES]
-    return [] if scene.wet_forming is not None else [StepSettings(time=SHORTER)]
+    return [] if why_time_stays(scene) else [StepSettings(time=SHORTER)]
 
 
 def slower(scene: Scene) -> list[StepSettings]:
-    """Return settings that move the sheet more slowly than the scene does."""
-    if scene.wet_forming is not None:
+    """Return settings that move the sheet more slowly than the scene does, where time is free."""
+    if why_time_stays(scene):
         return []
     return [StepSettings(time=factor) for factor in LONGER]
 

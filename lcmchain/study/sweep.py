@@ -18,7 +18,7 @@ from lcmchain.fields.netcdf_file import ROOT, write_netcdf
 from lcmchain.study.plain_table import plain_table
 from lcmchain.study.results import RESULTS, results_of
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.sampling import Entry, number_and_unit, samples, with_unit
+from lcmchain.study.sampling import Entry, in_si, number_and_unit, samples, with_unit
 from lcmchain.study.source import Source
 from lcmchain.study.variant import Variant
 
@@ -112,8 +112,7 @@ def write_sweep(folder: Path, title: str, runs: Sequence[SweptRun]) -> list[Path
             writer.writerow([*run.entries.values(), *numbers, f"{run.seconds:.4g}", run.failure])
     dataset = xr.Dataset(
         {
-            **{f"entry_{k.replace('.', '_')}": ("run", _numbers(runs, k), {"scene_entry": k})
-               for k in keys},
+            **{f"entry_{k.replace('.', '_')}": ("run", *_values(runs, k)) for k in keys},
             **{n: ("run", [run.results[n] for run in runs], {"comment": "SI"}) for n in names},
             "seconds": ("run", [run.seconds for run in runs], {"units": "s"}),
         },
@@ -123,10 +122,12 @@ def write_sweep(folder: Path, title: str, runs: Sequence[SweptRun]) -> list[Path
     return [table, data]
 
 
-def _numbers(runs: Sequence[SweptRun], key: str) -> np.ndarray:
-    """Return the values of an entry as numbers in its own unit, else as texts."""
+def _values(runs: Sequence[SweptRun], key: str) -> tuple[np.ndarray, dict[str, str]]:
+    """Return the values of an entry, numbers in SI or else texts, and what is said of them."""
     texts = [run.entries[key] for run in runs]
-    try:
-        return np.array([number_and_unit(text)[0] for text in texts])
-    except InputError:  # names of presets, say
-        return np.array(texts)
+    about = {"scene_entry": key}
+    found = in_si(texts)
+    if found is None:  # names of presets, or rows
+        return np.array(texts), about
+    numbers, unit = found
+    return np.array(numbers), about | ({"units": unit} if unit else {})

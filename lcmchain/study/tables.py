@@ -94,7 +94,7 @@ def markdown(study: AccuracyStudy) -> str:
     if study.orders:
         lines += ["", "| | order over the three finest meshes | error of the scene's mesh by it |"]
         lines += ["|---|---:|---:|", *(f"| {' | '.join(cells)} |" for cells in order_rows(study))]
-    lines += ["", *(f"- {text}" for text in failures(study))]
+    lines += ["", *(f"- {text}" for text in (*study.notes, *failures(study)))]
     return "\n".join(lines).rstrip() + "\n"
 
 

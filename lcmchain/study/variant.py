@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from lcmchain.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -23,3 +26,20 @@ class Variant:
     overrides: tuple[str, ...] = ()
     value: float | None = None
     model: str | None = None
+
+
+def require_free(overrides: Sequence[str], of_study: Sequence[str]) -> None:
+    """Refuse to vary an entry that the study itself sets in every run: it would vary nothing.
+
+    Parameters
+    ----------
+    overrides : of a variant. of_study : those that the study puts behind them.
+
+    Raises
+    ------
+    InputError : names the entry.
+    """
+    taken = [text.partition("=")[0] for text in of_study]
+    for key in (text.partition("=")[0].strip() for text in overrides):
+        if any(key == entry or key.startswith((f"{entry}.", f"{entry}[")) for entry in taken):
+            raise InputError("cannot be varied: the study sets it in every run", key=key)

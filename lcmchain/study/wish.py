@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,7 +11,8 @@ from lcmchain.errors import InputError
 from lcmchain.quantities.units import ANGLE, LENGTH, TIME, QuantityError, parse_quantity
 from lcmchain.study.comparison import QUANTITIES, Quantity
 
-_WISH = re.compile(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(%|°|[A-Za-z]+)\s+(?:of\s+|in\s+)?(.+?)\s*")
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_WISH = re.compile(rf"\s*({_NUMBER})\s*(%|°|[A-Za-z]+)\s+(?:of\s+|in\s+)?(.+?)\s*", re.ASCII)
 _DIMENSIONS = {"°": ANGLE, "mm": LENGTH}
 #: What a forming run has: no clamps.
 WISHED = tuple(quantity for quantity in QUANTITIES if quantity.name != "clamp_force")
@@ -69,6 +71,8 @@ def _errors(text: str) -> dict[str, float]:
         value = _value(number, unit, quantity)
         if not value > 0.0:
             raise InputError(f'"{part.strip()}" allows no error at all', key="--within")
+        if not math.isfinite(value):
+            raise InputError(f'"{part.strip()}" allows any error; leave it out', key="--within")
         errors[quantity.name] = value
     return errors
 

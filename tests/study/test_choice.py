@@ -5,6 +5,7 @@ Pilots and runs are made here from a known error law, so that the true error is 
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -178,6 +179,38 @@ def test_a_budget_is_kept_and_what_it_leaves_of_the_wish_is_told(dent, tmp_path)
     assert "is not kept" in choice.missed()
 
 
+def test_a_broken_budget_is_told_and_is_no_wish_that_was_kept(dent, tmp_path):
+    class Slow(Known):
+        """Pilots promise a tenth of what the run takes."""
+
+        def make(self, choice):
+            made = super().make(choice)
+            return replace(made, seconds=10.0 * made.seconds)
+
+    known = Slow(dent, tmp_path, read_wish(None, "20 s"), 1.0, 0.5)
+    choice = known.run(known.make)
+    assert choice.seconds > 1.25 * 20.0
+    assert not choice.kept
+    assert any("more than the budget of 20 s" in note for note in choice.notes)
+    assert f"took {choice.seconds:.3g} s" in choice.missed()
+    known = Known(dent, tmp_path, read_wish(None, "20 s"), 1.0, 0.5)
+    choice = known.run(known.make)
+    assert choice.kept
+    assert choice.notes == []
+
+
+def test_a_budget_is_not_spent_on_a_process_time_that_is_part_of_the_physics(dent, tmp_path):
+    class Doubling(Known):
+        def work(self, edge):
+            return super().work(0.04 / 2.0 ** math.floor(math.log2(0.04 / edge)))
+
+    ended = type(dent)(dent.text, dent.path, ('tools.punch.motion.end="3 ms"',))
+    known = Doubling(ended, tmp_path, read_wish(None, "100 s"), 1.0, 0.5)
+    choice = known.run(known.make)
+    assert choice.settings.time == 1.0
+    assert "the process time stays, since tools.punch.motion.end" in choice.why
+
+
 def test_steps_that_cost_much_beside_their_elements_do_not_mislead_a_budget(dent, tmp_path):
     # by pilots alone the time would be extrapolated with the 2.5th power of the edges at least
     for of_step in (400.0, 3000.0):
@@ -339,6 +372,10 @@ def test_wishes_are_read_with_their_units():
         ("1 mm thickness", None, "give it in %"),
         ("1 mm shear", None, "--within"),
         ("0 deg shear", None, "no error at all"),
+        (". % force", None, "what it is of"),
+        ("1..2 % force", None, "what it is of"),
+        ("1e400 % force", None, "any error"),
+        ("1e400 mm contour", None, "--within"),
         ("1 deg shear, 2 deg shear angle", None, "twice"),
         (None, "20", "--budget"),
         (None, "20 mm", "--budget"),

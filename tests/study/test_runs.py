@@ -13,7 +13,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from lcmchain.cli import app
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, SimulationInterrupted
 from lcmchain.study import runs as runs_module
 from lcmchain.study.accuracy import study_accuracy
 from lcmchain.study.files import write_accuracy
@@ -105,6 +105,23 @@ def test_a_scheduler_that_does_not_answer_is_named(dent, tmp_path, monkeypatch):
     workers = Workers(1, 1, "tcp://127.0.0.1:9")
     with pytest.raises(InputError, match="127.0.0.1:9"):
         Study(dent, tmp_path, workers).outcomes(EDGES[:1])
+
+
+@pytest.mark.parametrize("address", ["foo", "http://localhost:80", "", "tcp://:"])
+def test_what_is_no_address_is_told_without_waiting(dent, tmp_path, address):
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="--scheduler.*no address of a dask scheduler"):
+        Study(dent, tmp_path, Workers(1, 1, address)).outcomes(EDGES[:1])
+
+
+def test_ctrl_c_in_a_run_of_a_study_advises_no_resume(dent, monkeypatch):
+    def stopped(*arguments, **options):
+        raise SimulationInterrupted("stopped; the same command with --resume goes on from here")
+
+    monkeypatch.setattr("lcmchain.pipeline.run", stopped)
+    with pytest.raises(SimulationInterrupted, match="the same command goes on") as caught:
+        runs_module.make_run(dent, EDGES[0], 1)
+    assert "--resume" not in str(caught.value)
 
 
 def test_the_ladder_varies_everything_that_costs_time_and_ends_with_the_finest(dent):
