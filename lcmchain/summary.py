@@ -22,9 +22,10 @@ from lcmchain.check.quasi_static import (
 from lcmchain.check.tools_without_touch import tools_never_touched
 from lcmchain.effects.mass_scaling import added_mass
 from lcmchain.results import RUNNING
-from lcmchain.scene import rung_of
+from lcmchain.scene import left_out_of, rung_of
 from lcmchain.state import HALVINGS
 from lcmchain.thresholds import (
+    BALANCE_SCALE,
     LARGEST_BALANCE_ERROR,
     LARGEST_KINETIC_PART_AT_END,
     LARGEST_PENETRATION,
@@ -62,7 +63,7 @@ def scene_head(scene: Scene, run_fingerprint: str, element_count: int, node_coun
         "scene_sha256": scene.source.sha256,
         "run_fingerprint": run_fingerprint,
         "model": rung_of(scene),
-        "left_out": list(scene.source.left_out),
+        "left_out": left_out_of(scene),
         "element_count": element_count,
         "node_count": node_count,
         "process_time_s": scene.process.time,
@@ -138,19 +139,39 @@ def energy_measures(energies: Sequence[Mapping[str, float]], idle: float = 0.0) 
     """Return how the energies of the frames compare with the internal one, hourglass included.
 
     ``balance_error_max`` is relative to the largest internal energy of all frames, the kinetic
-    energy to the internal energy of its own frame. All are 0 where the sheet was never strained:
-    its internal energy stayed below ``idle`` [J].
+    energy to the internal energy of its own frame. Where the sheet was never strained, because its
+    internal energy stayed below ``idle`` [J], the kinetic ratios are 0, and the balance error is
+    relative to the largest part of the balance (:func:`_balance_scale`).
     """
     internal = np.array([energy["internal"] + energy["hourglass"] for energy in energies])
     kinetic = np.array([energy["kinetic"] for energy in energies])
     error = np.array([energy["balance_error"] for energy in energies])
     strained = internal > idle
     ratio = np.divide(kinetic, internal, out=np.zeros_like(kinetic), where=strained)
+    scale = _balance_scale(energies, float(internal.max()), idle)
     return {
-        "balance_error_max": float(np.abs(error).max() / internal.max()) if strained.any() else 0.0,
+        "balance_error_max": float(np.abs(error).max()) / scale if scale else 0.0,
         "kinetic_to_internal_max": float(ratio.max()),
         "kinetic_to_internal_end": float(ratio[-1]),
     }
+
+
+def _balance_scale(energies: Sequence[Mapping[str, float]], internal: float, idle: float) -> float:
+    """Return what the error of the balance is compared with [J]; 0 where nothing happened.
+
+    It is the largest internal energy. A sheet that was never strained may be moved and touched
+    even so, and its balance may be wrong: then it is the largest energy of any kind, be it work,
+    motion, contact or damping. Below ``idle`` all of them are rounding.
+    """
+    if internal > idle:
+        return internal
+    largest = max(
+        abs(value)
+        for energy in energies
+        for name, value in energy.items()
+        if name != "balance_error"
+    )
+    return largest if largest > idle else 0.0
 
 
 def run_warnings(summary: Mapping, thickness: float) -> list[str]:
@@ -162,7 +183,7 @@ def run_warnings(summary: Mapping, thickness: float) -> list[str]:
     if summary["balance_error_max"] > LARGEST_BALANCE_ERROR:
         found.append(
             f"the energy balance is off by {summary['balance_error_max']:.1%} of the largest "
-            "internal energy; lower process.step_safety, and leave element.cross_terms off"
+            f"{BALANCE_SCALE}; lower process.step_safety, and leave element.cross_terms off"
         )
     if summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END:
         found.append(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-#: Error of the energy balance, in parts of the largest internal energy.
+#: What the error of the energy balance is compared with; the second, where the sheet is not
+#: strained by as much as a millionth.
+BALANCE_SCALE = "internal energy (unstrained: part of the balance)"
+#: Error of the energy balance, in parts of it.
 LARGEST_BALANCE_ERROR = 0.01
 #: Kinetic in parts of the internal energy when the process ends: the sheet is at rest below it,
 LARGEST_KINETIC_PART_AT_END = 0.05

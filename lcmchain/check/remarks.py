@@ -6,7 +6,7 @@ import math
 
 from lcmchain.check.quasi_static import two_digits
 from lcmchain.fields.table import NO_THICKNESS
-from lcmchain.scene import Scene
+from lcmchain.scene import Scene, left_out_of
 from lcmchain.scene.fabrics import preset_remarks
 
 
@@ -14,11 +14,12 @@ def scene_warnings(scene: Scene) -> list[str]:
     """Say what is allowed but probably not meant."""
     found = [] if scene.element.has_thickness else [NO_THICKNESS]
     found += scene.element.remarks
-    if scene.source.left_out:
-        found.append(
-            f"left out, as this model knows nothing of them: {', '.join(scene.source.left_out)}"
-        )
-    found += [switched.warning for switched in scene.switched]
+    left_out = left_out_of(scene)
+    if left_out:
+        found.append(f"left out, as this model knows nothing of them: {', '.join(left_out)}")
+    found += [
+        switched.warning for switched in scene.switched if f"effects.{switched.key}" not in left_out
+    ]
     found += scene.material.remarks() + preset_remarks(scene.material)
     director = getattr(scene.element, "compaction_strain", None) == "director"
     if director and scene.tools and scene.material.has_fibres:

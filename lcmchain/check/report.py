@@ -29,6 +29,7 @@ from lcmchain.check.tables import (
 )
 from lcmchain.check.tools_at_start import (
     InitialGap,
+    contact_offset,
     initial_gaps,
     overlapping,
     require_gaps,
@@ -116,7 +117,9 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
             else:
                 tools = _tools(scene, blank)
         if model is not None:
-            gaps = initial_gaps(scene.tools, blank, model.tools, scene.source.directory)
+            gaps = initial_gaps(
+                scene.tools, blank, model.tools, scene.source.directory, contact_offset(scene)
+            )
             marks = [gap.position for gap in overlapping(gaps, scene)]
             require_gaps(gaps, scene)
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Smallest gap between a tool and a flat blank: over its whole faces, not only at nodes.
+"""Smallest gap between a tool and a flat blank: over its whole surface, not only at nodes.
 
 A signed distance changes by no more than the way: an element face whose corners are farther than
 the smallest gap found, by more than its size, need not be looked at. On the others the distance is
@@ -23,7 +23,10 @@ Distance = Callable[[np.ndarray], np.ndarray]
 
 
 def smallest_gap(
-    distance: Distance, blank: BlankMesh, vertices: np.ndarray | None = None
+    distance: Distance,
+    blank: BlankMesh,
+    vertices: np.ndarray | None = None,
+    offset: float = 0.0,
 ) -> tuple[float, np.ndarray]:
     """Return the smallest signed distance [m] of the blank to a tool, and its place [m].
 
@@ -32,16 +35,20 @@ def smallest_gap(
     distance : exact signed distances [m] of points [m], shape [point_count, 3], to the tool.
     vertices : of a tool's surface mesh [m], shape [vertex_count, 3]: sharp ones may reach between
         all samples.
+    offset : 0 for the faces of the blank; else the distance is that to its mid-surface less this
+        [m], and the place lies there.
     """
-    nodes = blank.node_positions
+    nodes = blank.mid_surface_positions if offset else blank.node_positions
     at_nodes = distance(nodes)
     gap, place = _least(at_nodes, nodes)
-    faces = np.concatenate([blank.elements[:, :4], blank.elements[:, 4:]])
+    both = np.concatenate([blank.elements[:, :4], blank.elements[:, 4:]])
+    faces = blank.faces if offset else both
     found = _over_faces(distance, nodes[faces], at_nodes[faces].min(axis=1), gap)
     candidates = [(gap, place), found]
     if vertices is not None:
-        candidates.append(_at_vertices(vertices, blank, min(gap, found[0])))
-    return min(candidates, key=lambda candidate: candidate[0])
+        candidates.append(_at_vertices(vertices, nodes, blank, min(gap, found[0])))
+    gap, place = min(candidates, key=lambda candidate: candidate[0])
+    return gap - offset, place
 
 
 def _least(gaps: np.ndarray, places: np.ndarray) -> tuple[float, np.ndarray]:
@@ -89,11 +96,16 @@ def _better(found, best, new_s, new_t, s, t):
     )
 
 
-def _at_vertices(vertices: np.ndarray, blank: BlankMesh, gap: float) -> tuple[float, np.ndarray]:
-    """Least distance of vertices over or under the blank to its faces; negative between them."""
+def _at_vertices(
+    vertices: np.ndarray, nodes: np.ndarray, blank: BlankMesh, gap: float
+) -> tuple[float, np.ndarray]:
+    """Least distance of vertices over or under the blank to its faces; negative between them.
+
+    nodes : of both faces, or of the mid-surface.
+    """
     import shapely
 
-    bottom, top = blank.node_positions[:, 2].min(), blank.node_positions[:, 2].max()
+    bottom, top = nodes[:, 2].min(), nodes[:, 2].max()
     height = np.maximum(vertices[:, 2] - top, bottom - vertices[:, 2])
     near = height < gap
     vertices, height = vertices[near], height[near]

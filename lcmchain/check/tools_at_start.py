@@ -28,7 +28,8 @@ class InitialGap:
     Parameters
     ----------
     tool : name of the tool.
-    gap : signed distance of the nearest place of the blank's faces [m], negative inside the tool.
+    gap : signed distance of the blank [m], negative inside the tool: of the nearest place of its
+        faces, or of its mid-surface less half the thickness.
     position : that place [m].
     at_nodes : smallest gap of the nodes that the solver sees [m]; it interpolates in the distance
         field of a surface mesh.
@@ -42,20 +43,37 @@ class InitialGap:
     surface: Surface | None = None
 
 
+def contact_offset(scene: Scene) -> float:
+    """Return how far the sheet's surface lies from the nodes that the tools meet [m].
+
+    Elements without a thickness have nodes on the mid-surface, and contact keeps these half the
+    thickness away, along the normal of the tool: farther than the faces on a slope.
+    """
+    return 0.0 if scene.element.has_thickness else 0.5 * scene.material.thickness
+
+
 def initial_gaps(
-    tools: Sequence[Tool], blank: BlankMesh, tool_table: ToolTable, directory: Path
+    tools: Sequence[Tool],
+    blank: BlankMesh,
+    tool_table: ToolTable,
+    directory: Path,
+    offset: float = 0.0,
 ) -> list[InitialGap]:
-    """Measure the smallest distance of every tool to the blank's faces before anything moves.
+    """Measure the smallest distance of every tool to the blank before anything moves.
 
     Exact for analytic shapes and for the triangles of surface meshes, whatever their fields round.
 
     directory : folder of the scene file, to which mesh files are relative.
+    offset : 0 for the distance to the blank's faces; else the part of that to the mid-surface [m]
+        which belongs to the sheet, see :func:`contact_offset`.
     """
-    return [_initial_gap(t, tool, blank, tool_table, directory) for t, tool in enumerate(tools)]
+    return [
+        _initial_gap(t, tool, blank, tool_table, directory, offset) for t, tool in enumerate(tools)
+    ]
 
 
 def _initial_gap(
-    index: int, tool: Tool, blank: BlankMesh, table: ToolTable, directory: Path
+    index: int, tool: Tool, blank: BlankMesh, table: ToolTable, directory: Path, offset: float
 ) -> InitialGap:
     def in_field(points: np.ndarray) -> np.ndarray:
         return node_gaps(table, index, np.ascontiguousarray(points, dtype=np.float64), 0.0)
@@ -74,8 +92,9 @@ def _initial_gap(
         def distance(points: np.ndarray) -> np.ndarray:
             return exact(in_frame_of(tool, axes, points), in_field(points), spacing)
 
-    gap, place = smallest_gap(distance, blank, vertices)
-    at_nodes = float(in_field(blank.node_positions).min())
+    gap, place = smallest_gap(distance, blank, vertices, offset)
+    nodes = blank.mid_surface_positions if offset else blank.node_positions
+    at_nodes = float(in_field(nodes).min()) - offset
     return InitialGap(tool.name, gap, tuple(place.tolist()), at_nodes, surface)
 
 
@@ -98,9 +117,11 @@ def require_no_initial_overlap(scene: Scene, blank: Any, tool_table: ToolTable) 
     ------
     InputError : names every tool that overlaps, the depth and the place.
     """
-    if not blank.has_thickness:  # the tools meet the faces of the sheet, whatever its elements
+    if not blank.has_thickness:
         blank = build_blank(scene.blank, scene.material.thickness)
-    gaps = initial_gaps(scene.tools, blank, tool_table, scene.source.directory)
+    gaps = initial_gaps(
+        scene.tools, blank, tool_table, scene.source.directory, contact_offset(scene)
+    )
     require_gaps(gaps, scene)
     return gaps
 
@@ -134,10 +155,12 @@ def _sentence(gap: InitialGap, scene: Scene) -> str:
             "where its grid rounds an inner corner; give its shape a smaller spacing, or move the "
             "tool away by as much"
         )
+    of_slopes = ", and its mid-surface keeps half the thickness away from a slope"
+    kept = of_slopes if contact_offset(scene) else ""
     return (
         f"the tool reaches {-1e3 * gap.gap:.3g} mm into the blank at the start, deepest at "
         f"({x:.4g}, {y:.4g}, {z:.4g}) mm; the blank lies between z = "
         f"{1e3 * (scene.blank.height - scene.material.thickness / 2):.4g} mm and "
-        f"{1e3 * (scene.blank.height + scene.material.thickness / 2):.4g} mm. Move the tool, "
-        "or set blank.height"
+        f"{1e3 * (scene.blank.height + scene.material.thickness / 2):.4g} mm{kept}. Move the "
+        "tool, or set blank.height"
     )

@@ -42,6 +42,8 @@ FOLDED = math.radians(89.0)
 USUAL_LOCKING = math.radians(60.0)
 #: Nodes whose distance from a tool is the least one up to this part of the thickness touch first.
 FIRST_TOUCH = 1e-3
+#: Relative difference of distances that are the same but for rounding.
+SAME_DISTANCE = 1e-9
 #: Parts of the blank's size that the way from the seed to the surface is looked for.
 LONGEST_WAY = 20.0
 #: Steps of that search, and where it ends [parts of the edge length].
@@ -205,8 +207,19 @@ def _seed(scene: Scene, blank: BlankMesh, tools: ToolTable) -> np.ndarray:
     if tool is None:
         return 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))[:2]
     distance = gaps(tools, tool, np.ascontiguousarray(nodes), 0.0)
-    first = distance - distance.min() < FIRST_TOUCH * scene.material.thickness
-    return nodes[first].mean(axis=0)[:2]
+    least = distance.min() + FIRST_TOUCH * scene.material.thickness
+    first = nodes[distance < least]
+    middle = first.mean(axis=0)
+    if gaps(tools, tool, middle[None], 0.0)[0] < least:
+        return middle[:2]
+    return _nearest(first, middle)[:2]
+
+
+def _nearest(nodes: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Return the node nearest to a point; of several as near, the first by number."""
+    away = np.linalg.norm(nodes - point, axis=1)
+    # rounding must not choose between places that a symmetric tool touches at once
+    return nodes[np.argmax(away <= away.min() * (1.0 + SAME_DISTANCE))]
 
 
 def _place(scene: Scene, surface: DrapedSurface, tools: ToolTable, seed: np.ndarray) -> np.ndarray:

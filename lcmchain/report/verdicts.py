@@ -20,6 +20,7 @@ from lcmchain.results import COMPLETE
 from lcmchain.scene.pace import entries_that_slow, has_guided_load, is_driven, is_led
 from lcmchain.solver import guards
 from lcmchain.thresholds import (
+    BALANCE_SCALE,
     LARGEST_BALANCE_ERROR,
     LARGEST_DAMPING_PART,
     LARGEST_HOURGLASS_PART,
@@ -91,7 +92,7 @@ def _energy_balance(summary: Mapping[str, Any]) -> Iterator[Verdict]:
             "Energy balance",
             summary["balance_error_max"],
             LARGEST_BALANCE_ERROR,
-            "off by {} of the largest internal energy",
+            f"off by {{}} of the largest {BALANCE_SCALE}",
             "energy is lost or comes from nowhere",
             "process.step_safety, element.cross_terms",
         )

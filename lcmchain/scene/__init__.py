@@ -22,7 +22,7 @@ from lcmchain.scene.output import Output
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.process import Process
 from lcmchain.scene.read import read_scene, scene_from_text
-from lcmchain.scene.rungs import RUNGS, on_rung, rung_of
+from lcmchain.scene.rungs import RUNGS, left_out_of, on_rung, rung_of
 from lcmchain.scene.scene import Scene, SceneSource
 from lcmchain.scene.structure import Structure
 from lcmchain.scene.structure_file import read_structure, structure_from_text
@@ -52,6 +52,7 @@ __all__ = [
     "Structure",
     "Tool",
     "infiltration_from_text",
+    "left_out_of",
     "on_rung",
     "read_infiltration",
     "read_scene",

@@ -51,6 +51,9 @@ _TABLE_EXAMPLES = {
     "temperature": 'temperature = { law = "constant", value = "60 degC" }',
 }
 
+#: That of a resin that flows; the resin of a laminate bears the same name.
+_FLOWING_RESIN = 'resin = { law = "constant", viscosity = "0.1 Pa*s" }'
+
 #: Wrong entries that are explained; a file with more of them has one cause.
 MOST_PROBLEMS = 200
 
@@ -166,6 +169,8 @@ def _message(details: Any, location: tuple[str | int, ...], data: Any) -> str:
 
 def _wanted(location: tuple[str | int, ...], data: Any) -> str:
     name = str(location[-1])
+    if name == "resin" and len(models_of(annotation_at(location, data))) > 1:
+        return f"for example {_FLOWING_RESIN}"  # it flows by one of several laws
     if name in _TABLE_EXAMPLES:
         return f"for example {_TABLE_EXAMPLES[name]}"
     model_field = field_at(location, data)

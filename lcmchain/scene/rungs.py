@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from lcmchain.effects.switches import settings_of
 from lcmchain.elements.kinematic import KinematicElement
 from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.elements.solid_shell.table import Element
@@ -45,7 +46,8 @@ def on_rung(scene: Scene, model: str) -> Scene:
 
     Entries that the rung knows nothing of are dropped, and named by ``source.left_out``: options of
     the other element; what needs a thickness that is not predicted (permeability, infiltration,
-    structural analysis, fields of a film); loads, where there are no forces.
+    structural analysis, fields of a film); loads, weight and ``[effects]``, where there are no
+    forces.
 
     Parameters
     ----------
@@ -60,14 +62,30 @@ def on_rung(scene: Scene, model: str) -> Scene:
         raise InputError(f'is "{model}", but there are {", ".join(RUNGS)}', key="--model")
     if rung_of(scene) == model:
         return scene
-    changes, left_out, overrides = _changes(scene, model)
-    values = {name: getattr(scene, name) for name in type(scene).model_fields} | changes
+    # the switches of [effects] act on what is written, and on the new rung once more
+    written = scene.model_copy(update=scene.before_switches)
+    changes, left_out, overrides = _changes(written, model)
+    values = {name: getattr(written, name) for name in type(scene).model_fields} | changes
     try:
         moved = Scene.model_validate(values)
     except ValidationError as error:
         raise input_error(problems_of(error, {}), scene.source.path) from None
     moved._source = _source(scene, model, left_out, overrides)
     return moved
+
+
+def left_out_of(scene: Scene) -> list[str]:
+    """Return the keys of a scene that its model knows nothing of.
+
+    They are what was dropped on the way to its rung, and what a scene that names a net of fibres
+    itself says of weight.
+    """
+    found = list(scene.source.left_out)
+    if not scene.element.has_forces:
+        if scene.before_switches.get("process", scene.process).gravity:
+            found.append("process.gravity")
+        found += [f"effects.{item.key}" for item in scene.switched if item.setting == "on"]
+    return found
 
 
 def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[str]]:
@@ -90,6 +108,8 @@ def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[
         changes["pressure"] = ()
         unknown.append("pressure")
         overrides.append("pressure=[]")
+    if not element.has_forces:
+        unknown += _without_weight_and_switches(scene, changes, overrides)
     if not element.has_thickness:
         targets, stages = _without_stages(scene)
         changes["mapping"] = targets
@@ -99,6 +119,23 @@ def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[
         unknown.append("output.animation")
         overrides.append("output.animation=none")
     return changes, left_out + unknown, overrides
+
+
+def _without_weight_and_switches(
+    scene: Scene, changes: dict[str, Any], overrides: list[str]
+) -> list[str]:
+    """Take weight and ``[effects]`` out, of which a net knows nothing; return their keys."""
+    dropped = []
+    if scene.process.gravity:
+        changes["process"] = scene.process.model_copy(update={"gravity": False})
+        overrides.append("process.gravity=false")
+        dropped.append("process.gravity")
+    settings = settings_of(scene)
+    if settings:
+        changes["effects"] = type(scene.effects)()
+        overrides += [f'effects.{key}="auto"' for key in settings]
+        dropped += [f"effects.{key}" for key in settings]
+    return dropped
 
 
 def _without_stages(scene: Scene) -> tuple[tuple[Any, ...], list[str]]:

@@ -130,6 +130,7 @@ class Scene(SceneModel):
 
     _source: SceneSource | None = PrivateAttr(default=None)
     _switched: tuple[Switched, ...] = PrivateAttr(default=())
+    _before_switches: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @property
     def source(self) -> SceneSource:
@@ -140,6 +141,11 @@ class Scene(SceneModel):
     def switched(self) -> tuple[Switched, ...]:
         """Effects that ``[effects]`` has switched against what the other entries call for."""
         return self._switched
+
+    @property
+    def before_switches(self) -> dict[str, Any]:
+        """The entries that ``[effects]`` has changed, as they stood before, by their names."""
+        return self._before_switches
 
     def built_material(self) -> Material:
         """Return the material as it is simulated, with the modulus of fibres that is asked for."""
@@ -191,15 +197,18 @@ class Scene(SceneModel):
     def _switch_effects(self) -> Self:
         """Take effects out of the scene, or into it, before anything reads what it calls for."""
         switched = []
+        before: dict[str, Any] = {}
         for key, setting in settings_of(self).items():
             try:
                 changed = changes(self, key, setting)
             except Refusal as refusal:
                 raise wrong(f'is "{setting}", but {refusal}', field=f"effects.{key}") from None
             if changed is not None:
+                before = {name: self.__dict__[name] for name in changed} | before
                 self.__dict__.update(changed)  # the scene is frozen for everybody else
                 switched.append(Switched(key, setting))
         self._switched = tuple(switched)
+        self._before_switches = before
         return self
 
     @model_validator(mode="after")

@@ -13,6 +13,8 @@ import numpy as np
 from lcmchain.errors import InputError
 
 NO_IDS = np.empty(0, dtype=np.int64)
+#: What is said of a file without any.
+NO_CELLS = "the mesh has no cells to map onto; export it with its shells or solids"
 
 
 class Place(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mapping.target.checks import require_whole_cells, warnings_about
-from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh
+from lcmchain.mapping.target.file_mesh import NO_CELLS, NO_IDS, FileMesh
 from lcmchain.mapping.target.mesh import TargetMesh
 from lcmchain.mapping.target.readers.abaqus import read_abaqus
 from lcmchain.mapping.target.readers.by_meshio import read_by_meshio
@@ -109,10 +109,11 @@ def _chosen(mesh: FileMesh, kind: str, path: Path) -> np.ndarray:
     chosen = solid if kind == "structure" and solid.any() else surface
     if not chosen.any():
         names = {name for name, _ in mesh.blocks} | set(mesh.left_aside)
+        if not names:
+            raise InputError(NO_CELLS, file=path)
         wanted = "triangles or quadrilaterals" if kind == "infiltration" else "shells or solids"
         raise InputError(
-            f"the mesh has no {wanted} to map onto (cell types found: "
-            f"{', '.join(sorted(names)) or 'none'})",
+            f"the mesh has no {wanted} to map onto (cell types found: {', '.join(sorted(names))})",
             file=path,
         )
     return chosen

@@ -192,3 +192,33 @@ def test_mutilated_files_are_refused_or_read_to_sound_meshes(make, tmp_path):
                 for rows in sets.values():
                     assert np.all((rows >= 0) & (rows < count))
     assert min(outcomes.values()) > 80
+
+
+EMPTY_VTU = """<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian">
+<UnstructuredGrid><Piece NumberOfPoints="0" NumberOfCells="0"></Piece></UnstructuredGrid></VTKFile>
+"""
+EMPTY_VTK = """# vtk DataFile Version 4.2
+empty
+ASCII
+DATASET UNSTRUCTURED_GRID
+POINTS 0 double
+CELLS 0 0
+CELL_TYPES 0
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("t.vtu", EMPTY_VTU), ("t.vtk", EMPTY_VTK), ("t.bdf", "GRID,1,,0.,0.,0.\n")],
+)
+def test_a_mesh_without_cells_is_told(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=rf"{name}: the mesh has no cells to map onto; export"):
+        read_target(tmp_path / name)
+
+
+@pytest.mark.parametrize("cells", [[], [("quad", np.zeros((0, 4), dtype=int))]])
+def test_a_mesh_that_meshio_wrote_without_cells_is_told(tmp_path, cells):
+    meshio.Mesh(np.eye(3), cells).write(tmp_path / "t.vtu")
+    with pytest.raises(InputError, match="the mesh has no cells to map onto"):
+        read_target(tmp_path / "t.vtu")

@@ -259,7 +259,7 @@ GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\n"
     [
         ("", "the file is empty"),
         ("CTRIA3,1,1,1,2,3\n", "has no GRID"),
-        (GRIDS, "no shells or solids to map onto .cell types found: none"),
+        (GRIDS, "the mesh has no cells to map onto"),
         (GRIDS + "CTRIA3,1,1,1,2,9\n", "line 4: element 1 has node 9, which the file"),
         (GRIDS + "CTRIA3,1,1,1,2,x\n", 'line 4: field 6 of CTRIA3 is "x", not a number'),
         (GRIDS + "CTRIA3,1,1,1,2\n", "line 4: field 6 of CTRIA3"),
@@ -271,7 +271,7 @@ GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\n"
         (GRIDS + "CORD2R,8,,0.,0.,0.,0.,0.,1.\n+,0.,0.,2.\nGRID,4,8,0.,0.,0.\n", "different axes"),
         ("+       1\n" + GRIDS, "line 1: continues an entry, but there is none"),
         ("INCLUDE 'absent.bdf'\n" + GRIDS, "line 1: INCLUDE names absent.bdf, which does not"),
-        ("CEND\nSET 1 = 5 THRU x\nSTRESS=1\nBEGIN BULK\n" + GRIDS, "no shells|is no number"),
+        ("CEND\nSET 1 = 5 THRU x\nSTRESS=1\nBEGIN BULK\n" + GRIDS, "no cells|is no number"),
         (GRIDS + "CTRIA3,1,1,1,2,2\n", r"no area \(element 1\)"),
     ],
 )

@@ -10,6 +10,7 @@ import pytest
 
 from lcmchain.check import check_scene
 from lcmchain.draping import drape, is_drapable
+from lcmchain.draping.drape import _seed
 from lcmchain.draping.lines import fibre_coordinates, net_lines, places_between
 from lcmchain.draping.net import PLACED
 from lcmchain.draping.surface import draped_surface, level
@@ -258,3 +259,19 @@ def test_check_says_nothing_where_there_is_nothing_to_drape():
 def test_a_wrong_draping_entry_is_an_error_of_check_on_any_rung():
     with pytest.raises(InputError, match='no tool "dye"'):
         check_scene(on_rung(scene("draping.surface=dye"), "solid-shell"))
+
+
+def test_the_seed_is_a_place_that_the_tool_touches():
+    """Two ridges touch at once: the middle between them is touched by none."""
+    ridges = ('type = "extruded_profile", solid = "left", points = ["-40 20 mm", "-10 0 mm", '
+              '"0 10 mm", "10 0 mm", "40 20 mm"]')  # fmt: skip
+    text = DOME.replace('type = "sphere_capped_punch", radius = "20 mm"', ridges)
+    two = scene_from_text(text)
+    blank = build_blank(two.blank, two.material.thickness)
+    tools = build_tool_table(two.tools, None, 0.02, blank=blank.node_positions)
+    seed = _seed(two, blank, tools)
+    assert abs(seed[0]) == pytest.approx(10e-3, abs=1e-9) and abs(seed[1]) < 1e-9
+    again = _seed(two, blank, tools)
+    assert (seed == again).all()
+    dome = _seed(scene(), blank, build_tool_table(scene().tools, None, 0.02))
+    assert np.allclose(dome, 0.0, atol=1e-12)

@@ -210,4 +210,5 @@ def test_a_sheet_that_was_never_strained_is_not_called_fast():
         frame = energy | {"internal": share, "kinetic": 2.0 * share, "balance_error": share}
         found = energy_measures([frame], 1.0)
         assert found["kinetic_to_internal_end"] == ratio
-        assert found["balance_error_max"] == (1.0 if ratio else 0.0)
+        # below it the sheet is moved all the same: the error is compared with its kinetic energy
+        assert found["balance_error_max"] == (1.0 if ratio else 0.5)

@@ -10,8 +10,9 @@ from lcmchain.elements.membrane_shell.kernel import MembraneShellData
 from lcmchain.elements.membrane_shell.membrane import MembraneData
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
-from lcmchain.scene import RUNGS, on_rung, rung_of, scene_from_text
+from lcmchain.scene import RUNGS, left_out_of, on_rung, rung_of, scene_from_text
 from lcmchain.scene.origin import formed_permeability
+from lcmchain.scene.read import OVERRIDE
 
 PLAIN = """
 title = "dome"
@@ -200,3 +201,40 @@ def test_the_command_line_takes_a_rung(tmp_path, capsys):
     with pytest.raises(SystemExit) as stop:
         cli.main(["check", str(path), "--model", "shell", "--out", str(tmp_path / "check")])
     assert stop.value.code == 2
+
+
+def test_a_net_leaves_out_weight_and_switches_and_says_so():
+    switches = ['effects.gravity="on"', 'effects.friction="off"']
+    scene = scene_from_text(PLAIN, None, ["process.gravity=true", *switches])
+    moved = on_rung(scene, "kinematic")
+    lost = ("process.gravity", "effects.friction", "effects.gravity")
+    assert moved.source.left_out == ("element.integration_points", *lost)
+    assert not moved.process.gravity and moved.switched == ()
+    assert not {"process.gravity", "effects.gravity"} & set(dict(moved.source.given))
+    assert any(text.endswith(", ".join(lost)) for text in scene_warnings(moved))
+    assert scene.tools[0].friction == 0.0 and moved.tools[0].friction == 0.157, "as written"
+    written = moved.source.text.splitlines()
+    added = [line.removeprefix(OVERRIDE) for line in written if line.startswith(OVERRIDE)]
+    again = scene_from_text(PLAIN, None, [item for item in added if "integration" not in item])
+    assert again.process == moved.process and again.effects == moved.effects
+
+
+def test_a_scene_of_a_net_says_that_weight_is_left_out():
+    net = PLAIN.replace("element = { integration_points = 2 }", 'element = "kinematic"')
+    for override, key in (
+        ("process.gravity=true", "process.gravity"), ('effects.gravity="on"', "effects.gravity"),
+    ):  # fmt: skip
+        scene = scene_from_text(net, None, [override])
+        assert left_out_of(scene) == [key]
+        told = " ".join(scene_warnings(scene))
+        assert f"left out, as this model knows nothing of them: {key}" in told
+        assert "adds what no other entry" not in told
+    assert left_out_of(scene_from_text(net)) == []
+
+
+@pytest.mark.parametrize("model", ["membrane", "membrane-shell"])
+def test_switches_are_told_on_other_rungs_too(model):
+    scene = scene_from_text(PLAIN, None, ['effects.friction="off"'])
+    moved = on_rung(scene, model)
+    assert moved.switched == scene.switched != ()
+    assert moved.tools == scene.tools and scene.tools[0].friction == 0.0

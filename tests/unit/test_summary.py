@@ -221,3 +221,18 @@ def test_what_makes_a_result_questionable_is_said(changes, words):
     assert run_warnings(sound, 1e-3) == []
     (warning,) = run_warnings(sound | changes, 1e-3)
     assert words in warning
+
+
+def test_a_balance_that_is_wrong_is_told_of_a_sheet_that_was_never_strained():
+    """As of a run that a guard stopped in a contact, with half of the work gone."""
+    idle = 1e-6
+    frame = ENERGIES[0] | {"internal": 1e-9, "damping": 6.5e-5, "external": 1.25e-4}
+    found = energy_measures([ENERGIES[0], frame | {"balance_error": -6e-5}], idle)
+    assert found["balance_error_max"] == pytest.approx(6e-5 / 1.25e-4)
+    assert found["kinetic_to_internal_max"] == found["kinetic_to_internal_end"] == 0.0
+    # the work that a strained sheet has taken says nothing more
+    strained = frame | {"internal": 2e-6, "balance_error": 1e-8}
+    assert energy_measures([strained], idle)["balance_error_max"] == pytest.approx(0.5e-2)
+    # rounding at rest
+    still = ENERGIES[0] | {"external": 1e-15, "kinetic": 3e-16, "balance_error": 7e-16}
+    assert set(energy_measures([still], idle).values()) == {0.0}

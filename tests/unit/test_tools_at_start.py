@@ -247,3 +247,37 @@ def test_a_tool_in_another_unit_is_told(tmp_path):
     assert "333 times" in told and 'length_unit (now "m")' in told
     report = check_scene(scene_at(tmp_path))
     assert not any("as large as the blank" in text for text in report.warnings)
+
+
+SLOPE = 'type = "plate", side = "above"'
+
+
+@pytest.mark.parametrize("family, overlap", [("solid-shell", 0.0), ("membrane-shell", 0.067)])
+def test_a_slope_is_judged_as_the_contact_of_the_elements_sees_it(tmp_path, family, overlap):
+    """A plate at 30 degrees that touches the rim of the upper face.
+
+    The mid-surface keeps half the thickness h away along the normal: h/2 (1 - cos 30) is missing.
+    """
+    scene_at(tmp_path, SLOPE, x=-30.0, y=0.0, z=TOP)
+    tilted = f"tools.punch.axis=[{-math.sin(math.pi / 6)}, 0, {math.cos(math.pi / 6)}]"
+    scene = read_scene(tmp_path / "scene.toml", [tilted, f'element.type="{family}"'])
+    model = build_model(scene)
+    tool_gap = gaps(model.tools, 1, np.ascontiguousarray(model.blank.node_positions), 0.0)
+    of_contact = float((tool_gap - model.nodes.offset).min())
+    assert of_contact == pytest.approx(-1e-3 * overlap * TOP, abs=1e-6)
+    if not overlap:
+        assert check_scene(scene) is not None
+        return
+    for judge in (check_scene, lambda s: require_no_initial_overlap(s, model.blank, model.tools)):
+        with pytest.raises(InputError, match="reaches 0.0673 mm into the blank.*mid-surface"):
+            judge(scene)
+
+
+def test_gaps_of_a_mid_surface_are_those_of_its_contact(tmp_path):
+    """Level tools: the same as of the faces, at nodes and at tips between them."""
+    for shape in (STL, SPHERE):
+        scene = scene_at(tmp_path, shape, z=TOP + 0.2)
+        blank = build_blank(scene.blank, scene.material.thickness)
+        table = build_tool_table(scene.tools, tmp_path, 0.1, blank=blank.node_positions)
+        found = initial_gaps(scene.tools, blank, table, tmp_path, 0.5e-3 * TOP)
+        assert [gap.gap for gap in found] == pytest.approx([0.0, 0.2e-3], abs=1e-9)

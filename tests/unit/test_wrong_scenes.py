@@ -422,6 +422,10 @@ WRONG_AT_THE_START = {
     "tool file broken": (
         replaced((PUNCH_SHAPE, BROKEN_FILE)), "broken.stl", ""
     ),
+    "tool file without triangles": (
+        replaced((PUNCH_SHAPE, FILE.replace("FILE", "hollow.stl"))),
+        'tools[0] "punch".shape.file', "holds no triangles",
+    ),
     "outline that crosses itself": (
         replaced(('size = ["100 mm", "80 mm"]',
                   'outline = ["0 0 mm", "50 50 mm", "50 0 mm", "0 50 mm"]')),
@@ -443,6 +447,7 @@ WRONG_AT_THE_START = {
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "empty.stl").touch()
+    (tmp_path / "hollow.stl").write_text("solid x\nendsolid x\n")
     (tmp_path / "broken.stl").write_bytes(b"solid nothing that is a mesh\n" + bytes(range(256)))
     return tmp_path
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from lcmchain.errors import InputError
 from lcmchain.quantities.entry_types import AbsentMeans, FileName, LengthUnit, PositiveLength
 from lcmchain.quantities.units import length_factor
 from lcmchain.tools.distance import FIELD
@@ -46,7 +47,11 @@ class SurfaceMesh(ToolShape):
     ) -> dict[str, Any]:
         from lcmchain.tools.surfaces.distance_field import build_distance_field
 
-        surface = self.surface_mesh(directory, blank)
+        try:
+            surface = self.surface_mesh(directory, blank)
+        except InputError as error:
+            text = f"{error.file}: {error.message}"
+            raise InputError(text, key=f"{key}.file", file=error.file) from None
         field = build_distance_field(surface, self.spacing, key=key)
         return shape_entries(
             FIELD,

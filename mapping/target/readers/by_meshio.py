@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import meshio
 import numpy as np
 
 from lcmchain.errors import InputError, shortened
-from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh
+from lcmchain.mapping.target.file_mesh import NO_CELLS, NO_IDS, FileMesh
 
 #: Names under which files keep the numbers of cells and nodes, in lower case: this program's,
 #: ParaView's and VTK's, Ensight's.
@@ -28,6 +29,9 @@ PARTS = ("part", "part_id", "partid", "pid", "property_id", "propertyid", "objec
 
 #: Beginnings of the names of arrays of 0 and 1 that mark the members of a set.
 CELL_SET, NODE_SET, PART = "cell_set:", "node_set:", "part:"
+
+# Where files of VTK count their cells.
+CELL_COUNTS = {".vtu": rb'NumberOfCells="\s*(\d+)', ".vtk": rb"(?m)^CELLS\s+(\d+)"}
 
 # An array with more values than this counts something, it does not divide the mesh.
 MOST_REGIONS = 1000
@@ -155,6 +159,8 @@ def _read(path: Path) -> meshio.Mesh:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             return meshio.read(path)
     except (Exception, SystemExit) as error:
+        if _is_without_cells(path):  # meshio fails on such a file for reasons of its own
+            raise InputError(NO_CELLS, file=path) from None
         reason = said.getvalue().strip() or str(error) or type(error).__name__
         reason = shortened(" ".join(reason.replace("Error: ", "").split()), 300)
         known = ", ".join(sorted(meshio.extension_to_filetypes))
@@ -162,3 +168,12 @@ def _read(path: Path) -> meshio.Mesh:
             f"meshio cannot read the target mesh ({reason}); it knows files ending in {known}",
             file=path,
         ) from None
+
+
+def _is_without_cells(path: Path) -> bool:
+    """Tell whether a file of VTK counts no cells; False for files of other formats."""
+    pattern = CELL_COUNTS.get(path.suffix.lower())
+    if pattern is None:
+        return False
+    counts = re.findall(pattern, path.read_bytes())
+    return bool(counts) and all(int(count) == 0 for count in counts)

@@ -120,6 +120,15 @@ def test_wrong_entries_are_named(name):
     assert message in str(caught.value)
 
 
+def test_the_example_for_a_missing_resin_is_one_that_flows():
+    """The structural analysis has a [resin] of its own, of which the flow knows nothing."""
+    head = 'time = "500 s"\n'
+    with pytest.raises(InputError) as caught:
+        case(head, GATE, VENT)
+    example = re.search(r"resin: is missing; for example (.*)", str(caught.value))[1]
+    assert case(head, example, GATE, VENT).resin.viscosity == 0.1
+
+
 def nested(place):
     """The case as it stands in a scene."""
     text = (HEAD + GATE + VENT).replace("[[", f"[[{place}.")
