@@ -67,6 +67,12 @@ def scratch_size(tools):
     return (ROWS + KEPT_ROWS * tools.kind.size) * SPAN
 
 
+@equation
+def kept_place(tool):
+    """Return where the rows that are kept for a tool begin."""
+    return (ROWS + KEPT_ROWS * tool) * SPAN
+
+
 @span_routine
 def add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, work, sums):
     """Add the contact forces of all tools to the nodes ``first`` to ``last`` of a chunk.
@@ -101,7 +107,7 @@ def find_contacts(arrays, tools, span, begin, count, work, sums):
     """
     found, present = 0, NONE
     for tool in range(tools.kind.size):
-        work[(ROWS + KEPT_ROWS * tool + TOUCHED) * SPAN] = 0.0
+        work[kept_place(tool) + TOUCHED * SPAN] = 0.0
         if arrays.near_span[tool, span] != 0:
             keep_distances(present, work)
             present = NONE
@@ -119,7 +125,7 @@ def find_contacts(arrays, tools, span, begin, count, work, sums):
             if touching > 0 or (sticks and is_displaced(arrays.stick[tool], begin, count)):
                 found += 1
                 present = tool
-                work[(ROWS + KEPT_ROWS * tool + TOUCHED) * SPAN] = 1.0
+                work[kept_place(tool) + TOUCHED * SPAN] = 1.0
     return found, present
 
 
@@ -127,7 +133,7 @@ def find_contacts(arrays, tools, span, begin, count, work, sums):
 def keep_distances(tool, work):
     """Copy the distances to a tool, where there is one, from their rows to those that are kept."""
     if tool != NONE:
-        copy_rows(work, GAP * SPAN, (ROWS + KEPT_ROWS * tool) * SPAN)
+        copy_rows(work, GAP * SPAN, kept_place(tool))
 
 
 @span_part
@@ -143,7 +149,7 @@ def add_springs(tools, penalty, work):
     """Start with the springs of all tools that a span touches, and with nothing taken off them."""
     clear(ALL_TAKEN, work)
     for tool in range(tools.kind.size):
-        kept = (ROWS + KEPT_ROWS * tool) * SPAN
+        kept = kept_place(tool)
         if work[kept + TOUCHED * SPAN] > 0.0:
             copy_rows(work, kept, GAP * SPAN)
             add_pending(penalty, work)
@@ -160,7 +166,7 @@ def add_span_forces(
     move nothing. ``present`` is the tool whose distances are in their rows.
     """
     for tool in range(tools.kind.size):
-        kept = (ROWS + KEPT_ROWS * tool) * SPAN
+        kept = kept_place(tool)
         if work[kept + TOUCHED * SPAN] > 0.0:
             if tool != present:
                 copy_rows(work, kept, GAP * SPAN)

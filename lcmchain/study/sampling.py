@@ -22,9 +22,10 @@ MOST_RUNS = 10_000
 #: Kinds of quantities that entries of a scene are of.
 DIMENSIONS = tuple(value for value in vars(units).values() if isinstance(value, Dimension))
 
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+#: A number in a text.
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 # a unit may begin with 1, as in "200 1/s", but with no other digit: "100 60 mm" is a row
-_QUANTITY = re.compile(rf"\s*({_NUMBER})(?:\s+(1\s*/.*?)|\s*([^\d\s.,+-].*?))?\s*")
+_QUANTITY = re.compile(rf"\s*({NUMBER})(?:\s+(1\s*/.*?)|\s*([^\d\s.,+-].*?))?\s*")
 
 
 @dataclass(frozen=True)

@@ -102,8 +102,8 @@ class SceneText:
             quiet: tuple[str, ...] = WITHOUT_OUTPUT
             require_free(variant.overrides, quiet)  # before its value is looked at
             if self.scene(variant.overrides, variant.model).wet_forming is None:
+                require_free(variant.overrides, WITHOUT_FLOW)
                 quiet = (*quiet, *WITHOUT_FLOW)
-            require_free(variant.overrides, quiet)
             return SceneJob(self.scene((*variant.overrides, *quiet), variant.model))
         except InputError as error:
             raise InputError(f'setting "{variant.name}" of the study: {error}') from None

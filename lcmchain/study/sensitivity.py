@@ -24,6 +24,7 @@ from lcmchain.scene import Scene
 from lcmchain.study.plain_table import plain_table
 from lcmchain.study.results import RESULTS, results_of
 from lcmchain.study.runs import Progress, Study, Workers
+from lcmchain.study.sampling import NUMBER
 from lcmchain.study.source import Source
 from lcmchain.study.variant import Variant
 
@@ -35,9 +36,8 @@ SIDES = {"lower": -1.0, "higher": 1.0}
 LEAST_SHOWN = 0.01
 #: Beginnings of the entries whose numbers are inputs where a user names none.
 TABLES = ("material.", "contact.friction")
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 # a unit may begin with 1, as in "200 1/s"
-_NUMBERS = re.compile(rf"({_NUMBER}(?:[\s,]+{_NUMBER})*?)(?:\s+(1\s*/.*)|\s*([^\d\s.,+-].*))?")
+_NUMBERS = re.compile(rf"({NUMBER}(?:[\s,]+{NUMBER})*?)(?:\s+(1\s*/.*)|\s*([^\d\s.,+-].*))?")
 _FROM_PRESET = re.compile(r" \(preset .*\)$")
 #: Entries that a default is a copy of (:mod:`lcmchain.scene.read`).
 _COPY = re.compile(r" \((?:contact\.friction|process\.time)\)$")
