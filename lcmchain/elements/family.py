@@ -25,7 +25,7 @@ def internal_forces(data, positions, corner_force, history):
     Parameters
     ----------
     data : constants of the body, a NamedTuple.
-    positions : (3, node_count) of the whole model [m].
+    positions : (3, node_count) of the whole model [m], C-contiguous.
     corner_force : of this body, blocks of 16 elements with 3 rows per corner [N], written.
     history : of this body, blocks of 16 elements with a row per value, or empty.
     """

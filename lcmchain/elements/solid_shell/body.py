@@ -313,7 +313,7 @@ class SolidShellBody:
     def condition(self, positions: np.ndarray, history: np.ndarray) -> Condition:
         stretches = np.empty((2, self._padded_count))
         centre_stretches(
-            positions,
+            np.ascontiguousarray(positions),
             self.data.corner_node,
             self.data.corner_run,
             self._padded_height,

@@ -67,10 +67,12 @@ def renew_curvature(
     """
     padded = body.corner_node.size // 8
     centre, normal, work = np.empty((3, padded)), np.empty((3, padded)), np.empty(padded)
+    positions = np.ascontiguousarray(positions)
+    counted_at = positions if counted_at is None else np.ascontiguousarray(counted_at)
     element_frames(positions, body.corner_node, body.corner_run, centre, normal)
     element_curvatures(
         positions,
-        positions if counted_at is None else counted_at,
+        counted_at,
         body.corner_node,
         body.corner_run,
         body.element_data,

@@ -101,7 +101,7 @@ def strain_energies(
         diagonal, for the latter); their symmetric part is counted.
     """
     element_energies(
-        positions,
+        np.ascontiguousarray(positions),
         body.corner_node,
         body.corner_run,
         body.element_data,
