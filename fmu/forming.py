@@ -215,9 +215,9 @@ class FormingPart(Part):
             at_rest = bool(self.values.number(AT_REST))
             self.wet.set_fields({PRESSURE_AT_REST if at_rest else PORE_PRESSURE: pressure})
             self.wet.advance(size)
+            simulation.require_resolved()
         else:
-            simulation.advance_to(self.target)
-        simulation.require_resolved()
+            simulation.advance_to(self.target, lambda _: simulation.require_resolved())
         self.step = size
         if simulation.control.step > 0.0:
             self.critical_step = simulation.control.step / simulation.model.step_safety

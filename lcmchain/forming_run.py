@@ -100,9 +100,7 @@ class FormingRun:
         with stop_requests() as self._stop:
             for frame_time in times[len(self.snapshots) :]:
                 mover.advance_to(float(frame_time), self._after_chunk)
-                snapshot = self.simulation.snapshot()
-                self.simulation.require_resolved(snapshot.energy)
-                self.snapshots.append(snapshot)
+                self.snapshots.append(self.simulation.snapshot())
                 if self.companion is not None:
                     self.companion.keep_frame()
                 self._save()
@@ -112,6 +110,7 @@ class FormingRun:
     def _after_chunk(self, simulation: Simulation) -> None:
         text = f"forming, step {simulation.state.step_count:,}"
         self.report(simulation.time, self.scene.process.time, text)
+        simulation.require_resolved()
         if self._stop.is_set():
             self._save()
             raise SimulationInterrupted(

@@ -33,7 +33,9 @@ WORK_COLUMNS = 7
 TIME = 0  # [s]
 LAST_STEP = 1  # size of the last step [s]
 OMEGA2 = 2  # bound of the square of the highest frequency of the elements [1/s²]
-CLOCK_ENTRIES = 3
+LOOKED = 3  # when the guard of the hourglass energy last looked [s]
+RESOLVED = 4  # when it last found that the mesh follows the deformation [s]
+CLOCK_ENTRIES = 5
 
 # Entries of ``State.counters``.
 STEPS = 0  # made so far

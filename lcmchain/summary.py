@@ -25,10 +25,10 @@ from lcmchain.results import RUNNING
 from lcmchain.scene import left_out_of, rung_of
 from lcmchain.state import HALVINGS
 from lcmchain.thresholds import (
-    BALANCE_SCALE,
     LARGEST_BALANCE_ERROR,
     LARGEST_KINETIC_PART_AT_END,
     LARGEST_PENETRATION,
+    balance_scale,
 )
 
 if TYPE_CHECKING:
@@ -139,9 +139,9 @@ def energy_measures(energies: Sequence[Mapping[str, float]], idle: float = 0.0) 
     """Return how the energies of the frames compare with the internal one, hourglass included.
 
     ``balance_error_max`` is relative to the largest internal energy of all frames, the kinetic
-    energy to the internal energy of its own frame. Where the sheet was never strained, because its
-    internal energy stayed below ``idle`` [J], the kinetic ratios are 0, and the balance error is
-    relative to the largest part of the balance (:func:`_balance_scale`).
+    energy to the internal energy of its own frame. Where the sheet was never ``strained``, because
+    its internal energy stayed below ``idle`` [J], the kinetic ratios are 0, and the balance error
+    is relative to the largest part of the balance (:func:`_balance_scale`).
     """
     internal = np.array([energy["internal"] + energy["hourglass"] for energy in energies])
     kinetic = np.array([energy["kinetic"] for energy in energies])
@@ -150,6 +150,7 @@ def energy_measures(energies: Sequence[Mapping[str, float]], idle: float = 0.0) 
     ratio = np.divide(kinetic, internal, out=np.zeros_like(kinetic), where=strained)
     scale = _balance_scale(energies, float(internal.max()), idle)
     return {
+        "strained": bool(strained.any()),
         "balance_error_max": float(np.abs(error).max()) / scale if scale else 0.0,
         "kinetic_to_internal_max": float(ratio.max()),
         "kinetic_to_internal_end": float(ratio[-1]),
@@ -182,8 +183,9 @@ def run_warnings(summary: Mapping, thickness: float) -> list[str]:
     found = []
     if summary["balance_error_max"] > LARGEST_BALANCE_ERROR:
         found.append(
-            f"the energy balance is off by {summary['balance_error_max']:.1%} of the largest "
-            f"{BALANCE_SCALE}; lower process.step_safety, and leave element.cross_terms off"
+            f"the energy balance is off by {summary['balance_error_max']:.1%} "
+            f"{balance_scale(summary)}; lower process.step_safety, and leave "
+            "element.cross_terms off"
         )
     if summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END:
         found.append(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-#: What the error of the energy balance is compared with; the second, where the sheet is not
-#: strained by as much as a millionth.
-BALANCE_SCALE = "internal energy (unstrained: part of the balance)"
-#: Error of the energy balance, in parts of it.
+from collections.abc import Mapping
+from typing import Any
+
+#: Error of the energy balance, in parts of what :func:`balance_scale` names.
 LARGEST_BALANCE_ERROR = 0.01
 #: Kinetic in parts of the internal energy when the process ends: the sheet is at rest below it,
 LARGEST_KINETIC_PART_AT_END = 0.05
@@ -32,3 +32,10 @@ LEAST_ELEMENTS_PER_WAVE = 8
 BAD = 3.0
 #: Part of the area of the sheet up to which an excess is local: doubtful, and bad beyond.
 LOCAL_AREA = 0.01
+
+
+def balance_scale(summary: Mapping[str, Any]) -> str:
+    """Say what the error of the energy balance is compared with."""
+    if summary.get("strained", True):
+        return "of the largest internal energy"
+    return "of the largest part of the balance (the sheet is not strained)"

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.report.grades import percent
-from lcmchain.thresholds import BALANCE_SCALE
+from lcmchain.thresholds import balance_scale
 
 
 class Number(NamedTuple):
@@ -79,7 +79,7 @@ def _time(summary: Mapping[str, Any]) -> Iterator[Number]:
 
 def _energies(summary: Mapping[str, Any]) -> Iterator[Number]:
     for entry, name, meaning in (
-        ("balance_error_max", "Error of the energy balance", f"of the largest {BALANCE_SCALE}"),
+        ("balance_error_max", "Error of the energy balance", balance_scale(summary)),
         ("kinetic_to_internal_end", "Kinetic energy at the end", "of the internal energy"),
         ("damping_to_external", "Damping", "of the external work"),
         ("hourglass_to_internal", "Hourglass energy", "of the internal energy"),

@@ -20,7 +20,6 @@ from lcmchain.results import COMPLETE
 from lcmchain.scene.pace import entries_that_slow, has_guided_load, is_driven, is_led
 from lcmchain.solver import guards
 from lcmchain.thresholds import (
-    BALANCE_SCALE,
     LARGEST_BALANCE_ERROR,
     LARGEST_DAMPING_PART,
     LARGEST_HOURGLASS_PART,
@@ -29,6 +28,7 @@ from lcmchain.thresholds import (
     LARGEST_PENETRATION,
     LARGEST_TARGET_DISTANCE,
     LONGEST_DYNAMIC_PART,
+    balance_scale,
 )
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def _energy_balance(summary: Mapping[str, Any]) -> Iterator[Verdict]:
             "Energy balance",
             summary["balance_error_max"],
             LARGEST_BALANCE_ERROR,
-            f"off by {{}} of the largest {BALANCE_SCALE}",
+            f"off by {{}} {balance_scale(summary)}",
             "energy is lost or comes from nowhere",
             "process.step_safety, element.cross_terms",
         )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from lcmchain.elements.family import Body, Condition
@@ -9,7 +11,7 @@ from lcmchain.errors import SimulationError
 from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
 from lcmchain.solver.runaway import cause_of_runaway, energies_in_words
-from lcmchain.state import EXTERNAL, WORK_COLUMNS, State
+from lcmchain.state import EXTERNAL, LOOKED, RESOLVED, WORK_COLUMNS, State
 
 # Deeper in a tool than this part of its thickness, the sheet is not where the tools hold it.
 DEEPEST_PENETRATION = 0.15
@@ -23,6 +25,10 @@ RUNAWAY_FRACTION = 0.1
 # Hourglass energy over strain energy: sound runs stay below 0.04 (examples); where 10 mm elements
 # jam on a fillet of 10 mm it passes 0.25 and the punch force is five times too high.
 LARGEST_HOURGLASS_PART = 0.15
+# Parts of the process: from one look at that ratio to the next, and for how long it may be larger,
+# as it is for a moment where a tool touches first. At the end it may not.
+LOOK_INTERVAL = 0.01
+LONGEST_UNRESOLVED = 0.05
 # A sheet counts as loaded where its strain energy is that of a strain of 5e-4 over all of it.
 LOADED = 25.0
 FLOOR_STRAIN = 1e-4
@@ -99,16 +105,21 @@ def require_passive(model: Model, state: State) -> None:
     )
 
 
-def require_resolved(model: Model, state: State, energy: dict[str, float]) -> None:
-    """Stop where the hourglass terms carry the sheet: its elements cannot follow the tools.
+def resolution_is_due(model: Model, state: State) -> bool:
+    """Tell whether it is time to look at the hourglass energy, whatever else a run saves."""
+    interval = LOOK_INTERVAL * model.process_time
+    return state.time >= min(state.clock[LOOKED] + interval, model.process_time)
 
-    At the first touch of a tool, while the sheet is hardly strained or moves more than it is
-    strained, the ratio says nothing; nor does it where a body says so.
-    """
-    if energy["internal"] <= max(energy["kinetic"], LOADED * energy_floor(model)):
+
+def require_resolved(model: Model, state: State, energy: Mapping[str, float]) -> None:
+    """Stop where the hourglass terms carry the sheet: its elements cannot follow the tools."""
+    part, now = hourglass_part(model, energy), state.time
+    state.clock[LOOKED] = now
+    if part <= LARGEST_HOURGLASS_PART:
+        state.clock[RESOLVED] = now
         return
-    part = energy["hourglass"] / energy["internal"]
-    if part <= LARGEST_HOURGLASS_PART or not all(body.hourglass_tells for body in model.bodies):
+    lasted = now - float(state.clock[RESOLVED])
+    if now < model.process_time and lasted < LONGEST_UNRESOLVED * model.process_time:
         return
     areas = np.concatenate([body.mesh.element_areas for body in model.bodies])
     edge = 1e3 * float(np.sqrt(np.median(areas)))
@@ -118,6 +129,19 @@ def require_resolved(model: Model, state: State, energy: dict[str, float]) -> No
         f"of {edge:.3g} mm are too coarse for the radii of the tools; use a smaller "
         "blank.edge_length"
     )
+
+
+def hourglass_part(model: Model, energy: Mapping[str, float]) -> float:
+    """Return the hourglass energy over the strain energy, 0 where the ratio says nothing.
+
+    That is at the first touch of a tool, while the sheet is hardly strained or moves more than it
+    is strained, and where a body says so.
+    """
+    if energy["internal"] <= max(energy["kinetic"], LOADED * energy_floor(model)):
+        return 0.0
+    if not all(body.hourglass_tells for body in model.bodies):
+        return 0.0
+    return energy["hourglass"] / energy["internal"]
 
 
 def energy_floor(model: Model) -> float:

@@ -211,14 +211,15 @@ class Simulation:
         """Return what a saved frame holds of the present."""
         return Snapshot(self.time, self.energy(), self.state.frame())
 
-    def require_resolved(self, energy: dict[str, float] | None = None) -> None:
-        """Check that the mesh follows the deformation; ``energy`` where it is already known.
+    def require_resolved(self) -> None:
+        """Check from time to time that the mesh follows the deformation; for after every chunk.
 
         Raises
         ------
-        SimulationError : the hourglass terms carry a large part of the load.
+        SimulationError : the hourglass terms carry a large part of the load, and not for a moment.
         """
-        guards.require_resolved(self.model, self.state, energy or self.energy())
+        if guards.resolution_is_due(self.model, self.state):
+            guards.require_resolved(self.model, self.state, self.energy())
 
     def energy(self) -> dict[str, float]:
         """Return the energy balance [J]; ``inelastic`` is what laws with memory dissipated.

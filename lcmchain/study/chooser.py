@@ -102,6 +102,7 @@ class Chooser:
         self.text, self.wish, self.progress = text, wish, progress
         self.announce = announce or (lambda _: None)
         self.scene = text.scene()
+        self.is_laid = self.scene.element.type == "kinematic"
         self.time_stays = why_time_stays(self.scene)
         self.threads, self.study = threads, Study(text, folder, Workers(1, threads))
         self.levels: list[Level] = []
@@ -242,6 +243,8 @@ class Chooser:
     def _try_settings(self, edge: float) -> None:
         """Measure on a mesh what added mass and softer fibres change, and what they save."""
         self.tried_at = edge
+        if self.is_laid:  # without mass and steps
+            return
         plain = self._pilot(edge, AS_IT_IS)
         fastest = next(
             (trial for trial in inertia_trials(self.scene) if not self._pilot(edge, trial).failure),
@@ -342,7 +345,7 @@ class Chooser:
         for _ in range(MOST_REHEARSALS):
             known = [*self.rehearsals, *(level.edge for level in self.levels)]
             near = NO_BETTER if self.wish.budget is None else REHEARSED
-            laid = choice.settings.model == "kinematic"
+            laid = self.is_laid or choice.settings.model == "kinematic"
             if laid or any(near <= edge / choice.edge_length <= 1.0 / near for edge in known):
                 return self._with_a_slower_process(choice)
             for edge in (self.levels[-1].edge, choice.edge_length):
@@ -393,7 +396,7 @@ class Chooser:
         own_edge = self.scene.blank.edge_length
         known = Knowledge(self.levels, laws, own_edge, left, self._beginnings(), settled)
         choice, worst = choose(self.wish, self.candidates, known)
-        if self.time_stays:
+        if self.time_stays and not self.is_laid:
             choice.why += f"; the process time stays, since {self.time_stays}"
         finest = self.levels[-1].edge / FARTHEST
         if len(self.levels) >= MOST_PILOTS and choice.edge_length < finest:

@@ -24,6 +24,8 @@ def why_time_stays(scene: Scene) -> str:
 
 
 def _paces(scene: Scene) -> Iterator[str]:
+    if scene.element.type == "kinematic":
+        yield "a net is laid, which knows no time"
     if scene.wet_forming is not None:
         yield "resin flows meanwhile, which has times of its own"
     if not is_led(scene) and (is_driven(scene) or scene.tools or scene.pressure):

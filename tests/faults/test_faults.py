@@ -7,6 +7,7 @@ import contextlib
 import hashlib
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -271,7 +272,7 @@ def test_a_fresh_run_keeps_an_interrupted_one_until_it_is_complete(scenes, compl
 def test_a_run_that_a_guard_stops_says_why(scenes, complete, tmp_path, monkeypatch, capsys):
     folder = tmp_path / "results"
 
-    def require_resolved(simulation, energy):
+    def require_resolved(simulation):
         if simulation.time > 0.3e-3:
             raise SimulationError("element 7 is folded")
 
@@ -282,7 +283,7 @@ def test_a_run_that_a_guard_stops_says_why(scenes, complete, tmp_path, monkeypat
     assert stop.value.code == 1
     captured = capsys.readouterr()
     assert "element 7 is folded. The frames up to 0.2 ms are in" in captured.err
-    assert "0.4 of 0.4 ms" in captured.out, "the numbers of what there is"
+    assert re.search(r"0\.3\d* of 0\.4 ms", captured.out), "the numbers of what there is"
     assert summary_in(folder)["state"] == "stopped: element 7 is folded"
     with xr.open_dataset(folder / "forming.nc") as sheet:
         assert sheet.attrs["state"] == "stopped: element 7 is folded"

@@ -306,6 +306,21 @@ def test_a_laid_net_is_chosen_where_it_is_near_enough(dent, tmp_path):
     assert fixed.run(fixed.make).settings.model == ""
 
 
+@pytest.mark.parametrize(("within", "budget"), [("0.5 deg shear", None), (None, "2 s")])
+def test_a_scene_whose_net_is_laid_has_no_steps_to_choose(dent, tmp_path, within, budget):
+    laid = type(dent)(dent.text, dent.path, (), "kinematic")
+    chooser = Chooser(laid, tmp_path, read_wish(within, budget), threads=1)
+    choice = chooser.run(lambda choice: chooser.study.outcome(chooser.variant_of(choice)))
+    assert choice.settings == AS_IT_IS
+    assert choice.kept
+    assert chooser.rehearsals == {}
+    assert "process time" not in choice.why
+    if within:
+        assert 0.0 < choice.found["shear_angle"] <= math.radians(0.5)
+    else:
+        assert choice.edge_length < chooser.levels[0].edge
+
+
 def test_what_does_not_converge_is_told_and_no_mesh_is_spent_on_it(dent, tmp_path):
     class Restless(Known):
         def outcome(self, edge, settings):

@@ -10,7 +10,7 @@ from lcmchain.errors import SimulationError
 from lcmchain.scene import scene_from_text
 from lcmchain.solver import guards
 from lcmchain.solver.simulation import Simulation
-from lcmchain.state import EXTERNAL, KINETIC, LAST_STEP
+from lcmchain.state import EXTERNAL, KINETIC, LAST_STEP, LOOKED, TIME
 
 SCENE = """
 title = "patch"
@@ -178,10 +178,37 @@ def test_a_mesh_that_the_hourglass_terms_carry_is_named(simulation):
     model, state = simulation.model, simulation.state
     floor = guards.energy_floor(model)
     sound = {"internal": 100.0 * floor, "hourglass": 14.0 * floor, "kinetic": 0.0}
-    guards.require_resolved(model, state, sound)
-    # before the sheet is loaded, and while it moves more than it is strained, a ratio says nothing
     carried = sound | {"hourglass": 16.0 * floor}
-    guards.require_resolved(model, state, carried | {"internal": 0.9 * guards.LOADED * floor})
-    guards.require_resolved(model, state, carried | {"kinetic": 101.0 * floor})
+    assert guards.hourglass_part(model, sound) == pytest.approx(0.14)
+    assert guards.hourglass_part(model, carried) == pytest.approx(0.16)
+    # before the sheet is loaded, and while it moves more than it is strained, a ratio says nothing
+    barely = carried | {"internal": 0.9 * guards.LOADED * floor}
+    assert guards.hourglass_part(model, barely) == 0.0
+    assert guards.hourglass_part(model, carried | {"kinetic": 101.0 * floor}) == 0.0
+
+    def look(part_of_the_process, energy):
+        state.clock[TIME] = part_of_the_process * model.process_time
+        guards.require_resolved(model, state, energy)
+
+    for part in (0.1, 0.12, 0.14):  # for a moment, and again after a look that finds it sound
+        look(part - 0.01, sound)
+        look(part, carried)
+    look(0.17, carried)
     with pytest.raises(SimulationError, match="16% of the strain energy at .*10 mm .*edge_length"):
-        guards.require_resolved(model, state, carried)
+        look(0.19, carried)
+    look(0.99, sound)
+    with pytest.raises(SimulationError, match="16% of the strain energy"):
+        look(1.0, carried)
+
+
+def test_the_hourglass_guard_looks_at_times_of_its_own(simulation):
+    """Whatever a run saves: from time to time, after every halt of it, and at its end."""
+    model, state = simulation.model, simulation.state
+    due = []
+    for part in np.linspace(0.0, 1.0, 401):
+        state.clock[TIME] = part * model.process_time
+        if guards.resolution_is_due(model, state):
+            due.append(part)
+            state.clock[LOOKED] = state.time
+    assert np.allclose(np.diff(due), guards.LOOK_INTERVAL, atol=0.0026)
+    assert due[-1] == 1.0

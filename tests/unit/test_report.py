@@ -199,7 +199,7 @@ def test_the_switch_leaves_it_out(folder, tmp_path):
 
 
 def test_a_run_that_a_guard_stopped_has_its_report(folder, tmp_path, monkeypatch):
-    def require_resolved(simulation, energy):
+    def require_resolved(simulation):
         if simulation.time > 0.003:
             raise SimulationError("the hourglass energy is 90% of the strain energy")
 

@@ -125,6 +125,7 @@ def test_every_entry(scene, datasets):
         "threads": 2,
         "us_per_element_step": 100.0,
         "energy": ENERGIES[-1],
+        "strained": True,
         "balance_error_max": 0.06 / 4.0,
         "kinetic_to_internal_max": 0.3 / 1.2,
         "kinetic_to_internal_end": 0.1 / 4.0,
@@ -221,6 +222,14 @@ def test_what_makes_a_result_questionable_is_said(changes, words):
     assert run_warnings(sound, 1e-3) == []
     (warning,) = run_warnings(sound | changes, 1e-3)
     assert words in warning
+
+
+def test_the_scale_of_the_balance_is_named():
+    still = {"balance_error_max": 0.5, "kinetic_to_internal_end": 0.0, "penetration_max_m": {}}
+    (strained,) = run_warnings(still | {"strained": True}, 1e-3)
+    (never,) = run_warnings(still | {"strained": False}, 1e-3)
+    assert "50.0% of the largest internal energy" in strained
+    assert "50.0% of the largest part of the balance (the sheet is not strained)" in never
 
 
 def test_a_balance_that_is_wrong_is_told_of_a_sheet_that_was_never_strained():
