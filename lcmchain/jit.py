@@ -9,6 +9,7 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from lcmchain.cache_lines import align_compiled_code
+from lcmchain.compiled_parts import know_parts, part
 from lcmchain.large_tuples import load_parts_of_tuples
 from lcmchain.self_contained import keep_code_self_contained
 from lcmchain.threads import load_threading_library
@@ -19,6 +20,7 @@ keep_lane_loops()
 keep_code_self_contained()
 load_parts_of_tuples()
 align_compiled_code()
+know_parts()
 use_widest_vectors()
 
 # 'nnan' and 'ninf' are left out on purpose: they let the compiler delete the guards' checks.
@@ -28,22 +30,30 @@ FLOATING_POINT = {"contract", "nsz"}
 # divisions free of the branch that would stop vectorisation.
 INLINED: Any = {"error_model": "numpy", "fastmath": FLOATING_POINT, "forceinline": True}
 
+# Nobody calls compiled functions from C.
+NOT_FOR_C: Any = {"no_cfunc_wrapper": True}
+
 # Functions that keep compiled code on disk.
 _cached: list[Dispatcher] = []
 
 
 def equation(function: Callable[..., Any]) -> Dispatcher:
     """Compile a small scalar function that is inlined into the lane loop of a kernel."""
-    return _compiled(function, **INLINED)
+    return _part(function, **INLINED)
 
 
 def strict_equation(function: Callable[..., Any]) -> Dispatcher:
     """Compile like :func:`equation`, but with every operation rounded exactly as written."""
-    return _compiled(function, error_model="numpy", forceinline=True)
+    return _part(function, error_model="numpy", forceinline=True)
 
 
 def routine(function: Callable[..., Any]) -> Dispatcher:
     """Compile a serial function that kernels or other routines call."""
+    return _part(function, error_model="numpy", fastmath=FLOATING_POINT)
+
+
+def entry(function: Callable[..., Any]) -> Dispatcher:
+    """Compile like :func:`routine` a function that Python calls."""
     return _compiled(function, error_model="numpy", fastmath=FLOATING_POINT)
 
 
@@ -54,14 +64,14 @@ def span_routine(function: Callable[..., Any]) -> Dispatcher:
     function must not allocate and keeps no array: the rows that it takes from arrays are not
     counted as references, which would cost more than the loops.
     """
-    return _compiled(
+    return _part(
         function, error_model="numpy", fastmath={*FLOATING_POINT, "reassoc"}, nogil=True, _nrt=False
     )
 
 
 def span_part(function: Callable[..., Any]) -> Dispatcher:
     """Compile a part of a span routine that is inlined there: a call costs more than its loops."""
-    return _compiled(
+    return _part(
         function,
         error_model="numpy",
         fastmath={*FLOATING_POINT, "reassoc"},
@@ -72,7 +82,7 @@ def span_part(function: Callable[..., Any]) -> Dispatcher:
 
 def ordered_span_routine(function: Callable[..., Any]) -> Dispatcher:
     """Compile like :func:`span_routine`, but with every sum in the order in which it is written."""
-    return _compiled(function, error_model="numpy", fastmath=FLOATING_POINT, nogil=True, _nrt=False)
+    return _part(function, error_model="numpy", fastmath=FLOATING_POINT, nogil=True, _nrt=False)
 
 
 def kernel(function: Callable[..., Any]) -> Dispatcher:
@@ -89,6 +99,12 @@ def move_cache() -> None:
 
 
 def _compiled(function, **options):
-    dispatcher = njit(cache=True, **options)(function)
+    dispatcher = njit(cache=True, **options, **NOT_FOR_C)(function)
+    _cached.append(dispatcher)
+    return dispatcher
+
+
+def _part(function, **options):
+    dispatcher = part(function, **options)
     _cached.append(dispatcher)
     return dispatcher

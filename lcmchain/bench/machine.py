@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcmchain.jit import equation, routine
+from lcmchain.jit import entry, equation
 
 REPETITIONS = 5
 # Numbers that stay in the first cache, in independent chains of operations.
@@ -36,7 +36,7 @@ def four_fmas(x, a, b):
     return (((x * a + b) * a + b) * a + b) * a + b
 
 
-@routine
+@entry
 def multiply_add(numbers, a, b, rounds):
     """Apply x = a x + b so often to every number: FMAS times in every round."""
     for _ in range(rounds):
@@ -45,7 +45,7 @@ def multiply_add(numbers, a, b, rounds):
             numbers[i] = four_fmas(four_fmas(x, a, b), a, b)
 
 
-@routine
+@entry
 def add_scaled(total, first, second, factor):
     """Write first + factor * second to ``total``."""
     for i in range(total.size):

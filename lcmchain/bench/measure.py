@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.elements.family import internal_forces
-from lcmchain.jit import routine
+from lcmchain.jit import entry
 from lcmchain.solver.simulation import Simulation
 from lcmchain.threads import use_threads
 
@@ -59,7 +59,7 @@ def median_of(turns: Sequence[Measurement]) -> Measurement:
     )
 
 
-@routine
+@entry
 def repeated_forces(data, position, corner_force, history, count):
     """Evaluate the internal forces of a body so often, without going back to Python."""
     for _ in range(count):

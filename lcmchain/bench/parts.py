@@ -15,7 +15,7 @@ from lcmchain.bench.hemisphere import at_mid_stroke
 from lcmchain.bench.measure import Measurement, kernel_work, measure
 from lcmchain.bench.operations import contact_operations, count_operations
 from lcmchain.effects.fibre_bending import fibre_bending_forces
-from lcmchain.jit import routine
+from lcmchain.jit import entry
 from lcmchain.model import NODE_CHUNK
 from lcmchain.solver.contact_forces import add_contact_forces, scratch_size
 from lcmchain.solver.contact_search import find_near_spans
@@ -53,14 +53,14 @@ class Parts(NamedTuple):
         return self.whole.median - sum(part.median for part in self.parts)
 
 
-@routine
+@entry
 def repeated_bending(data, position, corner_force, middle, vector, calls):
     """Evaluate the bending of the fibres so often."""
     for _ in range(calls):
         fibre_bending_forces(data, position, corner_force, middle, vector)
 
 
-@routine
+@entry
 def repeated_gather(arrays, calls):
     """Sum the corner forces at the nodes so often."""
     node_count = arrays.mass.size
@@ -70,7 +70,7 @@ def repeated_gather(arrays, calls):
             gather_internal_forces(arrays, arrays.force_slot, first, last)
 
 
-@routine
+@entry
 def repeated_contact(arrays, tools, environment, dt, calls):
     """Evaluate the contact of all nodes so often."""
     node_count = arrays.mass.size
@@ -81,7 +81,7 @@ def repeated_contact(arrays, tools, environment, dt, calls):
             add_contact_forces(arrays, tools, environment, first, last, dt, dt, work, sums)
 
 
-@routine
+@entry
 def repeated_motion(arrays, environment, dt, calls):
     """Move the nodes so often."""
     node_count, sums = arrays.mass.size, np.zeros(SUMS)

@@ -31,7 +31,7 @@ from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
 from lcmchain.elements.lane_runs import find_runs, load_vectors
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
-from lcmchain.jit import equation, kernel, routine, span_part, span_routine
+from lcmchain.jit import entry, equation, kernel, span_part, span_routine
 from lcmchain.mesh.fibre_lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
 
@@ -300,7 +300,7 @@ def stored_energy(table: FibreBending, position: np.ndarray) -> float:
     return energy
 
 
-@routine
+@entry
 def _energy_of_family(x, before, after, before2, after2, m, p, stiffness, rest, per_area2):
     """Return the energy [J] of one family of fibres at mid-surface nodes x (mid_count, 3)."""
     energy = 0.0

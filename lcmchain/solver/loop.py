@@ -30,7 +30,7 @@ from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import forces_of_block
-from lcmchain.jit import kernel, ordered_span_routine, routine, span_routine
+from lcmchain.jit import entry, kernel, ordered_span_routine, routine, span_routine
 from lcmchain.model import NODE_CHUNK, NodeData
 from lcmchain.solver.contact_forces import add_contact_forces, scratch_size
 from lcmchain.solver.contact_search import find_near_spans
@@ -58,7 +58,7 @@ Arrays: Any = NamedTuple(  # type: ignore[misc]
 )
 
 
-@routine
+@entry
 def advance(
     arrays,
     bodies,

@@ -49,7 +49,7 @@ from lcmchain.elements.solid_shell.equations import (
     thickness_resultants,
     unit_in_plane_shear,
 )
-from lcmchain.jit import equation, kernel, routine
+from lcmchain.jit import entry, equation, kernel, routine
 from lcmchain.materials.law import (
     bending_stiffness,
     evolved_history,
@@ -714,7 +714,7 @@ def element_in_lane(i, corner, data, law, history, shared, options):
 
 
 @implements(internal_forces, SolidShellData)
-@routine
+@entry
 def solid_shell_forces(body, positions, corner_force, history):
     """Write the internal forces of all elements of a body, and move its history on.
 

@@ -1,0 +1,138 @@
+"""Functions that are parts of others' compiled code, compiled as that and no more.
+
+Numba compiles every function for callers of all kinds: it makes machine code of it at once, and two
+wrappers, by which Python and C may call it. Most functions of a kernel are called by compiled code
+alone, which holds a copy of each and optimises that anew (``self_contained.py``): their own machine
+code and wrappers never run, and took a quarter of the time in which the solver was compiled. A part
+keeps what callers take, its optimised intermediate code, in memory and on disk. Where Python calls
+one even so, it is compiled once more, with all that this needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from types import FunctionType
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba import njit
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+from numba.core.compiler import Compiler
+from numba.core.cpu import CPUContext
+from numba.core.registry import CPUDispatcher
+
+PART = "part"  # kind of what is kept on disk, beside numba's own
+
+
+class PartLibrary(JITCodeLibrary):
+    """Optimised code of a part, for others to link; it never becomes machine code."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        raise RuntimeError(f"{self.name} is a part of compiled code and has no address ({name})")
+
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+        self._ensure_finalized()
+        return self.name, PART, self._final_module.as_bitcode()
+
+
+class PartCompiler(Compiler):
+    """Numba's compiler, which makes a library of a part."""
+
+    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *others: Any) -> None:
+        library = PartLibrary(targetctx.codegen(), f"{PART}_{id(self)}")
+        super().__init__(typingctx, targetctx, library, *others)
+
+
+class PartEntry:
+    """Stands where a function has its address for Python."""
+
+
+class PartDispatcher(CPUDispatcher):
+    """A function for compiled code to call."""
+
+    def __init__(
+        self, py_func: Callable[..., Any], locals: Any = None, targetoptions: Any = None
+    ) -> None:
+        super().__init__(py_func, locals, targetoptions, pipeline_class=PartCompiler)
+        without = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        self._compiler.targetoptions = self.targetoptions | without  # type: ignore[attr-defined]
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        return self.for_python(*arguments, **named)
+
+    def add_overload(self, cres: Any) -> None:
+        self.overloads[tuple(cres.signature.args)] = cres
+
+    def enable_caching(self) -> None:
+        super().enable_caching()
+        if "for_python" in vars(self):
+            self.for_python.enable_caching()
+
+    @cached_property
+    def for_python(self) -> Any:
+        """The function compiled for Python to call; kept on disk under a name of its own."""
+        of, name = self.py_func, f"{self.py_func.__name__}_for_python"
+        twin = FunctionType(of.__code__, of.__globals__, name, of.__defaults__, of.__closure__)
+        twin.__kwdefaults__, twin.__module__ = of.__kwdefaults__, of.__module__
+        twin.__qualname__ = f"{of.__qualname__}_for_python"
+        options = {k: v for k, v in self.targetoptions.items() if k not in NUMBAS_OWN}
+        return njit(cache=True, **options)(twin)
+
+
+#: Options that ``njit`` sets by itself.
+NUMBAS_OWN = ("nopython", "boundscheck")
+
+
+def part(function: Callable[..., Any], **options: Any) -> PartDispatcher:
+    """Compile a function, when it is called, for compiled code to call; as ``njit`` otherwise."""
+    dispatcher = PartDispatcher(
+        function, targetoptions={**options, "nopython": True, "boundscheck": None}
+    )
+    dispatcher.enable_caching()
+    return dispatcher
+
+
+def know_parts() -> None:
+    """Let numba read parts from disk, and ask none for an address; before anything is compiled.
+
+    The environments of parts, Python objects that compiled code may use, are handed over with the
+    machine code of those that hold a copy.
+    """
+    unserialize = JITCodeLibrary._unserialize.__func__  # type: ignore[attr-defined]
+    executable, set_env = CPUContext.get_executable, JITCPUCodegen.set_env
+    waiting: dict[str, Any] = {}
+
+    def unserialize_part(cls: Any, codegen: Any, state: Any) -> Any:
+        name, kind, data = state
+        if kind != PART:
+            return unserialize(cls, codegen, state)
+        library = PartLibrary(codegen, name)
+        library._final_module = llvm.parse_bitcode(data)
+        library._finalized = True
+        return library
+
+    def executable_of_part(self: Any, library: Any, fndesc: Any, env: Any) -> Any:
+        if isinstance(library, PartLibrary):
+            library.codegen.set_env(self.get_env_name(fndesc), env)
+            return PartEntry()
+        made = executable(self, library, fndesc, env)
+        for variable in library._final_module.global_variables:
+            if variable.name in waiting:
+                library.codegen.set_env(variable.name, waiting[variable.name])
+        return made
+
+    def set_env_where_it_is(self: Any, name: str, env: Any) -> None:
+        if self._engine.get_global_value_address(name):
+            set_env(self, name, env)
+        else:
+            waiting[name] = env
+
+    JITCodeLibrary._unserialize = classmethod(unserialize_part)  # type: ignore[method-assign, assignment]
+    CPUContext.get_executable = executable_of_part  # type: ignore[method-assign]
+    JITCPUCodegen.set_env = set_env_where_it_is  # type: ignore[method-assign]

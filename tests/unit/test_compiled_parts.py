@@ -1,0 +1,129 @@
+"""Functions of compiled code alone: linked as before, without machine code, callable even so."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from lcmchain.compiled_parts import PartDispatcher, PartLibrary
+from lcmchain.jit import entry, equation, routine
+
+MODULE = """
+from lcmchain.jit import entry, equation, routine
+
+@equation
+def square(x, shift=1.0):
+    return x * x + shift
+
+@routine
+def root(x):
+    if x < 0.0:
+        raise ValueError("no root of a negative number", x)
+    return x**0.5
+
+@entry
+def sum_of_squares(values):
+    total = 0.0
+    for x in values:
+        total += square(x)
+    return total
+
+@entry
+def sum_of_roots(values):
+    total = 0.0
+    for x in values:
+        total += root(square(x, -2.0))
+    return total
+"""
+CALL = """
+import json
+import numpy as np
+import parts
+values = np.linspace(2.0, 3.0, 5)
+found = {first}(values), {second}(values)
+try:
+    parts.sum_of_roots(np.zeros(1))
+except ValueError as error:
+    told = error.args
+hits = [f.stats.cache_hits.total() for f in (parts.square, parts.root)]
+print(json.dumps([found, told, hits, parts.square(3.0), parts.square(shift=2.0, x=3.0)]))
+"""
+
+
+@equation
+def twice(x):
+    return 2.0 * x
+
+
+@routine
+def twice_and_one(x):
+    return twice(x) + 1.0
+
+
+@entry
+def called(x):
+    return twice_and_one(x)
+
+
+def test_parts_are_linked_and_have_no_code_of_their_own():
+    assert called(3.0) == 7.0
+    for function in (twice, twice_and_one):
+        assert isinstance(function, PartDispatcher)
+        (compiled,) = function.overloads.values()
+        assert isinstance(compiled.library, PartLibrary)
+        with pytest.raises(RuntimeError, match="no address"):
+            compiled.library.get_pointer_to_function("any")
+    assert not isinstance(called, PartDispatcher)
+
+
+def test_python_calls_a_part_that_compiled_code_has_called():
+    assert called(1.0) == twice_and_one(1.0) == 3.0
+    assert twice(1) == 2.0 and twice(1j) == 2j
+
+
+@pytest.fixture
+def process(tmp_path):
+    """Call two functions of the module in a process of its own, with one cache for all."""
+    (tmp_path / "parts.py").write_text(MODULE, encoding="utf-8")
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+        "PYTHONPATH": str(tmp_path),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
+
+    def call(first, second):
+        done = subprocess.run(
+            [sys.executable, "-c", CALL.format(first=first, second=second)],
+            capture_output=True, text=True, env=environment, cwd=tmp_path, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return call
+
+
+def test_parts_are_read_from_disk(process):
+    """In another process, for other callers, which raise what a part raises."""
+    squares = sum(x * x + 1.0 for x in (2.0, 2.25, 2.5, 2.75, 3.0))
+    (first, _), told, hits, *from_python = process("parts.sum_of_squares", "parts.sum_of_squares")
+    assert first == pytest.approx(squares) and hits == [0, 0]
+    assert told == ["no root of a negative number", -2.0]
+    assert from_python == [10.0, 11.0]
+    again = "(lambda values: parts.sum_of_squares(values.astype(np.float32)))"
+    (other, roots), told, hits, *from_python = process(again, "parts.sum_of_roots")
+    assert other == pytest.approx(squares)
+    assert roots == pytest.approx(sum((x * x - 2.0) ** 0.5 for x in (2.0, 2.25, 2.5, 2.75, 3.0)))
+    assert told == ["no root of a negative number", -2.0]
+    assert from_python == [10.0, 11.0]
+
+
+def test_an_entry_compiled_anew_takes_its_parts_from_disk(process, tmp_path):
+    process("parts.sum_of_squares", "parts.sum_of_squares")
+    for kept in (tmp_path / "cache").rglob("parts.sum_of*"):
+        kept.unlink()
+    _, told, hits, *_ = process("parts.sum_of_squares", "parts.sum_of_roots")
+    assert hits[1] == 1 and hits[0] >= 1
+    assert told == ["no root of a negative number", -2.0]
