@@ -25,6 +25,7 @@ pytestmark = pytest.mark.skipif(
 RANK_OF_CORE = {
     "": 0,  # lcmchain/__init__.py
     "cache_lines": 0,
+    "compiled_parts": 0,
     "compile_cache": 0,
     "errors": 0,
     "atomic": 0,
