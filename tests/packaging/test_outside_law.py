@@ -68,7 +68,7 @@ def evaluate(tmp_path):
             (tmp_path / "spring.py").write_text(law, encoding="utf-8")
         environment = os.environ | {
             "NUMBA_CACHE_DIR": str(cache),
-            "PYTHONPATH": str(tmp_path),
+            "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]),
             "PYTHONDONTWRITEBYTECODE": "1",
         }
         environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)

@@ -89,7 +89,7 @@ def process(tmp_path):
     (tmp_path / "parts.py").write_text(MODULE, encoding="utf-8")
     environment = os.environ | {
         "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
-        "PYTHONPATH": str(tmp_path),
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]),
         "PYTHONDONTWRITEBYTECODE": "1",
     }
     environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
