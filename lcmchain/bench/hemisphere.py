@@ -9,7 +9,11 @@ from __future__ import annotations
 from lcmchain.bench.measure import KERNEL_CALLS, Measurement, kernel_work, measure
 from lcmchain.elements.blocks import own_blocks
 from lcmchain.elements.solid_shell.packing import curved_rows
-from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
+from lcmchain.materials.st_venant_kirchhoff import (
+    StiffnessLaw,
+    isotropic_stiffness,
+    law_of_stiffness,
+)
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
 from lcmchain.threads import use_threads
@@ -81,11 +85,10 @@ def measurements() -> list[Measurement]:
         options=options._replace(flat=None, curved=True, enhanced=True),
         element_data=own_blocks(curved_rows(body.geometry)),
     )
-    steel = isotropic_stiffness(1e6, 0.3)
-    full = curved._replace(
-        law=StVenantKirchhoff(steel, thickness=1e-3, density=1e3).law,
-        options=curved.options._replace(conservative=None),
-    )
+    stiffness = isotropic_stiffness(1e6, 0.3)
+    constant = curved._replace(options=curved.options._replace(conservative=None))
+    isotropic = constant._replace(law=law_of_stiffness(stiffness, stiffness))
+    full = constant._replace(law=StiffnessLaw(stiffness.ravel(), stiffness.ravel()))
     assert data.quick_options is not None
     published = data._replace(
         quick_options=data.quick_options._replace(director=True, conservative=None)
@@ -99,6 +102,7 @@ def measurements() -> list[Measurement]:
             ("MD600, parallelograms", parallelograms),
             ("as published (director)", published),
             ("MD600, curved reference", curved),
+            ("isotropic, curved reference", isotropic),
             ("full 6x6 law, curved reference", full),
         )
     ]

@@ -7,7 +7,8 @@ are inlined. Nothing else in the program needs to know the law.
 
 Strains and stresses are Green-Lagrange and second Piola-Kirchhoff in the reference fibre axes,
 Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness is a tuple of six
-moduli where it is diagonal, else of six rows (:mod:`lcmchain.materials.stiffness`).
+moduli where it is diagonal, an ``Orthotropic`` where it couples the normal strains alone, else a
+tuple of six rows (:mod:`lcmchain.materials.stiffness`).
 
 A law with memory lists in ``remembers`` up to three numbers that each element keeps, zero at first.
 Kernels hand them to the law as a tuple, as they were after the last step. What the law answers for

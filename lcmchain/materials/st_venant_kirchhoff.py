@@ -16,7 +16,7 @@ from pydantic import Field, field_validator, model_validator
 
 from lcmchain.jit import equation
 from lcmchain.materials.law import bending_stiffness, implements, membrane_response
-from lcmchain.materials.stiffness import full_product
+from lcmchain.materials.stiffness import Orthotropic, full_product, orthotropic_product
 from lcmchain.materials.table import MaterialTable
 from lcmchain.quantities.entry_types import (
     POSITIVE,
@@ -35,6 +35,13 @@ from lcmchain.quantities.entry_types import (
 
 class StiffnessLaw(NamedTuple):
     """C^M and C^B [Pa], each (36,) row by row."""
+
+    membrane: np.ndarray
+    bending: np.ndarray
+
+
+class OrthotropicLaw(NamedTuple):
+    """C^M and C^B [Pa] that couple the normal strains alone, each (9,) as ``Orthotropic``."""
 
     membrane: np.ndarray
     bending: np.ndarray
@@ -62,6 +69,43 @@ def stiffness_response(law, E, history):
 @equation
 def stiffness_bending(law):
     return rows(law.bending)
+
+
+@equation
+def moduli(C):
+    """Return the moduli of (9,)."""
+    return Orthotropic(C[0], C[1], C[2], C[3], C[4], C[5], C[6], C[7], C[8])
+
+
+@implements(membrane_response, OrthotropicLaw)
+@equation
+def orthotropic_response(law, E, history):
+    C_M = moduli(law.membrane)
+    return orthotropic_product(C_M, E), C_M
+
+
+@implements(bending_stiffness, OrthotropicLaw)
+@equation
+def orthotropic_bending(law):
+    return moduli(law.bending)
+
+
+# Rows and columns of the fields of ``Orthotropic``; the other entries of such a matrix are zero.
+ROWS = (0, 1, 2, 0, 0, 1, 3, 4, 5)
+COLUMNS = (0, 1, 2, 1, 2, 2, 3, 4, 5)
+
+
+def law_of_stiffness(membrane: np.ndarray, bending: np.ndarray) -> OrthotropicLaw | StiffnessLaw:
+    """Return the law of C^M and C^B (6, 6) that computes no product with what is zero in both."""
+    if all(_couples_normal_strains_alone(C) for C in (membrane, bending)):
+        return OrthotropicLaw(membrane[ROWS, COLUMNS], bending[ROWS, COLUMNS])
+    return StiffnessLaw(membrane.ravel(), bending.ravel())
+
+
+def _couples_normal_strains_alone(C: np.ndarray) -> bool:
+    rest = C.copy()
+    rest[ROWS, COLUMNS] = rest[COLUMNS, ROWS] = 0.0
+    return not rest.any()
 
 
 def isotropic_stiffness(young_modulus: float, poisson_ratio: float) -> np.ndarray:
@@ -132,7 +176,7 @@ class StVenantKirchhoff:
         self.fibre_density = fibre_density
         self.fibre_bending = (0.0, 0.0)  # a continuum, whatever its fibres
         self.name = name
-        self.law = StiffnessLaw(self.C_membrane.ravel(), self.C_bending.ravel())
+        self.law = law_of_stiffness(self.C_membrane, self.C_bending)
 
     def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Return S^M (..., 6) and C^M broadcast to (..., 6, 6)."""

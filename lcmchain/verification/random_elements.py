@@ -61,6 +61,17 @@ def coupled(rng: np.random.Generator, *, equal: bool = False) -> StVenantKirchho
     return StVenantKirchhoff(membrane, bending, thickness=THICKNESS, density=600.0)
 
 
+def orthotropic(rng: np.random.Generator) -> StVenantKirchhoff:
+    """A material whose C^M and C^B, unlike, couple the normal strains alone."""
+    stiffnesses = []
+    for modulus in (MPA, 0.1 * MPA):
+        A = rng.normal(size=(3, 3))
+        C = np.diag(rng.uniform(0.5, 2.0, 6))
+        C[:3, :3] += A @ A.T
+        stiffnesses.append(modulus * C)
+    return StVenantKirchhoff(*stiffnesses, thickness=THICKNESS, density=600.0)
+
+
 def rotation(rng: np.random.Generator) -> np.ndarray:
     """A random rotation matrix, uniform over all of them."""
     q = rng.normal(size=4)

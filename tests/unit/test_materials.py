@@ -27,10 +27,13 @@ from lcmchain.materials.law import (
     tangent_slope,
 )
 from lcmchain.materials.st_venant_kirchhoff import (
+    OrthotropicLaw,
+    StiffnessLaw,
     StVenantKirchhoff,
     isotropic_stiffness,
     orthotropic_stiffness,
 )
+from lcmchain.materials.stiffness import orthotropic_rows, product
 from lcmchain.scene import scene_from_text
 
 MPA = 1e6
@@ -387,3 +390,37 @@ def test_st_venant_kirchhoff_is_linear_with_its_energy():
     expected = stretch * C[2, 2] * 0.5 * (1.0 - stretch**2)
     assert material.compaction_pressure(stretch) == pytest.approx(expected)
     assert material.compaction_pressure(1.1) == 0.0
+
+
+def uncoupled_and_coupled():
+    """Matrices that couple the normal strains alone, and what each other coupling makes of one."""
+    rng = np.random.default_rng(5)
+    A, B = rng.normal(size=(2, 3, 3))
+    membrane, bending = np.diag(np.arange(3.0, 9.0)), np.diag(np.arange(9.0, 3.0, -1.0))
+    membrane[:3, :3] += A @ A.T
+    bending[:3, :3] += B @ B.T
+    yield membrane, bending, OrthotropicLaw
+    for i in range(6):
+        for j in range(max(i + 1, 3), 6):
+            coupled = bending.copy()
+            coupled[i, j] = coupled[j, i] = 0.1
+            yield membrane, coupled, StiffnessLaw
+            yield coupled, membrane, StiffnessLaw
+
+
+def test_a_stiffness_has_the_law_of_its_couplings():
+    E = np.array([0.02, -0.01, 0.3, 0.4, -0.2, 0.1])
+    found = set()
+    for membrane, bending, law in uncoupled_and_coupled():
+        material = StVenantKirchhoff(membrane, bending, thickness=1e-3, density=1.0)
+        assert type(material.law) is law
+        found.add(law)
+        S, tangent = membrane_response(material.law, tuple(E), ())
+        np.testing.assert_allclose(S, membrane @ E, rtol=1e-14)
+        np.testing.assert_allclose(product(tangent, tuple(E)), membrane @ E, rtol=1e-14)
+        C_B = bending_stiffness(material.law)
+        np.testing.assert_allclose(product(C_B, tuple(E)), bending @ E, rtol=1e-14)
+        if law is OrthotropicLaw:
+            np.testing.assert_array_equal(orthotropic_rows(tangent), membrane)
+            np.testing.assert_array_equal(orthotropic_rows(C_B), bending)
+    assert found == {OrthotropicLaw, StiffnessLaw}

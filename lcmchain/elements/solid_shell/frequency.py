@@ -44,7 +44,7 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
-from lcmchain.materials.stiffness import by_structure
+from lcmchain.materials.stiffness import by_structure, orthotropic_rows
 from lcmchain.mesh.hexahedron import MODES
 
 
@@ -335,7 +335,18 @@ def add_full_stiffness(
             norms[k, m] += math.sqrt(squared)
 
 
-add_stiffness = by_structure(add_diagonal_stiffness, add_full_stiffness)
+@routine
+def add_orthotropic_stiffness(
+    C_M, C_B, rows, law, history, options, conservative, enhanced, E, norms, parts
+):
+    """Add the norms of the blocks for stiffnesses that couple the normal strains alone."""
+    M_rows, B_rows = orthotropic_rows(C_M), orthotropic_rows(C_B)
+    add_full_stiffness(
+        M_rows, B_rows, rows, law, history, options, conservative, enhanced, E, norms, parts
+    )
+
+
+add_stiffness = by_structure(add_diagonal_stiffness, add_orthotropic_stiffness, add_full_stiffness)
 
 
 @routine

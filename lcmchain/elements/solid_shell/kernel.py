@@ -252,8 +252,8 @@ def diagonal_hourglass_stiffness(C, fibre_share):
 
 
 @equation
-def full_hourglass_stiffness(C, fibre_share):
-    """Return C: a full stiffness has no fibres apart (``build`` refuses a share of them)."""
+def coupled_hourglass_stiffness(C, fibre_share):
+    """Return C: a coupled stiffness has no fibres apart (``build`` refuses a share of them)."""
     return C
 
 
@@ -264,13 +264,23 @@ def diagonal_relief(C_M, S_zeta):
 
 
 @equation
+def orthotropic_relief(C_M, S_zeta):
+    """Return the ζ-linear stress with that of the enhanced strain: no S33 is left, Eq. (17)."""
+    strain33 = condensed_enhanced_strain(S_zeta[2], C_M.C33)
+    S11, S22 = S_zeta[0] + strain33 * C_M.C13, S_zeta[1] + strain33 * C_M.C23
+    return (S11, S22, 0.0, S_zeta[3], S_zeta[4], S_zeta[5])
+
+
+@equation
 def full_relief(C_M, S_zeta):
     """Return the ζ-linear stress with that of the enhanced strain, Eq. (17)."""
     return sum6(S_zeta, scaled6(condensed_enhanced_strain(S_zeta[2], C_M[2][2]), C_M[2]))
 
 
-hourglass_stiffness = by_structure(diagonal_hourglass_stiffness, full_hourglass_stiffness)
-relieved = by_structure(diagonal_relief, full_relief)
+hourglass_stiffness = by_structure(
+    diagonal_hourglass_stiffness, coupled_hourglass_stiffness, coupled_hourglass_stiffness
+)
+relieved = by_structure(diagonal_relief, orthotropic_relief, full_relief)
 
 
 class Stresses(NamedTuple):
