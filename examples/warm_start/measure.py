@@ -45,7 +45,8 @@ def time_to_first_step(scene: Path, environment: dict[str, str]) -> float:
     """Return the time from the start of a process to the end of its first chunk of steps [s]."""
     with tempfile.TemporaryDirectory() as folder:
         result = subprocess.run(
-            [sys.executable, "-c", UNTIL_FIRST_STEP, str(scene), str(Path(folder) / "out")],
+            [sys.executable, "-c", UNTIL_FIRST_STEP, str(scene.resolve()), "out"],
+            cwd=folder,  # and not a checkout, whose folders Python would take for the package
             env={**environment, STARTED: repr(time.time())},
             stdout=subprocess.PIPE,
             text=True,
