@@ -103,9 +103,10 @@ def law_of_stiffness(membrane: np.ndarray, bending: np.ndarray) -> OrthotropicLa
 
 
 def _couples_normal_strains_alone(C: np.ndarray) -> bool:
+    """Tell whether nine moduli are all of C; of an unsymmetric one they are a part."""
     rest = C.copy()
     rest[ROWS, COLUMNS] = rest[COLUMNS, ROWS] = 0.0
-    return not rest.any()
+    return not rest.any() and np.allclose(C, C.T, rtol=1e-12, atol=0.0)
 
 
 def isotropic_stiffness(young_modulus: float, poisson_ratio: float) -> np.ndarray:

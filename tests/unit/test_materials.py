@@ -406,6 +406,9 @@ def uncoupled_and_coupled():
             coupled[i, j] = coupled[j, i] = 0.1
             yield membrane, coupled, StiffnessLaw
             yield coupled, membrane, StiffnessLaw
+    unsymmetric = bending.copy()
+    unsymmetric[0, 1] += 0.1
+    yield membrane, unsymmetric, StiffnessLaw
 
 
 def test_a_stiffness_has_the_law_of_its_couplings():
