@@ -16,7 +16,13 @@ from pydantic import Field, field_validator, model_validator
 
 from lcmchain.jit import equation
 from lcmchain.materials.law import bending_stiffness, implements, membrane_response
-from lcmchain.materials.stiffness import Orthotropic, full_product, orthotropic_product
+from lcmchain.materials.stiffness import (
+    COLUMNS,
+    ROWS,
+    Orthotropic,
+    full_product,
+    orthotropic_product,
+)
 from lcmchain.materials.table import MaterialTable
 from lcmchain.quantities.entry_types import (
     POSITIVE,
@@ -88,11 +94,6 @@ def orthotropic_response(law, E, history):
 @equation
 def orthotropic_bending(law):
     return moduli(law.bending)
-
-
-# Rows and columns of the fields of ``Orthotropic``; the other entries of such a matrix are zero.
-ROWS = (0, 1, 2, 0, 0, 1, 3, 4, 5)
-COLUMNS = (0, 1, 2, 1, 2, 2, 3, 4, 5)
 
 
 def law_of_stiffness(membrane: np.ndarray, bending: np.ndarray) -> OrthotropicLaw | StiffnessLaw:

@@ -30,6 +30,11 @@ class Orthotropic(NamedTuple):
     G13: Any
 
 
+# Where the fields of ``Orthotropic`` stand in a matrix; its other entries are zero.
+ROWS = (0, 1, 2, 0, 0, 1, 3, 4, 5)
+COLUMNS = (0, 1, 2, 1, 2, 2, 3, 4, 5)
+
+
 def by_structure(
     diagonal: Dispatcher, orthotropic: Dispatcher, full: Dispatcher
 ) -> Callable[..., Any]:
