@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: Longest message, and longest value in one, that a reader can be expected to read.
 LONGEST_MESSAGE = 2500
@@ -98,3 +102,9 @@ def shortened(text: str, longest: int = LONGEST_VALUE) -> str:
     head = max(2 * (longest - len(cut)) // 3, 1)
     tail = max(longest - len(cut) - head, 1)
     return text[:head] + cut + text[-tail:]
+
+
+def first_few(numbers: np.ndarray | Sequence[int], count: int = 5, what: str = "cell") -> str:
+    """Name the first few of many cells, or of something else, for messages."""
+    shown = ", ".join(str(number) for number in numbers[:count])
+    return f"{what} {shown}" + (", ..." if len(numbers) > count else "")

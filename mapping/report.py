@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.atomic import replacing
-from lcmchain.mapping.first_few import first_few
+from lcmchain.errors import first_few
 from lcmchain.mapping.formats.report import ExportReport
 from lcmchain.mapping.orientation import perpendicular_family_error
 from lcmchain.mapping.registration import Registration

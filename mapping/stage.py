@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, first_few
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.mapping.error_picture import draw_errors
 from lcmchain.mapping.files import mapped_dataset, write_vtu
-from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.formats import export_files, export_path, prepare_export
 from lcmchain.mapping.frame_files import write_frames
 from lcmchain.mapping.frames import mapped_frames

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.coupling.infiltration.formed_part import NEEDED, FormedPart
-from lcmchain.errors import InputError
-from lcmchain.mapping.first_few import first_few
+from lcmchain.errors import InputError, first_few
 
 
 def require_permeable(part: FormedPart) -> None:

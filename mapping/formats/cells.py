@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, first_few
 from lcmchain.fields.table import FIELD_OF_VARIABLE
 from lcmchain.fields.ugrid import TIME
-from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, PERMEABILITY_AXES
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.target.variables import cell_variables

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, first_few
 from lcmchain.fields.ugrid import TIME
-from lcmchain.mapping.first_few import first_few
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.mapping.target import TargetMesh
 

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.errors import InputError
-from lcmchain.mapping.first_few import first_few
+from lcmchain.errors import InputError, first_few
 from lcmchain.mapping.structure.formed import CLOSEST_FAMILIES, FormedCells, FormedPly
 from lcmchain.mapping.structure.micromechanics import MODELS
 from lcmchain.mapping.structure.stiffness import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lcmchain.mapping.target.mesh import CellPolygons, TargetMesh, section
 from lcmchain.mapping.target.read import read_target
-from lcmchain.mapping.target.shapes import base_type, corner_count
+from lcmchain.mesh_files.shapes import base_type, corner_count
 
 __all__ = [
     "CellPolygons",

@@ -9,7 +9,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mapping.target.mesh import TargetMesh
-from lcmchain.mapping.target.shapes import SOLID_CORNERS, SOLID_FACES, base_type, corner_count
+from lcmchain.mesh_files.shapes import SOLID_CORNERS, SOLID_FACES, base_type, corner_count
 
 # A cell that is thinner than this part of its length is none.
 FLATNESS = 1e-7

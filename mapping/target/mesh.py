@@ -11,7 +11,7 @@ import numpy as np
 
 from lcmchain.jit import routine
 from lcmchain.mapping.surface import Surface
-from lcmchain.mapping.target.shapes import (
+from lcmchain.mesh_files.shapes import (
     SOLID_CORNERS,
     SOLID_EDGES,
     SOLID_FACES,

@@ -2,39 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mapping.target.checks import require_whole_cells, warnings_about
-from lcmchain.mapping.target.file_mesh import NO_CELLS, NO_IDS, FileMesh
 from lcmchain.mapping.target.mesh import TargetMesh
-from lcmchain.mapping.target.readers.abaqus import read_abaqus
-from lcmchain.mapping.target.readers.by_meshio import read_by_meshio
-from lcmchain.mapping.target.readers.exodus import read_exodus
-from lcmchain.mapping.target.readers.gmsh import read_gmsh
-from lcmchain.mapping.target.readers.med import read_med
-from lcmchain.mapping.target.readers.nastran import read_nastran
-from lcmchain.mapping.target.shapes import SOLID_CORNERS, SURFACE_CORNERS, base_type
+from lcmchain.mesh_files import FileMesh, read_mesh_file
+from lcmchain.mesh_files.file_mesh import NO_CELLS, NO_IDS
+from lcmchain.mesh_files.shapes import SOLID_CORNERS, SURFACE_CORNERS, base_type
 
 KINDS = ("infiltration", "structure")
-
-#: Readers of their own, by the ending of the file; meshio reads all others.
-READERS: dict[str, Callable[[Path], FileMesh]] = {
-    ".inp": read_abaqus,
-    ".bdf": read_nastran,
-    ".nas": read_nastran,
-    ".fem": read_nastran,
-    ".msh": read_gmsh,
-    ".med": read_med,
-    ".e": read_exodus,
-    ".ex2": read_exodus,
-    ".exo": read_exodus,
-    ".exii": read_exodus,
-}
-
 
 def read_target(path: Path | str, *, kind: str = "structure", length_unit: str = "m") -> TargetMesh:
     """Read a target mesh with the numbers, sets and parts of its file.
@@ -55,8 +34,7 @@ def read_target(path: Path | str, *, kind: str = "structure", length_unit: str =
     path = Path(path)
     if kind not in KINDS:
         raise InputError(f'kind is "{kind}"; write one of {", ".join(KINDS)}', file=path)
-    _require_file(path)
-    mesh = READERS.get(path.suffix.lower(), read_by_meshio)(path)
+    mesh = read_mesh_file(path)
     chosen = _chosen(mesh, kind, path)
     points = _points_in_space(mesh.points, path) * _length_factor(length_unit, path)
     own_numbers = len(mesh.cell_ids) > 0
@@ -81,17 +59,6 @@ def read_target(path: Path | str, *, kind: str = "structure", length_unit: str =
         notes=(*mesh.notes, *_note_of_moved(moved)),
     )
     return target.with_notes(warnings_about(target))
-
-
-def _require_file(path: Path) -> None:
-    if path.is_dir():
-        raise InputError("this is a folder; name the mesh file in it", file=path)
-    if not path.is_file():
-        raise InputError("the target mesh does not exist", file=path)
-    if path.stat().st_size == 0:
-        raise InputError(
-            "cannot read the target mesh: the file is empty; export it again", file=path
-        )
 
 
 def _rows_of_blocks(mesh: FileMesh) -> list[np.ndarray]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.mapping.target.mesh import TargetMesh
-from lcmchain.mapping.target.readers.by_meshio import CELL_SET, NODE_SET, PART
+from lcmchain.mesh_files.readers.by_meshio import CELL_SET, NODE_SET, PART
 
 MOST_MARKED_PARTS = 100
 

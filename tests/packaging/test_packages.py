@@ -40,6 +40,7 @@ RANK_OF_CORE = {
     "vector_width": 0,
     "quantities": 1,
     "mesh": 2,
+    "mesh_files": 2,
     "elements": 3,
     "materials": 3,
     "effects": 3,

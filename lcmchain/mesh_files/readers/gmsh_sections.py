@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.mapping.target.file_mesh import NO_IDS
-from lcmchain.mapping.target.readers.gmsh_numbers import Numbers, sections
-from lcmchain.mapping.target.shapes import reordered
+from lcmchain.mesh_files.file_mesh import NO_IDS
+from lcmchain.mesh_files.readers.gmsh_numbers import Numbers, sections
+from lcmchain.mesh_files.shapes import reordered
 
 _TETRA = [(0, 1), (1, 2), (2, 0), (3, 0), (2, 3), (1, 3)]
 _HEXAHEDRON = [(0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 7),

@@ -12,8 +12,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.target.file_mesh import Place
-from lcmchain.mapping.target.readers.deck_text import deck_lines
+from lcmchain.mesh_files.file_mesh import Place
+from lcmchain.mesh_files.readers.deck_text import deck_lines
 
 DEEPEST_INCLUDE = 5  # of decks that include decks, as in Abaqus
 

@@ -7,17 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.mapping.target.file_mesh import NO_IDS, Cells, Place
-from lcmchain.mapping.target.readers.abaqus_blocks import Block, words
-from lcmchain.mapping.target.readers.abaqus_elements import cell_type, second_choice
-from lcmchain.mapping.target.readers.abaqus_numbers import (
+from lcmchain.mesh_files.file_mesh import NO_IDS, Cells, Place
+from lcmchain.mesh_files.readers.abaqus_blocks import Block, words
+from lcmchain.mesh_files.readers.abaqus_elements import cell_type, second_choice
+from lcmchain.mesh_files.readers.abaqus_numbers import (
     element_count,
     element_table,
     node_table,
     number_range,
     whole,
 )
-from lcmchain.mapping.target.shapes import base_type, corner_count
+from lcmchain.mesh_files.shapes import base_type, corner_count
 
 
 class Entry(NamedTuple):

@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lcmchain.mapping.first_few import first_few
-from lcmchain.mapping.target.file_mesh import (
+from lcmchain.errors import first_few
+from lcmchain.mesh_files.file_mesh import (
     NO_IDS,
     FileMesh,
     Numbering,
     merged_blocks,
     unique_nodes,
 )
-from lcmchain.mapping.target.readers.abaqus_scope import Scope
-from lcmchain.mapping.target.readers.abaqus_sets import DeckSets, Placed, listed
-from lcmchain.mapping.target.shapes import SURFACE_CORNERS, base_type
+from lcmchain.mesh_files.readers.abaqus_scope import Scope
+from lcmchain.mesh_files.readers.abaqus_sets import DeckSets, Placed, listed
+from lcmchain.mesh_files.shapes import SURFACE_CORNERS, base_type
 
 
 @dataclass

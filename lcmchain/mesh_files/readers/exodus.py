@@ -12,8 +12,8 @@ import netCDF4
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh
-from lcmchain.mapping.target.shapes import SOLID_EDGES, base_type, corner_count, reordered
+from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh
+from lcmchain.mesh_files.shapes import SOLID_EDGES, base_type, corner_count, reordered
 
 _SHAPES = {
     "HEX": {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron20"},

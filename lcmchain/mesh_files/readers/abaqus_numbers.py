@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from lcmchain.mapping.target.file_mesh import Place
-from lcmchain.mapping.target.readers.abaqus_blocks import Block, words
+from lcmchain.mesh_files.file_mesh import Place
+from lcmchain.mesh_files.readers.abaqus_blocks import Block, words
 
 # Numbers of nodes and elements go into 64 bits.
 LARGEST = 2**62

@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.errors import InputError
-from lcmchain.mapping.first_few import first_few
-from lcmchain.mapping.target.file_mesh import (
+from lcmchain.errors import InputError, first_few
+from lcmchain.mesh_files.file_mesh import (
     Cells,
     FileMesh,
     Numbering,
@@ -20,11 +19,11 @@ from lcmchain.mapping.target.file_mesh import (
     parts_of_numbers,
     unique_nodes,
 )
-from lcmchain.mapping.target.readers.nastran_cards import Card, NastranDeck, read_deck
-from lcmchain.mapping.target.readers.nastran_coordinates import KINDS as SYSTEMS
-from lcmchain.mapping.target.readers.nastran_coordinates import Systems
-from lcmchain.mapping.target.readers.nastran_sets import fill_sets, property_names
-from lcmchain.mapping.target.shapes import SOLID_EDGES, reordered
+from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck, read_deck
+from lcmchain.mesh_files.readers.nastran_coordinates import KINDS as SYSTEMS
+from lcmchain.mesh_files.readers.nastran_coordinates import Systems
+from lcmchain.mesh_files.readers.nastran_sets import fill_sets, property_names
+from lcmchain.mesh_files.shapes import SOLID_EDGES, reordered
 
 # Blank, which stands for a property of the element's own number: no part of the mesh.
 NO_PROPERTY = 0

@@ -14,8 +14,8 @@ import h5py
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh
-from lcmchain.mapping.target.shapes import SOLID_EDGES, reordered
+from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh
+from lcmchain.mesh_files.shapes import SOLID_EDGES, reordered
 
 _TYPES = {
     "PO1": "vertex", "SE2": "line", "SE3": "line3", "TR3": "triangle", "TR6": "triangle6",

@@ -12,7 +12,7 @@ import meshio
 import numpy as np
 
 from lcmchain.errors import InputError, shortened
-from lcmchain.mapping.target.file_mesh import NO_CELLS, NO_IDS, FileMesh
+from lcmchain.mesh_files.file_mesh import NO_CELLS, NO_IDS, FileMesh
 
 #: Names under which files keep the numbers of cells and nodes, in lower case: this program's,
 #: ParaView's and VTK's, Ensight's.

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh, Numbering
-from lcmchain.mapping.target.readers.by_meshio import read_by_meshio
-from lcmchain.mapping.target.readers.gmsh_sections import Batch, Content, read_sections
+from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, Numbering
+from lcmchain.mesh_files.readers.by_meshio import read_by_meshio
+from lcmchain.mesh_files.readers.gmsh_sections import Batch, Content, read_sections
 
 _ENTITIES = ("point", "curve", "surface", "volume")
 

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from lcmchain.mapping.target.file_mesh import Place
-from lcmchain.mapping.target.readers.deck_text import deck_lines
+from lcmchain.mesh_files.file_mesh import Place
+from lcmchain.mesh_files.readers.deck_text import deck_lines
 
 DEEPEST_INCLUDE = 10
 

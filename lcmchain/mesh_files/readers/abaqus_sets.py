@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh, Numbering
-from lcmchain.mapping.target.readers.abaqus_elements import FACES
-from lcmchain.mapping.target.readers.abaqus_scope import Entry, Scope, Side
-from lcmchain.mapping.target.shapes import SOLID_CORNERS, base_type, corner_count
+from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, Numbering
+from lcmchain.mesh_files.readers.abaqus_elements import FACES
+from lcmchain.mesh_files.readers.abaqus_scope import Entry, Scope, Side
+from lcmchain.mesh_files.shapes import SOLID_CORNERS, base_type, corner_count
 
 
 @dataclass

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.mapping.target.file_mesh import NO_IDS, FileMesh, Numbering, Place
-from lcmchain.mapping.target.readers.nastran_cards import Card, NastranDeck
+from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, Numbering, Place
+from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck
 
 NODES, ELEMENTS = "nodes", "elements"
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.target.file_mesh import FileMesh
-from lcmchain.mapping.target.readers.abaqus_blocks import Block, keyword_blocks
-from lcmchain.mapping.target.readers.abaqus_merge import Deck, merged
-from lcmchain.mapping.target.readers.abaqus_numbers import motion
-from lcmchain.mapping.target.readers.abaqus_scope import Scope
+from lcmchain.mesh_files.file_mesh import FileMesh
+from lcmchain.mesh_files.readers.abaqus_blocks import Block, keyword_blocks
+from lcmchain.mesh_files.readers.abaqus_merge import Deck, merged
+from lcmchain.mesh_files.readers.abaqus_numbers import motion
+from lcmchain.mesh_files.readers.abaqus_scope import Scope
 
 # Keywords that make nodes or elements out of others: a mesh read without them has holes.
 GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
