@@ -12,10 +12,11 @@ from lcmchain.cache_lines import align_compiled_code
 from lcmchain.compiled_parts import know_parts, part
 from lcmchain.large_tuples import load_parts_of_tuples
 from lcmchain.self_contained import keep_code_self_contained
-from lcmchain.threads import load_threading_library
+from lcmchain.threads import launch_before_compiled_code_is_loaded, load_threading_library
 from lcmchain.vector_width import keep_lane_loops, use_widest_vectors
 
 load_threading_library()
+launch_before_compiled_code_is_loaded()
 keep_lane_loops()
 keep_code_self_contained()
 load_parts_of_tuples()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import sys
 from pathlib import Path
+from typing import Any
 
 #: Elements that one thread should have. On a mesh half as large as for two of them the second one
 #: gains nothing: both wait for each other several times per step.
@@ -21,6 +22,28 @@ def load_threading_library() -> None:
         path = Path(sys.prefix) / "lib" / name
         if path.exists():
             ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
+
+
+def launch_before_compiled_code_is_loaded() -> None:
+    """Make numba launch its threads before it reads any compiled function from disk.
+
+    Compiled parallel loops jump to addresses that numba fills in when it launches its threads. It
+    notes with each function on disk whether that has to happen first, but a parallel function that
+    was itself read from disk does not hand this note on: a serial function compiled with a copy of
+    it is kept without the note. A later process that calls the serial function before any
+    parallel one would jump to address zero and end by a segmentation fault. Seen with numba
+    0.61.0 and 0.68.1.
+    """
+    from numba.core.compiler import CompileResult
+    from numba.np.ufunc.parallel import _launch_threads
+
+    rebuild = CompileResult._rebuild.__func__
+
+    def rebuild_after_launch(cls: Any, *content: Any) -> Any:
+        _launch_threads()
+        return rebuild(cls, *content)
+
+    CompileResult._rebuild = classmethod(rebuild_after_launch)
 
 
 def use_threads(count: int | None, element_count: int | None = None) -> int:

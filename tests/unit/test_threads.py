@@ -1,4 +1,8 @@
-"""How many threads the compiled loops take."""
+"""How many threads the compiled loops take, and that they are there before a loop needs them."""
+
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -47,3 +51,43 @@ def test_a_run_takes_as_many_threads_as_its_mesh_is_worth(tmp_path):
     large = scene_from_text(SQUARE, overrides=["blank.edge_length=2.5 mm"])
     most = min(2, threads.available_threads())  # of 1,600 elements
     assert run(large, tmp_path / "large").summary["threads"] == most
+
+
+LOOPS = """
+import numpy as np
+from numba import prange
+from lcmchain.jit import entry, kernel
+
+@kernel
+def doubled(values):
+    out = np.empty_like(values)
+    for i in prange(len(values)):
+        out[i] = 2.0 * values[i]
+    return out
+
+@entry
+def through_serial_code(values):
+    return doubled(values).sum()
+"""
+
+
+def test_a_serial_function_that_holds_a_parallel_loop_can_be_the_first_one_read_from_disk(tmp_path):
+    """The order of processes that ended the third one by a segmentation fault."""
+    (tmp_path / "loops.py").write_text(LOOPS)
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]),
+    }
+    environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
+
+    def called(function):
+        code = f"import loops, numpy; print(numpy.sum(loops.{function}(numpy.ones(10))))"
+        return subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, env=environment, text=True,
+            capture_output=True, timeout=300,
+        )  # fmt: skip
+
+    for function in ("doubled", "through_serial_code", "through_serial_code"):
+        found = called(function)
+        assert found.returncode == 0, f"{function}: signal {-found.returncode} {found.stderr}"
+        assert float(found.stdout) == 20.0
