@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lcmchain.cache_lines import aligned
+from lcmchain.effects.contact_depth import depth_time
 from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, build_face_pressure
 from lcmchain.effects.fibre_bending import (
     FORCE_ROWS,
@@ -94,6 +95,8 @@ class Environment(NamedTuple):
     penalty: float  # [Pa/m]
     tangential_ratio: float
     contact_damping_ratio: float
+    # in which the depths of nodes in tools go to zero [s], None where they are left
+    depth_time: float | None
     mass_damping: float  # [1/s]
     # acceleration along -z by the weight [m/s²]; (node_count,) where mass is added selectively
     gravity: float | np.ndarray
@@ -388,6 +391,14 @@ def assemble_bodies(
             penalty=float(penalty),
             tangential_ratio=float(contact.tangential_ratio),
             contact_damping_ratio=float(contact.damping_ratio),
+            depth_time=depth_time(
+                contact,
+                tools,
+                positions,
+                thickness,
+                float(process.time),
+                2.0 * contact.damping_ratio * float(np.sqrt(penalty * area / mass).min()),
+            ),
             mass_damping=float(process.mass_damping),
             gravity=weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
         ),

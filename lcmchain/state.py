@@ -96,6 +96,7 @@ def sizes(model: Model) -> dict[str, int]:
         "averaged node": 0 if model.averaging is None else model.node_count,
         "tool": tool_count,
         "tool input": 2,
+        "held node": 0 if model.environment.depth_time is None else model.node_count,
         "sticking node": model.node_count if model.tools.friction.any() else 0,
         "support": len(model.support_names),
         "work": WORK_COLUMNS,
@@ -172,6 +173,9 @@ class State(_Arrays):
     )
     stick: np.ndarray = entry(
         "tool", "xyz", "sticking node", unit="m", meaning="elastic slip of the friction springs"
+    )
+    depth_offset: np.ndarray = entry(
+        "tool", "held node", unit="m", meaning="further depth that the contact springs feel"
     )
     near: np.ndarray = entry(
         "tool",

@@ -95,6 +95,7 @@ def run_summary(
     """
     # Imported when there are fields: a run need not wait for xarray before its first step.
     from lcmchain.fields.dataset import HISTORY
+    from lcmchain.fields.hidden_compaction import hidden_compaction, hidden_compaction_warnings
     from lcmchain.fields.summary import field_summary, field_warnings, punch_index
 
     model, state = simulation.model, simulation.state
@@ -117,6 +118,7 @@ def run_summary(
         "penetration_max_m": dict(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
         ),
+        **hidden_compaction(model, snapshots),
         "step_control": dict(simulation.control.history),
         "step_halvings": int(state.counters[HALVINGS]),
         **added_mass(model),
@@ -129,6 +131,7 @@ def run_summary(
         *tools_never_touched(model, state, snapshots),
         *field_warnings(datasets["/"], model.material),
         *run_warnings(summary, scene.material.thickness),
+        *hidden_compaction_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),
         *fibre_strain_warnings(summary),
     ]

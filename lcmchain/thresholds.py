@@ -19,6 +19,10 @@ LARGEST_DAMPING_PART = 0.05
 LARGEST_HOURGLASS_PART = 0.05
 #: Depth that nodes reach inside a tool, in parts of the thickness.
 LARGEST_PENETRATION = 0.1
+#: Thickness that the depths of nodes in tools add to a sheet between them, in parts of it, and the
+#: force over the thickness that they take, in parts of it.
+LARGEST_HIDDEN_THICKNESS = 0.01
+LARGEST_HIDDEN_FORCE = 0.02
 #: Strain of fibres; carbon fibres break at three times as much (1.5 %, data sheet of T300).
 LARGEST_FIBRE_STRAIN = 0.005
 #: Root-mean-square distance of a mapping's target from the sheet, in parts of the thickness: half a

@@ -11,7 +11,7 @@ Fields: ``tool_pressure_top``, ``tool_pressure_bottom``, ``tool_pressure``; ``to
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -81,6 +81,10 @@ class Contact(SceneModel):
     )
     damping_ratio: Annotated[float, Number(0.2, Range(0.0, 2.0))] = Field(
         default=0.2, description="Contact damping as a fraction of critical."
+    )
+    depth: Literal["automatic", "zero", "free"] = Field(
+        default="automatic",
+        description="Whether the depth of the nodes in the tools is driven to zero.",
     )
     friction: FrictionCoefficient = Field(default=0.0, description="Coulomb friction coefficient.")
     tangential_ratio: Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0,)))] = Field(

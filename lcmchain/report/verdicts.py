@@ -13,15 +13,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.fields.dataset import SHEET
+from lcmchain.fields.hidden_compaction import hidden_text
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.report.field_verdicts import field_verdicts
-from lcmchain.report.grades import BAD_GRADE, DOUBTFUL, GOOD, Verdict, grade_of, percent, share
+from lcmchain.report.grades import (
+    BAD_GRADE,
+    DOUBTFUL,
+    GOOD,
+    GRADES,
+    Verdict,
+    grade_of,
+    percent,
+    share,
+)
 from lcmchain.results import COMPLETE
 from lcmchain.scene.pace import entries_that_slow, has_guided_load, is_driven, is_led
 from lcmchain.solver import guards
 from lcmchain.thresholds import (
+    BAD,
     LARGEST_BALANCE_ERROR,
     LARGEST_DAMPING_PART,
+    LARGEST_HIDDEN_FORCE,
+    LARGEST_HIDDEN_THICKNESS,
     LARGEST_HOURGLASS_PART,
     LARGEST_KINETIC_PART,
     LARGEST_KINETIC_PART_AT_END,
@@ -58,6 +71,7 @@ def verdicts(
         *_hourglass(summary),
         *_halvings(summary),
         *_penetration(summary, scene),
+        *_hidden_compaction(summary),
         *field_verdicts(datasets[SHEET], scene),
         *_mappings(summary),
     ]
@@ -228,6 +242,23 @@ def _penetration(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     grade = grade_of(depth, limit, guards.DEEPEST_PENETRATION * thickness)
     text = f"nodes reach up to {1e3 * depth:.3f} mm into {tool} (good up to {1e3 * limit:.2g} mm)"
     yield Verdict("Penetration", grade, text, "contact.penalty" if grade != GOOD else "")
+
+
+def _hidden_compaction(summary: Mapping[str, Any]) -> Iterator[Verdict]:
+    if "hidden_force_part" not in summary:
+        return
+    thickness, force = summary["hidden_thickness_part"], summary["hidden_force_part"]
+    grades = (
+        grade_of(thickness, LARGEST_HIDDEN_THICKNESS, BAD * LARGEST_HIDDEN_THICKNESS),
+        grade_of(force, LARGEST_HIDDEN_FORCE, BAD * LARGEST_HIDDEN_FORCE),
+    )
+    grade = max(grades, key=GRADES.index)
+    text = (
+        f"{hidden_text(thickness, force)} (good up to {percent(LARGEST_HIDDEN_THICKNESS)} and "
+        f"{percent(LARGEST_HIDDEN_FORCE)})"
+    )
+    remedy = "contact.depth, contact.penalty" if grade != GOOD else ""
+    yield Verdict("Pressure between tools", grade, text, remedy)
 
 
 # --- mapping --------------------------------------------------------------------------------------

@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 
 from lcmchain.effects.contact import normal_force
+from lcmchain.effects.contact_depth import offset_change
 from lcmchain.effects.friction import friction
 from lcmchain.effects.gravity import weight_at
 from lcmchain.elements.lane_runs import copy_lanes
 from lcmchain.elements.vectors import dot, plus, products, scaled
 from lcmchain.jit import equation, span_part, span_routine
-from lcmchain.state import CONTACT, CONTACT_DAMPING, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
+from lcmchain.state import CONTACT, CONTACT_DAMPING, EXTERNAL, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
 from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, NORMAL_X, span_distances
 from lcmchain.tools.span_rows import (
     SPAN,
@@ -50,7 +51,8 @@ PENDING = DISTANCE_ROWS + 24
 # Force that damping takes off the spring, along the normal; of all tools together [N].
 TAKEN = DISTANCE_ROWS + 27
 ALL_TAKEN = DISTANCE_ROWS + 28
-ROWS = DISTANCE_ROWS + 31
+HELD = DISTANCE_ROWS + 31  # further depth that the springs feel [m]
+ROWS = DISTANCE_ROWS + 32
 # Behind them, what is kept for every tool: gap and normal, and a row that begins with 1 where the
 # span touches the tool, else with 0.
 TOUCHED = 4
@@ -87,7 +89,10 @@ def add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, wor
     for span in range(first // SPAN, -(-last // SPAN)):
         begin = span * SPAN
         count = min(SPAN, last - begin)
-        touching, present = find_contacts(arrays, tools, span, begin, count, work, sums)
+        touching, present = find_contacts(
+            arrays, tools, environment, environment.depth_time, span, begin, count, dt_last, work,
+            sums,
+        )  # fmt: skip
         if touching > 0:
             load_span(arrays, arrays.free, environment.gravity, begin, count, work)
             if touching > 1:
@@ -100,7 +105,9 @@ def add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, wor
 
 
 @span_part
-def find_contacts(arrays, tools, span, begin, count, work, sums):
+def find_contacts(
+    arrays, tools, environment, depth_time, span, begin, count, dt_last, work, sums
+):
     """Find the tools that a span touches; return how many they are, and one of them.
 
     The distances to this one are in their rows, those to the others are kept.
@@ -121,6 +128,12 @@ def find_contacts(arrays, tools, span, begin, count, work, sums):
                 column = WORK_COLUMNS + TOOL_COLUMNS * tool
                 for i in range(SPAN):
                     sums[column + 3] = min(sums[column + 3], work[GAP * SPAN + i])
+            if depth_time is not None:
+                share = min(dt_last / depth_time, 1.0)
+                touching = hold_depths(
+                    arrays.depth_offset[tool], arrays.area, environment.penalty, share, begin,
+                    count, work, sums,
+                )  # fmt: skip
             sticks = tools.friction[tool] > 0.0
             if touching > 0 or (sticks and is_displaced(arrays.stick[tool], begin, count)):
                 found += 1
@@ -254,6 +267,34 @@ def find_gaps(offset, begin, count, overlap, deepest, work):
         touching += 1 if gap < 0.0 else 0
         deeper += 1 if gap < deepest else 0
     return touching, deeper
+
+
+@span_part
+def hold_depths(offset, area, penalty, share, begin, count, work, sums):
+    """Move the offsets of the depths on, and gaps by them; return how many nodes touch.
+
+    See :mod:`lcmchain.effects.contact_depth`. The loop over the springs that follows adds
+    ½ k (depth + h)² to the energy; here ½ k h² is taken off it.
+    """
+    touching, stored, added = 0, 0.0, 0.0
+    load_row(offset, begin, count, HELD, work)
+    load_row(area, begin, count, AREA, work)
+    for i in range(SPAN):
+        depth, held = -work[GAP * SPAN + i], work[HELD * SPAN + i]
+        stiffness = penalty * work[AREA * SPAN + i] if i < count else 0.0
+        touches = depth + held > 0.0
+        change = offset_change(depth, held, share)
+        after = held + change if touches else 0.0
+        booked = change * depth if touches else 0.5 * held * held
+        work[HELD * SPAN + i] = after
+        work[GAP * SPAN + i] -= after
+        touching += 1 if work[GAP * SPAN + i] < 0.0 else 0
+        added += stiffness * booked if i < count else 0.0
+        stored += 0.5 * stiffness * after * after
+    store_row(work, HELD, offset, begin, count)
+    sums[CONTACT] -= stored
+    sums[EXTERNAL] += added
+    return touching
 
 
 @span_part

@@ -1,0 +1,138 @@
+"""Depth of the nodes in the tools, driven to zero where tools close on the sheet.
+
+Adds: to the depth of every node in a tool an offset h, which the spring of the contact feels as
+further depth: p = k (depth + h), dh/dt = depth / τ, h >= 0, and h = 0 where the node has left. A
+sheet that is pressed steadily ends with depth 0 under a pressure that no longer depends on the
+contact stiffness k. Without it two plates that close to a gap leave the sheet thicker by twice the
+depth p/k, and a compaction law that stiffens by orders of magnitude turns this into a force that is
+too low by tens of percent. The spring's energy is ½ k (depth + h)² - ½ k h², which vanishes with
+the depth; what a change of h adds to it, k depth dh, counts as external work.
+Source: augmented Lagrange multipliers, e.g. Wriggers, "Computational Contact Mechanics", section
+6.3.3, with an update at every step.
+Stability limit: none of its own, since the stiffness within a step stays k; but an offset that
+follows too fast feeds the vibration on the contact springs. With the damping c of the contact it
+stays calm for τ > m/c (Routh); τ is at least ten times as much.
+Scene: ``contact.depth``; automatically where tools with prescribed motions come nearer to each
+other than the sheet is thick, and ``contact.penalty`` is left to the program. Not with a guided
+tool: it may swing on its contact, and the thickness under a given force does not depend on k.
+Fields: ``tool_pressure``, ``tool_force``, ``energy_contact``, ``energy_external`` (history).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from lcmchain.effects.effect import Effect, Refusal, Switch, of_table
+from lcmchain.jit import entry, equation
+from lcmchain.tools.distance import signed_distance
+from lcmchain.tools.motion import GUIDED, prescribed_travel
+
+#: Time over which the depth goes to zero: this part of the process, and at least so many times m/c.
+PART_OF_PROCESS = 1.0 / 200.0
+LEAST_DAMPED_TIMES = 10.0
+#: Tools close on the sheet where they leave less than this part of its thickness.
+CLOSED = 0.999
+#: Times of the process, and nodes of the sheet, at which the gap between tools is looked for, and
+#: steps from one of the tools to the other.
+TIMES, MOST_NODES, STEPS = 11, 2000, 8
+
+AUTOMATIC, HELD, FREE = "automatic", "zero", "free"
+
+
+@equation
+def offset_change(depth, offset, share):
+    """Return the change of the offset h [m] in a step.
+
+    depth : of the node, without the offset [m]; share : of the depth that goes, step over τ.
+    """
+    change = share * depth
+    # neither the offset nor the force may become negative
+    return max(change, -offset, -(depth + offset))
+
+
+def depth_time(
+    contact: Any,
+    tools: Any,
+    positions: np.ndarray,
+    thickness: float,
+    process_time: float,
+    rate: float,
+) -> float | None:
+    """Return the time τ in which depths go to zero [s], None where they are left.
+
+    Parameters
+    ----------
+    contact : table of a scene. tools : :class:`lcmchain.tools.table.ToolTable`.
+    positions : of the nodes at the start (node_count, 3) [m].
+    thickness : of the thinnest sheet [m].
+    rate : smallest c/m of the nodes on their contact springs [1/s].
+    """
+    wanted = getattr(contact, "depth", FREE)
+    if wanted == FREE or tools.kind.size == 0 or rate <= 0.0 or not math.isfinite(process_time):
+        return None
+    if wanted == AUTOMATIC:
+        guided = bool((tools.motion_kind == GUIDED).any())
+        if contact.penalty is not None or guided or tools.kind.size < 2:
+            return None
+        if closest_gap(tools, positions, process_time) > CLOSED * thickness:
+            return None
+    return max(PART_OF_PROCESS * process_time, LEAST_DAMPED_TIMES / rate)
+
+
+def closest_gap(tools: Any, positions: np.ndarray, process_time: float) -> float:
+    """Return about the smallest gap [m] between any two tools during the process, near the sheet.
+
+    From nodes of the flat sheet one goes to the nearest place of one tool, from there to that of
+    the other, and so on: the ways shrink to the gap between the two.
+    """
+    points = np.ascontiguousarray(positions[:: -(-len(positions) // MOST_NODES)])
+    smallest = math.inf
+    for time in np.linspace(0.0, process_time, TIMES):
+        travel = np.array([prescribed_travel(tools, k, time)[0] for k in range(tools.kind.size)])
+        for first in range(tools.kind.size):
+            for second in range(first + 1, tools.kind.size):
+                smallest = min(smallest, gap_between(tools, first, second, travel, points))
+    return smallest
+
+
+@entry
+def gap_between(tools, first, second, travel, points):
+    """Return the smallest gap [m] between two tools that is found from the points."""
+    smallest = np.inf
+    for p in range(points.shape[0]):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        for _ in range(STEPS):
+            there, nx, ny, nz = signed_distance(tools, first, x, y, z, travel[first])
+            x, y, z = x - there * nx, y - there * ny, z - there * nz
+            gap, nx, ny, nz = signed_distance(tools, second, x, y, z, travel[second])
+            smallest = min(smallest, gap)
+            x, y, z = x - gap * nx, y - gap * ny, z - gap * nz
+    return smallest
+
+
+SWITCH = Switch(
+    entry="contact.depth",
+    without="that pressure and thickness between tools do not depend on the contact stiffness",
+    called=lambda scene: {HELD: True, FREE: False}.get(scene.contact.depth),
+    off=of_table("contact", depth=FREE),
+    on=lambda scene: _held(scene),
+)
+
+
+def _held(scene: Any) -> dict[str, Any]:
+    if not scene.tools:
+        raise Refusal("there are no tools; add [[tools]]")
+    if scene.contact.damping_ratio == 0.0:
+        raise Refusal("contact is not damped; give contact.damping_ratio")
+    return of_table("contact", depth=HELD)(scene)
+
+
+def active(model: Any) -> list[Effect]:
+    time = model.environment.depth_time
+    name = "depth in the tools driven to zero"
+    if time is None:
+        return [Effect(name, False, "contact.depth, or no tools that close on the sheet")]
+    return [Effect(name, True, f"within about {1e3 * time:.3g} ms")]

@@ -1,0 +1,111 @@
+"""What the depth of nodes in the tools hides of the compaction of a sheet between them.
+
+Two tools that close to a gap leave a sheet thicker by the depths of its nodes in both of them. A
+law of compaction that stiffens turns a few hundredths of the thickness into a large part of the
+pressure. Tools that a force guides are left out: under a given force the thickness does not depend
+on how deep they stand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lcmchain.thresholds import LARGEST_HIDDEN_FORCE, LARGEST_HIDDEN_THICKNESS
+from lcmchain.tools.distance import gaps
+from lcmchain.tools.motion import GUIDED
+
+if TYPE_CHECKING:
+    from lcmchain.model import Model
+    from lcmchain.solver.simulation import Snapshot
+
+def hidden_compaction(model: Model, snapshots: Sequence[Snapshot]) -> dict[str, float]:
+    """Return what depths hide in the frame in which the sheet between tools is pressed most.
+
+    Returns
+    -------
+    ``hidden_thickness_part`` : by how much the sheet between tools is too thick, in parts of its
+    thickness, weighted with the pressure. ``hidden_force_part`` : by how much the force over its
+    thickness would be larger without the depths, by the law of the material, in parts of it. Both
+    are absent where no frame has a sheet between two tools with prescribed motions.
+    """
+    tools = [k for k, kind in enumerate(model.tools.motion_kind.tolist()) if kind != GUIDED]
+    bodies = [body for body in model.bodies if body.mesh.has_thickness]
+    if len(tools) < 2 or not bodies:
+        return {}
+    force, found = 0.0, {}
+    for snapshot in snapshots:
+        depth = _depths(model, tools, snapshot)
+        for body in bodies:
+            pressed, measures = _of_body(body, snapshot.position, depth)
+            if pressed > force:
+                force, found = pressed, measures
+    return found
+
+
+def _depths(model: Model, tools: Sequence[int], snapshot: Snapshot) -> np.ndarray:
+    """Return how deep every node lies in one of the tools (node_count,) [m]; 0 outside."""
+    depth = np.zeros(model.node_count)
+    for tool in tools:
+        travel = float(snapshot.tool_travel[tool])
+        gap = gaps(model.tools, tool, snapshot.position, travel)
+        gap -= model.nodes.offset - model.tools.initial_overlap[tool]
+        depth = np.maximum(depth, -gap)
+    # a node without contact force has no spring that would give way
+    return np.where(snapshot.contact_force > 0.0, depth, 0.0)
+
+
+def _of_body(body: Any, positions: np.ndarray, depth: np.ndarray) -> tuple[float, dict]:
+    """Return the force over the thickness between tools [N], and what depths hide of it."""
+    elements = body.mesh.elements + body.first_node
+    bottom, top = depth[elements[:, :4]], depth[elements[:, 4:]]
+    between = (bottom > 0.0).all(axis=1) & (top > 0.0).all(axis=1)
+    if not between.any():
+        return 0.0, {}
+    corners = positions[elements[between]]
+    area, thickness = _area_and_thickness(corners)
+    hidden = (bottom.mean(axis=1) + top.mean(axis=1))[between]
+    at_rest = body.material.thickness
+    pressure = _nominal_pressure(body.material, thickness / at_rest)
+    truly = _nominal_pressure(body.material, (thickness - hidden) / at_rest)
+    force = float(area @ pressure)
+    if not force > 0.0:
+        return 0.0, {}
+    return force, {
+        "hidden_thickness_part": float((area * pressure) @ (hidden / thickness)) / force,
+        "hidden_force_part": float(area @ truly) / force - 1.0,
+    }
+
+
+def _area_and_thickness(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return area [m²] and thickness [m] of elements (count, 8, 3) at their centres."""
+    middle = 0.5 * (corners[:, :4] + corners[:, 4:])
+    normal = 0.5 * np.cross(middle[:, 2] - middle[:, 0], middle[:, 3] - middle[:, 1])
+    area = np.linalg.norm(normal, axis=1)
+    director = corners[:, 4:].mean(axis=1) - corners[:, :4].mean(axis=1)
+    return area, np.einsum("ei,ei->e", director, normal) / area
+
+
+def _nominal_pressure(material: Any, stretch: np.ndarray) -> np.ndarray:
+    """Return the pressure [Pa] of a law at stretches over the thickness alone; 0 in tension."""
+    strain = np.zeros((len(stretch), 6))
+    strain[:, 2] = 0.5 * (stretch**2 - 1.0)
+    return np.maximum(-stretch * material.stress_and_tangent(strain)[0][:, 2], 0.0)
+
+
+def hidden_compaction_warnings(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Say where the pressure between tools is not that of the law at their gap."""
+    thickness = summary.get("hidden_thickness_part", 0.0)
+    force = summary.get("hidden_force_part", 0.0)
+    if thickness > LARGEST_HIDDEN_THICKNESS or force > LARGEST_HIDDEN_FORCE:
+        yield hidden_text(thickness, force) + '; set contact.depth = "zero"'
+
+
+def hidden_text(thickness: float, force: float) -> str:
+    """Say how much of thickness and force the depths in the tools hide."""
+    return (
+        f"between tools the sheet is {100.0 * thickness:.2g} % too thick, and at their gap the law "
+        f"gives {100.0 * force:.2g} % more pressure, since nodes reach into the tools"
+    )
