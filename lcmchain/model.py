@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lcmchain.cache_lines import aligned
-from lcmchain.effects.contact_depth import depth_time
+from lcmchain.effects.contact_depth import depth_control
 from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, build_face_pressure
 from lcmchain.effects.fibre_bending import (
     FORCE_ROWS,
@@ -95,8 +95,8 @@ class Environment(NamedTuple):
     penalty: float  # [Pa/m]
     tangential_ratio: float
     contact_damping_ratio: float
-    # in which the depths of nodes in tools go to zero [s], None where they are left
-    depth_time: float | None
+    depth_time: float | None  # in which depths in tools go to zero [s], None where they are left
+    depth_stiffening: float  # [1/m], see lcmchain.effects.contact_depth
     mass_damping: float  # [1/s]
     # acceleration along -z by the weight [m/s²]; (node_count,) where mass is added selectively
     gravity: float | np.ndarray
@@ -365,6 +365,14 @@ def assemble_bodies(
     penalty = contact.penalty
     if penalty is None:
         penalty = min(_automatic_penalty(b.material, b.shortest_length) for b in bodies)
+    depth_time, depth_stiffening = depth_control(
+        contact,
+        tools,
+        positions,
+        [body.material for body in bodies],
+        float(process.time),
+        2.0 * contact.damping_ratio * float(np.sqrt(penalty * area / mass).min()),
+    )
     force_slot = _force_slots(bodies, placed, fibre_bending, last_force)
     return Model(
         bodies=tuple(bodies),
@@ -391,14 +399,8 @@ def assemble_bodies(
             penalty=float(penalty),
             tangential_ratio=float(contact.tangential_ratio),
             contact_damping_ratio=float(contact.damping_ratio),
-            depth_time=depth_time(
-                contact,
-                tools,
-                positions,
-                thickness,
-                float(process.time),
-                2.0 * contact.damping_ratio * float(np.sqrt(penalty * area / mass).min()),
-            ),
+            depth_time=depth_time,
+            depth_stiffening=depth_stiffening,
             mass_damping=float(process.mass_damping),
             gravity=weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
         ),

@@ -1,7 +1,9 @@
 """Depth of the nodes in the tools, driven to zero where tools close on the sheet.
 
 Adds: to the depth of every node in a tool an offset h, which the spring of the contact feels as
-further depth: p = k (depth + h), dh/dt = depth / τ, h >= 0, and h = 0 where the node has left. A
+further depth: p = k (depth + h), dh/dt = (1 + s) depth / τ, h >= 0, and h = 0 where the node has
+left. s is about the stiffness of the sheet over its thickness relative to k: a stiff sheet gives
+way by 1/(1 + s) of what the offset moves. A
 sheet that is pressed steadily ends with depth 0 under a pressure that no longer depends on the
 contact stiffness k. Without it two plates that close to a gap leave the sheet thicker by twice the
 depth p/k, and a compaction law that stiffens by orders of magnitude turns this into a force that is
@@ -11,7 +13,8 @@ Source: augmented Lagrange multipliers, e.g. Wriggers, "Computational Contact Me
 6.3.3, with an update at every step.
 Stability limit: none of its own, since the stiffness within a step stays k; but an offset that
 follows too fast feeds the vibration on the contact springs. With the damping c of the contact it
-stays calm for τ > m/c (Routh); τ is at least ten times as much.
+stays calm for τ > m/c (Routh: τ/(1 + s) > m/c k/(k + K) on a sheet of the stiffness K = s k); τ is
+at least ten times as much.
 Scene: ``contact.depth``; automatically where tools with prescribed motions come nearer to each
 other than the sheet is thick, and ``contact.penalty`` is left to the program. Not with a guided
 tool: it may swing on its contact, and the thickness under a given force does not depend on k.
@@ -21,6 +24,7 @@ Fields: ``tool_pressure``, ``tool_force``, ``energy_contact``, ``energy_external
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -39,47 +43,67 @@ CLOSED = 0.999
 #: steps from one of the tools to the other.
 TIMES, MOST_NODES, STEPS = 11, 2000, 8
 
+#: Stretch over the thickness at which the stiffening of a law is looked up.
+COMPACTED, STRETCH_STEP = 0.7, 1e-3
+
 AUTOMATIC, HELD, FREE = "automatic", "zero", "free"
 
 
 @equation
-def offset_change(depth, offset, share):
+def offset_change(depth, offset, share, stiffening):
     """Return the change of the offset h [m] in a step.
 
-    depth : of the node, without the offset [m]; share : of the depth that goes, step over τ.
+    depth : of the node, without the offset [m]; share : of the step in τ; stiffening : by which s
+    grows with pressure over k [1/m].
     """
-    change = share * depth
+    relative = 1.0 + stiffening * max(depth + offset, 0.0)
+    change = min(relative * share, 1.0) * depth
     # neither the offset nor the force may become negative
     return max(change, -offset, -(depth + offset))
 
 
-def depth_time(
+def depth_control(
     contact: Any,
     tools: Any,
     positions: np.ndarray,
-    thickness: float,
+    materials: Sequence[Any],
     process_time: float,
     rate: float,
-) -> float | None:
-    """Return the time τ in which depths go to zero [s], None where they are left.
+) -> tuple[float | None, float]:
+    """Return the time τ [s], None where depths are left, and how s grows with p/k [1/m].
 
     Parameters
     ----------
     contact : table of a scene. tools : :class:`lcmchain.tools.table.ToolTable`.
     positions : of the nodes at the start (node_count, 3) [m].
-    thickness : of the thinnest sheet [m].
+    materials : of the sheets.
     rate : smallest c/m of the nodes on their contact springs [1/s].
     """
     wanted = getattr(contact, "depth", FREE)
     if wanted == FREE or tools.kind.size == 0 or rate <= 0.0 or not math.isfinite(process_time):
-        return None
+        return None, 0.0
     if wanted == AUTOMATIC:
         guided = bool((tools.motion_kind == GUIDED).any())
         if contact.penalty is not None or guided or tools.kind.size < 2:
-            return None
+            return None, 0.0
+        thickness = min(material.thickness for material in materials)
         if closest_gap(tools, positions, process_time) > CLOSED * thickness:
-            return None
-    return max(PART_OF_PROCESS * process_time, LEAST_DAMPED_TIMES / rate)
+            return None, 0.0
+    time = max(PART_OF_PROCESS * process_time, LEAST_DAMPED_TIMES / rate)
+    return time, min(_stiffening(material) for material in materials)
+
+
+def _stiffening(material: Any) -> float:
+    """Return by how much s grows with pressure over k [1/m].
+
+    A law that stiffens has a tangent that is about proportional to its pressure p. Pressed between
+    two tools, a sheet becomes thinner by twice the depth that one of them gains.
+    """
+    stretch = np.array([COMPACTED - STRETCH_STEP, COMPACTED + STRETCH_STEP])
+    strain = np.zeros((2, 6))
+    strain[:, 2] = 0.5 * (stretch**2 - 1.0)
+    firm, soft = -stretch * material.stress_and_tangent(strain)[0][:, 2]
+    return 2.0 * math.log(firm / soft) / (2.0 * STRETCH_STEP * material.thickness)
 
 
 def closest_gap(tools: Any, positions: np.ndarray, process_time: float) -> float:

@@ -46,27 +46,29 @@ def hidden_compaction(model: Model, snapshots: Sequence[Snapshot]) -> dict[str, 
 
 
 def _depths(model: Model, tools: Sequence[int], snapshot: Snapshot) -> np.ndarray:
-    """Return how deep every node lies in one of the tools (node_count,) [m]; 0 outside."""
-    depth = np.zeros(model.node_count)
+    """Return how deep nodes with contact lie in their tool (node_count,) [m], -inf for the others.
+
+    Depths that are driven to zero lie on both sides of it.
+    """
+    depth = np.full(model.node_count, -np.inf)
     for tool in tools:
         travel = float(snapshot.tool_travel[tool])
         gap = gaps(model.tools, tool, snapshot.position, travel)
         gap -= model.nodes.offset - model.tools.initial_overlap[tool]
         depth = np.maximum(depth, -gap)
-    # a node without contact force has no spring that would give way
-    return np.where(snapshot.contact_force > 0.0, depth, 0.0)
+    return np.where(snapshot.contact_force > 0.0, depth, -np.inf)
 
 
 def _of_body(body: Any, positions: np.ndarray, depth: np.ndarray) -> tuple[float, dict]:
     """Return the force over the thickness between tools [N], and what depths hide of it."""
     elements = body.mesh.elements + body.first_node
     bottom, top = depth[elements[:, :4]], depth[elements[:, 4:]]
-    between = (bottom > 0.0).all(axis=1) & (top > 0.0).all(axis=1)
+    between = np.isfinite(bottom).all(axis=1) & np.isfinite(top).all(axis=1)
     if not between.any():
         return 0.0, {}
     corners = positions[elements[between]]
     area, thickness = _area_and_thickness(corners)
-    hidden = (bottom.mean(axis=1) + top.mean(axis=1))[between]
+    hidden = bottom[between].mean(axis=1) + top[between].mean(axis=1)
     at_rest = body.material.thickness
     pressure = _nominal_pressure(body.material, thickness / at_rest)
     truly = _nominal_pressure(body.material, (thickness - hidden) / at_rest)

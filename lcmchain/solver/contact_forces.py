@@ -129,10 +129,9 @@ def find_contacts(
                 for i in range(SPAN):
                     sums[column + 3] = min(sums[column + 3], work[GAP * SPAN + i])
             if depth_time is not None:
-                share = min(dt_last / depth_time, 1.0)
                 touching = hold_depths(
-                    arrays.depth_offset[tool], arrays.area, environment.penalty, share, begin,
-                    count, work, sums,
+                    arrays.depth_offset[tool], arrays.area, environment, dt_last / depth_time,
+                    begin, count, work, sums,
                 )  # fmt: skip
             sticks = tools.friction[tool] > 0.0
             if touching > 0 or (sticks and is_displaced(arrays.stick[tool], begin, count)):
@@ -270,7 +269,7 @@ def find_gaps(offset, begin, count, overlap, deepest, work):
 
 
 @span_part
-def hold_depths(offset, area, penalty, share, begin, count, work, sums):
+def hold_depths(offset, area, environment, share, begin, count, work, sums):
     """Move the offsets of the depths on, and gaps by them; return how many nodes touch.
 
     See :mod:`lcmchain.effects.contact_depth`. The loop over the springs that follows adds
@@ -281,9 +280,9 @@ def hold_depths(offset, area, penalty, share, begin, count, work, sums):
     load_row(area, begin, count, AREA, work)
     for i in range(SPAN):
         depth, held = -work[GAP * SPAN + i], work[HELD * SPAN + i]
-        stiffness = penalty * work[AREA * SPAN + i] if i < count else 0.0
+        stiffness = environment.penalty * work[AREA * SPAN + i] if i < count else 0.0
         touches = depth + held > 0.0
-        change = offset_change(depth, held, share)
+        change = offset_change(depth, held, share, environment.depth_stiffening)
         after = held + change if touches else 0.0
         booked = change * depth if touches else 0.5 * held * held
         work[HELD * SPAN + i] = after

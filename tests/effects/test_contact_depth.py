@@ -1,0 +1,154 @@
+"""Depth in tools: driven to zero where tools close, without energy from nowhere; and measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lcmchain.effects.contact_depth import closest_gap
+from lcmchain.fields.hidden_compaction import hidden_compaction, hidden_compaction_warnings
+from lcmchain.model import build_model
+from lcmchain.report.verdicts import verdicts
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
+
+THICKNESS = 1.004e-3
+GAP = 0.7e-3  # between the plates at the end of their stroke [m]
+PLATES = """
+process = {{ time = "20 ms" }}
+blank = {{ size = ["20 mm", "20 mm"], edge_length = "5 mm", height = "0.502 mm" }}
+material = {{ preset = "MD600" }}
+contact = {{ {contact} }}
+
+[[tools]]
+name = "lower"
+shape = {{ type = "plate", side = "below" }}
+
+[[tools]]
+name = "upper"
+shape = {{ type = "plate", side = "above" }}
+position = "0 0 1.004 mm"
+motion = {motion}
+"""
+CLOSE = '{ type = "stroke", direction = [0, 0, -1], distance = "0.304 mm" }'
+CLOSE_AND_OPEN = (
+    '{ type = "table", direction = [0, 0, -1], times = "0 8 10 12 20 ms", '
+    'travel = "0 0.3 0.304 0.3 -1 mm" }'
+)
+
+
+def plates(motion=CLOSE, contact=""):
+    return scene_from_text(PLATES.format(motion=motion, contact=contact))
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """Simulation of plates that have closed to their gap."""
+    simulation = Simulation.from_scene(plates())
+    simulation.advance_to(20e-3)
+    return simulation
+
+
+def test_force_and_thickness_between_plates_are_those_of_the_law_at_their_gap(pressed):
+    """With springs alone these elements give 0.73 mm and 0.6 of the force."""
+    positions = pressed.state.position
+    top, bottom = positions[2].max(), positions[2].min()
+    assert top - bottom == pytest.approx(GAP, rel=1e-3)
+    law = float(pressed.model.material.compaction_pressure(GAP / THICKNESS))
+    force = np.abs(pressed.state.tool_force[:, 2])
+    assert force == pytest.approx(law * 20e-3**2, rel=0.02)
+
+
+def test_the_energy_balance_holds_while_the_springs_follow(pressed):
+    """What the offsets put in is booked: it is a tenth of the internal energy here."""
+    energy = pressed.energy()
+    assert abs(energy["balance_error"]) < 1e-3 * energy["internal"]
+    # the springs themselves hold next to nothing once the depth is gone
+    assert abs(energy["contact"]) < 1e-2 * energy["internal"]
+
+
+def test_plates_that_open_again_leave_no_offset_and_the_balance_whole():
+    simulation = Simulation.from_scene(plates(CLOSE_AND_OPEN))
+    simulation.advance_to(10e-3)
+    largest = simulation.energy()["internal"]
+    assert simulation.state.depth_offset.max() > 5e-6
+    simulation.advance_to(20e-3)
+    assert not simulation.state.depth_offset.any()
+    assert abs(simulation.energy()["balance_error"]) < 2e-3 * largest
+
+
+def test_what_is_hidden_is_what_the_offsets_would_have_shown(pressed):
+    """Two springs leave as much of the thickness as their depth; the law tells the force."""
+    assert hidden_compaction(pressed.model, [pressed.snapshot()]) == pytest.approx(
+        {"hidden_thickness_part": 0.0, "hidden_force_part": 0.0}, abs=5e-3
+    )
+    free = Simulation.from_scene(plates(contact='depth = "free"'))
+    free.advance_to(20e-3)
+    found = hidden_compaction(free.model, [free.snapshot()])
+    height = np.ptp(free.state.position[2])
+    assert found["hidden_thickness_part"] == pytest.approx((height - GAP) / height, rel=0.02)
+    forces = [np.abs(run.state.tool_force[1, 2]) for run in (pressed, free)]
+    assert 1.0 + found["hidden_force_part"] == pytest.approx(forces[0] / forces[1], rel=0.02)
+    (warning,) = hidden_compaction_warnings(found)
+    assert 'contact.depth = "zero"' in warning
+
+
+def test_a_depth_that_hides_much_of_the_force_is_judged_bad():
+    scene = plates()
+    summary = {"hidden_thickness_part": 0.004, "hidden_force_part": 0.07}
+    (judged,) = [
+        v for v in _contact_verdicts(summary, scene) if v.check == "Pressure between tools"
+    ]
+    assert judged.grade == "bad" and "7 %" in judged.text
+    summary["hidden_force_part"] = 0.01
+    (judged,) = [
+        v for v in _contact_verdicts(summary, scene) if v.check == "Pressure between tools"
+    ]
+    assert judged.grade == "good"
+
+
+def _contact_verdicts(summary, scene):
+    from lcmchain.report.verdicts import _hidden_compaction
+
+    assert verdicts  # the list of all checks holds it
+    return list(_hidden_compaction(summary))
+
+
+@pytest.mark.parametrize(
+    ("change", "held"),
+    [
+        ([], True),
+        (['tools.upper.motion.distance="0.0 mm"'], False),
+        (["contact.penalty=1000 N/mm^3"], False),
+        (["contact.penalty=1000 N/mm^3", "contact.depth=zero"], True),
+        (["contact.damping_ratio=0"], False),
+        (["contact.depth=free"], False),
+    ],
+)  # fmt: skip
+def test_depths_are_driven_to_zero_where_tools_close_on_the_sheet(change, held):
+    scene = scene_from_text(PLATES.format(motion=CLOSE, contact=""), overrides=change)
+    assert (build_model(scene).environment.depth_time is not None) == held
+
+
+def test_the_gap_between_curved_tools_is_found_from_the_flat_sheet():
+    """A ball of 20 mm above a pan of 21 mm, whose centres meet at the end of the stroke."""
+    scene = scene_from_text(
+        """
+        process = { time = "20 ms" }
+        blank = { size = ["30 mm", "30 mm"], edge_length = "5 mm", height = "21.6 mm" }
+        material = { preset = "MD600" }
+        [[tools]]
+        name = "ball"
+        shape = { type = "sphere_capped_punch", radius = "20 mm" }
+        position = "0 0 22.2 mm"
+        motion = { type = "stroke", direction = [0, 0, -1], distance = "21.2 mm" }
+        [[tools]]
+        name = "floor"
+        shape = { type = "plate", side = "below" }
+        position = "0 0 0.2 mm"
+        """
+    )
+    model = build_model(scene)
+    found = closest_gap(model.tools, model.node_positions, 20e-3)
+    assert found == pytest.approx(0.8e-3, rel=1e-6)
+    assert model.environment.depth_time is not None
