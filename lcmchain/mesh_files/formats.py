@@ -89,7 +89,7 @@ def format_of(path: Path) -> str:
 
 
 def _of_hdf5(path: Path) -> str:
-    """Tell MED and Exodus apart; "" for others and broken ones."""
+    """Tell MED and Exodus apart; "" for others and broken ones, whose reader names the damage."""
     import h5py
     import netCDF4
 
@@ -97,12 +97,12 @@ def _of_hdf5(path: Path) -> str:
         with h5py.File(path, "r") as file:
             if "ENS_MAA" in file:
                 return "med"
-    except OSError:
-        pass  # a classic netCDF file, or a broken one
+    except Exception:  # h5py raises what the damage makes of the file
+        pass  # or a classic netCDF file
     try:
         with netCDF4.Dataset(path) as file:
             return "exodus" if "num_nodes" in file.dimensions else ""
-    except OSError:
+    except Exception:
         return ""
 
 
