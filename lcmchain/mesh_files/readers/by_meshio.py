@@ -74,8 +74,8 @@ def take_arrays(
     mesh: FileMesh, on_cells: dict[str, np.ndarray], on_nodes: Mapping[str, np.ndarray]
 ) -> None:
     """Set numbers, marked sets and regions from the arrays of a file."""
-    mesh.cell_ids = _numbers(on_cells, CELL_NUMBERS, mesh.cell_count, mesh.notes, "cells")
-    mesh.node_ids = _numbers(on_nodes, NODE_NUMBERS, len(mesh.points), mesh.notes, "nodes")
+    mesh.cell_ids = _numbers(on_cells, CELL_NUMBERS, mesh.cell_count, mesh.notes_of_sets, "cells")
+    mesh.node_ids = _numbers(on_nodes, NODE_NUMBERS, len(mesh.points), mesh.notes_of_sets, "nodes")
     _take_marked_sets(mesh, on_cells, on_nodes)
     _take_regions(mesh, on_cells)
 
@@ -139,7 +139,7 @@ def _take_regions(mesh: FileMesh, on_cells: dict[str, np.ndarray]) -> None:
     for name in sorted(arrays, key=lambda name: known.get(name.lower(), len(known))):
         values = np.unique(on_cells[name])
         if len(values) > MOST_REGIONS:
-            mesh.notes.append(
+            mesh.notes_of_sets.append(
                 f'"{name}" has {len(values)} different values and divides nothing: left out'
             )
             continue
@@ -176,7 +176,8 @@ def _read(path: Path, file_format: str | None, file: Path) -> meshio.Mesh:
                 warnings.simplefilter("ignore")  # of numpy, about how meshio calls it
                 return meshio.read(file, file_format)
     except (Exception, SystemExit) as error:
-        if _is_without_cells(path, file_format or path.suffix.lower()[1:]):  # meshio fails on such a file for reasons of its own
+        # meshio fails on a file without cells for reasons of its own
+        if _is_without_cells(path, file_format or path.suffix.lower()[1:]):
             raise InputError(NO_CELLS, file=path) from None
         reason = said.getvalue().strip() or str(error) or type(error).__name__
         reason = shortened(" ".join(reason.replace("Error: ", "").split()), 300)

@@ -1,9 +1,9 @@
 """Replication in Nastran bulk data: entries that are made of the entry before.
 
-Source: MSC/NX Nastran Quick Reference Guide, "Replication": ``=`` repeats a field, ``==`` all fields
-behind it as well, ``*x`` or ``*(x)`` adds x to it, and ``=n`` or ``=(n)`` in the first field makes n
-more entries by the increments of the entry before. Continuations are replicated like the line that
-they continue.
+Source: MSC/NX Nastran Quick Reference Guide, "Replication": ``=`` repeats a field, ``==`` all
+fields behind it as well, ``*x`` or ``*(x)`` adds x to it, and ``=n`` or ``=(n)`` in the first field
+makes n more entries by the increments of the entry before. Continuations are replicated like the
+line that they continue.
 """
 
 from __future__ import annotations

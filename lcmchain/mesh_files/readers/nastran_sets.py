@@ -12,7 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, Numbering, Place
+from lcmchain.mesh_files.file_mesh import (
+    NO_IDS,
+    FileMesh,
+    LeftOut,
+    Numbering,
+    Place,
+    keep_as_nodes,
+)
 from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck
 
 NODES, ELEMENTS = "nodes", "elements"
@@ -55,8 +62,12 @@ def property_names(deck: NastranDeck) -> dict[int, str]:
     return names
 
 
-def fill_sets(mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering) -> None:
+def fill_sets(
+    mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering, left_out: LeftOut
+) -> None:
     """Set the sets of a mesh, with notes about those that are doubtful or lose entries.
+
+    Elements that are no cells are kept as their nodes.
 
     Raises
     ------
@@ -64,7 +75,7 @@ def fill_sets(mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering) -> Non
     """
     names, kinds = _said(deck)
     cells = Numbering(mesh.cell_ids)
-    doubtful, lost = [], []
+    doubtful, lost, moved = [], [], []
     for number, kind, members in [*_of_case_control(deck, cells, ids_of_nodes), *_of_bulk(deck)]:
         name = names.get(number, f"SET {number}")
         kind = kind or kinds.get(number, "")
@@ -80,18 +91,32 @@ def fill_sets(mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering) -> Non
             rows = numbering.rows(members.numbers)
             rows = np.unique(rows[rows >= 0])
             found = max(found, int((numbering.rows(members.single) >= 0).sum()))
-            if len(rows) or kind:
+            nodes, of_left_out = NO_IDS, 0
+            if wanted == ELEMENTS:
+                nodes, of_left_out = left_out.nodes(members.numbers)
+                singly = members.single[numbering.rows(members.single) < 0]
+                found += left_out.nodes(singly)[1]
+            if len(rows) or (kind and not of_left_out):
                 free = name if name not in sets else f"{name} ({number})"
                 sets[free] = rows
+            if of_left_out:
+                nodes = ids_of_nodes.rows(nodes)
+                keep_as_nodes(mesh, name, nodes[nodes >= 0])
+                moved.append(name)
         if found < len(members.single):
             lost.append(f"{name} ({len(members.single) - found})")
+    if moved:
+        mesh.notes_of_sets.append(
+            "sets of elements left aside are kept as the sets of their nodes: "
+            f"{', '.join(moved[:8])}"
+        )
     if doubtful:
-        mesh.notes.append(
+        mesh.notes_of_sets.append(
             "the deck does not say whether these sets list nodes or elements, they are kept as "
             f"both: {', '.join(doubtful[:8])}"
         )
     if lost:
-        mesh.notes.append(
+        mesh.notes_of_sets.append(
             f"sets list numbers that the mesh does not have, of left-out elements or not defined: "
             f"{', '.join(lost[:8])}"
         )
