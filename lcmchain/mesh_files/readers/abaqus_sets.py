@@ -190,7 +190,9 @@ class DeckSets:
                 f"surfaces of the deck are kept as the sets of their nodes: {listed(kept)}"
             )
         if lost:
-            self.mesh.notes_of_sets.append(f"surfaces of the deck that are not kept: {listed(lost)}")
+            self.mesh.notes_of_sets.append(
+                f"surfaces of the deck that are not kept: {listed(lost)}"
+            )
 
     def _nodes_of_side(self, one: Placed, side: Side, name: str) -> np.ndarray | None:
         """Rows of the nodes of a face; None where they cannot be told."""

@@ -18,9 +18,7 @@ DEEPEST_INCLUDE = 10
 
 # Lines of the case control in a deck that has no BEGIN BULK: a word, maybe a number or options, and
 # an equals sign, which begins no entry of the bulk data.
-_CONTROL = re.compile(
-    r"\s*[A-Z]+[ \t]*(?:\d+[ \t]*|\([^)]*\)[ \t]*)?=[ \t]*[^\s=*]", re.IGNORECASE
-)
+_CONTROL = re.compile(r"\s*[A-Z]+[ \t]*(?:\d+[ \t]*|\([^)]*\)[ \t]*)?=[ \t]*[^\s=*]", re.IGNORECASE)
 _REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]?\d+))?")
 
 

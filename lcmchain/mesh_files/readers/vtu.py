@@ -35,9 +35,7 @@ def read_vtu(path: Path) -> FileMesh:
     try:
         cleaned, names = _without_text(content)
     except (ElementTree.ParseError, ValueError, IndexError) as error:
-        raise InputError(
-            f"the VTU file is broken ({error}); export it again", file=path
-        ) from None
+        raise InputError(f"the VTU file is broken ({error}); export it again", file=path) from None
     with tempfile.TemporaryDirectory() as folder:
         stand_in = Path(folder) / "grid.vtu"
         stand_in.write_bytes(cleaned)

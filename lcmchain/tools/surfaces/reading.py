@@ -14,9 +14,6 @@ from lcmchain.tools.surfaces.welding import weld
 
 _TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
 
-#: Ratio of the sizes of tool and blank from which one of them is probably in another unit.
-UNLIKE_SIZE = 30.0
-
 
 def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) -> Surface:
     """Read the surface of a tool from an STL file, a deck, or any other mesh file.
@@ -111,11 +108,10 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _warn_of_size(points: np.ndarray, blank: np.ndarray, file: Path, length_unit: str) -> None:
-    """Tell of a tool that is of another order of magnitude than the blank."""
-    ratio = np.ptp(points, axis=0).max() / np.ptp(blank, axis=0).max()
-    if not 1.0 / UNLIKE_SIZE < ratio < UNLIKE_SIZE:
-        warn(
-            file,
-            f"the surface is {ratio:.3g} times as large as the blank; check length_unit "
-            f'(now "{length_unit}")',
-        )
+    """Tell of a tool that is as much larger or smaller than the blank as with a wrong unit."""
+    from lcmchain.mesh_files.length_unit import TOOL, length_unit_hint
+
+    sizes = (float(np.ptp(corners, axis=0).max()) for corners in (points, blank))
+    hint = length_unit_hint(*sizes, length_unit, TOOL)
+    if hint is not None:
+        warn(file, hint)
