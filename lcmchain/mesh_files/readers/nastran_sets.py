@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import (
     NO_IDS,
     FileMesh,
@@ -67,17 +68,23 @@ def fill_sets(
 ) -> None:
     """Set the sets of a mesh, with notes about those that are doubtful or lose entries.
 
-    Elements that are no cells are kept as their nodes.
-
-    Raises
-    ------
-    InputError : a set lists something that is no number.
+    Elements that are no cells are kept as their nodes; a set that lists something that is no number
+    is left out.
     """
     names, kinds = _said(deck)
     cells = Numbering(mesh.cell_ids)
     doubtful, lost, moved = [], [], []
-    for number, kind, members in [*_of_case_control(deck, cells, ids_of_nodes), *_of_bulk(deck)]:
+    for number, kind, words, place in [*_of_case_control(deck), *_of_bulk(deck)]:
         name = names.get(number, f"SET {number}")
+        if words == ["ALL"]:
+            every = np.union1d(cells.ids, ids_of_nodes.ids)
+            members = Members(every, every[:0])
+        else:
+            try:
+                members = _members(words, place)
+            except InputError as error:
+                mesh.notes_of_sets.append(f"{name} is left out: {error.message}")
+                continue
         kind = kind or kinds.get(number, "")
         if not kind:
             doubtful.append(name)
@@ -145,10 +152,8 @@ def _said(deck: NastranDeck) -> tuple[dict[int, str], dict[int, str]]:
     return names, kinds
 
 
-def _of_case_control(
-    deck: NastranDeck, cells: Numbering, nodes: Numbering
-) -> list[tuple[int, str, Members]]:
-    """Number and members of each SET of the case control; ``ALL`` is every number there is."""
+def _of_case_control(deck: NastranDeck) -> list[tuple[int, str, list[str], Place]]:
+    """Number and what is listed of each SET of the case control; ``ALL`` is all there is."""
     found = []
     lines = iter(deck.case_control)
     for place, text in lines:
@@ -163,29 +168,28 @@ def _of_case_control(
             listed += more[1]
         words = [word for word in re.split(r"[\s,]+", listed.upper()) if word]
         number = int(match[1][:17])
-        if words == ["ALL"]:
-            every = np.union1d(cells.ids, nodes.ids)
-            found.append((number, "", Members(every, every[:0])))
-        elif all(word[0].isdigit() or word in ("THRU", "EXCEPT") for word in words):
-            found.append((number, "", _members(words, place)))
+        if words == ["ALL"] or all(
+            word[0].isdigit() or word in ("THRU", "EXCEPT") for word in words
+        ):
+            found.append((number, "", words, place))
         # others list names of outputs or places, no members of a mesh
     return found
 
 
-def _of_bulk(deck: NastranDeck) -> Iterable[tuple[int, str, Members]]:
-    """Number, kind and members of the sets in the bulk data."""
+def _of_bulk(deck: NastranDeck) -> Iterable[tuple[int, str, list[str], Place]]:
+    """Number, kind and what is listed of the sets in the bulk data."""
     for card in deck.cards:
         if card.name == "SET1":
-            yield card.whole(0), "", _members(_listed(card, 1), card.place)
+            yield card.whole(0), "", _listed(card, 1), card.place
         elif card.name == "SET3":
             kind = {"GRID": NODES, "ELEM": ELEMENTS}.get(card.text(1).upper()[:4])
             if kind is not None:
-                yield card.whole(0), kind, _members(_listed(card, 2), card.place)
+                yield card.whole(0), kind, _listed(card, 2), card.place
         elif card.name == "SET" and card.text(2).upper() in ("", "LIST"):
             # OptiStruct; the list begins on the second line
             kind = {"GRID": NODES, "ELEM": ELEMENTS}.get(card.text(1).upper()[:4])
             if kind is not None:
-                yield card.whole(0), kind, _members(_listed(card, 8), card.place)
+                yield card.whole(0), kind, _listed(card, 8), card.place
 
 
 def _listed(card: Card, first: int) -> list[str]:
