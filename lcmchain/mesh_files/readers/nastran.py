@@ -21,7 +21,8 @@ from lcmchain.mesh_files.file_mesh import (
     parts_of_numbers,
     unique_nodes,
 )
-from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck, read_deck
+from lcmchain.mesh_files.readers.nastran_card import Card
+from lcmchain.mesh_files.readers.nastran_cards import NastranDeck, read_deck
 from lcmchain.mesh_files.readers.nastran_coordinates import KINDS as SYSTEMS
 from lcmchain.mesh_files.readers.nastran_coordinates import Systems
 from lcmchain.mesh_files.readers.nastran_sets import fill_sets, property_names

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from lcmchain.mesh_files.file_mesh import Place
 from lcmchain.mesh_files.readers.deck_text import deck_lines
+from lcmchain.mesh_files.readers.nastran_card import Card
 from lcmchain.mesh_files.readers.nastran_replication import is_increment, replicated
 
 DEEPEST_INCLUDE = 10
@@ -19,55 +20,6 @@ DEEPEST_INCLUDE = 10
 # Lines of the case control in a deck that has no BEGIN BULK: a word, maybe a number or options, and
 # an equals sign, which begins no entry of the bulk data.
 _CONTROL = re.compile(r"\s*[A-Z]+[ \t]*(?:\d+[ \t]*|\([^)]*\)[ \t]*)?=[ \t]*[^\s=*]", re.IGNORECASE)
-_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]?\d+))?")
-
-
-@dataclass
-class Card:
-    """A bulk data entry: name in upper case without ``*``, and its data fields as text.
-
-    Fields are counted from 0 behind the name; the eight of each line follow each other.
-    """
-
-    name: str
-    fields: list[str]
-    place: Place
-
-    def text(self, field: int) -> str:
-        return self.fields[field] if field < len(self.fields) else ""
-
-    def whole(self, field: int, default: int | None = None) -> int:
-        """Return a field as a number.
-
-        Raises
-        ------
-        InputError : it is none, or blank and there is no default.
-        """
-        text = self.text(field)
-        if not text and default is not None:
-            return default
-        try:
-            number = int(text)
-        except ValueError:
-            number = -1
-        if not 0 <= number < 10**17:
-            raise self.place.error(f'field {field + 2} of {self.name} is "{text}", not a number')
-        return number
-
-    def real(self, field: int) -> float:
-        """Return a field as a real number; ``1.5-3`` is 1.5e-3, a blank one 0.
-
-        Raises
-        ------
-        InputError : it is none.
-        """
-        text = self.text(field)
-        if not text:
-            return 0.0
-        found = _REAL.fullmatch(text)
-        if found is None:
-            raise self.place.error(f'field {field + 2} of {self.name} is "{text}", not a number')
-        return float(found[1] + ("e" + found[2] if found[2] else ""))
 
 
 @dataclass

@@ -12,10 +12,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from decimal import Decimal
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from lcmchain.mesh_files.readers.nastran_cards import Card
+from lcmchain.mesh_files.readers.nastran_card import Card
 
 _INCREMENT = re.compile(r"\*\(?([+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd]?[+-]?\d{1,4})?)\)?")
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]?\d{1,4}))?")

@@ -21,7 +21,8 @@ from lcmchain.mesh_files.file_mesh import (
     Place,
     keep_as_nodes,
 )
-from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck
+from lcmchain.mesh_files.readers.nastran_card import Card
+from lcmchain.mesh_files.readers.nastran_cards import NastranDeck
 
 NODES, ELEMENTS = "nodes", "elements"
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,8 @@ _SHAPES = {1: "vertex", 2: "line", 3: "triangle", 4: "quad"}
 _CORNERS = ("vertex_indices", "vertex_index")
 
 
-class _Property(NamedTuple):
+@dataclass(frozen=True)
+class _Property:
     """Name and type of a property; ``count`` is the type of a list's length, "" of a number."""
 
     name: str
@@ -35,7 +37,8 @@ class _Property(NamedTuple):
     count: str = ""
 
 
-class _Element(NamedTuple):
+@dataclass(frozen=True)
+class _Element:
     """Element of the header: its name, how many of it follow, and what each has."""
 
     name: str

@@ -111,7 +111,7 @@ def _warn_of_size(points: np.ndarray, blank: np.ndarray, file: Path, length_unit
     """Tell of a tool that is as much larger or smaller than the blank as with a wrong unit."""
     from lcmchain.mesh_files.length_unit import TOOL, length_unit_hint
 
-    sizes = (float(np.ptp(corners, axis=0).max()) for corners in (points, blank))
-    hint = length_unit_hint(*sizes, length_unit, TOOL)
+    size, blank_size = (float(np.ptp(corners, axis=0).max()) for corners in (points, blank))
+    hint = length_unit_hint(size, blank_size, length_unit, TOOL)
     if hint is not None:
         warn(file, hint)
