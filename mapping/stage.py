@@ -27,10 +27,10 @@ from lcmchain.mapping.sheet import Sheet, frame_at, read_sheet
 from lcmchain.mapping.solid_file import file_groups
 from lcmchain.mapping.solids.fields import require_thickness
 from lcmchain.mapping.target import TargetMesh, read_target
-from lcmchain.mapping.target.length_unit import length_unit_hint
 from lcmchain.mapping.transfer import MappedFields, transfer, turned
 from lcmchain.mapping.verify import Verification, verify
 from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
+from lcmchain.mesh_files.length_unit import length_unit_hint
 from lcmchain.results import require_complete
 
 if TYPE_CHECKING:

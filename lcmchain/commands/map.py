@@ -25,7 +25,7 @@ from lcmchain.errors import InputError
 def map_fields(
     source: Annotated[Path, typer.Argument(metavar="SOURCE.nc", help="forming.nc of a run.")],
     target: Annotated[
-        Path, typer.Argument(metavar="TARGET", help="Solver deck, or any mesh that meshio reads.")
+        Path, typer.Argument(metavar="TARGET", help="Solver deck, or any other mesh file.")
     ],
     out: Annotated[
         Path, typer.Option("--out", metavar="F", help="F.nc or F.vtu; the other is written too.")

@@ -106,7 +106,7 @@ def new_punch(
 @new_app.command("moulds")
 def new_moulds(
     upper: Annotated[
-        Path, typer.Option(metavar="FILE", help="Upper mould: STL or a mesh that meshio reads.")
+        Path, typer.Option(metavar="FILE", help="Upper mould: STL, a deck, or any other mesh file.")
     ],
     lower: Annotated[Path, typer.Option(metavar="FILE", help="Lower mould.")],
     length_unit: Annotated[str, typer.Option(metavar="UNIT", help="Of the files.")] = "mm",

@@ -39,7 +39,8 @@ class FileMesh:
     cell_ids, node_ids : numbers in the file, shapes (C,) and (N,); empty where it has none.
     cell_sets, node_sets, parts : rows of cells or nodes by name.
     left_aside : number of cells of kinds that are no cells of a mesh to map onto, by kind.
-    notes : sentences about what the file holds and this does not.
+    notes : sentences about what the file holds and this does not. notes_of_sets : the same about
+        sets, parts and numbers, which are nothing to those that take only the shape.
     """
 
     points: np.ndarray
@@ -51,6 +52,7 @@ class FileMesh:
     parts: dict[str, np.ndarray] = field(default_factory=dict)
     left_aside: dict[str, int] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    notes_of_sets: list[str] = field(default_factory=list)
 
     @property
     def cell_count(self) -> int:
@@ -88,6 +90,31 @@ class Numbering:
             return np.full(wanted.shape, -1, dtype=np.int64)
         at = np.minimum(np.searchsorted(self._sorted, wanted), len(self.ids) - 1)
         return np.where(self._sorted[at] == wanted, self._order[at], -1)
+
+
+class LeftOut:
+    """Elements of kinds that are no cells, by the numbers of their nodes: sets of them keep these.
+
+    Parameters
+    ----------
+    elements : number of each, and the numbers of its nodes, shape (K,).
+    """
+
+    def __init__(self, elements: Sequence[tuple[int, Sequence[int]]] = ()) -> None:
+        self._numbering = Numbering(np.array([number for number, _ in elements], dtype=np.int64))
+        self._nodes = [np.array(nodes, dtype=np.int64) for _, nodes in elements]
+
+    def nodes(self, wanted: np.ndarray) -> tuple[np.ndarray, int]:
+        """Return the numbers of the nodes of elements, and how many of these are left-out ones."""
+        rows = self._numbering.rows(wanted)
+        rows = rows[rows >= 0]
+        return np.unique(np.concatenate([NO_IDS, *[self._nodes[row] for row in rows]])), len(rows)
+
+
+def keep_as_nodes(mesh: FileMesh, name: str, nodes: np.ndarray) -> None:
+    """Keep a set or part of left-out elements as the set of its nodes, by their rows (N,)."""
+    free = name if name not in mesh.node_sets else f"{name} (cells)"
+    mesh.node_sets[free] = np.unique(nodes)
 
 
 def unique_nodes(

@@ -56,7 +56,7 @@ def read_target(path: Path | str, *, kind: str = "structure", length_unit: str =
         cell_sets=sets,
         node_sets={**moved, **mesh.node_sets},
         parts={name: rows for name, rows in _renumbered(mesh.parts, chosen).items() if len(rows)},
-        notes=(*mesh.notes, *_note_of_moved(moved)),
+        notes=(*mesh.notes, *mesh.notes_of_sets, *_note_of_moved(moved)),
     )
     return target.with_notes(warnings_about(target))
 

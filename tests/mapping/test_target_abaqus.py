@@ -295,7 +295,6 @@ NODES = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 1, 1, 0\n4, 0, 1, 0\n"
         (NODES + "1, 5, 0, 0\n*ELEMENT, TYPE=S3\n7, 1, 2, 3\n", "line 6: node 1 was at another"),
         (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*NGEN\n1, 2\n", r"line 8: \*NGEN is not followed"),
         (NODES + "*ELEMENT, TYPE=B31\n7, 1, 2\n", "no shells or solids .*found: B31"),
-        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*ELSET, ELSET=A\nB\n", "line 9: .* no set B"),
         (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*ELSET, ELSET=A\nA\n", "A lists itself"),
         (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*ELSET, ELSET=A, GENERATE\n7, 1\n", "no range"),
         (NODES + "*INCLUDE, INPUT=absent.inc\n", "line 6: .*absent.inc, which does not exist"),
@@ -308,6 +307,59 @@ NODES = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 1, 1, 0\n4, 0, 1, 0\n"
 def test_wrong_decks_name_the_line_and_the_remedy(deck, text, words):
     with pytest.raises(InputError, match=words):
         read_target(deck(text))
+
+
+ONE_SHELL = NODES + "*ELEMENT, TYPE=S4, ELSET=SKIN\n1, 1, 2, 3, 4\n"
+
+
+def test_sets_of_left_out_elements_keep_their_nodes(deck):
+    text = ONE_SHELL + (
+        "*ELEMENT, TYPE=B31, ELSET=STIFF\n2, 1, 2\n*ELEMENT, TYPE=R3D3\n3, 2,\n3, 4\n"
+        "*ELSET, ELSET=ALL\nSKIN, STIFF\n*ELSET, ELSET=RIGID\n3\n"
+    )
+    target = read_target(deck(text))
+    assert {name: rows.tolist() for name, rows in target.cell_sets.items()} == {
+        "SKIN": [0], "ALL": [0],
+    }  # fmt: skip
+    assert numbers(target, "STIFF", nodes=True) == numbers(target, "ALL", nodes=True) == [1, 2]
+    assert numbers(target, "RIGID", nodes=True) == [2, 3, 4]
+    assert target.ignored == {"B31": 1, "R3D3": 1}
+    (note,) = target.notes
+    assert note.endswith("kept as the sets of their nodes: STIFF, ALL, RIGID")
+
+
+def test_a_node_set_takes_the_nodes_of_an_element_set(deck):
+    text = ONE_SHELL + (
+        "*ELEMENT, TYPE=MASS, ELSET=M\n2, 3\n*NSET, NSET=REF, ELSET=M\n"
+        "*NSET, NSET=skin, ELSET=SKIN\n"
+    )
+    target = read_target(deck(text))
+    assert numbers(target, "REF", nodes=True) == [3]
+    assert numbers(target, "skin", nodes=True) == [1, 2, 3, 4]
+
+
+def test_undefined_members_are_named_and_take_nothing_with_them(deck):
+    text = ONE_SHELL + (
+        "*ELSET, ELSET=A\nGONE, 1\n*NSET, NSET=N\nLOST, 2\n*NSET, NSET=P, INSTANCE=NONE\n3\n"
+        "*SURFACE, NAME=TOP\nSKIN, SPOS\nAWAY, SPOS\n*SURFACE, NAME=POINTS, TYPE=NODE\nNO,\n"
+    )
+    target = read_target(deck(text))
+    assert numbers(target, "A") == [1]
+    assert numbers(target, "N", nodes=True) == [2]
+    assert numbers(target, "P", nodes=True) == []
+    assert numbers(target, "TOP", nodes=True) == [1, 2, 3, 4]
+    assert "POINTS" not in target.node_sets
+    assert any(n.endswith("not kept: POINTS") for n in target.notes)
+    (note,) = [n for n in target.notes if "the deck does not define" in n]
+    for what in ("set GONE (line 9)", "set LOST (line 11)", "instance NONE (line 13)",
+                 "set AWAY (line 16)", "set NO (line 18)"):  # fmt: skip
+        assert what in note
+
+
+def test_exponents_of_fortran_are_numbers(deck):
+    text = "*NODE\n1, 0.0D0, 0., 0.\n2, 1.0D+1, 0., 0.\n3, 1.d1, 1.0+1, -.5-1\n"
+    target = read_target(deck(text + "*ELEMENT, TYPE=S3\n1, 1, 2, 3\n"))
+    assert target.points.tolist() == [[0, 0, 0], [10, 0, 0], [10, 10, -0.05]]
 
 
 def test_definitions_that_repeat_themselves_count_once(deck):

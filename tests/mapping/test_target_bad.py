@@ -11,7 +11,7 @@ import pytest
 
 from lcmchain.errors import InputError
 from lcmchain.mapping import map_file, read_target
-from lcmchain.mapping.target.length_unit import length_unit_hint
+from lcmchain.mesh_files.length_unit import length_unit_hint
 
 
 def grid_mesh(make, cells=(3, 3)):

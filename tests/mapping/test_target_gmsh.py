@@ -223,7 +223,7 @@ TEXT = (
         (TEXT.replace("9 1 0 0", "1 1 0 0"), "lists a node twice"),
         (TEXT.partition("$Elements")[0], "no nodes or no elements"),
         (TEXT + "more", "no section of an MSH file"),
-        ("$MeshFormat\n", "cannot read"),
+        ("$MeshFormat\n", "cannot be read"),
     ],
 )
 def test_broken_files_are_refused(tmp_path, text, words):
@@ -249,3 +249,16 @@ def test_a_file_as_the_manual_describes_it(tmp_path):
     assert target.node_ids.tolist() == [1, 9, 5, 4]
     assert target.parts["a b"].tolist() == [0, 1]
     np.testing.assert_allclose(target.points[1], [1e-3, 0, 0])
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+def test_nodes_with_their_parameters_are_nodes(plate, gmsh, tmp_path, binary):
+    plain = read_target(plate(version=2.2, binary=binary))
+    gmsh.option.setNumber("Mesh.SaveParametric", 1)
+    gmsh.write(str(tmp_path / "parametric.msh"))
+    gmsh.option.setNumber("Mesh.SaveParametric", 0)
+    assert b"$ParametricNodes" in (tmp_path / "parametric.msh").read_bytes()
+    target = read_target(tmp_path / "parametric.msh")
+    np.testing.assert_array_equal(target.points, plain.points)
+    np.testing.assert_array_equal(target.node_ids, plain.node_ids)
+    np.testing.assert_array_equal(target.blocks[0][1], plain.blocks[0][1])

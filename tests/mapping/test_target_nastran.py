@@ -79,7 +79,7 @@ def test_numbers_properties_and_sets(deck):
     of_nodes = {n: set(target.node_ids[rows].tolist()) for n, rows in target.node_sets.items()}
     assert of_nodes == {
         "SET 1": {10, 20, 40, 90}, "not a node": set(), "SET 4": set(target.node_ids.tolist()),
-        "SET 11": {10, 20, 30, 40},
+        "SET 11": {10, 20, 30, 40}, "property 5": {10, 20},
     }  # fmt: skip
     assert target.ignored == {"CBAR": 1, "CONM2": 1, "RBE2": 1}
     (doubtful,) = [note for note in target.notes if "nodes or elements" in note]
@@ -278,6 +278,116 @@ GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\n"
 def test_wrong_decks_name_the_line_and_the_remedy(deck, text, words):
     with pytest.raises(InputError, match=words):
         read_target(deck(text))
+
+
+#: Two rows of four nodes, the lower 1 to 4, the upper 11 to 14.
+ROWS = "".join(
+    f"GRID,{10 * j + i + 1},,{10.0 * i},{10.0 * j},0.\n" for j in range(2) for i in range(4)
+)
+
+
+@pytest.mark.parametrize(
+    "replication",
+    [
+        "CQUAD4,1,1,1,2,12,11\n=,*1,=,*1,*1,*1,*1\n=1\n",
+        "CQUAD4,1,1,1,2,12,11\n=,*(1),=,*(1),*1,*1,*1\n=(1)\n",
+        "CQUAD4         1       1       1       2      12      11\n"
+        "=             *1       =      *1      *1      *1      *1\n=1\n",
+        "CQUAD4*                1               1               1               2\n"
+        "*                     12              11\n=,*1,=,*1,*1,*1,*1\n=1\n",
+    ],
+    ids=["free", "parentheses", "small-field", "large-field"],
+)
+def test_replication_makes_the_entries_that_it_stands_for(deck, replication):
+    target = read_target(deck("BEGIN BULK\n" + ROWS + replication + "ENDDATA\n"))
+    assert target.cell_ids.tolist() == [1, 2, 3]
+    ((_, cells),) = target.blocks
+    expected = [[1, 2, 12, 11], [2, 3, 13, 12], [3, 4, 14, 13]]
+    assert target.node_ids[cells].tolist() == expected
+    assert {name: rows.tolist() for name, rows in target.parts.items()} == {"property 1": [0, 1, 2]}
+
+
+def test_nodes_are_replicated_with_exact_increments_of_reals(deck):
+    """The example of the Quick Reference Guide: == repeats what follows, =3 makes three more."""
+    text = "GRID,101,,1.0,1.05+1,,,3456\n=,*1,=,*0.2,*(0.1),==$\n=3\nCTRIA3,1,1,101,103,110\n"
+    target = read_target(deck(text + "GRID,110,,0.,0.,0.\n"))
+    assert target.node_ids.tolist() == [101, 102, 103, 104, 105, 110]
+    expected = [[1.0, 10.5], [1.2, 10.6], [1.4, 10.7], [1.6, 10.8], [1.8, 10.9]]
+    assert target.points[:5, :2].tolist() == expected
+    assert not target.points[:, 2].any()
+
+
+@pytest.mark.parametrize(
+    "second", ["=,*1,=,*4,*4,*4,*4,*4,*4\n,*4,*4\n",
+               "=             *1       =      *4      *4      *4      *4      *4      *4*1\n"
+               "*1            *4      *4\n"],
+)  # fmt: skip
+def test_continuations_are_replicated_too(deck, second):
+    layers = [(x, y, z) for z in range(3) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    grids = "".join(f"GRID,{k + 1},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(layers))
+    target = read_target(deck(grids + "CHEXA,1,1,1,2,3,4,5,6\n,7,8\n" + second))
+    ((name, cells),) = target.blocks
+    assert (name, target.cell_ids.tolist()) == ("hexahedron", [1, 2])
+    assert target.node_ids[cells].tolist() == [
+        [1, 2, 3, 4, 5, 6, 7, 8],
+        [5, 6, 7, 8, 9, 10, 11, 12],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("=,*1,=\n" + GRIDS, "line 1: .* there is none before"),
+        (GRIDS + "CTRIA3,1,1,1,2,3\n=2\n", "line 5: =2 repeats an entry with increments, but"),
+        (GRIDS + "CTRIA3,1,1,1,2,3\n=x,*1\n", 'line 5: "=X" replicates an entry, but is no ='),
+        (GRIDS + "CTRIA3,1,,1,2,3\n=,*1,*1,=,=,=\n", 'line 5: field 3 of CTRIA3 is "\\*1"'),
+        (GRIDS + "CTRIA3,1,1,1,2,3\n=,*1,=,=,=,*1\n", "line 5: element 2 has node 4, which"),
+    ],
+)
+def test_a_replication_of_nothing_names_its_line(deck, text, words):
+    with pytest.raises(InputError, match=words):
+        read_target(deck(text))
+
+
+def test_a_replication_of_what_is_not_read_stands_in_nobodys_way(deck):
+    text = (
+        GRIDS + "PSHELL,1,1,,2\n=,*1,=,*0.1,=\n=4\nDEQATN  7       f(a,b)=a+b\nCTRIA3,1,1,1,2,3\n"
+    )
+    assert read_target(deck(text)).cell_ids.tolist() == [1]
+
+
+def test_sets_of_a_deck_without_begin_bulk_are_read(deck):
+    text = (
+        "SET 1 = 1,\n        2\nSET 2 = 2 THRU 3\nSTRESS = 1\nDISPLACEMENT(PLOT) = 2\n" + GRIDS
+        + "GRID,4,,0.,1.,0.\nCTRIA3,1,1,1,2,3\nCTRIA3,2,1,1,3,4\nENDDATA\n"
+    )  # fmt: skip
+    target = read_target(deck(text))
+    assert {name: rows.tolist() for name, rows in target.cell_sets.items()} == {"SET 1": [0, 1]}
+    assert {name: rows.tolist() for name, rows in target.node_sets.items()} == {"SET 2": [1, 2]}
+    assert not target.notes
+
+
+def test_line_elements_keep_their_nodes_in_sets_and_properties(deck):
+    text = (
+        "CEND\nSET 1 = 7, 1\nSET 2 = 8\nSTRESS = 1\nFORCE = 2\nBEGIN BULK\n"
+        "$HMNAME PROP                  10\"Gate\"\n" + GRIDS
+        + "CBAR,7,10,1,2,0.,0.,1.\nCELAS1,8,11,3,1,2,1\nCTRIA3,1,1,1,2,3\nENDDATA\n"
+    )  # fmt: skip
+    target = read_target(deck(text))
+    of_nodes = {n: target.node_ids[rows].tolist() for n, rows in target.node_sets.items()}
+    assert of_nodes == {
+        "SET 1": [1, 2], "SET 2": [2, 3], "Gate": [1, 2], "property 11": [2, 3],
+    }  # fmt: skip
+    assert {name: rows.tolist() for name, rows in target.cell_sets.items()} == {"SET 1": [0]}
+    assert target.ignored == {"CBAR": 1, "CELAS1": 1}
+    assert any("kept as the sets of their nodes: Gate, property 11" in n for n in target.notes)
+
+
+def test_a_set_that_cannot_be_read_takes_no_other_with_it(deck):
+    text = GRIDS + "CTRIA3,1,1,1,2,3\nSET1,5,1,THRU,x\nSET3,6,ELEM,1\n"
+    target = read_target(deck(text))
+    assert list(target.cell_sets) == ["SET 6"]
+    assert any(n.startswith('SET 5 is left out: line 5: "X" is no number') for n in target.notes)
 
 
 def test_included_files_are_read(tmp_path, deck):

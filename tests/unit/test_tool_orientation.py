@@ -10,6 +10,7 @@ import meshio
 import numpy as np
 import pytest
 
+from lcmchain.errors import InputError
 from lcmchain.mesh.closest_point import closest_point_of_triangle
 from lcmchain.tools import ToolWarning, build_tool_table, gaps
 from lcmchain.tools.shapes.surface_mesh import SurfaceMesh
@@ -147,6 +148,26 @@ def test_bodies_beside_each_other_are_no_cavities():
     triangles, orientation = oriented(mesh[0], mesh[1], FILE)
     assert orientation.reasons == ("outwards",)
     assert np.array_equal(triangles, mesh[1])
+
+
+@pytest.mark.parametrize(
+    "centre",
+    [(0.0, 0.0, 0.01), (0.0, 0.0, -0.001), (0.03, 0.02, 0.01), (0.0, 0.0, 0.025001)],
+    ids=["sunk", "deep", "corner", "touching"],
+)
+def test_solids_that_overlap_or_touch_are_named_with_what_to_do(tmp_path, centre):
+    mesh = together(box((0.06, 0.05, 0.03)), box((0.02, 0.02, 0.02), centre))
+    mesh = mesh if centre != (0.0, 0.0, -0.001) else together(
+        box((0.06, 0.05, 0.03)), box((0.01, 0.01, 0.035), centre)
+    )  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # none is turned inside out
+        with pytest.raises(InputError) as error:
+            field_gaps(*mesh, [(0, 0, 0)], tmp_path=tmp_path)
+    text = str(error.value)
+    assert "two solids of the file overlap or touch near" in text
+    assert "one from (-0.03, -0.025, -0.015) m to (0.03, 0.025, 0.015) m" in text
+    assert "Boolean union" in text and "entry [[tools]] of its own" in text
 
 
 def test_a_tenth_of_the_facets_turned_and_the_rest_inside_out(tmp_path):

@@ -67,7 +67,7 @@ def merged(deck: Deck) -> FileMesh:
     if unused:
         mesh.notes.append(f"parts of the deck without an instance are left out: {listed(unused)}")
     if len(np.unique(mesh.cell_ids)) < len(mesh.cell_ids):
-        mesh.notes.append(
+        mesh.notes_of_sets.append(
             "element numbers repeat in the instances of the deck: part and number together name an "
             "element"
         )
@@ -92,7 +92,7 @@ def _settle_second_choice(scopes: list[Scope]) -> list[str]:
             if element in taken:
                 scope.cells.append(cells)
             else:
-                scope.aside[element] = scope.aside.get(element, 0) + len(cells.ids)
+                scope.leave_out(element, cells)
     return list(taken)
 
 
@@ -156,7 +156,7 @@ def _fill_parts(mesh: FileMesh, everything: list[Placed]) -> None:
             continue
         rows = mesh.cell_sets[name]
         if taken[rows].any():
-            mesh.notes.append(
+            mesh.notes_of_sets.append(
                 "elements have two sections and belong to the part of the first "
                 f"({first_few(mesh.cell_ids[rows[taken[rows]]])})"
             )

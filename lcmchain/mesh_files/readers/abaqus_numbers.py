@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 
 from lcmchain.mesh_files.file_mesh import Place
 from lcmchain.mesh_files.readers.abaqus_blocks import Block, words
+
+_FORTRAN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[DdQq]|(?=[+-]))([+-]?\d+)")
 
 # Numbers of nodes and elements go into 64 bits.
 LARGEST = 2**62
@@ -19,7 +22,7 @@ def node_table(block: Block) -> tuple[np.ndarray, np.ndarray]:
     for row, text in enumerate(block.data):
         entries = text.split(",")
         try:
-            numbers = [float(word) if word.strip() else 0.0 for word in entries[1:4]]
+            numbers = [real(word) if word.strip() else 0.0 for word in entries[1:4]]
             ids.append(whole(entries[0]))
         except ValueError:
             raise block.place_of(row).error(f'"{text[:60]}" is no node: number, x, y, z') from None
@@ -71,6 +74,43 @@ def element_count(block: Block) -> int:
     return len(ends) - sum(ends[:-1])
 
 
+def elements_left_out(block: Block) -> list[tuple[int, list[int]]]:
+    """Number and nodes of the elements of a type that is not read, as far as they can be told.
+
+    The number of nodes of the type is not known: an element goes on behind a comma. Nodes of
+    instances (``Part-1.5``) are left out.
+    """
+    found = []
+    words: list[str] = []
+    for row, text in enumerate(block.data, start=1):
+        words += text.split(",")
+        if text.endswith(",") and row < len(block.data):
+            continue
+        numbers = [word.strip() for word in words]
+        words = []
+        if not numbers[0].isdigit() or len(numbers[0]) > 17:
+            continue
+        nodes = [int(word) for word in numbers[1:] if word.isdigit() and len(word) < 18]
+        found.append((int(numbers[0]), nodes))
+    return found
+
+
+def real(text: str) -> float:
+    """Return a coordinate; its exponent may be Fortran's: ``1.0D+1``, ``1.0+1``.
+
+    Raises
+    ------
+    ValueError : it is no number.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        found = _FORTRAN.fullmatch(text.strip())
+        if found is None:
+            raise
+        return float(f"{found[1]}e{found[2]}")
+
+
 def whole(text: str) -> int:
     """Return a number of a node or element.
 
@@ -105,7 +145,7 @@ def motion(block: Block) -> tuple[np.ndarray, np.ndarray]:
     rows = []
     for row in range(len(block.data)):
         try:
-            rows.append([float(word) if word else 0.0 for word in words(block.data[row])])
+            rows.append([real(word) if word else 0.0 for word in words(block.data[row])])
         except ValueError:
             raise block.place_of(row).error("the place of an instance takes numbers") from None
         if not all(math.isfinite(number) for number in rows[-1]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from lcmchain.mesh_files.readers.abaqus_elements import cell_type, second_choice
 from lcmchain.mesh_files.readers.abaqus_numbers import (
     element_count,
     element_table,
+    elements_left_out,
     node_table,
     number_range,
     whole,
@@ -21,12 +23,16 @@ from lcmchain.mesh_files.shapes import base_type, corner_count
 
 
 class Entry(NamedTuple):
-    """What a line of a set lists: numbers or the name of another set, maybe of an instance."""
+    """What a line of a set lists: numbers or the name of another set, maybe of an instance.
+
+    ``of_elements`` marks the nodes of an element set.
+    """
 
     numbers: np.ndarray | None
     name: str
     instance: str
     place: Place
+    of_elements: bool = False
 
 
 class Side(NamedTuple):
@@ -60,7 +66,8 @@ class Scope:
     ids, points, node_places : of the nodes, block by block. cells : of the elements.
     second : elements that are cells only in a deck without shells, by their type.
     sections : element sets that a section is assigned to, in their order.
-    aside : number of elements of types that are no shells or solids.
+    aside : number of elements of types that are no shells or solids. left_out : number and nodes
+        of each of these.
     """
 
     name: str = ""
@@ -74,6 +81,7 @@ class Scope:
     surfaces: NamedEntries = field(default_factory=NamedEntries)
     sections: list[str] = field(default_factory=list)
     aside: dict[str, int] = field(default_factory=dict)
+    left_out: list[tuple[int, Sequence[int]]] = field(default_factory=list)
 
     def node_place(self, row: int) -> Place:
         """Return the place of a node, counted over all blocks."""
@@ -111,6 +119,9 @@ class Scope:
         shape = first_choice or second_choice(element)
         if shape is None:
             self.aside[element] = self.aside.get(element, 0) + element_count(block)
+            left_out = elements_left_out(block)
+            self.left_out += left_out
+            self._add_to_set(block, np.array([number for number, _ in left_out], dtype=np.int64))
             return
         node_count = int(shape[len(base_type(shape)) :] or corner_count(shape))
         table, begins = element_table(block, node_count)
@@ -119,8 +130,16 @@ class Scope:
             self.cells.append(cells)
         else:
             self.second.append((element, cells))
+        self._add_to_set(block, table[:, 0])
+
+    def leave_out(self, element: str, cells: Cells) -> None:
+        """Count elements of second choice that are no cells of this deck."""
+        self.aside[element] = self.aside.get(element, 0) + len(cells.ids)
+        self.left_out += zip(cells.ids.tolist(), cells.nodes.tolist(), strict=True)
+
+    def _add_to_set(self, block: Block, ids: np.ndarray) -> None:
         if block.parameters.get("ELSET"):
-            entry = Entry(table[:, 0], "", "", block.place)
+            entry = Entry(ids, "", "", block.place)
             self.element_sets.add(block.parameters["ELSET"], [entry])
 
     def read_set(self, block: Block) -> None:
@@ -135,7 +154,8 @@ class Scope:
                                   block.place_of(row))
         ]  # fmt: skip
         if block.keyword == "NSET" and block.parameters.get("ELSET"):
-            raise block.error("takes the nodes of an element set; list the nodes")
+            elements = block.parameters["ELSET"]
+            entries.append(Entry(None, elements, instance, block.place, of_elements=True))
         sets.add(name, entries)
 
     def read_surface(self, block: Block) -> None:

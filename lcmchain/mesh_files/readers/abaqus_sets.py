@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, Numbering
+from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, LeftOut, Numbering, keep_as_nodes
 from lcmchain.mesh_files.readers.abaqus_elements import FACES
 from lcmchain.mesh_files.readers.abaqus_scope import Entry, Scope, Side
 from lcmchain.mesh_files.shapes import SOLID_CORNERS, base_type, corner_count
@@ -40,6 +40,10 @@ class Placed:
     def cell_numbering(self) -> Numbering:
         return Numbering(self.cell_ids)
 
+    @cached_property
+    def left_out(self) -> LeftOut:
+        return LeftOut([element for scope in self.scopes for element in scope.left_out])
+
     def sets(self, of_nodes: bool) -> dict[str, tuple[str, list[Entry]]]:
         """Name as spelt and entries of each set, by its name in upper case."""
         found: dict[str, tuple[str, list[Entry]]] = {}
@@ -56,27 +60,52 @@ class Placed:
 
 
 class DeckSets:
-    """Rows of the sets and surfaces of a deck."""
+    """Rows of the sets and surfaces of a deck.
+
+    What a set lists and the mesh does not have is left out, counted or named in the notes; elements
+    that are no cells keep their nodes.
+    """
 
     def __init__(self, mesh: FileMesh, by_name: dict[str, Placed]) -> None:
         self.mesh = mesh
         self.by_name = by_name
         self.missing: dict[str, int] = {}
+        self.undefined: dict[str, None] = {}
+        self.nodes_of_left_out: dict[str, list[np.ndarray]] = {}
 
     def fill(self) -> None:
         """Set the mesh's sets, and its notes about what they lose."""
         for one in self.by_name.values():
-            for of_nodes, into in ((True, self.mesh.node_sets), (False, self.mesh.cell_sets)):
-                for key, (spelt, _) in one.sets(of_nodes).items():
-                    rows = self.rows(one, key, of_nodes, one.full_name(spelt))
-                    into[one.full_name(spelt)] = rows
+            for key, (spelt, _) in one.sets(of_nodes=True).items():
+                name = one.full_name(spelt)
+                self.mesh.node_sets[name] = self.rows(one, key, True, name)
+        moved = []
+        for one in self.by_name.values():
+            for key, (spelt, _) in one.sets(of_nodes=False).items():
+                name = one.full_name(spelt)
+                rows = self.rows(one, key, False, name)
+                nodes = self.nodes_of_left_out.pop(name, [])
+                if nodes:
+                    keep_as_nodes(self.mesh, name, np.concatenate(nodes))
+                    moved.append(name)
+                if len(rows) or not nodes:
+                    self.mesh.cell_sets[name] = rows
+        if moved:
+            self.mesh.notes_of_sets.append(
+                f"sets of elements left aside are kept as the sets of their nodes: {listed(moved)}"
+            )
+        self._fill_surfaces()
         if self.missing:
             missing = [f"{name} ({count})" for name, count in self.missing.items()]
-            self.mesh.notes.append(
+            self.mesh.notes_of_sets.append(
                 "sets list elements or nodes that the mesh does not have, of left-out types or not "
                 f"defined: {listed(missing)}"
             )
-        self._fill_surfaces()
+        if self.undefined:
+            self.mesh.notes_of_sets.append(
+                "sets and surfaces are kept without what they name and the deck does not define: "
+                f"{listed(list(self.undefined))}"
+            )
 
     def rows(
         self, one: Placed, key: str, of_nodes: bool, name: str, within: tuple = ()
@@ -92,18 +121,35 @@ class DeckSets:
     ) -> np.ndarray:
         if entry.instance:
             if entry.instance.upper() not in self.by_name:
-                raise entry.place.error(f"there is no instance {entry.instance}")
+                return self._left_undefined(f"instance {entry.instance}", entry)
             one = self.by_name[entry.instance.upper()]
         if entry.numbers is not None:
             rows = self._of_numbers(one, entry.numbers, of_nodes)
-            lost = int((rows < 0).sum())
-            if lost:
-                self.missing[name] = self.missing.get(name, 0) + lost
+            lost = entry.numbers[rows < 0]
+            if len(lost) and not of_nodes:
+                nodes, found = one.left_out.nodes(lost)
+                nodes = self._of_numbers(one, nodes, of_nodes=True)
+                if found:
+                    kept = self.nodes_of_left_out.setdefault(name, [])
+                    kept.append(nodes[nodes >= 0])
+                lost = lost[found:]  # their number counts
+            if len(lost):
+                self.missing[name] = self.missing.get(name, 0) + len(lost)
             return rows[rows >= 0]
+        if entry.of_elements:
+            cells = self._of_entry(one, entry._replace(of_elements=False), False, name, ())
+            nodes_of_left_out = self.nodes_of_left_out.pop(name, [])
+            return np.concatenate([cell_nodes(self.mesh.blocks, cells), *nodes_of_left_out])
         owner, key = self._owner(one, entry, of_nodes)
+        if owner is None:
+            return self._left_undefined(f"set {entry.name}", entry)
         if (owner.name, key) in within:
             raise entry.place.error(f"the set {entry.name} lists itself")
         return self.rows(owner, key, of_nodes, name, within)
+
+    def _left_undefined(self, what: str, entry: Entry) -> np.ndarray:
+        self.undefined[f"{what} (line {entry.place.line})"] = None
+        return NO_IDS
 
     def _of_numbers(self, one: Placed, numbers: np.ndarray, of_nodes: bool) -> np.ndarray:
         if of_nodes:
@@ -112,15 +158,15 @@ class DeckSets:
         rows = one.cell_numbering.rows(numbers)
         return np.where(rows >= 0, one.cell_rows[rows] if len(one.cell_rows) else -1, -1)
 
-    def _owner(self, one: Placed, entry: Entry, of_nodes: bool) -> tuple[Placed, str]:
-        """Instance and key of the set that an entry names."""
+    def _owner(self, one: Placed, entry: Entry, of_nodes: bool) -> tuple[Placed | None, str]:
+        """Instance and key of the set that an entry names; None where there is no such set."""
         if entry.name.upper() in one.sets(of_nodes):
             return one, entry.name.upper()
         instance, dot, local = entry.name.rpartition(".")
         owner = self.by_name.get(instance.upper()) if dot else None
         if owner is not None and local.upper() in owner.sets(of_nodes):
             return owner, local.upper()
-        raise entry.place.error(f"there is no set {entry.name}")
+        return None, ""
 
     def _fill_surfaces(self) -> None:
         kept, lost = [], []
@@ -128,8 +174,11 @@ class DeckSets:
             for scope in one.scopes:
                 for key, sides in scope.surfaces.entries.items():
                     name = one.full_name(scope.surfaces.spelt[key])
-                    nodes = [self._nodes_of_side(one, side) for side in sides]
-                    if any(found is None for found in nodes):
+                    before = len(self.undefined)
+                    nodes = [self._nodes_of_side(one, side, name) for side in sides]
+                    unknown = any(found is None for found in nodes)
+                    empty = all(found is not None and len(found) == 0 for found in nodes)
+                    if unknown or (empty and len(self.undefined) > before):
                         lost.append(name)
                         continue
                     free = name if name not in self.mesh.node_sets else f"{name} (surface)"
@@ -137,13 +186,15 @@ class DeckSets:
                     self.mesh.node_sets[free] = np.unique(np.concatenate([NO_IDS, *found]))
                     kept.append(name)
         if kept:
-            self.mesh.notes.append(
+            self.mesh.notes_of_sets.append(
                 f"surfaces of the deck are kept as the sets of their nodes: {listed(kept)}"
             )
         if lost:
-            self.mesh.notes.append(f"surfaces of the deck that are not kept: {listed(lost)}")
+            self.mesh.notes_of_sets.append(
+                f"surfaces of the deck that are not kept: {listed(lost)}"
+            )
 
-    def _nodes_of_side(self, one: Placed, side: Side) -> np.ndarray | None:
+    def _nodes_of_side(self, one: Placed, side: Side, name: str) -> np.ndarray | None:
         """Rows of the nodes of a face; None where they cannot be told."""
         of_nodes = side.face == "NODE"
         owner, dot, local = side.element.rpartition(".")
@@ -152,10 +203,23 @@ class DeckSets:
             entry = Entry(numbers, "", owner if dot else "", side.place)
         else:
             entry = Entry(None, side.element, "", side.place)
-        rows = self._of_entry(one, entry, of_nodes, side.element, ())
+        rows = self._of_entry(one, entry, of_nodes, name, ())
+        if self.nodes_of_left_out.pop(name, []):  # which have no faces that are known
+            self.missing[name] = self.missing.get(name, 0) + 1
         if of_nodes:
             return rows
         return face_nodes(self.mesh.blocks, rows, side.face)
+
+
+def cell_nodes(blocks: list[tuple[str, np.ndarray]], rows: np.ndarray) -> np.ndarray:
+    """Rows of all nodes of cells (C,)."""
+    found = [NO_IDS]
+    first = 0
+    for _, nodes in blocks:
+        own = rows[(rows >= first) & (rows < first + len(nodes))] - first
+        first += len(nodes)
+        found.append(nodes[own].reshape(-1))
+    return np.unique(np.concatenate(found))
 
 
 def face_nodes(

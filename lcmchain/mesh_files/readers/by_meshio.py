@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import re
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -31,14 +32,21 @@ PARTS = ("part", "part_id", "partid", "pid", "property_id", "propertyid", "objec
 CELL_SET, NODE_SET, PART = "cell_set:", "node_set:", "part:"
 
 # Where files of VTK count their cells.
-CELL_COUNTS = {".vtu": rb'NumberOfCells="\s*(\d+)', ".vtk": rb"(?m)^CELLS\s+(\d+)"}
+CELL_COUNTS = {"vtu": rb'NumberOfCells="\s*(\d+)', "vtk": rb"(?m)^CELLS\s+(\d+)"}
 
 # An array with more values than this counts something, it does not divide the mesh.
 MOST_REGIONS = 1000
 
 
-def read_by_meshio(path: Path) -> FileMesh:
+def read_by_meshio(
+    path: Path, file_format: str | None = None, *, stand_in: Path | None = None
+) -> FileMesh:
     """Read any file that meshio reads.
+
+    Parameters
+    ----------
+    file_format : meshio's name of the format; None leaves it to the ending of the file.
+    stand_in : file that is read in its place.
 
     Numbers are those of arrays that are known by their names; integer arrays of cells divide them
     into regions: the most telling one gives the parts, the others sets.
@@ -47,7 +55,7 @@ def read_by_meshio(path: Path) -> FileMesh:
     ------
     InputError : meshio does not read the file.
     """
-    read = _read(path)
+    read = _read(path, file_format, stand_in or path)
     blocks = [(block.type, _table(block.data, path)) for block in read.cells]
     kept = [index for index, (_, nodes) in enumerate(blocks) if len(nodes)]
     blocks = [blocks[index] for index in kept]
@@ -57,12 +65,19 @@ def read_by_meshio(path: Path) -> FileMesh:
         for name, data in read.cell_data.items()
         if kept and len(data) == len(read.cells)
     }
-    mesh.cell_ids = _numbers(on_cells, CELL_NUMBERS, mesh.cell_count, mesh.notes, "cells")
-    mesh.node_ids = _numbers(read.point_data, NODE_NUMBERS, len(mesh.points), mesh.notes, "nodes")
-    _take_marked_sets(mesh, on_cells, read.point_data)
-    _take_regions(mesh, on_cells)
+    take_arrays(mesh, on_cells, read.point_data)
     _take_named_sets(mesh, read, kept)
     return mesh
+
+
+def take_arrays(
+    mesh: FileMesh, on_cells: dict[str, np.ndarray], on_nodes: Mapping[str, np.ndarray]
+) -> None:
+    """Set numbers, marked sets and regions from the arrays of a file."""
+    mesh.cell_ids = _numbers(on_cells, CELL_NUMBERS, mesh.cell_count, mesh.notes_of_sets, "cells")
+    mesh.node_ids = _numbers(on_nodes, NODE_NUMBERS, len(mesh.points), mesh.notes_of_sets, "nodes")
+    _take_marked_sets(mesh, on_cells, on_nodes)
+    _take_regions(mesh, on_cells)
 
 
 def _table(nodes, path: Path) -> np.ndarray:
@@ -124,7 +139,7 @@ def _take_regions(mesh: FileMesh, on_cells: dict[str, np.ndarray]) -> None:
     for name in sorted(arrays, key=lambda name: known.get(name.lower(), len(known))):
         values = np.unique(on_cells[name])
         if len(values) > MOST_REGIONS:
-            mesh.notes.append(
+            mesh.notes_of_sets.append(
                 f'"{name}" has {len(values)} different values and divides nothing: left out'
             )
             continue
@@ -152,27 +167,31 @@ def _take_named_sets(mesh: FileMesh, read: meshio.Mesh, kept: list[int]) -> None
         mesh.node_sets[name] = rows[(rows >= 0) & (rows < len(mesh.points))]
 
 
-def _read(path: Path) -> meshio.Mesh:
+def _read(path: Path, file_format: str | None, file: Path) -> meshio.Mesh:
     said = io.StringIO()
     try:
         # meshio prints its reasons and ends the process; here they become one error.
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            return meshio.read(path)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of numpy, about how meshio calls it
+                return meshio.read(file, file_format)
     except (Exception, SystemExit) as error:
-        if _is_without_cells(path):  # meshio fails on such a file for reasons of its own
+        # meshio fails on a file without cells for reasons of its own
+        if _is_without_cells(path, file_format or path.suffix.lower()[1:]):
             raise InputError(NO_CELLS, file=path) from None
         reason = said.getvalue().strip() or str(error) or type(error).__name__
         reason = shortened(" ".join(reason.replace("Error: ", "").split()), 300)
         known = ", ".join(sorted(meshio.extension_to_filetypes))
         raise InputError(
-            f"meshio cannot read the target mesh ({reason}); it knows files ending in {known}",
+            f"cannot be read as a mesh ({reason}); check that the file is complete. Read are decks "
+            f"of Abaqus and Nastran, Exodus, and what meshio knows: {known}",
             file=path,
         ) from None
 
 
-def _is_without_cells(path: Path) -> bool:
+def _is_without_cells(path: Path, file_format: str) -> bool:
     """Tell whether a file of VTK counts no cells; False for files of other formats."""
-    pattern = CELL_COUNTS.get(path.suffix.lower())
+    pattern = CELL_COUNTS.get(file_format)
     if pattern is None:
         return False
     counts = re.findall(pattern, path.read_bytes())

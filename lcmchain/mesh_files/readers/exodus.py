@@ -58,7 +58,7 @@ def read_exodus(path: Path) -> FileMesh:
         raise
     except Exception as error:  # netCDF4 and numpy raise what the damage makes of the file
         raise InputError(
-            "cannot read the target mesh: no sound Exodus file "
+            "cannot read the mesh: no sound Exodus file "
             f"({' '.join(str(error).split())[:200]}); export it again",
             file=path,
         ) from None

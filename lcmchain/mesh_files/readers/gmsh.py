@@ -53,7 +53,7 @@ def _of_other_version(path: Path, version: str) -> FileMesh:
             f"{error.message}",
             file=path,
         ) from None
-    mesh.notes.append(
+    mesh.notes_of_sets.append(
         f"numbers of nodes and elements of MSH {version} are not read, they are counted from 1; "
         "save as version 4.1"
     )

@@ -58,6 +58,8 @@ class Numbers:
             self._next += count
             if len(words) < count:
                 raise self.error("ends before its last number; the file is cut off")
+            if not count:
+                return np.empty(0)
             try:
                 found = np.array(words, dtype="S").astype(float if kind == "real" else np.int64)
             except (ValueError, OverflowError):

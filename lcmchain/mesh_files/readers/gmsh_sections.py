@@ -89,7 +89,11 @@ def read_sections(path: Path, content: bytes, version_4: bool, options: dict) ->
         while True:
             name, start, end = section
             taken = 0
-            known = {"Nodes", "Elements", "Entities"} if version_4 else {"Nodes", "Elements"}
+            known = (
+                {"Nodes", "Elements", "Entities"}
+                if version_4
+                else {"Nodes", "ParametricNodes", "Elements"}
+            )
             if name == "PhysicalNames":
                 read.names = _names(content[start:end])
             elif name in known:
@@ -173,6 +177,17 @@ def _nodes_2(numbers: Numbers, read: Content, binary: bool) -> None:
     read.node_ids, read.points = np.array(ids, dtype=np.int64), np.array(points).reshape(-1, 3)
 
 
+def _parametric_nodes_2(numbers: Numbers, read: Content, binary: bool) -> None:
+    """Nodes with the entity on which they lie, and their parameters there (Mesh.SaveParametric)."""
+    ids, points = [], []
+    for _ in range(numbers.count if binary else numbers.one("int")):
+        ids.append(numbers.one("int"))
+        points.append(numbers.take("real", 3))
+        dimension, _ = numbers.take("int", 2)
+        numbers.take("real", int(dimension) if dimension in (1, 2) else 0)
+    read.node_ids, read.points = np.array(ids, dtype=np.int64), np.array(points).reshape(-1, 3)
+
+
 def _elements_2(numbers: Numbers, read: Content, binary: bool) -> None:
     rows: dict[tuple[int, int, tuple[int, ...]], list[np.ndarray]] = {}
     for code, tags, row in _rows_2(numbers, binary):
@@ -221,4 +236,5 @@ def _known(numbers: Numbers, code: int, tag_count: int = 0) -> Kind:
 _READERS = {
     ("Entities", True): _entities_4, ("Nodes", True): _nodes_4, ("Elements", True): _elements_4,
     ("Nodes", False): _nodes_2, ("Elements", False): _elements_2,
+    ("ParametricNodes", False): _parametric_nodes_2,
 }  # fmt: skip

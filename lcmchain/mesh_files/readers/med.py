@@ -45,7 +45,7 @@ def read_med(path: Path) -> FileMesh:
         raise
     except Exception as error:  # h5py and numpy raise what the damage makes of the file
         raise InputError(
-            f"cannot read the target mesh: no sound MED file ({' '.join(str(error).split())[:200]})"
+            f"cannot read the mesh: no sound MED file ({' '.join(str(error).split())[:200]})"
             "; export it again",
             file=path,
         ) from None

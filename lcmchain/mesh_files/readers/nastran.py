@@ -14,12 +14,15 @@ from lcmchain.errors import InputError, first_few
 from lcmchain.mesh_files.file_mesh import (
     Cells,
     FileMesh,
+    LeftOut,
     Numbering,
+    keep_as_nodes,
     merged_blocks,
     parts_of_numbers,
     unique_nodes,
 )
-from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck, read_deck
+from lcmchain.mesh_files.readers.nastran_card import Card
+from lcmchain.mesh_files.readers.nastran_cards import NastranDeck, read_deck
 from lcmchain.mesh_files.readers.nastran_coordinates import KINDS as SYSTEMS
 from lcmchain.mesh_files.readers.nastran_coordinates import Systems
 from lcmchain.mesh_files.readers.nastran_sets import fill_sets, property_names
@@ -62,13 +65,32 @@ _ELEMENTS = {
     "CPENTA": Element(6, "wedge", 15, (*_WEDGE[:3], *_WEDGE[6:], *_WEDGE[3:6])),
     "CHEXA": Element(8, "hexahedron", 20, (*_HEXAHEDRON[:4], *_HEXAHEDRON[8:], *_HEXAHEDRON[4:8])),
 }
-# Counted, so that the report says that they are no cells of the mapping.
-_OTHERS = (
-    "CBAR", "CBEAM", "CBEND", "CROD", "CONROD", "CTUBE", "CBUSH", "CBUSH1D", "CELAS1", "CELAS2",
-    "CELAS3", "CELAS4", "CDAMP1", "CDAMP2", "CGAP", "CONM1", "CONM2", "CSHEAR", "CVISC", "CFAST",
-    "CWELD", "PLOTEL", "RBAR", "RBE1", "RBE2", "RBE3", "RROD", "CQUAD", "CTRIAX", "CTRIAX6",
-    "CQUADX", "CTRIAX3", "CQUADX4", "CHEXCZ", "CPENTCZ", "CIFHEX", "CIFPENT", "CIFQUAD", "SPOINT",
-)  # fmt: skip
+
+
+class Aside(NamedTuple):
+    """Fields of the nodes of an element that is no cell, and of its property (-1 where none)."""
+
+    nodes: tuple[int, ...]
+    property: int = -1
+
+
+# Counted, so that the report says that they are no cells of the mapping; sets and properties of
+# those with nodes on known fields are kept as their nodes.
+_LINE = Aside((2, 3), 1)
+_OTHERS: dict[str, Aside] = {
+    "CBAR": _LINE, "CBEAM": _LINE, "CBEAM3": Aside((2, 3, 4), 1), "CBEND": _LINE, "CROD": _LINE,
+    "CONROD": Aside((1, 2)), "CTUBE": _LINE, "CBUSH": _LINE, "CBUSH1D": _LINE, "CVISC": _LINE,
+    "CGAP": _LINE, "CELAS1": Aside((2, 4), 1), "CELAS2": Aside((2, 4)),
+    "CDAMP1": Aside((2, 4), 1), "CDAMP2": Aside((2, 4)), "CONM1": Aside((1,)),
+    "CONM2": Aside((1,)), "PLOTEL": Aside((1, 2)), "RBAR": Aside((1, 2)), "RROD": Aside((1, 2)),
+    "CSHEAR": Aside((2, 3, 4, 5), 1),
+    **dict.fromkeys(
+        ("CELAS3", "CELAS4", "CFAST", "CWELD", "RBE1", "RBE2", "RBE3", "CQUAD", "CTRIAX",
+         "CTRIAX6", "CQUADX", "CTRIAX3", "CQUADX4", "CHEXCZ", "CPENTCZ", "CIFHEX", "CIFPENT",
+         "CIFQUAD", "SPOINT"),
+        Aside(()),
+    ),
+}  # fmt: skip
 
 
 def read_nastran(path: Path) -> FileMesh:
@@ -101,14 +123,52 @@ def read_nastran(path: Path) -> FileMesh:
         for cell, number in zip(group.cells.ids, group.properties, strict=True)
     }
     numbers = np.array([properties[cell] for cell in cell_ids.tolist()], dtype=np.int64)
-    names = property_names(deck)
-    names = {number: names.get(number, f"property {number}") for number in numbers.tolist()}
+    said = property_names(deck)
+    names = {number: said.get(number, f"property {number}") for number in numbers.tolist()}
     names[NO_PROPERTY] = ""
     mesh.parts = parts_of_numbers(numbers, names)
     mesh.parts.pop("", None)
-    fill_sets(mesh, deck, numbering)
+    left_out, of_property = _left_out(by_name)
+    fill_sets(mesh, deck, numbering, left_out)
+    _keep_properties(mesh, of_property, said, numbering)
     _note(mesh, deck, groups)
     return mesh
+
+
+def _left_out(by_name: dict[str, list[Card]]) -> tuple[LeftOut, dict[int, list[int]]]:
+    """Elements that are no cells, and the nodes of each property of line elements."""
+    elements = []
+    of_property: dict[int, list[int]] = {}
+    for name, aside in _OTHERS.items():
+        for card in by_name.get(name, []) if aside.nodes else []:
+            texts = [card.text(field) for field in aside.nodes]
+            nodes = [int(text) for text in texts if _is_number(text)]
+            if _is_number(card.text(0)):
+                elements.append((int(card.text(0)), nodes))
+            if aside.property >= 0 and _is_number(number := card.text(aside.property)):
+                of_property.setdefault(int(number), []).extend(nodes)
+    return LeftOut(elements), of_property
+
+
+def _is_number(text: str) -> bool:
+    return text.isdigit() and len(text) < 18
+
+
+def _keep_properties(
+    mesh: FileMesh, of_property: dict[int, list[int]], said: dict[int, str], numbering: Numbering
+) -> None:
+    """Keep properties of line elements as the sets of their nodes."""
+    kept = []
+    for number, nodes in sorted(of_property.items()):
+        rows = numbering.rows(np.array(nodes, dtype=np.int64))
+        name = said.get(number, f"property {number}")
+        keep_as_nodes(mesh, name, rows[rows >= 0])
+        kept.append(name)
+    if kept:
+        mesh.notes_of_sets.append(
+            "properties of elements left aside are kept as the sets of their nodes: "
+            f"{', '.join(kept[:8])}{', ...' if len(kept) > 8 else ''}"
+        )
 
 
 def _nodes(grids: list[Card], by_name: dict[str, list[Card]]) -> tuple[np.ndarray, np.ndarray]:

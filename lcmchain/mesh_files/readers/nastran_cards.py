@@ -12,58 +12,14 @@ from pathlib import Path
 
 from lcmchain.mesh_files.file_mesh import Place
 from lcmchain.mesh_files.readers.deck_text import deck_lines
+from lcmchain.mesh_files.readers.nastran_card import Card
+from lcmchain.mesh_files.readers.nastran_replication import is_increment, replicated
 
 DEEPEST_INCLUDE = 10
 
-_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]?\d+))?")
-
-
-@dataclass
-class Card:
-    """A bulk data entry: name in upper case without ``*``, and its data fields as text.
-
-    Fields are counted from 0 behind the name; the eight of each line follow each other.
-    """
-
-    name: str
-    fields: list[str]
-    place: Place
-
-    def text(self, field: int) -> str:
-        return self.fields[field] if field < len(self.fields) else ""
-
-    def whole(self, field: int, default: int | None = None) -> int:
-        """Return a field as a number.
-
-        Raises
-        ------
-        InputError : it is none, or blank and there is no default.
-        """
-        text = self.text(field)
-        if not text and default is not None:
-            return default
-        try:
-            number = int(text)
-        except ValueError:
-            number = -1
-        if not 0 <= number < 10**17:
-            raise self.place.error(f'field {field + 2} of {self.name} is "{text}", not a number')
-        return number
-
-    def real(self, field: int) -> float:
-        """Return a field as a real number; ``1.5-3`` is 1.5e-3, a blank one 0.
-
-        Raises
-        ------
-        InputError : it is none.
-        """
-        text = self.text(field)
-        if not text:
-            return 0.0
-        found = _REAL.fullmatch(text)
-        if found is None:
-            raise self.place.error(f'field {field + 2} of {self.name} is "{text}", not a number')
-        return float(found[1] + ("e" + found[2] if found[2] else ""))
+# Lines of the case control in a deck that has no BEGIN BULK: a word, maybe a number or options, and
+# an equals sign, which begins no entry of the bulk data.
+_CONTROL = re.compile(r"\s*[A-Z]+[ \t]*(?:\d+[ \t]*|\([^)]*\)[ \t]*)?=[ \t]*[^\s=*]", re.IGNORECASE)
 
 
 @dataclass
@@ -88,28 +44,29 @@ def read_deck(path: Path) -> NastranDeck:
 
     Raises
     ------
-    InputError : a file cannot be read, or a continuation continues nothing.
+    InputError : a file cannot be read, a continuation continues nothing, or a replication
+        replicates nothing.
     """
     lines = list(_lines(path, path.parent, ()))
     deck = NastranDeck()
     begin = _begin_of_bulk(lines)
     deck.has_control = begin > 0
-    for place, text in lines[:begin]:
-        stated, _, comment = text.partition("$")
-        if comment:
-            deck.comments.append(comment.strip())
-        if stated.strip():
-            deck.case_control.append((place, stated.strip()))
-    for place, text in lines[begin:]:
+    listing = False  # a set of the case control goes on in the next line
+    for number, (place, text) in enumerate(lines):
         stated, dollar, comment = text.partition("$")
         if dollar and comment.strip():
             deck.comments.append(comment.strip())
         if not stated.strip():
             continue
+        if number < begin or (begin == 0 and (listing or _CONTROL.match(stated))):
+            deck.case_control.append((place, stated.strip()))
+            listing = stated.rstrip().endswith(",")
+            continue
         if stated.strip().upper() == "ENDDATA":
             deck.ended = True
             break
         _add(deck.cards, stated.rstrip(), place)
+    deck.cards = replicated(deck.cards)
     return deck
 
 
@@ -145,7 +102,7 @@ def _lines(path: Path, folder: Path, within: tuple[Path, ...]) -> Iterator[tuple
 
 def _add(cards: list[Card], text: str, place: Place) -> None:
     """Add a line to the cards: a new one, or the continuation of the last."""
-    first, fields = _fields(text)
+    first, fields = _fields(text, after_replication=bool(cards) and cards[-1].name[:1] == "=")
     if first[:1] not in ("", "+", "*"):
         name = first.rstrip("*").upper()
         cards.append(Card(name, fields, place))
@@ -154,19 +111,29 @@ def _add(cards: list[Card], text: str, place: Place) -> None:
         raise place.error("continues an entry, but there is none before")
     last = cards[-1].fields
     # a line in large fields holds four of the eight
-    half = 4 if first.startswith("*") else 8
+    half = len(fields)
     last += [""] * (-len(last) % half)
     last += fields
 
 
-def _fields(text: str) -> tuple[str, list[str]]:
-    """First field of a line, and its four or eight data fields."""
+def _fields(text: str, *, after_replication: bool = False) -> tuple[str, list[str]]:
+    """First field of a line, and its four or eight data fields.
+
+    Behind a replication, ``*1`` in the first field increments a continuation mark, and makes the
+    fields of the line no large ones.
+    """
     if "," in text[:10] or ("," in text and "\t" not in text and not text[:1].isspace()):
         entries = [entry.strip() for entry in text.split(",")]
-        count = 4 if entries[0].endswith("*") or entries[0].startswith("*") else 8
+        count = 4 if _is_large(entries[0], after_replication) else 8
         return entries[0], (entries[1 : 1 + count] + [""] * count)[:count]
     line = text.expandtabs(8)
     first = line[:8].strip()
-    if first.startswith("*") or first.endswith("*"):
+    if _is_large(first, after_replication):
         return first, [line[at : at + 16].strip() for at in range(8, 72, 16)]
     return first, [line[at : at + 8].strip() for at in range(8, 72, 8)]
+
+
+def _is_large(first: str, after_replication: bool) -> bool:
+    if after_replication and is_increment(first):
+        return False
+    return first.startswith("*") or first.endswith("*")

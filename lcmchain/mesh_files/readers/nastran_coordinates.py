@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.mesh_files.readers.nastran_cards import Card
+from lcmchain.mesh_files.readers.nastran_card import Card
 
 KINDS = {"CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S"}
 

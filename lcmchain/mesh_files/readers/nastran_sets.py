@@ -12,8 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, Numbering, Place
-from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck
+from lcmchain.errors import InputError
+from lcmchain.mesh_files.file_mesh import (
+    NO_IDS,
+    FileMesh,
+    LeftOut,
+    Numbering,
+    Place,
+    keep_as_nodes,
+)
+from lcmchain.mesh_files.readers.nastran_card import Card
+from lcmchain.mesh_files.readers.nastran_cards import NastranDeck
 
 NODES, ELEMENTS = "nodes", "elements"
 
@@ -55,18 +64,28 @@ def property_names(deck: NastranDeck) -> dict[int, str]:
     return names
 
 
-def fill_sets(mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering) -> None:
+def fill_sets(
+    mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering, left_out: LeftOut
+) -> None:
     """Set the sets of a mesh, with notes about those that are doubtful or lose entries.
 
-    Raises
-    ------
-    InputError : a set lists something that is no number.
+    Elements that are no cells are kept as their nodes; a set that lists something that is no number
+    is left out.
     """
     names, kinds = _said(deck)
     cells = Numbering(mesh.cell_ids)
-    doubtful, lost = [], []
-    for number, kind, members in [*_of_case_control(deck, cells, ids_of_nodes), *_of_bulk(deck)]:
+    doubtful, lost, moved = [], [], []
+    for number, kind, words, place in [*_of_case_control(deck), *_of_bulk(deck)]:
         name = names.get(number, f"SET {number}")
+        if words == ["ALL"]:
+            every = np.union1d(cells.ids, ids_of_nodes.ids)
+            members = Members(every, every[:0])
+        else:
+            try:
+                members = _members(words, place)
+            except InputError as error:
+                mesh.notes_of_sets.append(f"{name} is left out: {error.message}")
+                continue
         kind = kind or kinds.get(number, "")
         if not kind:
             doubtful.append(name)
@@ -80,18 +99,32 @@ def fill_sets(mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering) -> Non
             rows = numbering.rows(members.numbers)
             rows = np.unique(rows[rows >= 0])
             found = max(found, int((numbering.rows(members.single) >= 0).sum()))
-            if len(rows) or kind:
+            nodes, of_left_out = NO_IDS, 0
+            if wanted == ELEMENTS:
+                nodes, of_left_out = left_out.nodes(members.numbers)
+                singly = members.single[numbering.rows(members.single) < 0]
+                found += left_out.nodes(singly)[1]
+            if len(rows) or (kind and not of_left_out):
                 free = name if name not in sets else f"{name} ({number})"
                 sets[free] = rows
+            if of_left_out:
+                nodes = ids_of_nodes.rows(nodes)
+                keep_as_nodes(mesh, name, nodes[nodes >= 0])
+                moved.append(name)
         if found < len(members.single):
             lost.append(f"{name} ({len(members.single) - found})")
+    if moved:
+        mesh.notes_of_sets.append(
+            "sets of elements left aside are kept as the sets of their nodes: "
+            f"{', '.join(moved[:8])}"
+        )
     if doubtful:
-        mesh.notes.append(
+        mesh.notes_of_sets.append(
             "the deck does not say whether these sets list nodes or elements, they are kept as "
             f"both: {', '.join(doubtful[:8])}"
         )
     if lost:
-        mesh.notes.append(
+        mesh.notes_of_sets.append(
             f"sets list numbers that the mesh does not have, of left-out elements or not defined: "
             f"{', '.join(lost[:8])}"
         )
@@ -120,10 +153,8 @@ def _said(deck: NastranDeck) -> tuple[dict[int, str], dict[int, str]]:
     return names, kinds
 
 
-def _of_case_control(
-    deck: NastranDeck, cells: Numbering, nodes: Numbering
-) -> list[tuple[int, str, Members]]:
-    """Number and members of each SET of the case control; ``ALL`` is every number there is."""
+def _of_case_control(deck: NastranDeck) -> list[tuple[int, str, list[str], Place]]:
+    """Number and what is listed of each SET of the case control; ``ALL`` is all there is."""
     found = []
     lines = iter(deck.case_control)
     for place, text in lines:
@@ -138,29 +169,28 @@ def _of_case_control(
             listed += more[1]
         words = [word for word in re.split(r"[\s,]+", listed.upper()) if word]
         number = int(match[1][:17])
-        if words == ["ALL"]:
-            every = np.union1d(cells.ids, nodes.ids)
-            found.append((number, "", Members(every, every[:0])))
-        elif all(word[0].isdigit() or word in ("THRU", "EXCEPT") for word in words):
-            found.append((number, "", _members(words, place)))
+        if words == ["ALL"] or all(
+            word[0].isdigit() or word in ("THRU", "EXCEPT") for word in words
+        ):
+            found.append((number, "", words, place))
         # others list names of outputs or places, no members of a mesh
     return found
 
 
-def _of_bulk(deck: NastranDeck) -> Iterable[tuple[int, str, Members]]:
-    """Number, kind and members of the sets in the bulk data."""
+def _of_bulk(deck: NastranDeck) -> Iterable[tuple[int, str, list[str], Place]]:
+    """Number, kind and what is listed of the sets in the bulk data."""
     for card in deck.cards:
         if card.name == "SET1":
-            yield card.whole(0), "", _members(_listed(card, 1), card.place)
+            yield card.whole(0), "", _listed(card, 1), card.place
         elif card.name == "SET3":
             kind = {"GRID": NODES, "ELEM": ELEMENTS}.get(card.text(1).upper()[:4])
             if kind is not None:
-                yield card.whole(0), kind, _members(_listed(card, 2), card.place)
+                yield card.whole(0), kind, _listed(card, 2), card.place
         elif card.name == "SET" and card.text(2).upper() in ("", "LIST"):
             # OptiStruct; the list begins on the second line
             kind = {"GRID": NODES, "ELEM": ELEMENTS}.get(card.text(1).upper()[:4])
             if kind is not None:
-                yield card.whole(0), kind, _members(_listed(card, 8), card.place)
+                yield card.whole(0), kind, _listed(card, 8), card.place
 
 
 def _listed(card: Card, first: int) -> list[str]:

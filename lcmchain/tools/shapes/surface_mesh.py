@@ -21,7 +21,7 @@ class SurfaceMesh(ToolShape):
 
     type: Literal["surface_mesh"]
     file: Annotated[str, FileName("punch.stl")] = Field(
-        description="STL or any mesh that meshio reads; relative to the scene file."
+        description="STL, a deck, or any other mesh file; relative to the scene file."
     )
     length_unit: Annotated[str, LengthUnit()] = Field(
         description="Unit of the coordinates in the file."

@@ -13,7 +13,8 @@ import numpy as np
 from scipy import ndimage
 
 from lcmchain.errors import InputError
-from lcmchain.tools.surfaces.narrow_band import feature_normals, narrow_band
+from lcmchain.tools.surfaces.closest import closest_places, triangle_tree
+from lcmchain.tools.surfaces.narrow_band import CRACK, feature_normals, narrow_band
 from lcmchain.tools.surfaces.surface import Surface, place_text, warn
 
 #: Half-width of the band with exact distances, in grid spacings. The interpolated part is what is
@@ -104,7 +105,7 @@ def build_distance_field(surface: Surface, spacing: float | None, *, key: str) -
     beyond_edge = in_band & (side == 0)
     valid = in_band & ~beyond_edge
     distance = side * unsigned
-    _check_jumps(distance, valid, origin, h, surface.file)
+    _check_jumps(distance, valid, origin, h, surface)
 
     inside = _enclosed(in_band, valid & (side < 0))
     free = beyond_edge | ~(in_band | inside)
@@ -157,7 +158,7 @@ def _shifted(array, axis) -> tuple[np.ndarray, np.ndarray]:
     return array[tuple(ends)], array[tuple(starts)]
 
 
-def _check_jumps(distance, valid, origin, h, file) -> None:
+def _check_jumps(distance, valid, origin, h, surface: Surface) -> None:
     """Reject a surface whose sides are confused: a signed distance changes by at most its step."""
     for axis in range(3):
         near, ahead = _shifted(distance, axis)
@@ -165,13 +166,38 @@ def _check_jumps(distance, valid, origin, h, file) -> None:
         jump = both & (np.abs(ahead - near) > LARGEST_JUMP * h)
         if jump.any():
             node = np.array(np.unravel_index(int(np.argmax(jump)), jump.shape))
+            ahead_of_node = node + np.eye(3, dtype=int)[axis]
+            _refuse_overlap(surface, origin + h * np.array([node, ahead_of_node]), h)
             raise InputError(
                 f"inside and outside are confused near {place_text(origin + node * h)} (and at "
                 f"{np.count_nonzero(jump)} places): neighbouring parts have opposite normals, or "
                 "bodies overlap or touch, or a sheet is modelled by both its faces with the same "
                 "normals; turn the normals or keep only the surface that touches the blank",
-                file=file,
+                file=surface.file,
             )
+
+
+def _refuse_overlap(surface: Surface, points: np.ndarray, h: float) -> None:
+    """Raise where two points (2, 3) on either side of a jump are closest to different solids."""
+    part, closed = surface.parts()
+    corners = [surface.points[surface.triangles[part == number]] for number in range(len(closed))]
+    away = np.stack([closest_places(triangle_tree(own), points).distance for own in corners])
+    # as close as the band takes for the same place
+    near = np.flatnonzero((away <= away.min(axis=0) + CRACK * h).any(axis=1))
+    if len(near) < 2 or not closed[near].all():
+        return
+    boxes = [
+        f"{place_text(own.min(axis=(0, 1)))} to {place_text(own.max(axis=(0, 1)))}"
+        for own in (corners[number] for number in near[:2])
+    ]
+    raise InputError(
+        f"two solids of the file overlap or touch near {place_text(points[0])}, or lie closer "
+        f"together than the spacing {h * 1e3:.2g} mm tells apart: one from {boxes[0]}, one from "
+        f"{boxes[1]}; inside and outside cannot be told there. Unite the solids in the CAD program "
+        "(Boolean union) and export the surface of the whole, or give each solid a file and an "
+        "entry [[tools]] of its own, with the same position and motion",
+        file=surface.file,
+    )
 
 
 def _spline_coefficients(distance, valid) -> np.ndarray:

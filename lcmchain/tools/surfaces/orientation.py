@@ -28,6 +28,8 @@ LEAST_SINE = 0.1
 TOUCHING = 0.02
 #: Volume of a closed part, over the cube of its size, below which it has no inside.
 FLAT = 1e-9
+#: Triangles of a closed part that must lie within another for the part to do so.
+PROBES = 20
 #: Parts that wind around a point by more than half a turn contain it.
 INSIDE = 0.5
 
@@ -165,8 +167,9 @@ def _inverted_closed(
         if abs(volume) <= FLAT * float(np.linalg.norm(high - low)) ** 3:
             reasons["as in the file (closed without an inside)"] = None
             continue
-        probe = corners[len(corners) // 2].mean(axis=0)
-        around = [q for q in own if q != p and _contains(own[q], probe)]
+        # A part that sticks out is no cavity: it overlaps.
+        probes = corners[:: max(1, len(corners) // PROBES)].mean(axis=1)
+        around = [q for q in own if q != p and all(_contains(own[q], probe) for probe in probes)]
         if not around and volume < 0.0 and blank is not None and _contains_all(corners, blank):
             # as in the file: a mould all around the blank
             reasons["to the blank, which lies inside"] = None

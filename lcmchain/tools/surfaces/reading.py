@@ -1,15 +1,12 @@
-"""Reading of STL files and other surface meshes, with what is wrong with them."""
+"""Reading of the surfaces of tools from mesh files, with what is wrong with them."""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import warnings
 from pathlib import Path
 
 import numpy as np
 
-from lcmchain.errors import InputError, shortened
+from lcmchain.errors import InputError
 from lcmchain.quantities.units import QuantityError, length_factor
 from lcmchain.tools.surfaces.orientation import oriented
 from lcmchain.tools.surfaces.surface import Surface, edge_middle, edges, place_text, warn
@@ -17,12 +14,9 @@ from lcmchain.tools.surfaces.welding import weld
 
 _TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
 
-#: Ratio of the sizes of tool and blank from which one of them is probably in another unit.
-UNLIKE_SIZE = 30.0
-
 
 def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) -> Surface:
-    """Read the surface of a tool from an STL file or any mesh that meshio reads.
+    """Read the surface of a tool from an STL file, a deck, or any other mesh file.
 
     Vertices at the same place are welded, degenerate and repeated triangles dropped, and normals
     turned into free space (:mod:`lcmchain.tools.surfaces.orientation`), each with a warning.
@@ -62,45 +56,48 @@ def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) 
 
 
 def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Read points in the unit of the file, shape [N, 3], and triangles, shape [T, 3].
+
+    The file is read as targets of a mapping are; what the reader leaves out is a warning. Surface
+    cells of any order are taken by their corners, quadrilaterals as two triangles.
+
+    Raises
+    ------
+    InputError : the file is absent, broken, or holds no surface.
+    """
     if not file.is_file():
         raise InputError("there is no such file; the path is relative to the scene file", file=file)
     if file.stat().st_size == 0:
         raise InputError("the file is empty; export the tool's surface again", file=file)
-    import meshio
+    # Imported here: scenes without tools from files do without all readers.
+    from lcmchain.mesh_files import read_mesh_file
+    from lcmchain.mesh_files.shapes import base_type
 
-    said = io.StringIO()  # meshio prints its complaints, and may leave by SystemExit
-    try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                mesh = meshio.read(file)
-    except (Exception, SystemExit) as error:
-        reason = said.getvalue().strip() or str(error) or type(error).__name__
-        reason = shortened(" ".join(reason.replace("Error: ", "").split()), 300)
-        raise InputError(
-            f"cannot be read as a surface mesh ({reason}); "
-            "check that the file is complete and its ending names its format",
-            file=file,
-        ) from None
+    mesh = read_mesh_file(file)
     parts: list[np.ndarray] = []
-    found = []
-    for block in mesh.cells:
-        cells = np.asarray(block.data)
-        found.append(block.type)
-        shape = block.type.rstrip("0123456789")
+    aside = dict(mesh.left_aside)
+    for name, cells in mesh.blocks:
+        shape = base_type(name)
         if shape == "polygon":
             shape_rows = [(0, i, i + 1) for i in range(1, cells.shape[1] - 1)]
         else:
             shape_rows = _TRIANGULATION.get(shape, [])
         parts.extend(cells[:, row] for row in shape_rows)
-    if not parts or sum(len(part) for part in parts) == 0:
-        kinds = ", ".join(sorted(set(found))) or "no cells at all"
+        if not shape_rows:
+            aside[name] = aside.get(name, 0) + len(cells)
+    if sum(len(part) for part in parts) == 0:
+        kinds = ", ".join(sorted(aside)) or "no cells at all"
         raise InputError(
             f"holds no triangles or quadrilaterals ({kinds}); export the tool's surface",
             file=file,
         )
+    for note in mesh.notes:
+        warn(file, note)
+    if aside:
+        listed = ", ".join(f"{count} {name}" for name, count in sorted(aside.items()))
+        warn(file, f"only triangles and quadrilaterals make a tool, left out are: {listed}")
     points = np.asarray(mesh.points, dtype=float)
-    if points.shape[1] != 3:
+    if points.ndim != 2 or points.shape[1] != 3:
         raise InputError("is a plane mesh; a tool needs points with x, y and z", file=file)
     triangles = np.concatenate(parts).astype(np.int64)
     if triangles.min() < 0 or triangles.max() >= len(points):
@@ -111,11 +108,10 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _warn_of_size(points: np.ndarray, blank: np.ndarray, file: Path, length_unit: str) -> None:
-    """Tell of a tool that is of another order of magnitude than the blank."""
-    ratio = np.ptp(points, axis=0).max() / np.ptp(blank, axis=0).max()
-    if not 1.0 / UNLIKE_SIZE < ratio < UNLIKE_SIZE:
-        warn(
-            file,
-            f"the surface is {ratio:.3g} times as large as the blank; check length_unit "
-            f'(now "{length_unit}")',
-        )
+    """Tell of a tool that is as much larger or smaller than the blank as with a wrong unit."""
+    from lcmchain.mesh_files.length_unit import TOOL, length_unit_hint
+
+    size, blank_size = (float(np.ptp(corners, axis=0).max()) for corners in (points, blank))
+    hint = length_unit_hint(size, blank_size, length_unit, TOOL)
+    if hint is not None:
+        warn(file, hint)

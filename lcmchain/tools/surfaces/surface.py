@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 
 class ToolWarning(UserWarning):
@@ -64,6 +66,19 @@ class Surface:
         a, b, c = (self.points[self.triangles[:, i]] for i in range(3))
         normals = np.cross(b - a, c - a)
         return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+    def parts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Connected part of each triangle, shape [triangle_count], and whether each is closed.
+
+        Triangles are connected by the edges that two of them share.
+        """
+        order = np.argsort(self.edges.ravel(), kind="stable")
+        order = order[self.edge_use[self.edges.ravel()[order]] == 2].reshape(-1, 2) // 3
+        graph = coo_array((np.ones(len(order)), order.T), shape=(len(self.triangles),) * 2)
+        count, part = connected_components(graph, directed=False)
+        closed = np.ones(count, dtype=bool)
+        closed[part[(self.edge_use[self.edges] != 2).any(axis=1)]] = False
+        return part, closed
 
 
 def edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
