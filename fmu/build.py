@@ -21,8 +21,9 @@ from lcmchain.errors import InputError
 from lcmchain.fmu import description, description2, description3
 from lcmchain.fmu.documentation import documentation
 from lcmchain.fmu.instances import UNIT_FILE, define
+from lcmchain.fmu.library.link import LinkError, guarded
+from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.scene_files import stage_scene
-from lcmchain.fmu.unanswered import answered
 from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import Scene, read_scene
 from lcmchain.tools.table import build_tool_table
@@ -118,7 +119,7 @@ def write_unit(out_path: Path, fmi: int, unit: dict[str, Any], resources: Path) 
     root = (description2 if fmi == 2 else description3).model_description(definition)
     contents = {
         "modelDescription.xml": description.as_bytes(root),
-        **_binaries(fmi, definition.model_name),
+        **_binaries(fmi, definition),
         **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
     }
     for path in sorted(resources.rglob("*")):
@@ -190,16 +191,24 @@ def _write_resources(resources: Path, unit: Mapping[str, Any], fmi: int) -> None
         (resources / name).write_text(text, encoding="utf-8")
 
 
-def _binaries(fmi: int, model_name: str) -> dict[str, bytes]:
-    """Return the exporter's binaries by their places in the unit."""
+def _binaries(fmi: int, definition: UnitDefinition) -> dict[str, bytes]:
+    """Return the exporter's binaries by their places in the unit, that of Linux with the guard."""
     folder = Path(str(files(EXPORTERS[fmi]))) / "resources" / "binaries"
-    return {
-        f"binaries/{path.parent.relative_to(folder).as_posix()}/{model_name}{path.suffix}": (
-            answered(path.read_bytes())
-        )
-        for path in sorted(folder.rglob("*"))
-        if path.suffix in (".so", ".dll", ".dylib")
-    }
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        if path.suffix not in (".so", ".dll", ".dylib"):
+            continue
+        place = f"binaries/{path.parent.relative_to(folder).as_posix()}"
+        try:
+            content = guarded(path.read_bytes(), fmi, definition.variables)
+        except LinkError as error:
+            raise InputError(
+                f"{error}: the installed {EXPORTERS[fmi]} {metadata.version(EXPORTERS[fmi])} is "
+                "another than this lcmchain knows; install an earlier one",
+                file=path,
+            ) from None
+        found[f"{place}/{definition.model_name}{path.suffix}"] = content
+    return found
 
 
 def _write_archive(path: Path, contents: Mapping[str, bytes]) -> None:

@@ -22,8 +22,14 @@ from lcmchain.fmu.status import CATEGORIES
 from lcmchain.fmu.variables import Kind
 
 # pythonfmu3 reads as many values as the master says, which may be more than there are: beyond the
-# end of the list it would use nothing as an object.
+# end of the list it would use nothing as an object. The guard of the library on Linux cuts the
+# number; elsewhere this is how far it may be wrong.
 SPARE = 1024
+
+# First of the numbers that the guard of the library hands on as continuous states when a master
+# enters initialization mode; start and stop time follow, the second where there is one
+# (``library/fmi3.c``). The exporter itself drops them.
+EXPERIMENT = -3.0e-300
 
 
 class UnitSlave3(Fmi3Slave):
@@ -138,7 +144,10 @@ class UnitSlave3(Fmi3Slave):
 
     @outermost
     def set_continuous_states(self, values: list[float]) -> None:
-        self.unit.refuse("the unit has no continuous states", changes=True)
+        if values[:1] == [EXPERIMENT] and len(values) in (2, 3):
+            self.unit.set_up(*values[1:])
+        else:
+            self.unit.refuse("the unit has no continuous states", changes=True)
 
     # --- rollback ---------------------------------------------------------------------------------
 
