@@ -49,6 +49,7 @@ def build_fmu(
     fmi: int = 2,
     part: str = "forming",
     overrides: Sequence[str] = (),
+    needs_tool: bool = True,
     **options: Any,
 ) -> Path:
     """Build the unit of a scene and return its path.
@@ -62,6 +63,7 @@ def build_fmu(
     out_path : the unit, ``*.fmu``; replaced only once the new one is complete.
     fmi : version of the standard. part : what the unit computes.
     overrides : ``key=value`` texts for the scene.
+    needs_tool : whether the unit says that it needs an installed tool (``needsExecutionTool``).
     options : of the part; forming takes ``fields`` (names, None for those of the version) and
         ``pore_pressure`` (whether a fluid may act in the pores), and ``interface`` (patches of
         elements at which fields are exchanged, 0 for the elements).
@@ -85,7 +87,7 @@ def build_fmu(
             "overrides": [*overrides, *stage_scene(scene, resources / "scene")],
             **entries,
         }
-        write_unit(out_path, fmi, unit, resources)
+        write_unit(out_path, fmi, unit, resources, needs_tool=needs_tool)
     return out_path
 
 
@@ -102,13 +104,20 @@ def require_target(out_path: Path, fmi: int) -> None:
         raise InputError(f"there is no FMI {fmi} to build for; take 2 or 3", key="--fmi")
 
 
-def write_unit(out_path: Path, fmi: int, unit: dict[str, Any], resources: Path) -> None:
+def write_unit(
+    out_path: Path, fmi: int, unit: dict[str, Any], resources: Path, *, needs_tool: bool = True
+) -> None:
     """Write a unit, whole or not at all.
 
     Parameters
     ----------
     unit : what the part needs to define it (:func:`.instances.define`).
     resources : folder with the files that it names; those of every unit are added.
+    needs_tool : whether the unit says that it needs an installed tool.
+
+    Raises
+    ------
+    InputError : the installed exporter is not the one that the guard of its library is made for.
     """
     unit = {
         "model_name": model_identifier(out_path.stem), "lcmchain_version": __version__, **unit,
@@ -116,7 +125,8 @@ def write_unit(out_path: Path, fmi: int, unit: dict[str, Any], resources: Path) 
     definition, _ = define(unit, resources)
     unit["guid"] = definition.guid
     _write_resources(resources, unit, fmi)
-    root = (description2 if fmi == 2 else description3).model_description(definition)
+    describe = (description2 if fmi == 2 else description3).model_description
+    root = describe(definition, needs_tool=needs_tool)
     contents = {
         "modelDescription.xml": description.as_bytes(root),
         **_binaries(fmi, definition),

@@ -20,7 +20,7 @@ KINDS = {
         "String": ctypes.c_char_p, "Int64": ctypes.c_int64, "UInt64": ctypes.c_uint64,
         "Float32": ctypes.c_float, "UInt8": ctypes.c_uint8},
 }  # fmt: skip
-NUMBERS = (ctypes.c_double, ctypes.c_size_t, ctypes.c_int, ctypes.c_uint32)
+UNKNOWN = 4_000_000_000
 
 
 class Callbacks(ctypes.Structure):
@@ -28,15 +28,19 @@ class Callbacks(ctypes.Structure):
 
 
 class Bare:
-    """One instance; ``heard`` holds status and text of what its logger was told."""
+    """One instance, new or of another master; ``heard`` is what its own logger was told."""
 
-    def __init__(self, folder, *, logger=True, logging=True):
+    def __init__(self, folder, *, logger=True, logging=True, instance=None):
         description = read_model_description(folder, validate=False)
         self.version = int(description.fmiVersion[0])
         self.variables = {v.name: v for v in description.modelVariables}
         (library,) = Path(folder).glob("binaries/*linux*/*.so")
         self.library = ctypes.CDLL(str(library))
-        self.heard = []
+        self.heard, self.instance = [], instance
+        if instance is None:
+            self._instantiate(description, folder, logger, logging)
+
+    def _instantiate(self, description, folder, logger, logging):
         place = Path(folder, "resources").as_uri() if self.version == 2 else f"{folder}/resources"
         token = description.guid if self.version == 2 else description.instantiationToken
         names = [b"bare", token.encode(), place.encode()]
@@ -93,7 +97,9 @@ class Bare:
         return value.value
 
     def reference(self, name):
-        return name if isinstance(name, int) else self.variables[name].valueReference
+        if isinstance(name, int):
+            return name
+        return self.variables[name].valueReference if name in self.variables else UNKNOWN
 
     def is_one(self, name, kind):
         """Return whether a name is that of a variable of this kind."""
