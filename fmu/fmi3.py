@@ -18,7 +18,7 @@ from lcmchain.fmu.fmi2 import report_to, set_texts, whole
 from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.interrupts import outermost, watch
 from lcmchain.fmu.saved_state import SavedState, Unreadable
-from lcmchain.fmu.status import CATEGORIES
+from lcmchain.fmu.status import CATEGORIES, Phase, Status
 from lcmchain.fmu.variables import Kind
 
 # pythonfmu3 reads as many values as the master says, which may be more than there are: beyond the
@@ -44,6 +44,7 @@ class UnitSlave3(Fmi3Slave):
             kwargs["resources"], self.instance_name, report_to(self.log_queue), arrays=True
         )
         self.guid = self.unit.definition.guid
+        self._experiment: list[float] = []  # start time, and stop time where there is one
         self._spare = [float("nan")] * max(self.unit.layout.slot_count, SPARE)
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
@@ -54,6 +55,9 @@ class UnitSlave3(Fmi3Slave):
 
     @outermost
     def enter_initialization_mode(self) -> None:
+        if self._experiment and self.unit.phase is Phase.INSTANTIATED:
+            if self.unit.set_up(*self._experiment) is not Status.OK:
+                return
         self.unit.enter_initialization()
 
     @outermost
@@ -145,7 +149,7 @@ class UnitSlave3(Fmi3Slave):
     @outermost
     def set_continuous_states(self, values: list[float]) -> None:
         if values[:1] == [EXPERIMENT] and len(values) in (2, 3):
-            self.unit.set_up(*values[1:])
+            self._experiment = values[1:]
         else:
             self.unit.refuse("the unit has no continuous states", changes=True)
 

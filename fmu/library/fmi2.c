@@ -15,6 +15,7 @@ struct record {
     struct common common;
     logger log; /* the master's, or none */
     int terminated;
+    double point; /* where the last step ended or, if it was not done, where it was to begin */
     struct callbacks callbacks; /* what the exporter calls: it keeps no copy of them */
 };
 
@@ -163,6 +164,7 @@ EXPORTED int fmi2DoStep(struct record *record, double time, double step, int no_
     int status = ended(&record->common, original_fmi2DoStep(record->common.instance, time, step,
                                                             no_state_before));
     record->terminated = status == DISCARD; /* of this step; the exporter never takes it back */
+    record->point = status == OK ? time + step : time;
     return status;
 }
 
@@ -174,8 +176,9 @@ EXPORTED int fmi2GetRealStatus(struct record *record, int kind, double *value)
     BEGIN(record);
     if (!value) REFUSE(record, NO_MEMORY);
     if (kind != LAST_SUCCESSFUL_TIME) return DISCARD;
-    return ended(&record->common, original_fmi2GetReal(record->common.instance, unit_table + TIME,
-                                                       1, value));
+    int status = original_fmi2GetReal(record->common.instance, unit_table + TIME, 1, value);
+    *value = in_numbers_of_the_master(*value, record->point);
+    return ended(&record->common, status);
 }
 
 EXPORTED int fmi2GetBooleanStatus(struct record *record, int kind, int *value)

@@ -206,7 +206,7 @@ EXPORTED int fmi3DoStep(struct record *record, double time, double step, _Bool n
     if (status != OK && status != FATAL) { /* the exporter gives the time that was asked for */
         double value = 0.0;
         original_fmi3GetFloat64(record->common.instance, unit_table + TIME, 1, &value, 1);
-        reached = value;
+        reached = in_numbers_of_the_master(value, time);
     }
     if (event) *event = 0;
     if (terminate) *terminate = ends;

@@ -110,6 +110,15 @@ static int ended(struct common *record, int status)
     return record->refused && status < FATAL ? ERROR : status;
 }
 
+/* The time that a unit has reached, in the master's own number where they differ by rounding: a
+   master that finds the last successful time behind its own takes a part of the step for done. */
+static double in_numbers_of_the_master(double reached, double masters)
+{
+    double difference = reached - masters, size = reached > 0.0 ? reached : -reached;
+    if (difference < 0.0) difference = -difference;
+    return difference <= 1e-12 * (size + 1e-3) ? masters : reached;
+}
+
 /* Every call begins so: no answer of an instance that there is not, or no more. */
 #define BEGIN(record)                                   \
     do {                                                \

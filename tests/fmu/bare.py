@@ -179,8 +179,12 @@ def times(folder):
     unit = Bare(folder)
     found = {"initialized": unit.initialize(7.0, 7.0 + 2.5 * STEP), "time": unit.number("time")}
     ends = unit.terminated if unit.version == 2 else lambda: None
-    steps = [(5.0, STEP), (7.0, STEP), (7.0 + STEP, 2 * STEP), (7.0 + STEP, 1.5 * STEP)]
-    found["steps"] = [[*unit.step(*step), ends()] for step in steps]
+    # What a master has summed up is another number than the unit's: it gets its own back.
+    summed = 7.0 + STEP + 1e-14
+    steps = [(5.0, STEP), (7.0, STEP), (summed, 2 * STEP), (summed, 1.5 * STEP), (summed, 0.0)]
+    found["steps"] = [[*unit.step(*step), ends()] for step in steps[:-2]]
+    found["own"] = [summed, unit.step(*steps[-1])[1]]
+    found["steps"].append([*unit.step(*steps[-2]), ends()])
     unit.call("Reset")
     found["anew"] = [unit.initialize(), unit.number("time"), unit.step(0.0, 4 * STEP)[0]]
     unit.free()

@@ -73,6 +73,8 @@ def test_last_successful_time_is_the_point_reached_and_terminated_that_of_the_la
     exact = [7.0, 7.0 + STEP, 7.0 + STEP, 7.0 + 2.5 * STEP]
     assert reached == pytest.approx(exact, rel=1e-14)
     assert ends == ((1, 0, 0, 0) if version == 2 else (None,) * 4)
+    masters, back = answers["times"]["own"]
+    assert back == masters, "a rounding behind its own time is a part of the step to a master"
 
 
 def test_a_reset_forgets_start_and_stop_time(answers):
