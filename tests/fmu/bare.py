@@ -230,6 +230,7 @@ def values(folder):
                              (1, ["status"]), (2, ["punch.drive"]), (3, ["message"] * 5))
             for surplus in (-1, 1, 1150, 100_000)
         ]  # fmt: skip
+        found["first"] = unit.move("Get", kinds[0], ["thickness"], 1 - unit.count(["thickness"]))[0]
         found["modes"] = [unit.call(mode) for mode in MODES]
         found["read"] = unit.move("Get", kinds[0], ["punch.travel", "thickness"], 3)[1][1:3]
     missing = type(unit.instance)()

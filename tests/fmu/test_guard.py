@@ -99,6 +99,7 @@ def test_getters_with_another_number_of_values_are_refused_and_read_what_there_i
     found = answers["values"]
     assert len(found["counts"]) == 20 and set(found["counts"]) == {ERROR}
     assert found["read"][0] == found["read"][1] > 0.0
+    assert found["first"] == 0, "masters without arrays ask for one value of a field"
 
 
 def test_modes_that_are_not_offered_are_refused(answers, version):
