@@ -21,8 +21,9 @@ from lcmchain.errors import InputError
 from lcmchain.fmu import description, description2, description3
 from lcmchain.fmu.documentation import documentation
 from lcmchain.fmu.instances import UNIT_FILE, define
+from lcmchain.fmu.library.link import LinkError, guarded
+from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.scene_files import stage_scene
-from lcmchain.fmu.unanswered import answered
 from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import Scene, read_scene
 from lcmchain.tools.table import build_tool_table
@@ -48,6 +49,7 @@ def build_fmu(
     fmi: int = 2,
     part: str = "forming",
     overrides: Sequence[str] = (),
+    needs_tool: bool = True,
     **options: Any,
 ) -> Path:
     """Build the unit of a scene and return its path.
@@ -61,6 +63,7 @@ def build_fmu(
     out_path : the unit, ``*.fmu``; replaced only once the new one is complete.
     fmi : version of the standard. part : what the unit computes.
     overrides : ``key=value`` texts for the scene.
+    needs_tool : whether the unit says that it needs an installed tool (``needsExecutionTool``).
     options : of the part; forming takes ``fields`` (names, None for those of the version) and
         ``pore_pressure`` (whether a fluid may act in the pores), and ``interface`` (patches of
         elements at which fields are exchanged, 0 for the elements).
@@ -84,7 +87,7 @@ def build_fmu(
             "overrides": [*overrides, *stage_scene(scene, resources / "scene")],
             **entries,
         }
-        write_unit(out_path, fmi, unit, resources)
+        write_unit(out_path, fmi, unit, resources, needs_tool=needs_tool)
     return out_path
 
 
@@ -101,13 +104,20 @@ def require_target(out_path: Path, fmi: int) -> None:
         raise InputError(f"there is no FMI {fmi} to build for; take 2 or 3", key="--fmi")
 
 
-def write_unit(out_path: Path, fmi: int, unit: dict[str, Any], resources: Path) -> None:
+def write_unit(
+    out_path: Path, fmi: int, unit: dict[str, Any], resources: Path, *, needs_tool: bool = True
+) -> None:
     """Write a unit, whole or not at all.
 
     Parameters
     ----------
     unit : what the part needs to define it (:func:`.instances.define`).
     resources : folder with the files that it names; those of every unit are added.
+    needs_tool : whether the unit says that it needs an installed tool.
+
+    Raises
+    ------
+    InputError : the installed exporter is not the one that the guard of its library is made for.
     """
     unit = {
         "model_name": model_identifier(out_path.stem), "lcmchain_version": __version__, **unit,
@@ -115,10 +125,11 @@ def write_unit(out_path: Path, fmi: int, unit: dict[str, Any], resources: Path) 
     definition, _ = define(unit, resources)
     unit["guid"] = definition.guid
     _write_resources(resources, unit, fmi)
-    root = (description2 if fmi == 2 else description3).model_description(definition)
+    describe = (description2 if fmi == 2 else description3).model_description
+    root = describe(definition, needs_tool=needs_tool)
     contents = {
         "modelDescription.xml": description.as_bytes(root),
-        **_binaries(fmi, definition.model_name),
+        **_binaries(fmi, definition),
         **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
     }
     for path in sorted(resources.rglob("*")):
@@ -190,16 +201,24 @@ def _write_resources(resources: Path, unit: Mapping[str, Any], fmi: int) -> None
         (resources / name).write_text(text, encoding="utf-8")
 
 
-def _binaries(fmi: int, model_name: str) -> dict[str, bytes]:
-    """Return the exporter's binaries by their places in the unit."""
+def _binaries(fmi: int, definition: UnitDefinition) -> dict[str, bytes]:
+    """Return the exporter's binaries by their places in the unit, that of Linux with the guard."""
     folder = Path(str(files(EXPORTERS[fmi]))) / "resources" / "binaries"
-    return {
-        f"binaries/{path.parent.relative_to(folder).as_posix()}/{model_name}{path.suffix}": (
-            answered(path.read_bytes())
-        )
-        for path in sorted(folder.rglob("*"))
-        if path.suffix in (".so", ".dll", ".dylib")
-    }
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        if path.suffix not in (".so", ".dll", ".dylib"):
+            continue
+        place = f"binaries/{path.parent.relative_to(folder).as_posix()}"
+        try:
+            content = guarded(path.read_bytes(), fmi, definition.variables)
+        except LinkError as error:
+            raise InputError(
+                f"{error}: the installed {EXPORTERS[fmi]} {metadata.version(EXPORTERS[fmi])} is "
+                "another than this lcmchain knows; install an earlier one",
+                file=path,
+            ) from None
+        found[f"{place}/{definition.model_name}{path.suffix}"] = content
+    return found
 
 
 def _write_archive(path: Path, contents: Mapping[str, bytes]) -> None:

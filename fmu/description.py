@@ -24,6 +24,8 @@ def head(definition: UnitDefinition, version: str, *, structured: bool) -> dict[
         "description": definition.title,
         "author": "lcmchain",
         "version": __version__,
+        "copyright": "of the scene: its author; of lcmchain: lcmchain contributors",
+        "license": "of lcmchain and the exporter: MIT",
         "generationTool": TOOL,
         "generationDateAndTime": now.replace("+00:00", "Z"),
         "variableNamingConvention": "structured" if structured else "flat",
@@ -40,10 +42,16 @@ def add_units(root: Element, variables: Iterable[Variable]) -> None:
             SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
 
 
-def used_types(variables: Iterable[Variable]) -> dict[str, str]:
-    """Return the declared types that variables have, and their units."""
-    used = {variable.declared_type for variable in variables}
-    return {name: unit for name, unit in DECLARED_TYPES.items() if name in used}
+def used_types(variables: Iterable[Variable]) -> dict[str, dict[str, str]]:
+    """Return the declared types that variables have, and the attributes of each."""
+    used = {variable.type_name for variable in variables}
+    found = {}
+    for name, (unit, nominal) in DECLARED_TYPES.items():
+        if name in used:
+            found[name] = {"quantity": name, "unit": unit}
+            if nominal is not None:
+                found[name]["nominal"] = repr(nominal)
+    return found
 
 
 def add_categories(root: Element) -> None:
@@ -65,7 +73,7 @@ def limits(variable: Variable) -> dict[str, str]:
     texts = {}
     if variable.kind is Kind.REAL:
         found["nominal"] = variable.nominal
-        texts = {"declaredType": variable.declared_type, "unit": variable.unit}
+        texts = {"declaredType": variable.type_name, "unit": variable.unit}
     number = repr if variable.kind is Kind.REAL else lambda value: str(int(value))
     return {name: text for name, text in texts.items() if text is not None} | {
         name: number(value) for name, value in found.items() if value is not None

@@ -13,11 +13,16 @@ from lcmchain.fmu.variables import Variable
 MOST_STRUCTURED = 2000
 
 
-def model_description(definition: UnitDefinition) -> Element:
+def model_description(definition: UnitDefinition, *, needs_tool: bool = True) -> Element:
     """Return ``modelDescription.xml`` of FMI 2.0; every entry of a field is a scalar variable.
 
     Outputs at a communication point depend on no input at that point: they are those of the state
     that the last step has reached. Masters that know this see no algebraic loop.
+
+    Parameters
+    ----------
+    needs_tool : say that the unit needs a tool that is installed (``needsExecutionTool``); some
+        masters refuse a unit that does.
     """
     variables = definition.variables
     structured = sum(variable.count for variable in variables) <= MOST_STRUCTURED
@@ -30,7 +35,7 @@ def model_description(definition: UnitDefinition) -> Element:
         "CoSimulation",
         {
             "modelIdentifier": definition.model_name,
-            "needsExecutionTool": "true",
+            "needsExecutionTool": str(needs_tool).lower(),
             "canHandleVariableCommunicationStepSize": "true",
             "canInterpolateInputs": "false",
             "canBeInstantiatedOnlyOncePerProcess": "false",
@@ -41,9 +46,9 @@ def model_description(definition: UnitDefinition) -> Element:
     )
     description.add_units(root, variables)
     types = SubElement(root, "TypeDefinitions")
-    for name, unit in description.used_types(variables).items():
+    for name, attributes in description.used_types(variables).items():
         simple = SubElement(types, "SimpleType", {"name": name})
-        SubElement(simple, "Real", {"quantity": name, "unit": unit})
+        SubElement(simple, "Real", attributes)
     description.add_categories(root)
     description.add_experiment(root, definition)
     listed = SubElement(root, "ModelVariables")

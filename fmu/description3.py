@@ -16,11 +16,16 @@ _ELEMENTS = {
 }
 
 
-def model_description(definition: UnitDefinition) -> Element:
+def model_description(definition: UnitDefinition, *, needs_tool: bool = True) -> Element:
     """Return ``modelDescription.xml`` of FMI 3.0; a field is one array.
 
     Outputs at a communication point depend on no input at that point: they are those of the state
     that the last step has reached. Masters that know this see no algebraic loop.
+
+    Parameters
+    ----------
+    needs_tool : say that the unit needs a tool that is installed (``needsExecutionTool``); some
+        masters refuse a unit that does.
     """
     variables = definition.variables
     root = Element("fmiModelDescription", description.head(definition, "3.0", structured=True))
@@ -30,7 +35,7 @@ def model_description(definition: UnitDefinition) -> Element:
         "CoSimulation",
         {
             "modelIdentifier": definition.model_name,
-            "needsExecutionTool": "true",
+            "needsExecutionTool": str(needs_tool).lower(),
             "canBeInstantiatedOnlyOncePerProcess": "false",
             "canGetAndSetFMUState": "true",
             "canSerializeFMUState": "true",
@@ -39,8 +44,8 @@ def model_description(definition: UnitDefinition) -> Element:
     )
     description.add_units(root, variables)
     types = SubElement(root, "TypeDefinitions")
-    for name, unit in description.used_types(variables).items():
-        SubElement(types, "Float64Type", {"name": name, "quantity": name, "unit": unit})
+    for name, attributes in description.used_types(variables).items():
+        SubElement(types, "Float64Type", {"name": name, **attributes})
     description.add_categories(root)
     description.add_experiment(root, definition)
     listed = SubElement(root, "ModelVariables")

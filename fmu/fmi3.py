@@ -18,12 +18,18 @@ from lcmchain.fmu.fmi2 import report_to, set_texts, whole
 from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.interrupts import outermost, watch
 from lcmchain.fmu.saved_state import SavedState, Unreadable
-from lcmchain.fmu.status import CATEGORIES
+from lcmchain.fmu.status import CATEGORIES, Phase, Status
 from lcmchain.fmu.variables import Kind
 
 # pythonfmu3 reads as many values as the master says, which may be more than there are: beyond the
-# end of the list it would use nothing as an object.
+# end of the list it would use nothing as an object. The guard of the library on Linux cuts the
+# number; elsewhere this is how far it may be wrong.
 SPARE = 1024
+
+# First of the numbers that the guard of the library hands on as continuous states when a master
+# enters initialization mode; start and stop time follow, the second where there is one
+# (``library/fmi3.c``). The exporter itself drops them.
+EXPERIMENT = -3.0e-300
 
 
 class UnitSlave3(Fmi3Slave):
@@ -38,6 +44,7 @@ class UnitSlave3(Fmi3Slave):
             kwargs["resources"], self.instance_name, report_to(self.log_queue), arrays=True
         )
         self.guid = self.unit.definition.guid
+        self._experiment: list[float] = []  # start time, and stop time where there is one
         self._spare = [float("nan")] * max(self.unit.layout.slot_count, SPARE)
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
@@ -48,6 +55,9 @@ class UnitSlave3(Fmi3Slave):
 
     @outermost
     def enter_initialization_mode(self) -> None:
+        if self._experiment and self.unit.phase is Phase.INSTANTIATED:
+            if self.unit.set_up(*self._experiment) is not Status.OK:
+                return
         self.unit.enter_initialization()
 
     @outermost
@@ -138,7 +148,10 @@ class UnitSlave3(Fmi3Slave):
 
     @outermost
     def set_continuous_states(self, values: list[float]) -> None:
-        self.unit.refuse("the unit has no continuous states", changes=True)
+        if values[:1] == [EXPERIMENT] and len(values) in (2, 3):
+            self._experiment = values[1:]
+        else:
+            self.unit.refuse("the unit has no continuous states", changes=True)
 
     # --- rollback ---------------------------------------------------------------------------------
 

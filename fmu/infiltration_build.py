@@ -45,6 +45,7 @@ class InfiltrationUnit:
     name : of the result file; of a scene the name of the infiltration, None for its only one.
     frame : saved state of a forming result, from 0; -1 is the last one.
     allow_incomplete : take fields of a forming run that was stopped.
+    needs_tool : whether the unit says that it needs an installed tool (``needsExecutionTool``).
     """
 
     motion: Motion = "thickness"
@@ -53,6 +54,7 @@ class InfiltrationUnit:
     name: str | None = None
     frame: int = -1
     allow_incomplete: bool = False
+    needs_tool: bool = True
 
 
 def build_infiltration_fmu(
@@ -107,7 +109,7 @@ def build_infiltration_fmu(
             "motion": options.motion,
             "fields": None if fields is None or list(fields) == ["all"] else list(fields),
         }
-        write_unit(out_path, fmi, unit, resources)
+        write_unit(out_path, fmi, unit, resources, needs_tool=options.needs_tool)
     return out_path
 
 

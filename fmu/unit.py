@@ -52,6 +52,7 @@ class Unit:
         self.say = Messages(name, report)
         self._by_name = {variable.name: variable for variable in definition.variables}
         self._start_time: float | None = None if arrays else 0.0
+        self._stop_time: float | None = None
         self._is_set_up = arrays  # FMI 3 has no call of its own for it
         self._built = False
         self._changed = False  # a parameter, since the simulation was built
@@ -66,7 +67,10 @@ class Unit:
     @guarded
     @interrupts.outermost
     def set_up(self, start_time: float, stop_time: float | None = None) -> Status:
-        """Note when the experiment starts [s]; FMI 3 leaves that to the first step."""
+        """Note when the experiment starts, and when it ends at the latest [s].
+
+        Where nobody says when it starts, the first step does.
+        """
         self._require("set up the experiment", Phase.INSTANTIATED)
         for what, value in (("start", start_time), ("stop", stop_time)):
             if value is not None and not math.isfinite(value):
@@ -74,6 +78,8 @@ class Unit:
         if stop_time is not None and stop_time < start_time:
             raise Refused(f"the stop time {stop_time:g} s lies before the start, {start_time:g} s")
         self._start_time, self._is_set_up = float(start_time), True
+        self._stop_time = None if stop_time is None else float(stop_time)
+        self._stale_all()
         return Status.OK
 
     @guarded
@@ -113,6 +119,12 @@ class Unit:
         self._refusals.clear()
         if obstacle:
             return self._discard(f"the step from {time:.9g} s by {size:.9g} s: {obstacle}")
+        if self._is_past_the_stop(time + size):
+            return self._discard(
+                f"the step from {time:.9g} s to {time + size:.9g} s leads past the stop time, "
+                f"{self._stop_time:.9g} s",
+                status=Status.ERROR,
+            )
         before = self.part.capture()
         try:
             self.part.use_threads()
@@ -262,8 +274,10 @@ class Unit:
     def refuse(self, reason: str, *, changes: bool) -> None:
         """Say that a call was refused. What should have changed something stops the next step.
 
-        pythonfmu lets no call but a step end with anything but success or the death of the
-        instance: a master learns with its next step that what it computes with is not what it set.
+        On Linux the text makes the call an error (``library/guard.h``). Elsewhere pythonfmu lets no
+        call but a step end with anything but success or the death of the instance, and masters
+        that do not look at the status are everywhere: they learn with their next step that what it
+        computes with is not what they have set.
         """
         if changes:
             self._refusals.append(reason)
@@ -300,11 +314,24 @@ class Unit:
         self._start_time = start
         return ""
 
-    def _discard(self, text: str, outcome: StepOutcome = StepOutcome.UNDONE) -> Status:
+    def _is_past_the_stop(self, end: float) -> bool:
+        """Return whether a time lies behind the stop time by more than masters sum up wrongly."""
+        if self._stop_time is None:
+            return False
+        slack = CLOCK_TOLERANCE * max(self.definition.stop_time, abs(self._stop_time))
+        return end > self._stop_time + slack
+
+    def _discard(
+        self,
+        text: str,
+        outcome: StepOutcome = StepOutcome.UNDONE,
+        *,
+        status: Status = Status.DISCARD,
+    ) -> Status:
         if self.outcome in (StepOutcome.READY, StepOutcome.UNDONE):
             self.outcome, self.message = outcome, text
-        self.say(text, Status.DISCARD)
-        return Status.DISCARD
+        self.say(text, status)
+        return status
 
     @interrupts.catching
     def _advance(self, size: float) -> None:
@@ -348,7 +375,8 @@ class Unit:
             return self.layout.locate(references, kind)
         except KeyError as error:
             raise Refused(
-                f"no {kind.value} variable has the value reference {error.args[0]}"
+                # The exporters hand unsigned numbers on as signed ones.
+                f"no {kind.value} variable has the value reference {error.args[0] % 2**32}"
             ) from None
 
     def _variables_of(self, slots: slice | np.ndarray) -> list[Variable]:

@@ -37,7 +37,8 @@ class Variable:
     kind, causality, variability : as in the FMI standard.
     description : one line.
     unit : key of :data:`UNITS`, None where a unit has no meaning.
-    declared_type : name of the type that the model description declares for it, its quantity.
+    declared_type : name of the type that the model description declares for it, its quantity; None
+        for that of the unit (:data:`TYPE_OF_UNIT`).
     start : value before the first step, one number also for a field; None for what is computed.
     minimum, maximum, nominal : as in the FMI standard.
     size : number of entries of a field, None for a scalar.
@@ -69,6 +70,13 @@ class Variable:
             raise ValueError(f"{self.name}: fields of texts are not supported")
         if (self.start is None) != (self.causality in ("output", "independent")):
             raise ValueError(f"{self.name}: what is computed has no start, all else has one")
+
+    @property
+    def type_name(self) -> str | None:
+        """Name of the declared type; None for what is no real number, or has no unit."""
+        if self.declared_type is not None or self.unit is None:
+            return self.declared_type
+        return TYPE_OF_UNIT[self.unit]
 
     @property
     def count(self) -> int:
@@ -109,23 +117,37 @@ UNITS: dict[str, dict[str, int]] = {
     "1": {},
 }
 
-#: Quantities and their units: the types that model descriptions declare for real variables.
-DECLARED_TYPES: dict[str, str] = {
-    "Length": "m",
-    "Thickness": "m",
-    "Velocity": "m/s",
-    "ThicknessRate": "m/s",
-    "Area": "m2",
-    "AreaRate": "m2/s",
-    "Volume": "m3",
-    "VolumeFlowRate": "m3/s",
-    "Force": "N",
-    "Pressure": "Pa",
-    "Energy": "J",
-    "Time": "s",
-    "Angle": "rad",
-    "Fraction": "1",
+#: Quantities with their units and, where they are far from 1, nominal values: the types that model
+#: descriptions declare for real variables. Areas and volumes are those of elements.
+DECLARED_TYPES: dict[str, tuple[str, float | None]] = {
+    "Length": ("m", None),
+    "Thickness": ("m", 1e-3),
+    "Velocity": ("m/s", None),
+    "ThicknessRate": ("m/s", 1e-3),
+    "Area": ("m2", 1e-4),
+    "AreaRate": ("m2/s", 1e-4),
+    "Volume": ("m3", 1e-7),
+    "VolumeFlowRate": ("m3/s", 1e-7),
+    "FlowPerPressure": ("m3/(s.Pa)", 1e-14),
+    "FlowResistance": ("Pa.s/m3", 1e12),
+    "Mass": ("kg", None),
+    "Density": ("kg/m3", 1e3),
+    "ArealMass": ("kg/m2", None),
+    "Force": ("N", None),
+    "Damping": ("N.s/m", None),
+    "Pressure": ("Pa", 1e5),
+    "Viscosity": ("Pa.s", None),
+    "Energy": ("J", None),
+    "Time": ("s", None),
+    "Rate": ("1/s", None),
+    "Angle": ("rad", None),
+    "Temperature": ("K", None),
+    "Fraction": ("1", None),
+    "Ratio": ("1", None),
 }
+
+#: Types of what has no quantity of its own: the most general one of its unit.
+TYPE_OF_UNIT = {unit: name for name, (unit, _) in reversed(DECLARED_TYPES.items())} | {"1": "Ratio"}
 
 #: Time of the unit; FMI 3 wants it as a variable, FMI 2 allows it.
 TIME = Variable(

@@ -20,6 +20,7 @@ from lcmchain.commands.fmu_infiltration import (
     EntryName,
     Interface,
     Motion,
+    NeedsTool,
     Source,
     build_infiltration,
     interface_of,
@@ -243,6 +244,7 @@ def fmu_build(
     source: Source = None,
     motion: Motion = "thickness",
     name: EntryName = None,
+    needs_tool: NeedsTool = True,
     overrides: Overrides = None,
 ) -> None:
     """Build a co-simulation unit that forms the scene, or fills the part that it has formed."""
@@ -251,7 +253,7 @@ def fmu_build(
         build_infiltration(
             scene, out, source, fmi=fmi, fields=names,
             interface=interface_of(interface, part), motion=motion,
-            name=name, overrides=overrides or (),
+            name=name, needs_tool=needs_tool, overrides=overrides or (),
         )  # fmt: skip
         say(f"Wrote {out}")
         return
@@ -267,7 +269,10 @@ def fmu_build(
         if part == "forming":
             patches = interface_of(interface, part)
             options = {"fields": names, "pore_pressure": pore_pressure, "interface": patches}
-        build_fmu(scene, out, fmi=fmi, part=part, overrides=overrides or (), **options)
+        build_fmu(
+            scene, out, fmi=fmi, part=part, overrides=overrides or (), needs_tool=needs_tool,
+            **options,
+        )  # fmt: skip
     say(f"Wrote {out}")
 
 

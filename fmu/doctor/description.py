@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.archive import read_xml
 from lcmchain.errors import InputError
@@ -26,6 +28,7 @@ class Description:
     kinds : interface types, as the element names of FMI.
     identifier : name of the binary; that of co-simulation where the unit has it.
     abilities : attributes of that interface type, as they are written.
+    repeated : names that several variables have.
     """
 
     fmi_version: str
@@ -35,6 +38,7 @@ class Description:
     identifier: str
     abilities: dict[str, str]
     variable_count: int
+    repeated: tuple[str, ...] = ()
 
     def can(self, *names: str) -> bool:
         """Return whether one of these abilities is declared."""
@@ -75,7 +79,13 @@ def read_description(folder: Path, unit: Path) -> Description:
         identifier=identifier,
         abilities={} if head is None else dict(head.attrib),
         variable_count=0 if variables is None else len(variables),
+        repeated=() if variables is None else _repeated(variables),
     )
+
+
+def _repeated(variables: Iterable[Element]) -> tuple[str, ...]:
+    counts = Counter(variable.get("name", "") for variable in variables)
+    return tuple(name for name, count in counts.items() if count > 1)
 
 
 def findings_of(description: Description, *, is_python: bool) -> Iterator[Finding]:
@@ -94,6 +104,15 @@ def findings_of(description: Description, *, is_python: bool) -> Iterator[Findin
         yield Finding(
             Level.WARNING, "unit", "lcmchain cosim takes units of FMI 2.0 and 3.0",
             "export it again for one of these",
+        )  # fmt: skip
+    if description.repeated:
+        names = ", ".join(f'"{name}"' for name in description.repeated[:3])
+        more = f" and {len(description.repeated) - 3} others" * (len(description.repeated) > 3)
+        yield Finding(
+            Level.WARNING, "variables",
+            f"several variables have the name {names}{more}: a master that goes by names takes "
+            "one of them",
+            "export it again with a name for each",
         )  # fmt: skip
     if "CoSimulation" not in description.kinds:
         yield Finding(

@@ -43,6 +43,14 @@ EntryName = Annotated[
         "--name", metavar="NAME", help="Infiltration: of the scene's entry, and of the result file."
     ),
 ]
+NeedsTool = Annotated[
+    bool,
+    typer.Option(
+        "--execution-tool/--no-execution-tool",
+        help="Whether the unit says that it needs a tool that is installed (needsExecutionTool): "
+        "lcmchain in a Python. Some masters refuse units that say so, PyFMI for example.",
+    ),
+]
 
 
 def interface_of(text: str, part: str) -> int | Path:
@@ -64,6 +72,7 @@ def build_infiltration(
     interface: int | Path,
     motion: str,
     name: str | None,
+    needs_tool: bool,
     overrides: Sequence[str],
 ) -> None:
     """Build a unit that fills a formed part as a scene or a case says."""
@@ -82,7 +91,7 @@ def build_infiltration(
 
         options = InfiltrationUnit(
             motion=motion,  # type: ignore[arg-type]  # checked there
-            interface=interface, fields=fields, name=name,
+            interface=interface, fields=fields, name=name, needs_tool=needs_tool,
         )  # fmt: skip
         build_infiltration_fmu(source, case, out, fmi=fmi, overrides=overrides, options=options)
 

@@ -9,6 +9,7 @@ import ctypes
 import json
 import sys
 
+from bare import KINDS, MODES, Bare
 from fmpy import calloc, free, read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import (
@@ -22,6 +23,8 @@ from fmpy.fmi3 import FMU3Slave
 
 STEP = 1e-4
 ERROR = 3
+# Calls that answer with a status instead of an exception.
+BARE = ("move", "mode", "put_bytes")
 # Outputs whose every bit must survive what is refused.
 WATCHED = ("punch.travel", "thickness_min", "internal_energy", "external_work", "holder.force")
 
@@ -42,11 +45,13 @@ class Driver:
         )
         self.errors = []
         self.slave.instantiate(**self._logging())
+        self.bare = Bare(folder, instance=ctypes.c_void_p(self._component))
         self.states, self.contents = [], []
-        self.time = 0.0
+        self.time = self.start = 0.0
+        self.stop = None
 
     def _logging(self):
-        """Keep what the unit logs as errors: pythonfmu has no status for them."""
+        """Keep what the unit logs as errors, to hold it against the statuses."""
 
         def hear2(environment, name, status, category, message):
             if status == ERROR:
@@ -75,13 +80,16 @@ class Driver:
 
     # --- calls ------------------------------------------------------------------------------------
 
-    def set_up(self, start=0.0):
+    def set_up(self, start=0.0, stop=None):
+        """Start and stop time; FMI 3.0 says them when it enters initialization mode."""
+        self.start, self.stop = start, stop
         if self.version == 2:
-            self.slave.setupExperiment(startTime=start)
+            self.slave.setupExperiment(startTime=start, stopTime=stop)
         self.time = start
 
     def enter(self):
-        self.slave.enterInitializationMode()
+        times = {} if self.version == 2 else {"startTime": self.start, "stopTime": self.stop}
+        self.slave.enterInitializationMode(**times)
 
     def leave(self):
         self.slave.exitInitializationMode()
@@ -111,7 +119,8 @@ class Driver:
 
     def reset(self):
         self.slave.reset()
-        self.time = 0.0
+        self.time = self.start = 0.0
+        self.stop = None
 
     def get(self, kind, *names):
         getter = {
@@ -142,6 +151,26 @@ class Driver:
         function = prototype((f"fmi{self.version}SetString", self.slave.dll))
         component = ctypes.c_void_p(self._component)
         return function(component, vr, 1, text, *[1] * (self.version - 2))
+
+    def move(self, verb, place, names, surplus=0):
+        """Get or set many values at once: by any kind, any references, any number of values."""
+        kinds = list(KINDS[self.version])
+        kind = kinds[place % len(kinds)]
+        count = max(self.bare.count(names) + (surplus if self.version == 3 else 0), 0)
+        wrong = not all(self.bare.is_one(name, kind) for name in names) or (
+            count != self.bare.count(names)
+        )
+        status, _ = self.bare.move(verb, kind, names, surplus if self.version == 3 else 0)
+        assert status in (0, ERROR), status
+        assert status == ERROR or not wrong, (verb, kind, names, surplus)
+        return status
+
+    def mode(self, place):
+        """A mode that the unit does not offer, or a function of FMI 2.0 that it does not have."""
+        names = ("CancelStep", "GetRealOutputDerivatives") if self.version == 2 else MODES
+        status = self.bare.call(names[place % len(names)], *[None] * 4)
+        assert status == ERROR
+        return status
 
     def save(self):
         get = "getFMUstate" if self.version == 2 else "getFMUState"
@@ -199,7 +228,10 @@ def run(folder, sequence, expected):
             result["answer"] = getattr(driver, name)(*arguments)
         except FMICallException as error:
             result["status"] = error.status
-        results.append(result | {"refused": len(driver.errors) > told})
+        refused = len(driver.errors) > told
+        raw = result.get("answer") if name in BARE else None
+        assert refused == (ERROR in (result["status"], raw)), (name, arguments, result, refused)
+        results.append(result | {"refused": refused})
     found = after_a_step(driver)
     assert expected is None or repr(found) == repr(expected), (found, expected)
     driver.free()

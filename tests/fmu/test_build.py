@@ -9,10 +9,13 @@ from pathlib import Path
 import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
+from typer.testing import CliRunner
 
+from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu, model_identifier
 from lcmchain.fmu.forming_variables import Abilities, field_names, forming_variables
+from lcmchain.fmu.variables import TYPE_OF_UNIT, UNITS
 from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED
 
 ELEMENT_COUNT = 400
@@ -140,6 +143,36 @@ def test_both_descriptions_tell_the_same(unit, unit3):
     assert [u.variable.name for u in three.outputs] == [
         v.name for v in three.modelVariables if v.causality == "output"
     ]
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_real_variables_have_types_with_nominal_values_and_the_unit_says_whose_it_is(
+    unit, unit3, version
+):
+    description = read_model_description(str(unit if version == 2 else unit3))
+    reals = [v for v in description.modelVariables if v.type in ("Real", "Float64")]
+    assert len(reals) > 20 and all(v.declaredType is not None for v in reals)
+    assert {v.unit or v.declaredType.unit for v in reals} == {v.declaredType.unit for v in reals}
+    nominal = {v.declaredType.name: v.declaredType.nominal for v in reals}
+    far = {"Thickness": 1e-3} | ({"ThicknessRate": 1e-3} if version == 3 else {})
+    assert {name: float(value) for name, value in nominal.items() if value} == far
+    assert {"Ratio", "Fraction", "Length"} <= set(nominal)
+    assert "MIT" in description.license and "lcmchain" in description.copyright
+
+
+def test_every_unit_has_a_type():
+    assert set(TYPE_OF_UNIT) == set(UNITS)
+    assert TYPE_OF_UNIT["m"] == "Length" and TYPE_OF_UNIT["m3/s"] == "VolumeFlowRate"
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_unit_need_not_say_that_it_needs_a_tool(scene_file, tmp_path, version):
+    """Masters refuse units that do."""
+    for option, needed in (("--execution-tool", True), ("--no-execution-tool", False)):
+        path = tmp_path / f"{needed}.fmu"
+        arguments = ["fmu", "build", str(scene_file), "-o", str(path), "--fmi", str(version)]
+        assert CliRunner().invoke(app, [*arguments, option]).exit_code == 0
+        assert read_model_description(str(path)).coSimulation.needsExecutionTool is needed
 
 
 def test_fmpy_finds_no_problem_in_fmi3(unit3):

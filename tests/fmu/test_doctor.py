@@ -26,11 +26,15 @@ ON_LINUX = pytest.mark.skipif(
 ABILITIES = 'canGetAndSetFMUstate="true" canHandleVariableCommunicationStepSize="true"'
 
 
-def make_unit(path, *, abilities=ABILITIES, kind="CoSimulation", binary=None, files=()):
+def make_unit(
+    path, *, abilities=ABILITIES, kind="CoSimulation", binary=None, files=(), variables=()
+):
     """Write a unit as another tool could: a description, a binary, resources."""
     description = (
         '<fmiModelDescription fmiVersion="2.0" modelName="Pump" guid="1" generationTool="Tool 7">'
-        f'<{kind} modelIdentifier="pump" {abilities}/><ModelVariables/></fmiModelDescription>'
+        f'<{kind} modelIdentifier="pump" {abilities}/><ModelVariables>'
+        + "".join(f'<ScalarVariable name="{name}"/>' for name in variables)
+        + "</ModelVariables></fmiModelDescription>"
     )
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", description)
@@ -246,6 +250,13 @@ def test_what_a_unit_cannot_do_is_a_warning(tmp_path, abilities, kind, words):
     assert words in warning.text
     whole = examine(make_unit(tmp_path / "b.fmu"))
     assert told(whole, Level.WARNING) == []
+
+
+def test_names_that_several_variables_have_are_a_warning(tmp_path):
+    diagnosis = examine(make_unit(tmp_path / "a.fmu", variables=["p", "q", "p", "r", "r"]))
+    (warning,) = told(diagnosis, Level.WARNING)
+    assert 'the name "p", "r":' in warning.text
+    assert told(examine(make_unit(tmp_path / "b.fmu", variables=["p", "q"])), Level.WARNING) == []
 
 
 def test_program_that_a_unit_starts_must_be_there(tmp_path):

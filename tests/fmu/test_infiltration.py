@@ -466,8 +466,9 @@ def test_state_of_another_part_is_refused(master):
     unit.step()
     content = unit.slave.serializeFMUState(unit.slave.getFMUState())
     before = other.all()
-    other.slave.setFMUState(other.slave.deserializeFMUState(content))
-    with pytest.raises(FMICallException):
+    with pytest.raises(FMICallException, match="SetFMUState"):
+        other.slave.setFMUState(other.slave.deserializeFMUState(content))
+    with pytest.raises(FMICallException, match="DoStep"):
         other.step()
     assert "another unit" in other.get("message")
     other.time = 0.0

@@ -1,0 +1,140 @@
+/* What stands between a master and the exporter's library, in both versions of FMI.
+
+   The exporters answer success to every call that did not end the instance, whatever Python said
+   of it, and call the master's logger although there may be none. The functions of this guard take
+   their places in the library (link.py): they give the master a record of their own instead of the
+   exporter's instance, hear all texts, answer with an error where one of them was an error, and
+   hand on to the master what it has asked for.
+
+   No library is needed: the code is position-independent, has no data that changes, and takes the
+   memory of its records from the system. A Python without a compiler links the objects beside this
+   file; `python -m lcmchain.fmu.library.compile` makes them anew. */
+
+#pragma GCC visibility push(hidden)
+
+/* Hash of the sources that an object was made of (compile.py). */
+__attribute__((used, section(".comment.sources"))) static const char sources[] = SOURCES;
+
+typedef unsigned long size;
+typedef unsigned int reference;
+enum { OK, WARNING, DISCARD, ERROR, FATAL };
+enum { REAL, INTEGER, BOOLEAN, STRING, NONE };
+
+/* Of the unit: how many value references there are, that of the time, and for every one
+   4 * count + kind of what it means (FMI 3.0 only). */
+extern const unsigned unit_table[];
+enum { COUNT, TIME, FIRST };
+
+#define EXPORTED __attribute__((visibility("default")))
+#define CATEGORY_ERROR "logStatusError"
+
+static int same(const char *one, const char *other)
+{
+    while (*one && *one == *other) one++, other++;
+    return *one == *other;
+}
+
+/* The bit of a category of log messages, ~0 for all, 0 for one that the unit does not have. */
+static unsigned bit_of(const char *category)
+{
+    if (same(category, "logAll")) return ~0u;
+    if (same(category, "logEvents")) return 1;
+    if (same(category, "logStatusWarning")) return 2;
+    if (same(category, "logStatusDiscard")) return 4;
+    if (same(category, CATEGORY_ERROR)) return 8;
+    return 0;
+}
+
+/* One page of memory from the system, and back. */
+enum { PAGE = 4096, MMAP = 9, MUNMAP = 11, READ_WRITE = 3, PRIVATE_ANONYMOUS = 0x22 };
+
+static void *take_page(void)
+{
+    long answer;
+    register long flags __asm__("r10") = PRIVATE_ANONYMOUS;
+    register long file __asm__("r8") = -1;
+    register long offset __asm__("r9") = 0;
+    __asm__ volatile("syscall" : "=a"(answer)
+                     : "a"((long)MMAP), "D"(0L), "S"((long)PAGE), "d"((long)READ_WRITE),
+                       "r"(flags), "r"(file), "r"(offset)
+                     : "rcx", "r11", "memory");
+    return answer < 0 && answer > -PAGE ? 0 : (void *)answer;
+}
+
+static void give_page(void *page)
+{
+    long answer;
+    __asm__ volatile("syscall" : "=a"(answer)
+                     : "a"((long)MUNMAP), "D"(page), "S"((long)PAGE)
+                     : "rcx", "r11", "memory");
+    (void)answer;
+}
+
+/* What a record holds in both versions. */
+struct common {
+    void *instance;      /* the exporter's */
+    void *environment;   /* the master's */
+    int logging;         /* the master wants all texts, not only those of what went wrong */
+    unsigned categories; /* bits of those that it wants; 0 = it named none, all */
+    int refused;         /* a text of the present call is an error */
+    int dead;            /* the exporter has given the instance up: it must not see it again */
+    void *sized_state;   /* of which the size was asked last */
+    size sized;
+};
+
+static int wants(const struct common *record, int status, const char *category)
+{
+    if (status == OK && !record->logging) return 0;
+    unsigned bit = bit_of(category);
+    return !record->categories || !bit || (record->categories & bit);
+}
+
+static int choose_categories(struct common *record, int logging, size count,
+                             const char *const *names)
+{
+    unsigned chosen = 0;
+    for (size i = 0; i < count; i++) {
+        unsigned bit = names && names[i] ? bit_of(names[i]) : 0;
+        if (!bit) return 0;
+        chosen |= bit;
+    }
+    record->logging = logging;
+    record->categories = chosen;
+    return 1;
+}
+
+/* The status of a call: an error where Python has told one. */
+static int ended(struct common *record, int status)
+{
+    if (status == FATAL) record->dead = 1;
+    return record->refused && status < FATAL ? ERROR : status;
+}
+
+/* The time that a unit has reached, in the master's own number where they differ by rounding: a
+   master that finds the last successful time behind its own takes a part of the step for done. */
+static double in_numbers_of_the_master(double reached, double masters)
+{
+    double difference = reached - masters, size = reached > 0.0 ? reached : -reached;
+    if (difference < 0.0) difference = -difference;
+    return difference <= 1e-12 * (size + 1e-3) ? masters : reached;
+}
+
+/* Every call begins so: no answer of an instance that there is not, or no more. */
+#define BEGIN(record)                                   \
+    do {                                                \
+        if (!(record)) return ERROR;                    \
+        if ((record)->common.dead) return FATAL;        \
+        (record)->common.refused = 0;                   \
+    } while (0)
+
+#define REFUSE(record, text)                 \
+    do {                                     \
+        tell(record, ERROR, text);           \
+        return ended(&(record)->common, OK); \
+    } while (0)
+
+#define NO_STATE "there is no state"
+#define NO_MEMORY "there is no memory for what the call is for"
+#define NOT_ITS_SIZE "the memory for a serialized state is not of its size"
+#define NO_CATEGORY "a category of log messages that the unit does not have"
+#define NO_CO_SIMULATION "the unit is for co-simulation only"
