@@ -211,6 +211,7 @@ def _set_up(part: FmuPart, values: list, system: System) -> None:
         part.instance.set_up(system.start_time, system.stop_time, system.unit_tolerance)
         for variable, given in values:
             part.instance.write(variable, given)
+            part.note(variable, given)
     except CallFailed as failure:
         raise SimulationError(
             f'unit "{part.name}" does not take its start values: {failure}'

@@ -76,7 +76,7 @@ class FmuPart:
     name : in the system. file : the archive. sha256 : of it.
     time : begin [s].
     apart : whether the unit is in a process of its own.
-    given : the numbers that it was given last, by the names of its variables.
+    given : the numbers that its inputs were given last, by their names.
     """
 
     name: str
@@ -187,7 +187,11 @@ class FmuPart:
         """
         with self._timed("exchange"), self._told(f'"{variable.name}" cannot be set'):
             self.instance.write(variable, values)
-        if not variable.is_text:
+        self.note(variable, values)
+
+    def note(self, variable: Variable, values: Any) -> None:
+        """Note the values of an input, for the message where the unit is lost."""
+        if variable.causality == "input" and not variable.is_text:
             self.given[variable.name] = np.atleast_1d(np.asarray(values, dtype=np.float64))
 
     def _stated(self, call: Callable[[], Any]) -> Any:

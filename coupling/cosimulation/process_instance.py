@@ -102,7 +102,14 @@ class ProcessInstance:
         self._ended_because = ""
         self._over = threading.Event()
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _START, json.dumps(sys.path), str(os.getpid())],
+            [
+                sys.executable,
+                "-P",
+                "-c",
+                _START,
+                json.dumps([*map(str, sys.path)]),
+                str(os.getpid()),
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,  # Ctrl-C in the terminal is for the master

@@ -83,9 +83,11 @@ def test_a_unit_that_is_lost_is_told_with_time_and_inputs(
 
 
 def test_a_unit_that_hangs_is_ended_after_its_limit(units, tmp_path, temporary):
+    data = trouble(HANG, step_limit="0.5 s") | {"connections": []}
+    data["units"][1]["start"]["push"] = 1.5  # what it was given last stands in the message
     with pytest.raises(SimulationError, match=r"did not come back within 0\.5 s in a step") as told:
-        run(units, tmp_path / "out", trouble(HANG, step_limit="0.5 s"))
-    assert "longer step_limit" in str(told.value) and "push 2.5 to 2.5" in str(told.value)
+        run(units, tmp_path / "out", data)
+    assert "longer step_limit" in str(told.value) and "push 1.5 to 1.5" in str(told.value)
 
 
 def test_a_unit_may_be_lost_before_the_first_step(units, tmp_path, temporary):
@@ -264,6 +266,28 @@ def test_a_hanging_unit_does_not_keep_the_command_from_being_ended(units, tmp_pa
     with xr.open_dataset(out / "cosimulation.nc") as record:
         assert record.sizes["time"] == 3 and record.attrs["state"] == "interrupted"
     assert not _at_work(children[0])
+
+
+def test_a_unit_that_hangs_in_the_initialisation_does_not_keep_its_master(
+    units, tmp_path, temporary
+):
+    processes = []
+
+    def progress(reached, total, text):
+        processes.append(threading.Timer(1.5, end))
+        processes[0].start()
+
+    def end():
+        processes.extend(_children(os.getpid()))
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    before = signal.getsignal(signal.SIGTERM)
+    data = trouble(READING + HANG) | {"connections": ["bad.y -> foot.x_in"]}
+    with pytest.raises(KeyboardInterrupt):
+        run_system(system_from(data, None, directory=units), tmp_path / "out", progress=progress)
+    assert len(processes) == 2 and not _at_work(processes[1])
+    assert signal.getsignal(signal.SIGTERM) is before
+    assert not (tmp_path / "out").exists()
 
 
 def test_one_request_leaves_a_call_a_while_and_names_the_checkpoint(
