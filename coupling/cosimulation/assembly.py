@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
-from lcmchain.coupling.cosimulation.connections import Lines, Link, resolve
+from lcmchain.coupling.cosimulation.connections import Lines, Link, loops_of, resolve
 from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
 from lcmchain.coupling.cosimulation.initialization import initialise
 from lcmchain.coupling.cosimulation.instance import CallFailed, new_instance
@@ -21,12 +21,18 @@ from lcmchain.coupling.cosimulation.scheme import (
     windows_of,
 )
 from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
+from lcmchain.coupling.cosimulation.stopping import StopRequests
 from lcmchain.coupling.cosimulation.system_file import System, UnitEntry
 from lcmchain.coupling.iteration import CoupledSystem
 from lcmchain.errors import InputError, SimulationError
 
 #: Takes a line for the log.
 Log = Callable[[str], None]
+
+#: What the name of the tool that made a unit begins with where it is one of this program.
+OWN_TOOL = "lcmchain "
+#: Wall-clock time that a step of a unit in a process of its own may take if nothing is said [s].
+STEP_LIMIT = 3600.0
 
 
 @dataclass
@@ -38,6 +44,7 @@ class Assembly:
     parts : by name. coupled : goes through time. lines : what changes in jumps.
     loops : iterations of the algebraic loops of the initialisation, by their connections.
     remarks : what the user should know.
+    requests : to stop, which end calls into units in processes of their own.
     """
 
     system: System
@@ -47,6 +54,7 @@ class Assembly:
     links: list[Link]
     loops: dict[str, int]
     remarks: list[str] = field(default_factory=list)
+    requests: StopRequests = field(default_factory=StopRequests)
 
     def __enter__(self) -> Assembly:
         return self
@@ -84,9 +92,10 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
     unpacked: dict[str, tuple[Path, str]] = {}
     parts: dict[str, FmuPart] = {}
     settings = []
+    requests = StopRequests()
     try:
         for entry in system.units:
-            part = _loaded(entry, system, folder, unpacked, log, remarks)
+            part = _loaded(entry, system, folder, unpacked, log, remarks, requests)
             parts[entry.name] = part
             settings.append(start_values(entry.name, part.description, entry.start))
         _require_able(system, parts, remarks)
@@ -96,6 +105,8 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
             _set_up(part, values, system)
         loops = initialise(list(parts.values()), links)
         signals = [link for link in links if link.is_signal]
+        if not system.scheme.explicit:
+            _tell_loops_of_jumps(links, list(parts), system, remarks)
         scheme = scheme_of(system.scheme)
         lines = Lines(
             [link for link in links if not link.is_signal], serial=scheme.order == "serial"
@@ -117,7 +128,7 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
     for text in [*map(_changed, links), *(f"remark: {text}" for text in remarks)]:
         if text:
             log(text)
-    return Assembly(system, parts, coupled, lines, links, loops, remarks)
+    return Assembly(system, parts, coupled, lines, links, loops, remarks, requests)
 
 
 def _loaded(
@@ -127,6 +138,7 @@ def _loaded(
     unpacked: dict[str, tuple[Path, str]],
     log: Log,
     remarks: list[str],
+    requests: StopRequests,
 ) -> FmuPart:
     """Return a unit with its instance; an archive that two units share is unpacked once."""
     begin = clock.perf_counter()
@@ -144,7 +156,7 @@ def _loaded(
         unpacked[key] = place, sha256_of(file)
     place, sha256 = unpacked[key]
     description = read_description(place, file)
-    with_declared_units(entry.name, description, entry.quantities)
+    with_declared_units(entry.name, description, entry.quantities, system.measures)
     remarks += [f'unit "{entry.name}": {text}' for text in description.remarks]
     if description.needs_tool:
         remarks.append(
@@ -155,10 +167,34 @@ def _loaded(
     def take(status: str, category: str, message: str) -> None:
         log(f"unit {name}: {status}{f' [{category}]' if category else ''}: {message}")
 
-    instance = new_instance(description, place, name, take, debug=entry.debug)
-    part = FmuPart(name, file, sha256, description, instance, system.start_time)
+    apart = runs_apart(entry, description)
+    try:
+        instance = new_instance(
+            description, place, name, take, debug=entry.debug, apart=apart,
+            limit=entry.step_limit or STEP_LIMIT, requests=requests,
+        )  # fmt: skip
+    except CallFailed as failure:
+        raise SimulationError(f'unit "{name}" is lost: {failure}') from failure
+    part = FmuPart(name, file, sha256, description, instance, system.start_time, apart=apart)
     part.spent.instantiation = clock.perf_counter() - begin
     return part
+
+
+def runs_apart(entry: UnitEntry, description: UnitDescription) -> bool:
+    """Whether a unit gets a process of its own: those by others do, if nothing else is said.
+
+    Raises
+    ------
+    InputError : a limit for a unit that gets none.
+    """
+    is_own = description.generation_tool.startswith(OWN_TOOL)
+    apart = not is_own if entry.process is None else entry.process == "own"
+    if entry.step_limit is not None and not apart:
+        raise InputError(
+            'only a unit in a process of its own can be ended; add process = "own"',
+            key=f"units.{entry.name}.step_limit",
+        )
+    return apart
 
 
 def _changed(link: Link) -> str:
@@ -175,6 +211,7 @@ def _set_up(part: FmuPart, values: list, system: System) -> None:
         part.instance.set_up(system.start_time, system.stop_time, system.unit_tolerance)
         for variable, given in values:
             part.instance.write(variable, given)
+            part.note(variable, given)
     except CallFailed as failure:
         raise SimulationError(
             f'unit "{part.name}" does not take its start values: {failure}'
@@ -211,14 +248,54 @@ def _require_able(system: System, parts: dict[str, FmuPart], remarks: list[str])
                 f'unit "{name}" computes in steps of {able.internal_step:g} s, longer than the '
                 f"window of {window.size:g} s: its outputs change in some windows only"
             )
-        if able.only_once and part.sha256 in seen:
+        if able.only_once and part.sha256 in seen and not part.apart:
             raise InputError(
                 f'units "{seen[part.sha256]}" and "{name}" are the same, of which a process can '
-                "hold one only (canBeInstantiatedOnlyOncePerProcess); copy nothing, ask its maker",
+                "hold one only (canBeInstantiatedOnlyOncePerProcess); give one of them "
+                'process = "own"',
                 key=f"units.{name}",
             )
-        seen[part.sha256] = name
+        if not part.apart:
+            seen[part.sha256] = name
         part.returns = goes_back
+
+
+def _tell_loops_of_jumps(
+    links: list[Link], order: list[str], system: System, remarks: list[str]
+) -> None:
+    """Tell of loops that an iterating scheme does not iterate, because they change in jumps.
+
+    Raises
+    ------
+    InputError : there is no other loop; names the connections and what to do.
+    """
+    in_loops = [link for group in loops_of(links) for link in group]
+    jumps = [link for link in in_loops if not link.is_signal]
+    curable = [link for link in jumps if link.could_be_signal]
+    place = {name: number for number, name in enumerate(order)}
+    iterated = any(
+        system.scheme.order == "parallel" or place[link.source.name] >= place[link.target.name]
+        for link in links
+        if link.is_signal
+    )
+    if not jumps or (iterated and not curable):
+        return
+    names = ", ".join(link.name for link in (curable or jumps))
+    what = (
+        "is of reals that the units declare discrete; they are handed over once in a window. Set "
+        "continuous = true for these connections if they are to be iterated: "
+        if curable
+        else "is of whole numbers, switches or texts, which are handed over once in a window and "
+        "not iterated: "
+    )
+    if iterated:
+        remarks.append(f"a loop {what}{names}")
+        return
+    raise InputError(
+        f'the loop that the scheme "{system.scheme.type}" could iterate {what}{names}. Or take '
+        '"jacobi" or "gauss-seidel"',
+        key="scheme.type",
+    )
 
 
 def _wanted(system: System) -> str:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.physical_units import Conversion, UnitError, conversion
@@ -35,7 +37,13 @@ class Link:
     @property
     def is_signal(self) -> bool:
         """Whether it goes through the coupling as a field; else it is brought before steps."""
-        return self.output.is_signal and self.input.is_real
+        is_signal = self.output.is_signal or (self.entry.continuous and self.output.is_real)
+        return is_signal and self.input.is_real
+
+    @property
+    def could_be_signal(self) -> bool:
+        """Whether it is none only because its output is declared to change in jumps."""
+        return not self.is_signal and self.output.is_real and self.input.is_real
 
     def fetch(self) -> NDArray[Any]:
         """Return the present values of the source as the target takes them."""
@@ -81,6 +89,12 @@ def resolve(entry: ConnectionEntry, parts: dict[str, FmuPart], remarks: list[str
             key=key,
         )
     _require_lossless(output, taken, key)
+    if entry.continuous and not (output.is_real and taken.is_real):
+        raise InputError(
+            f"continuous is for reals; {output.name} is {output.type_name}, {taken.name} is "
+            f"{taken.type_name}",
+            key=key,
+        )
     change = Conversion()
     if entry.convert_units:
         change = _unit_conversion(output, taken, key, remarks)
@@ -130,6 +144,19 @@ def _unit_conversion(output: Variable, taken: Variable, key: str, remarks: list[
         return conversion(output.unit, taken.unit, relative=output.relative or taken.relative)
     except UnitError as error:
         raise InputError(f"{output.name} -> {taken.name}: {error}", key=key) from None
+
+
+def loops_of(links: Sequence[Link]) -> list[list[Link]]:
+    """Return the connections between units that answer to each other, loop by loop."""
+    names = sorted({part.name for link in links for part in (link.source, link.target)})
+    place = {name: number for number, name in enumerate(names)}
+    rows = [place[link.source.name] for link in links]
+    columns = [place[link.target.name] for link in links]
+    graph = coo_matrix((np.ones(len(links)), (rows, columns)), shape=(len(names), len(names)))
+    count, group_of = connected_components(graph, directed=True, connection="strong")
+    inner = [(group_of[i], link) for i, j, link in zip(rows, columns, links)
+             if group_of[i] == group_of[j]]  # fmt: skip
+    return [found for group in range(count) if (found := [link for g, link in inner if g == group])]
 
 
 class Lines:

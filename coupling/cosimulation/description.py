@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,12 @@ from typing import Any
 import numpy as np
 
 from lcmchain.coupling.cosimulation.archive import read_xml
+from lcmchain.coupling.cosimulation.left_out import left_out, names_twice, version_problem
 from lcmchain.coupling.cosimulation.physical_units import (
     BASE,
     PhysicalUnit,
     UnitError,
+    display_unit,
     unit_from_base,
     unit_from_name,
 )
@@ -24,6 +27,8 @@ from lcmchain.coupling.cosimulation.variable import LEFT_OUT, TEXT, Variable
 from lcmchain.errors import InputError, shortened
 
 MODEL_DESCRIPTION = "modelDescription.xml"
+#: What fmpy says where a name stands twice.
+_NOT_UNIQUE = "is not unique"
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +36,8 @@ class UnitDescription:
     """What a model description says; the variables of FMI 2 that form fields are put together.
 
     ``depends`` and ``depends_initially`` name the inputs that an output follows directly; an output
-    that is missing there may follow all.
+    that is missing there may follow all. ``units`` are those that the description defines, by name.
+    ``ambiguous`` are names of variables that stand in it twice.
     """
 
     model_name: str
@@ -52,14 +58,21 @@ class UnitDescription:
     remarks: list[str] = field(default_factory=list)
     elements: dict[str, Variable] = field(default_factory=dict)
     log_categories: tuple[str, ...] = ()
+    units: dict[str, PhysicalUnit] = field(default_factory=dict)
+    ambiguous: frozenset[str] = frozenset()
 
     def find(self, name: str) -> Variable:
         """Return a variable, a field, or one value of a field of FMI 2.
 
         Raises
         ------
-        InputError : there is none; names the nearest.
+        InputError : there is none, or two of that name; names the nearest.
         """
+        if name in self.ambiguous:
+            raise InputError(
+                f'{self.model_name} has more than one variable "{shortened(name)}"; export it with '
+                "a name of its own for each"
+            )
         found = self.variables.get(name) or self.elements.get(name)
         if found is not None:
             return found
@@ -87,8 +100,9 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
         )
     root = read_xml(path.read_bytes(), f"{file} ({MODEL_DESCRIPTION})")
     version = root.get("fmiVersion", "")
-    if not version.startswith(("2.", "3.")):
-        raise InputError(f'is of FMI "{version}"; 2.0 and 3.0 are read', file=file)
+    problem = version_problem(version)
+    if problem:
+        raise InputError(problem, file=file)
     if root.find("CoSimulation") is None:
         raise InputError(
             "offers no co-simulation (model exchange needs a solver, which no master here has); "
@@ -96,6 +110,8 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
             file=file,
         )
     parsed, remarks = _parsed(path, file)
+    twice = names_twice(root)
+    remarks = left_out(root) + [text for text in remarks if not (twice and _NOT_UNIQUE in text)]
     ability = parsed.coSimulation
     identifier = ability.modelIdentifier or ""
     if not re.fullmatch(r"[A-Za-z_]\w*", identifier, re.ASCII):
@@ -104,6 +120,7 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
         )
     major = int(version[0])
     units = _units(parsed)
+    defined = {name: unit for name, unit in units.items() if unit is not None}
     relative = _relative_names(root)
     scalars = [
         _variable(entry, major, units, relative, remarks)
@@ -132,6 +149,8 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
         remarks=remarks,
         elements=elements,
         log_categories=tuple(category.name for category in parsed.logCategories),
+        units=_displayed(root, defined) | defined,
+        ambiguous=frozenset(twice),
     )
 
 
@@ -176,6 +195,20 @@ def _units(parsed: Any) -> dict[str, PhysicalUnit | None]:
         except UnitError:
             units[unit.name] = None
     return units
+
+
+def _displayed(root: Any, defined: dict[str, PhysicalUnit]) -> dict[str, PhysicalUnit]:
+    """Return the units in which values may be shown; a name that means two is left out."""
+    found: dict[str, set[PhysicalUnit]] = {}
+    for unit in root.findall("UnitDefinitions/Unit"):
+        for shown in unit.findall("DisplayUnit"):
+            name, of = shown.get("name", ""), defined.get(unit.get("name", ""))
+            if of is None or shown.get("inverse") in ("true", "1"):
+                continue
+            with suppress(UnitError, ValueError):
+                factor, offset = (float(shown.get(k, v)) for k, v in (("factor", 1), ("offset", 0)))
+                found.setdefault(name, set()).add(display_unit(name, of, factor, offset))
+    return {name: units.pop() for name, units in found.items() if len(units) == 1}
 
 
 def _relative_names(root: Any) -> frozenset[str]:

@@ -75,6 +75,8 @@ class FmuPart:
     ----------
     name : in the system. file : the archive. sha256 : of it.
     time : begin [s].
+    apart : whether the unit is in a process of its own.
+    given : the numbers that its inputs were given last, by their names.
     """
 
     name: str
@@ -87,6 +89,8 @@ class FmuPart:
     returns: bool = False
     bring: Callable[[], None] | None = None
     wants_end: bool = False
+    apart: bool = False
+    given: Fields = field(default_factory=dict)
 
     def advance(self, step: float) -> None:
         """Do one communication step.
@@ -103,7 +107,8 @@ class FmuPart:
                 self.wants_end = self.instance.step(self.time, step, returns=self.returns)
             except CallFailed as failure:
                 self.spent.discard_count += failure.discarded
-                raise PartFailed(_reason(failure)) from failure
+                inputs = self.given if failure.is_loss else None
+                raise PartFailed(_reason(failure), inputs=inputs) from failure
         self.time += step
 
     def save(self) -> SavedUnit:
@@ -182,6 +187,12 @@ class FmuPart:
         """
         with self._timed("exchange"), self._told(f'"{variable.name}" cannot be set'):
             self.instance.write(variable, values)
+        self.note(variable, values)
+
+    def note(self, variable: Variable, values: Any) -> None:
+        """Note the values of an input, for the message where the unit is lost."""
+        if variable.causality == "input" and not variable.is_text:
+            self.given[variable.name] = np.atleast_1d(np.asarray(values, dtype=np.float64))
 
     def _stated(self, call: Callable[[], Any]) -> Any:
         with self._told("its state cannot be saved or restored"):
@@ -192,7 +203,10 @@ class FmuPart:
         try:
             yield
         except CallFailed as failure:
-            raise PartFailed(f"{what}: {failure}", part=self.name, time=self.time) from failure
+            inputs = self.given if failure.is_loss else None
+            raise PartFailed(
+                f"{what}: {failure}", part=self.name, time=self.time, inputs=inputs
+            ) from failure
 
     @contextmanager
     def _timed(self, what: str) -> Iterator[None]:

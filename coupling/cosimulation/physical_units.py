@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
@@ -89,14 +90,21 @@ def conversion(source: PhysicalUnit, target: PhysicalUnit, *, relative: bool = F
     return Conversion(factor, offset)
 
 
-def unit_from_name(name: str) -> PhysicalUnit:
+def unit_from_name(name: str, known: Mapping[str, PhysicalUnit] | None = None) -> PhysicalUnit:
     """Return the unit of a name as it stands in model descriptions, such as ``N.m`` or ``m/s2``.
+
+    Parameters
+    ----------
+    known : units that the archive defines itself, which go before what the name usually means.
 
     Raises
     ------
     UnitError : it is not known.
     """
-    return _unit_from_name(name.strip())
+    name = name.strip()
+    if known and name in known:
+        return known[name]
+    return _unit_from_name(name)
 
 
 @functools.lru_cache(maxsize=1000)
@@ -106,6 +114,9 @@ def _unit_from_name(name: str) -> PhysicalUnit:
     # "m/s2" is m/s**2, "N.m" and "N m" are N*m, "kg.m-3" is kg*m**-3
     text = re.sub(r"(?<=[A-Za-z])\.(?=[A-Za-z])", "*", text)
     text = re.sub(r"(?<=[A-Za-z])(-?\d+)(?![\d.])", r"**\1", text)
+    # newton metres, which pint takes for the metric count of yarns, and a capital ohm
+    text = re.sub(r"(?<![A-Za-z])([kMGmµu]?)N(m{1,2})(?![A-Za-z])", r"(\1N*\2)", text)
+    text = re.sub(r"(?<![A-Za-z])([kMGmµu]?)Ohm(?![A-Za-z])", r"\1ohm", text)
     try:
         if len(name) > 100 or set(text) & set("[]{}"):
             raise ValueError(name)
@@ -122,6 +133,14 @@ def _unit_from_name(name: str) -> PhysicalUnit:
     return PhysicalUnit(name, factor, offset, tuple(exponents))
 
 
+def is_usual(unit: PhysicalUnit) -> bool:
+    """Whether a unit is what its name means without a definition."""
+    try:
+        return unit_from_name(unit.name) == unit
+    except UnitError:
+        return False
+
+
 def unit_from_base(
     name: str, exponents: tuple[float, ...], factor: float, offset: float
 ) -> PhysicalUnit:
@@ -136,8 +155,29 @@ def unit_from_base(
     return PhysicalUnit(name, factor, offset, exponents)
 
 
-def value_of(text: str, unit: PhysicalUnit, *, relative: bool = False) -> float:
+def display_unit(name: str, unit: PhysicalUnit, factor: float, offset: float) -> PhysicalUnit:
+    """Return the unit whose values are ``factor v + offset`` for a value v in another unit.
+
+    Raises
+    ------
+    UnitError : its factor is no positive number.
+    """
+    if not (0.0 < factor < math.inf and math.isfinite(offset)):
+        raise UnitError(f'unit "{name}" has the factor {factor:g} and the offset {offset:g}')
+    scale = unit.factor / factor
+    return PhysicalUnit(name, scale, unit.offset - scale * offset, unit.exponents)
+
+
+def value_of(
+    text: str,
+    unit: PhysicalUnit,
+    *,
+    relative: bool = False,
+    known: Mapping[str, PhysicalUnit] | None = None,
+) -> float:
     """Return a number with a unit, such as ``"5 kN"``, in another unit.
+
+    known : see :func:`unit_from_name`.
 
     Raises
     ------
@@ -152,7 +192,7 @@ def value_of(text: str, unit: PhysicalUnit, *, relative: bool = False) -> float:
         raise UnitError(
             f'"{text}" has no unit; write it with one, such as "{match[1]} {unit.name}"'
         )
-    given = unit_from_name(match[2])
+    given = unit_from_name(match[2], known)
     number = np.array([float(match[1])])
     return float(conversion(given, unit, relative=relative)(number)[0])
 

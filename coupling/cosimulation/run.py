@@ -18,7 +18,9 @@ from lcmchain.coupling.cosimulation.checkpoint import (
 from lcmchain.coupling.cosimulation.divergence import CouplingDiverges, DivergenceWatch, advice
 from lcmchain.coupling.cosimulation.instance import EndRequested
 from lcmchain.coupling.cosimulation.picture import draw_signals
+from lcmchain.coupling.cosimulation.process_instance import LeftInCall
 from lcmchain.coupling.cosimulation.recorder import Recorder, chosen
+from lcmchain.coupling.cosimulation.stopping import noting, sigterm_as_ctrl_c
 from lcmchain.coupling.cosimulation.summary import summary_of
 from lcmchain.coupling.cosimulation.system_file import CONVERGENCE_GROUP, System
 from lcmchain.coupling.iteration import CoupledSystem, NotConverged, PartFailed
@@ -44,6 +46,9 @@ from lcmchain.results import (
 
 #: A checkpoint is written after this time of computing [s].
 CHECKPOINT_INTERVAL = 30.0
+#: The record on disk grows after this time of computing [s], or later where writing it takes long:
+#: it is written whole, so that readers never see a part, and may take this share of the run.
+RECORD_INTERVAL, RECORD_SHARE = 5.0, 0.05
 
 NETCDF, SIGNALS, CONVERGENCE = "cosimulation.nc", "signals.png", "convergence.png"
 FILES = (NETCDF, SIGNALS, CONVERGENCE, CHECKPOINT, "summary.json", "lcmchain.log")
@@ -78,6 +83,7 @@ def run_system(
     folder = Path(out)
     units = tuple(system.directory / unit.fmu for unit in system.units)
     with (
+        sigterm_as_ctrl_c(),
         ResultsFolder.locked(folder, (*inputs, *units)) as results,
         tempfile.TemporaryDirectory(prefix="lcmchain-cosimulation-") as unpacked,
     ):
@@ -134,7 +140,9 @@ class _Job:
         self.summary: dict[str, Any] = {}
         self._watch = DivergenceWatch(assembly.coupled.history.exchanges)
         self._wall_before = 0.0
-        self._started = self._saved = clock.perf_counter()
+        self._started = self._saved = self._grown = clock.perf_counter()
+        self._record_cost = 0.0
+        self._saved_time: float | None = None
         descriptions = {name: part.description for name, part in assembly.parts.items()}
         silent = [n for n, d in descriptions.items() if not (d.can_save and d.can_serialise)]
         self._can_save = not silent
@@ -151,6 +159,7 @@ class _Job:
         self._wall_before = restore_checkpoint(
             self.folder / CHECKPOINT, self.assembly, self.recorder
         )
+        self._saved_time = self.assembly.coupled.time
 
     def go(self) -> None:
         """Advance to the end and write everything."""
@@ -158,12 +167,15 @@ class _Job:
         self._write_summary(RUNNING)
         if not self.recorder.times:
             self.recorder.take(coupled.time)
-        with stop_requests() as self._stop:
+        self._write_record(RUNNING)
+        with stop_requests() as self._stop, noting(self.assembly.requests):
             try:
                 coupled.advance_to(self.system.stop_time, self._after_window)
             except (PartFailed, NotConverged) as error:
                 raise self._explained(error) from error
-        self.write_results()
+            except LeftInCall as error:
+                raise SimulationInterrupted(self._left(error)) from error
+        self.write_results(COMPLETE)
         self._write_summary(COMPLETE)
         self.said.log(COMPLETE)
 
@@ -191,6 +203,10 @@ class _Job:
             raise SimulationInterrupted(self._interrupted(coupled.time))
         if self._can_save and clock.perf_counter() - self._saved > CHECKPOINT_INTERVAL:
             self._save()
+        wait = max(RECORD_INTERVAL, self._record_cost / RECORD_SHARE)
+        if coupled.time < end and clock.perf_counter() - self._grown > wait:
+            self._write_record(RUNNING)
+            self._write_summary(RUNNING)
 
     def _interrupted(self, time: float) -> str:
         where = f"stopped at {time:g} s of {self.system.stop_time:g} s"
@@ -199,8 +215,19 @@ class _Job:
         self._save()
         return f"{where}; the same command with --resume goes on from here"
 
+    def _left(self, error: LeftInCall) -> str:
+        """Return what to do about a run that was left within a window."""
+        where = f"stopped at {self.assembly.coupled.time:g} s of {self.system.stop_time:g} s"
+        if self._saved_time is None:
+            return f"{where}: {error}; there is no checkpoint"
+        return (
+            f"{where}: {error}; the same command with --resume goes on from the checkpoint at "
+            f"{self._saved_time:g} s"
+        )
+
     def _save(self) -> None:
         write_checkpoint(self.folder / CHECKPOINT, self.assembly, self.recorder, self.wall_s)
+        self._saved_time = self.assembly.coupled.time
         self._saved = clock.perf_counter()
         self._write_summary(RUNNING)
 
@@ -243,22 +270,34 @@ class _Job:
         state = INTERRUPTED if asked_for else stopped(str(error) or type(error).__name__)
         self.said.log(f"{state.partition(':')[0]}: {error or type(error).__name__}")
         with suppress(OSError, LcmchainError):
-            if isinstance(error, LcmchainError):
-                self.write_results()
+            if asked_for or isinstance(error, LcmchainError):
+                self.write_results(state)
         with suppress(OSError, LcmchainError):
             self._write_summary(state)
         if isinstance(error, UnfinishedRun):
             last = self.recorder.times[-1] if self.recorder.times else self.system.start_time
             error.where = f"What was recorded up to {last:g} s is in {self.folder / NETCDF}"
 
-    def write_results(self) -> None:
+    def _write_record(self, state: str) -> None:
+        """Write what was recorded so far, whole or not at all."""
+        begin = clock.perf_counter()
+        about = {
+            "title": self.system.title,
+            "source": "lcmchain cosim",
+            "system": self.system.source,
+            "state": state,
+        }
+        groups = self.recorder.groups(about)
+        groups[CONVERGENCE_GROUP] = self.assembly.coupled.history.dataset()
+        write_netcdf(self.folder / NETCDF, groups)
+        self._grown = clock.perf_counter()
+        self._record_cost = self._grown - begin
+
+    def write_results(self, state: str) -> None:
         """Write the record and the pictures."""
         coupled, title = self.assembly.coupled, self.system.title
         self.said.tell(coupled.time, self.system.stop_time, "writing the record")
-        about = {"title": title, "source": "lcmchain cosim", "system": self.system.source}
-        groups = self.recorder.groups(about)
-        groups[CONVERGENCE_GROUP] = coupled.history.dataset()
-        write_netcdf(self.folder / NETCDF, groups)
+        self._write_record(state)
         remark = draw_signals(self.folder / SIGNALS, self.recorder, title)
         if remark and remark not in self.assembly.remarks:
             self.assembly.remarks.append(remark)

@@ -70,7 +70,7 @@ def _units(system: System, folder: Path) -> _Units:
         file = system.directory / entry.fmu
         place = unpack(file, folder / str(number))
         description = read_description(place, file)
-        with_declared_units(entry.name, description, entry.quantities)
+        with_declared_units(entry.name, description, entry.quantities, system.measures)
         content = sha256_of(file)
         name = Path(entry.fmu).name
         if content not in names and name in names.values():
@@ -246,8 +246,9 @@ def _kept(system: System) -> dict[str, Any]:
         },
         "units": {
             unit.name: unit.model_dump(
-                exclude_defaults=True, include={"substeps", "quantities", "debug"}
+                exclude_defaults=True, include={"substeps", "quantities", "debug", "process"}
             )
+            | ({} if unit.step_limit is None else {"step_limit": f"{unit.step_limit!r} s"})
             for unit in system.units
         },
         **({} if system.unit_tolerance is None else {"unit_tolerance": system.unit_tolerance}),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +12,12 @@ from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.archive import read_xml, unpack
 from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
-from lcmchain.coupling.cosimulation.physical_units import BASE, UnitError, unit_from_name
+from lcmchain.coupling.cosimulation.physical_units import (
+    BASE,
+    UnitError,
+    is_usual,
+    unit_from_name,
+)
 from lcmchain.coupling.cosimulation.ssp_structure import (
     SSC,
     SSD,
@@ -25,12 +31,15 @@ from lcmchain.coupling.cosimulation.ssp_structure import (
 )
 from lcmchain.coupling.cosimulation.ssp_structure import Path as Place
 from lcmchain.coupling.cosimulation.system_file import System, system_from
+from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import InputError
 
 #: Type of the annotation that keeps what SSP 1.0 has no place for, as JSON.
 ANNOTATION = "lcmchain.cosimulation"
 #: Windows of a system that does not say how long they are.
 WINDOWS = 500
+#: Attributes by which annotations of other tools give the communication step [s].
+STEP_SIZES = ("stepSize", "baseStepSize", "initialStepSize", "communicationStepSize")
 
 
 def read_ssp(path: Path | str, folder: Path, overrides: Sequence[str] = ()) -> System:
@@ -48,39 +57,60 @@ def read_ssp(path: Path | str, folder: Path, overrides: Sequence[str] = ()) -> S
     """
     path = Path(path)
     unpack(path, folder)
+    return _system(path, STRUCTURE_FILE, folder, folder / ".described", overrides)
+
+
+def read_ssd(path: Path | str, scratch: Path, overrides: Sequence[str] = ()) -> System:
+    """Return the system of a description that stands alone, beside what would be in the archive.
+
+    Parameters
+    ----------
+    scratch : an empty folder to look into the units.
+
+    Raises
+    ------
+    InputError : as for :func:`read_ssp`.
+    """
+    path = Path(path)
+    return _system(path, path.name, path.resolve().parent, scratch, overrides)
+
+
+def _system(
+    path: Path, structure: str, folder: Path, scratch: Path, overrides: Sequence[str]
+) -> System:
+    """Return the system of a description ``structure`` in a folder; ``path`` is for messages."""
     try:
-        data, remarks = _tables(folder, path)
+        data, found = _tables(folder, structure, scratch, path)
         system = system_from(data, path, overrides, directory=folder)
     except InputError as error:
         if error.file is not None:
             raise
         place = f"{error.key}: " if error.key else ""
         raise InputError(f"{place}{error.message}", file=path) from None
-    system._remarks.extend(remarks)
+    if not any(re.match(r"\s*window(\.size)?\s*=", text) for text in overrides):
+        found.remarks.append(found.window_remark)
+    system._remarks.extend(text for text in found.remarks if text)
+    system._measures.update(found.measures)
     return system
 
 
-def _tables(folder: Path, path: Path) -> tuple[dict[str, Any], list[str]]:
-    root = _load(folder, STRUCTURE_FILE, path)
+def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[str, Any], Structure]:
+    root = _load(folder, name, path)
     structure = read_structure(root, lambda name: _load(folder, name, path))
     if not structure.sources:
         raise InputError("the system has no components")
     names = _unit_names(structure)
-    by_source = {s: _described(folder, s) for s in dict.fromkeys(structure.sources.values())}
+    by_source = {
+        s: _described(folder, s, scratch) for s in dict.fromkeys(structure.sources.values())
+    }
     descriptions = {place: by_source[source] for place, source in structure.sources.items()}
     kept = _annotation(root)
-    units = _declared_units(root)
     data: dict[str, Any] = {"title": root.get("name") or "Co-simulation"}
     data |= _experiment(root)
     if "window" not in kept:
-        length = _seconds(data.get("stop_time", "1 s")) - _seconds(data.get("start_time", "0 s"))
-        kept["window"] = f"{length / WINDOWS!r} s"
-        structure.remarks.append(
-            f"the archive does not say how long a communication step is; {kept['window']} is "
-            "taken, --set window=... another one"
-        )
+        kept["window"] = _window(root, data, structure)
     links = _links(structure, names, descriptions)
-    starts = _starts(structure, descriptions, units)
+    starts = _starts(structure, descriptions)
     data["connections"] = [
         link if table == {"link": link} else table for link, table in links.items()
     ]
@@ -94,21 +124,65 @@ def _tables(folder: Path, path: Path) -> tuple[dict[str, Any], list[str]]:
             table["quantities"] = quantities
         data["units"].append(table)
     _merge(data, kept)
-    return data, structure.remarks
+    return data, structure
+
+
+def _window(root: Element, data: dict[str, Any], structure: Structure) -> str:
+    """Return the communication step: what an annotation says, or a part of the whole time."""
+    found = _step_sizes(root)
+    told = ", ".join(f"{size:g} s ({where})" for size, where in found)
+    if found:
+        taken = min(size for size, _ in found)
+        if len({size for size, _ in found}) > 1:
+            structure.window_remark = (
+                f"the archive gives more than one communication step: {told}; the smallest is "
+                "taken, --set window=... another one"
+            )
+        return f"{taken!r} s"
+    length = _seconds(data.get("stop_time", "1 s")) - _seconds(data.get("start_time", "0 s"))
+    window = f"{length / WINDOWS!r} s"
+    structure.window_remark = (
+        f"the archive does not say how long a communication step is; {window} is taken, --set "
+        "window=... another one"
+    )
+    return window
+
+
+def _step_sizes(root: Element) -> list[tuple[float, str]]:
+    """Return communication steps [s] in annotations of the whole system, and what says so."""
+    owners = [root, *root.findall(f"{SSD}DefaultExperiment"), *root.findall(f"{SSD}System")]
+    found = []
+    for owner in owners:
+        for annotation in owner.findall(f"{SSD}Annotations/{SSC}Annotation"):
+            for element in annotation.iter():
+                for key in STEP_SIZES:
+                    size = _positive(element.get(key))
+                    if size is not None:
+                        name = element.tag.rpartition("}")[2]
+                        found.append((size, f"{key} of {name}, {annotation.get('type', '')}"))
+    return found
+
+
+def _positive(text: str | None) -> float | None:
+    try:
+        number = float(text or "")
+    except ValueError:
+        return None
+    return number if 0.0 < number < math.inf else None
 
 
 def _load(folder: Path, name: str, path: Path) -> Element:
     file = folder / name
     if not file.is_file():
         raise InputError(f"the archive holds no {name}")
-    return read_xml(file.read_bytes(), f"{path} ({name})")
+    return read_xml(file.read_bytes(), path if path.name == name else f"{path} ({name})")
 
 
-def _described(folder: Path, source: str) -> UnitDescription:
+def _described(folder: Path, source: str, scratch: Path) -> UnitDescription:
     file = folder / source
     if not file.is_file():
         raise InputError(f"the archive holds no {source}")
-    inner = unpack(file, folder / ".described" / source.replace("/", "_"))
+    inner = unpack(file, scratch / source.replace("/", "_"))
     return read_description(inner, Path(source))
 
 
@@ -201,7 +275,6 @@ def _index(node: Node) -> str:
 def _starts(
     structure: Structure,
     descriptions: dict[Place, UnitDescription],
-    units: dict[str, tuple[tuple[float, ...], float, float]],
 ) -> dict[Place, dict[str, Any]]:
     """Return the start values of every component; later ones replace earlier ones."""
     starts: dict[Place, dict[str, Any]] = {place: {} for place in structure.sources}
@@ -225,13 +298,11 @@ def _starts(
         if not known:
             structure.remarks.append(f"the value of {node_text(node)} has no variable to go to")
         for place, name in known:
-            starts[place][name] = _start(given, units, node)
+            starts[place][name] = _start(given, node, descriptions[place].find(name))
     return starts
 
 
-def _start(
-    given: Given, units: dict[str, tuple[tuple[float, ...], float, float]], node: Node
-) -> Any:
+def _start(given: Given, node: Node, variable: Variable) -> Any:
     """Return a value as it stands in the file of a system."""
     try:
         if given.kind == "String":
@@ -247,29 +318,13 @@ def _start(
         ) from None
     if not given.unit:
         return {"value": number}  # in the unit of the variable
-    if given.unit in units:
-        exponents, factor, offset = units[given.unit]
-        base = " ".join(f"{name}^{power:g}" for name, power in zip(BASE, exponents) if power)
-        return f"{factor * number + offset!r} {base.replace(' ', '*')}".strip()
-    return f"{number!r} {given.unit}"
-
-
-def _declared_units(root: Element) -> dict[str, tuple[tuple[float, ...], float, float]]:
-    """Return the units that the description defines and that are not known by their names."""
-    found = {}
-    for unit in root.findall(f"{SSD}Units/{SSC}Unit"):
-        name, base = unit.get("name", ""), unit.find(f"{SSC}BaseUnit")
-        try:
-            unit_from_name(name)
-        except UnitError:
-            if base is not None:
-                exponents = tuple(float(base.get(key, "0")) for key in BASE)
-                found[name] = (
-                    exponents,
-                    float(base.get("factor", 1)),
-                    float(base.get("offset", 0)),
-                )
-    return found
+    own = given.measure
+    if own is None or is_usual(own):
+        return f"{number!r} {given.unit}"
+    # what the name means to the archive alone is told in base units
+    base = "*".join(f"{name}^{power:g}" for name, power in zip(BASE, own.exponents) if power)
+    value = own.factor * number + (0.0 if variable.relative else own.offset)
+    return f"{value!r} {base}".strip()
 
 
 def _quantities(structure: Structure, place: Place, description: UnitDescription) -> dict[str, str]:
@@ -279,7 +334,7 @@ def _quantities(structure: Structure, place: Place, description: UnitDescription
         variable = description.variables.get(name)
         if owner == place and variable is not None and variable.is_real and variable.unit is None:
             try:
-                unit_from_name(unit)
+                unit_from_name(unit, structure.measures)
             except UnitError:
                 structure.remarks.append(
                     f'the unit "{unit}" of {node_text((owner, name))} is not known'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import posixpath
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -9,6 +10,13 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element
 
+from lcmchain.coupling.cosimulation.physical_units import (
+    BASE,
+    PhysicalUnit,
+    UnitError,
+    unit_from_base,
+    unit_from_name,
+)
 from lcmchain.errors import InputError, shortened
 
 COMMON = "http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -41,11 +49,15 @@ class Transformation:
 
 @dataclass(frozen=True)
 class Given:
-    """A value of a parameter set: its type in the standard, its text and its unit."""
+    """A value of a parameter set: its type in the standard, its text and its unit.
+
+    ``measure`` is that unit where the parameter set or the structure defines it.
+    """
 
     kind: str
     text: str
     unit: str | None
+    measure: PhysicalUnit | None = None
 
 
 @dataclass
@@ -53,14 +65,18 @@ class Structure:
     """Components by their paths, what leads where, and the values that are given.
 
     ``sources`` are archives by component; ``edges`` lead from a connector to the one that feeds
-    it. ``values`` come in the order in which later ones replace earlier ones.
+    it. ``values`` come in the order in which later ones replace earlier ones. ``measures`` are the
+    units that the structure defines. ``window_remark`` says what is taken as communication step
+    where the archive leaves that open.
     """
 
     sources: dict[Path, str] = field(default_factory=dict)
     connector_units: dict[Node, str] = field(default_factory=dict)
     edges: dict[Node, tuple[Node, Transformation]] = field(default_factory=dict)
     values: list[tuple[Node, Given]] = field(default_factory=list)
+    measures: dict[str, PhysicalUnit] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    window_remark: str = ""
 
     def links(self) -> Iterator[tuple[Node, Node, Transformation]]:
         """Yield what reaches the connectors of components: from a component, or from a system."""
@@ -115,7 +131,7 @@ def read_structure(root: Element, load: Callable[[str], Element]) -> Structure:
     system = root.find(f"{SSD}System")
     if system is None:
         raise InputError("describes no system")
-    structure = Structure()
+    structure = Structure(measures=_measures(root, SSD))
     _read_system(structure, system, (), load)
     return structure
 
@@ -192,8 +208,9 @@ def _read_bindings(
         inline = binding.find(f"{SSD}ParameterValues/{SSV}ParameterSet")
         values = inline if inline is not None else load(local_name(binding.get("source", "")))
         prefix = binding.get("prefix", "")
+        measures = {**structure.measures, **_measures(values, SSV)}
         given = {
-            prefix + parameter.get("name", ""): _given(parameter)
+            prefix + parameter.get("name", ""): _given(parameter, measures)
             for parameter in values.findall(f"{SSV}Parameters/{SSV}Parameter")
         }
         mapping = binding.find(f"{SSD}ParameterMapping")
@@ -205,12 +222,50 @@ def _read_bindings(
                 structure.values.append((node, value))
 
 
-def _given(parameter: Element) -> Given:
+def _measures(element: Element, space: str) -> dict[str, PhysicalUnit]:
+    """Return the units that a structure or a parameter set defines.
+
+    Raises
+    ------
+    InputError : one whose numbers are none, or whose factor is not positive.
+    """
+    found = {}
+    for unit in element.findall(f"{space}Units/{SSC}Unit"):
+        name, base = unit.get("name", ""), unit.find(f"{SSC}BaseUnit")
+        if base is None:
+            continue
+        try:
+            exponents = tuple(float(base.get(key, "0")) for key in BASE)
+            factor, offset = float(base.get("factor", "1")), float(base.get("offset", "0"))
+            own = unit_from_base(name, exponents, factor, offset)
+        except (UnitError, ValueError) as error:
+            raise InputError(
+                f'the definition of the unit "{shortened(name)}" is wrong: {error}'
+            ) from None
+        found[name] = _as_usual(own)
+    return found
+
+
+def _as_usual(own: PhysicalUnit) -> PhysicalUnit:
+    """Return a unit as its name is usually understood where the definition means the same."""
+    try:
+        usual = unit_from_name(own.name)
+    except UnitError:
+        return own
+    same = usual.exponents == own.exponents and all(
+        math.isclose(a, b, rel_tol=1e-14, abs_tol=1e-300)
+        for a, b in ((usual.factor, own.factor), (usual.offset, own.offset))
+    )
+    return usual if same else own
+
+
+def _given(parameter: Element, measures: dict[str, PhysicalUnit]) -> Given:
     name = parameter.get("name", "")
     for value in parameter:
         kind = value.tag.removeprefix(SSV)
         if kind in ("Real", "Integer", "Boolean", "String", "Enumeration"):
-            return Given(kind, value.get("value", ""), value.get("unit"))
+            unit = value.get("unit")
+            return Given(kind, value.get("value", ""), unit, measures.get(unit or ""))
     raise InputError(f'the value of parameter "{shortened(name)}" is of a type that is not read')
 
 
@@ -230,7 +285,7 @@ def _mapped(
             number = step.factor * float(value.text) + step.offset
             value = replace(value, text=repr(number))
         if not step.convert_units:
-            value = replace(value, unit=None)
+            value = replace(value, unit=None, measure=None)
         found[entry.get("target", "")] = value
     return found
 
@@ -260,7 +315,8 @@ def local_name(source: str) -> str:
     outside = name.startswith(("/", "..")) or "\\" in name or name in (".", "")
     if place.scheme or place.netloc or outside:
         raise InputError(
-            f'"{shortened(source)}" does not lie in the archive; only what it holds is read'
+            f'"{shortened(source)}" does not lie in the archive (of a bare .ssd: in its folder); '
+            "only what it holds is read"
         )
     return name
 

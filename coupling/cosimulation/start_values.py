@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.description import UnitDescription
-from lcmchain.coupling.cosimulation.physical_units import UnitError, unit_from_name, value_of
+from lcmchain.coupling.cosimulation.physical_units import (
+    PhysicalUnit,
+    UnitError,
+    unit_from_name,
+    value_of,
+)
 from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
 from lcmchain.errors import InputError, shortened
 
@@ -35,14 +40,19 @@ def start_values(
         except InputError as error:
             raise InputError(error.message, key=key) from None
         _require_settable(variable, key)
-        found.append((variable, _values(variable, value, key)))
+        found.append((variable, _values(variable, value, description.units, key)))
     return found
 
 
 def with_declared_units(
-    unit: str, description: UnitDescription, quantities: Mapping[str, str]
+    unit: str,
+    description: UnitDescription,
+    quantities: Mapping[str, str],
+    known: Mapping[str, PhysicalUnit],
 ) -> None:
     """Give variables without a unit of their own the one that the file of the system states.
+
+    known : units that the system defines; those that the unit defines go before.
 
     Raises
     ------
@@ -58,7 +68,7 @@ def with_declared_units(
         if variable.unit is not None:
             raise InputError(f"the unit itself gives it in {variable.unit.name}", key=key)
         try:
-            physical = unit_from_name(text)
+            physical = unit_from_name(text, {**known, **description.units})
         except UnitError as error:
             raise InputError(str(error), key=key) from None
         description.variables[name] = replace(variable, unit=physical)
@@ -80,7 +90,11 @@ def _require_settable(variable: Variable, key: str) -> None:
         )
 
 
-def _values(variable: Variable, value: Any, key: str) -> NDArray[Any]:
+#: Units that the description of the unit defines, by name.
+_Known = Mapping[str, PhysicalUnit]
+
+
+def _values(variable: Variable, value: Any, known: _Known, key: str) -> NDArray[Any]:
     listed = isinstance(value, (list, tuple))
     if listed and len(value) != variable.size:
         raise InputError(
@@ -88,13 +102,13 @@ def _values(variable: Variable, value: Any, key: str) -> NDArray[Any]:
             "one for all",
             key=key,
         )
-    entries = [_value(variable, entry, key) for entry in (value if listed else [value])]
+    entries = [_value(variable, entry, known, key) for entry in (value if listed else [value])]
     values = np.empty(variable.size, dtype=variable.dtype)
     values[:] = entries if listed else entries[0]
     return values
 
 
-def _value(variable: Variable, value: Any, key: str) -> Any:
+def _value(variable: Variable, value: Any, known: _Known, key: str) -> Any:
     kind = variable.type_name
     if variable.is_text:
         if not isinstance(value, str):
@@ -105,7 +119,7 @@ def _value(variable: Variable, value: Any, key: str) -> Any:
             raise InputError(f"must be true or false, not {value!r}", key=key)
         return value
     if variable.is_real:
-        return _real(variable, value, key)
+        return _real(variable, value, known, key)
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(f"must be a whole number ({kind}), not {value!r}", key=key)
     limits = np.iinfo(variable.dtype)
@@ -114,7 +128,7 @@ def _value(variable: Variable, value: Any, key: str) -> Any:
     return value
 
 
-def _real(variable: Variable, value: Any, key: str) -> float:
+def _real(variable: Variable, value: Any, known: _Known, key: str) -> float:
     unit = variable.unit
     if isinstance(value, dict) and set(value) == {"value"}:  # in the variable's own unit
         value, unit = value["value"], None
@@ -126,7 +140,7 @@ def _real(variable: Variable, value: Any, key: str) -> float:
                 key=key,
             )
         try:
-            return value_of(value, unit, relative=variable.relative)
+            return value_of(value, unit, relative=variable.relative, known=known)
         except UnitError as error:
             raise InputError(f"{error}; it is in {unit.name}", key=key) from None
     if isinstance(value, bool) or not isinstance(value, (int, float)):

@@ -52,6 +52,7 @@ def _unit(part: Any) -> dict[str, Any]:
         "model_name": description.model_name,
         "fmi_version": description.fmi_version,
         "generation_tool": description.generation_tool,
+        "process": "own" if part.apart else "shared",
         "step_count": spent.step_count,
         "save_count": spent.save_count,
         "rollback_count": spent.rollback_count,

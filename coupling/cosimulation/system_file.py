@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError, model_validator
 
+from lcmchain.coupling.cosimulation.physical_units import PhysicalUnit
 from lcmchain.errors import InputError
 from lcmchain.quantities.entry_types import (
     FROM_FILE,
@@ -67,6 +68,26 @@ class UnitEntry(SceneModel):
         default=1, description="Steps of the unit within a window."
     )
     debug: Switch = Field(default=False, description="Ask the unit for all its messages.")
+    process: Annotated[
+        Literal["own", "shared"] | None, AbsentMeans("shared for units of lcmchain, else own")
+    ] = Field(
+        default=None,
+        description="Own: in a process of its own, whose end or hanging does not take the run "
+        "along. Shared: in that of the command, which costs least.",
+    )
+    step_limit: Annotated[PositiveTime | None, AbsentMeans("1 h; none in a shared process")] = (
+        Field(
+            default=None,
+            description="Wall-clock time that a step of a unit in a process of its own may take; "
+            "other calls have a minute at least.",
+        )
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.step_limit is not None and self.process == "shared":
+            raise wrong('only a unit with process = "own" can be ended', field="step_limit")
+        return self
 
 
 class ConnectionEntry(SceneModel):
@@ -79,6 +100,11 @@ class ConnectionEntry(SceneModel):
     offset: Bound = Field(default=0.0, description="... plus this, after the unit conversion.")
     convert_units: Switch = Field(
         default=True, description="Convert between the units of measurement of both ends."
+    )
+    continuous: Switch = Field(
+        default=False,
+        description="Take a real output that is declared discrete for a continuous one, so that "
+        "it is iterated and extrapolated.",
     )
     relative: Annotated[Relative | None, AbsentMeans("scheme.relative")] = Field(
         default=None, description="Tolerance, as a part of the field."
@@ -230,6 +256,7 @@ class System(SceneModel):
     _directory: Path = PrivateAttr(default_factory=Path.cwd)
     _source: str = PrivateAttr(default="")
     _remarks: list[str] = PrivateAttr(default_factory=list)
+    _measures: dict[str, PhysicalUnit] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -269,9 +296,18 @@ class System(SceneModel):
         """Return what reading it has left open."""
         return tuple(self._remarks)
 
+    @property
+    def measures(self) -> dict[str, PhysicalUnit]:
+        """Return the units of measurement that the archive of the system defines, by name."""
+        return self._measures
+
     def digest(self) -> str:
         """Return a hash of all that decides the numbers of a run."""
-        told = self.model_dump(mode="json", exclude={"title": True, "recorder": True})
+        apart = {"units": {"__all__": {"process", "step_limit"}}}
+        told = self.model_dump(mode="json", exclude={"title": True, "recorder": True, **apart})
+        for connection in told["connections"]:  # as before there was this entry
+            if not connection["continuous"]:
+                del connection["continuous"]
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 

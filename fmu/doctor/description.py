@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.archive import read_xml
+from lcmchain.coupling.cosimulation.left_out import left_out, version_problem
 from lcmchain.errors import InputError
 from lcmchain.fmu.doctor.findings import Finding, Level
 
@@ -28,7 +27,7 @@ class Description:
     kinds : interface types, as the element names of FMI.
     identifier : name of the binary; that of co-simulation where the unit has it.
     abilities : attributes of that interface type, as they are written.
-    repeated : names that several variables have.
+    left_out : what lcmchain cosim does not take of it, in sentences.
     """
 
     fmi_version: str
@@ -38,7 +37,7 @@ class Description:
     identifier: str
     abilities: dict[str, str]
     variable_count: int
-    repeated: tuple[str, ...] = ()
+    left_out: tuple[str, ...]
 
     def can(self, *names: str) -> bool:
         """Return whether one of these abilities is declared."""
@@ -79,13 +78,8 @@ def read_description(folder: Path, unit: Path) -> Description:
         identifier=identifier,
         abilities={} if head is None else dict(head.attrib),
         variable_count=0 if variables is None else len(variables),
-        repeated=() if variables is None else _repeated(variables),
+        left_out=tuple(left_out(root)),
     )
-
-
-def _repeated(variables: Iterable[Element]) -> tuple[str, ...]:
-    counts = Counter(variable.get("name", "") for variable in variables)
-    return tuple(name for name, count in counts.items() if count > 1)
 
 
 def findings_of(description: Description, *, is_python: bool) -> Iterator[Finding]:
@@ -100,19 +94,10 @@ def findings_of(description: Description, *, is_python: bool) -> Iterator[Findin
         f"{description.model_name}: FMI {description.fmi_version}, {kinds}, "
         f"{description.variable_count} variables{by}",
     )  # fmt: skip
-    if description.fmi_version.startswith("1"):
+    problem = version_problem(description.fmi_version)
+    if problem:
         yield Finding(
-            Level.WARNING, "unit", "lcmchain cosim takes units of FMI 2.0 and 3.0",
-            "export it again for one of these",
-        )  # fmt: skip
-    if description.repeated:
-        names = ", ".join(f'"{name}"' for name in description.repeated[:3])
-        more = f" and {len(description.repeated) - 3} others" * (len(description.repeated) > 3)
-        yield Finding(
-            Level.WARNING, "variables",
-            f"several variables have the name {names}{more}: a master that goes by names takes "
-            "one of them",
-            "export it again with a name for each",
+            Level.WARNING, "unit", f"lcmchain cosim refuses it: it {problem}",
         )  # fmt: skip
     if "CoSimulation" not in description.kinds:
         yield Finding(
@@ -139,8 +124,12 @@ def findings_of(description: Description, *, is_python: bool) -> Iterator[Findin
         )  # fmt: skip
     if description.can("canBeInstantiatedOnlyOncePerProcess"):
         yield Finding(
-            Level.NOTE, "abilities", "a process can hold only one instance of it",
+            Level.NOTE, "abilities",
+            "a process can hold only one instance of it: lcmchain cosim gives each a process of "
+            "its own",
         )  # fmt: skip
+    for text in description.left_out:
+        yield Finding(Level.WARNING, "variables", text)
     if description.can("needsExecutionTool") and not is_python:
         yield Finding(
             Level.WARNING, "tool",

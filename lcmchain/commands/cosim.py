@@ -15,13 +15,13 @@ from lcmchain.commands.options import Overrides, Strict
 from lcmchain.commands.terminal import console, progress_bar, require_none, say, warn
 from lcmchain.errors import InputError
 
-SSP_SUFFIX = ".ssp"
+SSP_SUFFIX, SSD_SUFFIX = ".ssp", ".ssd"
 
 
 def cosim(
     system: Annotated[
         Path,
-        typer.Argument(metavar="SYSTEM", help="File of the system (TOML), or an SSP archive."),
+        typer.Argument(metavar="SYSTEM", help="File of the system (TOML), SSP archive, or .ssd."),
     ],
     out: Annotated[
         Path | None,
@@ -43,7 +43,9 @@ def cosim(
     ] = False,
 ) -> None:
     """Simulate functional mock-up units together, by any coupling scheme."""
-    with _read(system, overrides or ()) as the_system:
+    from lcmchain.coupling.cosimulation.stopping import sigterm_as_ctrl_c
+
+    with sigterm_as_ctrl_c(), _read(system, overrides or ()) as the_system:
         if export is not None:
             _export(the_system, system, export)
             return
@@ -65,20 +67,33 @@ def cosim(
 
 @contextmanager
 def _read(path: Path, overrides: Any) -> Iterator[Any]:
-    """Read a system; an SSP archive stays unpacked within the block."""
+    """Read a system, told by its content; an SSP archive stays unpacked within the block."""
     if path.is_dir():
         raise InputError("is a folder; name the file of the system in it", file=path)
     if not path.is_file():
         raise InputError("there is no such file", file=path)
-    if path.suffix.lower() != SSP_SUFFIX:
+    kind = _kind(path)
+    if kind not in (SSP_SUFFIX, SSD_SUFFIX):
         from lcmchain.coupling.cosimulation.system_file import read_system
 
         yield read_system(path, overrides)
         return
-    from lcmchain.coupling.cosimulation.ssp_import import read_ssp
+    from lcmchain.coupling.cosimulation.ssp_import import read_ssd, read_ssp
 
     with tempfile.TemporaryDirectory(prefix="lcmchain-ssp-") as folder:
-        yield read_ssp(path, Path(folder), overrides)
+        read = read_ssd if kind == SSD_SUFFIX else read_ssp
+        yield read(path, Path(folder), overrides)
+
+
+def _kind(path: Path) -> str:
+    """Return the ending that the content of a file calls for, its own where that says nothing."""
+    with path.open("rb") as file:
+        head = file.read(100)
+    if head.startswith(b"PK\x03\x04"):
+        return SSP_SUFFIX
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"<?xml", b"<ssd:")):
+        return SSD_SUFFIX
+    return path.suffix.lower()
 
 
 def _export(the_system: Any, source: Path, target: Path) -> None:

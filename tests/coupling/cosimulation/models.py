@@ -154,4 +154,31 @@ ONE_WAY = Model(
     advance=FOLLOWER.advance,
     options={"canGetAndSetFMUstate": "false", "canHandleVariableCommunicationStepSize": "false"},
 )
-ALL = (MASS, TAIL, FOLLOWER, GAIN, FIELD, KETTLE, SENSOR, COUNTER, BALL)
+#: Ends its process, crashes or hangs in the step that goes beyond a time; or at once, when read.
+TROUBLE = Model(
+    "Trouble",
+    [
+        Var("push", "input", start=0.0),
+        Var("how", "parameter", start=0.0),
+        Var("when", "parameter", start=1e9, unit="s"),
+        Var("y"),
+    ],
+    extra="""
+        #include <unistd.h>
+        #include <signal.h>
+        static void fail(double kind) {
+            printf("what a unit prints\\n");
+            fflush(stdout);
+            switch ((int)kind) {
+            case 1: exit(3);
+            case 2: exit(0);
+            case 3: signal(SIGABRT, SIG_DFL); abort();
+            case 4: signal(SIGSEGV, SIG_DFL); *(volatile int *)0 = 1;
+            case 5: for (;;) pause();
+            case 6: if (fork() == 0) for (;;) pause(); _exit(4);
+            }
+        }""",
+    answer="if (how >= 10) fail(how - 10);",
+    advance="if (t + h > when) fail(how); y = t + h + push; return 0;",
+)
+ALL = (MASS, TAIL, FOLLOWER, GAIN, FIELD, KETTLE, SENSOR, COUNTER, BALL, TROUBLE)

@@ -8,6 +8,7 @@ from models import N
 
 from lcmchain.coupling.cosimulation.archive import unpack
 from lcmchain.coupling.cosimulation.description import read_description
+from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
 from lcmchain.errors import InputError
 
 
@@ -104,3 +105,62 @@ def test_an_archive_without_description_is_no_unit(tmp_path):
         archive.writestr("a", "b")
     with pytest.raises(InputError, match="no functional mock-up unit"):
         described(file, tmp_path)
+
+
+TORQUE = 'kg="1" m="2" s="-2"'
+DEFINED = f"""<UnitDefinitions>
+<Unit name="Nm"><BaseUnit {TORQUE}/><DisplayUnit name="inlb" factor="8"/></Unit>
+<Unit name="Ohm"><BaseUnit kg="1" m="2" s="-3" A="-2"/></Unit>
+<Unit name="gee"><BaseUnit m="1" s="-2" factor="10"/><DisplayUnit name="per" inverse="true"/></Unit>
+</UnitDefinitions>"""
+
+
+def test_start_values_follow_the_units_that_the_unit_defines(tmp_path):
+    rows = "".join(
+        scalar(name, number, "Real", "input", extra)
+        for number, (name, extra) in enumerate(
+            (("torque", 'unit="Nm" start="0"'), ("R", 'unit="Ohm" start="0"'),
+             ("pull", 'unit="gee" start="0"'), ("bare", 'start="0"'))
+        )
+    )  # fmt: skip
+    text = model_description(rows).replace("<ModelVariables>", DEFINED + "<ModelVariables>")
+    description = read_text(text, tmp_path)
+    given = {"torque": "5 Nm", "R": "2 Ohm", "pull": "3 gee"}
+    found = {v.name: values[0] for v, values in start_values("m", description, given)}
+    assert found == {"torque": 5.0, "R": 2.0, "pull": 3.0}
+    given = {"torque": "16 inlb", "R": "2 kOhm", "pull": "3 m/s2"}
+    found = {v.name: values[0] for v, values in start_values("m", description, given)}
+    assert found == {"torque": 2.0, "R": 2000.0, "pull": pytest.approx(0.3)}
+    with pytest.raises(InputError, match='unknown unit "per"'):
+        start_values("m", description, {"pull": "3 per"})
+    with pytest.raises(InputError, match='for example "2.0 Ohm"'):
+        start_values("m", description, {"R": 2.0})
+    with_declared_units("m", description, {"bare": "gee"}, {})
+    ((_, values),) = start_values("m", description, {"bare": "20 m/s2"})
+    assert values[0] == 2.0
+
+
+def test_a_name_that_stands_twice_is_told_and_not_found(tmp_path):
+    twice = read_text(model_description(scalar("x", 0) + scalar("x", 1)), tmp_path)
+    assert any("are not unique (x)" in remark for remark in twice.remarks)
+    assert sum("not unique" in remark for remark in twice.remarks) == 1
+    with pytest.raises(InputError, match='more than one variable "x"'):
+        twice.find("x")
+
+
+def test_clocks_and_binary_variables_are_told(tmp_path):
+    clocks = (
+        '<Clock name="tick" valueReference="1" causality="input" intervalVariability="triggered"/>'
+        '<Float64 name="x" valueReference="2" causality="output" clocks="1"/>'
+        '<Binary name="blob" valueReference="3" causality="output"/>'
+    )
+    text = model_description(clocks, fmiVersion="3.0").replace("guid", "instantiationToken")
+    remarks = read_text(text, tmp_path).remarks
+    assert any("its clocks (tick) do not tick" in r and "still (x)" in r for r in remarks)
+    assert any("binary variables (blob) are left out" in r for r in remarks)
+
+
+@pytest.mark.parametrize("version", ["3.0-beta.2", "2.0-RC1", "3.0-alpha"])
+def test_drafts_of_the_standard_are_refused(version, tmp_path):
+    with pytest.raises(InputError, match=f'is of FMI "{version}", a draft'):
+        read_text(model_description("", fmiVersion=version), tmp_path)

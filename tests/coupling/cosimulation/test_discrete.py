@@ -1,8 +1,12 @@
 """Switches, whole numbers and texts: when they arrive, and that they are not iterated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
+from models import FOLLOWER
+from unit_builder import build
 
 from lcmchain.coupling.cosimulation.run import run_system
 from lcmchain.coupling.cosimulation.system_file import system_from
@@ -107,3 +111,53 @@ def test_start_values_of_a_wrong_type_are_refused(assembled, start, reason):
     with pytest.raises(InputError, match=reason) as caught:
         assembled(data)
     assert f"units.one.start.{next(iter(start))}" in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def jumpers(units):
+    """The folder of the units with Jumper_2.fmu: a follower whose reals are declared discrete."""
+    variables = [
+        replace(v, variability="discrete") if v.causality != "parameter" else v
+        for v in FOLLOWER.variables
+    ]
+    build(replace(FOLLOWER, name="Jumper", variables=variables), 2, units)
+    return units
+
+
+def jumping(scheme, **connection):
+    return {
+        "stop_time": "1 s", "window": "100 ms", "scheme": {"type": scheme},
+        "units": [
+            {"name": "a", "fmu": "Jumper_2.fmu", "start": {"gain": -2.0, "shift": 1.0}},
+            {"name": "b", "fmu": "Jumper_2.fmu"},
+        ],
+        "connections": [{"link": "a.y -> b.x_in", **connection},
+                        {"link": "b.y -> a.x_in", **connection}],
+    }  # fmt: skip
+
+
+def test_a_loop_of_discrete_reals_is_named_with_what_to_do(jumpers, assembled):
+    with pytest.raises(InputError) as caught:
+        assembled(jumping("iqn-ils"))
+    message = str(caught.value)
+    for part in ("declare discrete", "continuous = true", "a.y -> b.x_in, b.y -> a.x_in"):
+        assert part in message, message
+    assert assembled(jumping("gauss-seidel")).remarks == []
+    with pytest.raises(InputError, match="whole numbers, switches or texts"):
+        assembled(system("iqn-ils"))
+    # beside a loop that is iterated it is a warning
+    beside = jumping("iqn-ils")
+    beside["units"] += [{"name": n, "fmu": "Follower_2.fmu", "start": {"gain": 0.5}} for n in "cd"]
+    beside["connections"] += ["c.y -> d.x_in", "d.y -> c.x_in"]
+    (remark,) = assembled(beside).remarks
+    assert "continuous = true" in remark and "c.y" not in remark
+
+
+def test_discrete_reals_are_iterated_where_the_file_says_so(jumpers, assembled):
+    """The fixed point of y = 1 - 2 y, which handing over diverges from."""
+    assembly = assembled(jumping("iqn-ils", continuous=True))
+    assembly.coupled.advance_to(1.0)
+    assert assembly.coupled.get_fields(["a.y"])["a.y"][0] == pytest.approx(1.0 / 3.0, rel=1e-6)
+    data = system("jacobi", connections=[{"link": "one.count -> two.count_in", "continuous": True}])
+    with pytest.raises(InputError, match="continuous is for reals; count is Integer"):
+        assembled(data)

@@ -194,7 +194,7 @@ def test_a_unit_that_refuses_its_token_cannot_be_instantiated(units, tmp_path):
         run(units, tmp_path, data)
 
 
-def test_units_that_a_process_can_hold_once_are_refused_twice(units, tmp_path):
+def test_units_that_a_process_can_hold_once_need_a_process_each(units, tmp_path):
     from dataclasses import replace
 
     import models
@@ -206,7 +206,9 @@ def test_units_that_a_process_can_hold_once_are_refused_twice(units, tmp_path):
     build(model, 2, tmp_path)
     data = loop(0.5)
     for unit in data["units"]:
-        unit |= {"fmu": "Once_2.fmu", "start": {}}
-    with pytest.raises(InputError, match="a process can hold one only"):
+        unit |= {"fmu": "Once_2.fmu", "start": {}, "process": "shared"}
+    with pytest.raises(InputError, match='a process can hold one only.*process = "own"'):
         run(tmp_path, tmp_path / "x", data)
+    data["units"][1]["process"] = "own"
+    assert run(tmp_path, tmp_path / "y", data)["state"] == "complete"
     shutil.rmtree(tmp_path / "Once_2")

@@ -9,6 +9,7 @@ from lcmchain.coupling.cosimulation.physical_units import (
     Conversion,
     UnitError,
     conversion,
+    display_unit,
     unit_from_base,
     unit_from_name,
     value_of,
@@ -20,6 +21,8 @@ PAIRS = [
     ("rad", "deg", 180.0 / np.pi, 0.0), ("rev/min", "rad/s", np.pi / 30.0, 0.0),
     ("kg.m-3", "g/cm3", 1e-3, 0.0), ("MPa", "N/mm2", 1.0, 0.0), ("bar", "Pa", 1e5, 0.0),
     ("%", "1", 0.01, 0.0), ("degF", "degC", 5.0 / 9.0, -160.0 / 9.0), ("s-1", "Hz", 1.0, 0.0),
+    ("Nm", "N.m", 1.0, 0.0), ("kNm/rad", "J", 1000.0, 0.0), ("Nmm", "Nm", 1e-3, 0.0),
+    ("kOhm", "V/A", 1000.0, 0.0),
 ]  # fmt: skip
 
 
@@ -71,3 +74,21 @@ def test_values_are_read_with_their_units():
     for text, reason in (("5", "has no unit"), ("five N", "not a number"), ("5 m", "converted")):
         with pytest.raises(UnitError, match=reason):
             value_of(text, unit_from_name("N"))
+
+
+def test_units_that_an_archive_defines_go_before_their_usual_meaning():
+    meter = unit_from_name("m")
+    own = {"in": unit_from_base("in", meter.exponents, 2.0, 0.0)}
+    assert value_of("3 in", meter, known=own) == 6.0
+    assert value_of("3 in", meter) == pytest.approx(0.0762)
+    assert value_of("3 ft", meter, known=own) == pytest.approx(0.9144)
+
+
+def test_a_shown_unit_counts_from_the_one_that_it_shows():
+    """degF = 9/5 K - 459.67, and of degC 9/5 degC + 32."""
+    kelvin, celsius = unit_from_name("K"), unit_from_name("degC")
+    for of, offset in ((kelvin, -459.67), (celsius, 32.0)):
+        shown = display_unit("degF", of, 1.8, offset)
+        assert conversion(shown, kelvin)(np.array([212.0]))[0] == pytest.approx(373.15, rel=1e-14)
+    with pytest.raises(UnitError, match="factor"):
+        display_unit("odd", kelvin, 0.0, 0.0)

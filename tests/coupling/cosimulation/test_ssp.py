@@ -1,11 +1,14 @@
 """SSP 1.0: systems of other tools are read, own ones written so that schema and reader agree."""
 
+import re
+import shutil
 import zipfile
 
 import numpy as np
 import pytest
 from fmpy.ssp.ssd import read_ssd
 
+from lcmchain.commands.cosim import _read
 from lcmchain.coupling.cosimulation.run import run_system
 from lcmchain.coupling.cosimulation.ssp_export import write_ssp
 from lcmchain.coupling.cosimulation.ssp_import import read_ssp
@@ -224,3 +227,94 @@ def test_a_system_that_is_written_and_read_gives_the_same_bits(units, tmp_path):
     assert ours["iteration_count"] == theirs["iteration_count"]
     for name in ("one.position", "left.sum"):
         assert np.isfinite(ours["final_values"][name]) and ours["final_values"][name] != 0.0
+
+
+def unit_text(name, **base):
+    numbers = " ".join(f'{key}="{value}"' for key, value in base.items())
+    return f'<ssc:Unit name="{name}"><ssc:BaseUnit {numbers}/></ssc:Unit>'
+
+
+OWN_UNITS = f"""<ssv:ParameterSet {SPACES} version="1.0" name="s"><ssv:Parameters>
+<ssv:Parameter name="a.mass"><ssv:Real value="2" unit="slug"/></ssv:Parameter>
+<ssv:Parameter name="a.stiffness"><ssv:Real value="2" unit="stiff"/></ssv:Parameter>
+<ssv:Parameter name="a.position0"><ssv:Real value="3" unit="m"/></ssv:Parameter>
+</ssv:Parameters><ssv:Units>{unit_text("stiff", kg=1, s=-2, factor=5)}
+{unit_text("slug", kg=1, factor=10)}{unit_text("m", m=1)}</ssv:Units></ssv:ParameterSet>"""
+
+
+def test_values_follow_the_units_of_their_parameter_set_and_of_the_structure(units, tmp_path):
+    """A unit of an own name, and one that usually means something else (slug: 14.6 kg)."""
+    binding = '<ssd:ParameterBinding source="set.ssv"/>'
+    text = structure(
+        '<ssd:System name="root"><ssd:ParameterBindings>' + binding + "</ssd:ParameterBindings>"
+        "<ssd:Elements>" + component("a", "Mass_2", real("force", "input", "N"))
+        + component("b", "Follower_2", real("y", "output", "stiff"),
+                    values(("shift", "Real", "4", "stiff")))
+        + "</ssd:Elements></ssd:System>",
+        f"<ssd:Units>{unit_text('stiff', kg=1, factor=7)}</ssd:Units>",
+    )  # fmt: skip
+    path = pack(units, tmp_path / "u.ssp", text, "Mass_2", "Follower_2", set__ssv=OWN_UNITS)
+    system = read_ssp(path, tmp_path / "in")
+    starts = {unit.name: unit.start for unit in system.units}
+    assert starts["a"] == {"mass": "20.0 kg^1", "stiffness": "10.0 kg^1*s^-2", "position0": "3.0 m"}
+    assert starts["b"] == {"shift": "28.0 kg^1"}
+    assert system.units[1].quantities == {"y": "stiff"}
+    from lcmchain.coupling.cosimulation.assembly import assemble
+
+    system.units[1].start.clear()  # the follower's shift has no unit
+    with assemble(system, tmp_path / "x", lambda text: None) as assembly:
+        parts = assembly.parts
+        assert parts["a"].get_fields(["mass", "stiffness"]) == {"mass": 20.0, "stiffness": 10.0}
+        assert parts["b"].description.find("y").unit.factor == 7.0
+
+
+def annotated(*rows):
+    text = "".join(f'<ssc:Annotation type="{tool}"><{row}/></ssc:Annotation>' for tool, row in rows)
+    return single().replace(
+        "</ssd:System>", f"<ssd:Annotations>{text}</ssd:Annotations></ssd:System>"
+    )
+
+
+@pytest.mark.parametrize(
+    "rows, overrides, size, words",
+    [
+        ([("org.tool", 'FixedStepMaster stepSize="0.005"')], [], 0.005, None),
+        ([("com.osp", 'FixedStepAlgorithm baseStepSize="0.02"')], [], 0.02, None),
+        ([("a", 'M stepSize="0.02"'), ("b", 'N baseStepSize="0.01"')], [], 0.01,
+         r"0\.02 s \(stepSize of M, a\), 0\.01 s \(baseStepSize of N, b\); the smallest"),
+        ([("a", 'M stepSize="often"')], [], 0.004, "does not say how long .* 0.004 s is taken"),
+        ([("a", 'M other="1"')], ["window=50 ms"], 0.05, None),
+    ],
+)  # fmt: skip
+def test_the_step_size_of_an_annotation_is_taken(units, tmp_path, rows, overrides, size, words):
+    path = pack(units, tmp_path / "s.ssp", annotated(*rows), "Mass_2", "Tail_3")
+    system = read_ssp(path, tmp_path / "in", overrides)
+    assert system.window.size == size
+    remarks = [text for text in system.remarks if "communication step" in text]
+    assert len(remarks) == (words is not None)
+    if words is not None:
+        assert re.search(words, remarks[0])
+
+
+def test_a_description_that_stands_alone_is_read_beside_its_units(units, tmp_path):
+    text = annotated(("a", 'M stepSize="0.5"'))
+    (tmp_path / "resources").mkdir()
+    for name in ("Mass_2", "Tail_3"):
+        shutil.copy(units / f"{name}.fmu", tmp_path / "resources")
+    for name in ("bare.ssd", "other.xml"):  # told by its content
+        (tmp_path / name).write_text(text)
+        with _read(tmp_path / name, ()) as system:
+            assert [unit.fmu for unit in system.units] == [
+                "resources/Mass_2.fmu", "resources/Tail_3.fmu",
+            ]  # fmt: skip
+            assert run_system(system, tmp_path / "out")["state"] == "complete"
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "bare.ssd", "other.xml", "out", "resources",
+    ]  # fmt: skip
+    packed = pack(units, tmp_path / "archive.zip", text, "Mass_2", "Tail_3")
+    with _read(packed, ()) as system:
+        assert system.window.size == 0.5
+    (tmp_path / "bare.ssd").write_text(text.replace("resources/Mass_2", "none"))
+    with pytest.raises(InputError, match=r"bare\.ssd: the archive holds no none\.fmu"):
+        with _read(tmp_path / "bare.ssd", ()):
+            pass
