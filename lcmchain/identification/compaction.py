@@ -256,9 +256,7 @@ def _plain(name: str, unit: str, fit: Fit, index: int) -> Parameter:
     return Parameter(name, value, unit, value - half, value + half)
 
 
-def _panels(
-    data, below, fit: Fit, experimental: Fit, thickness, solid_height, lack: LackOfFit
-):
+def _panels(data, below, fit: Fit, experimental: Fit, thickness, solid_height, lack: LackOfFit):
     ln_c0, ln_c1, c2 = fit.parameters
     law = (math.exp(ln_c0), math.exp(ln_c1), c2)
     A, B = np.exp(experimental.parameters)
