@@ -535,9 +535,7 @@ def test_restitution_of_a_damped_impact(damping):
     np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2.0, rtol=0.1)
 
 
-@pytest.mark.parametrize(
-    ("share", "least", "largest"), [(0.9, -1.0, 0.0), (0.75, -1.3, 0.3), (0.6, -0.7, 0.1), (0.3, -0.05, 0.02)]
-)
+@pytest.mark.parametrize(("share", "least", "largest"), [(0.6, -0.7, 0.1), (0.3, -0.05, 0.02)])
 def test_what_a_flat_impact_changes_depends_on_the_step(share, least, largest):
     """Kinetic energy lost or gained [%], over all phases of the step at the touch, undamped."""
     speed, dt = 0.05, 0.5 * simulation(bed()).critical_step()
@@ -553,5 +551,4 @@ def test_what_a_flat_impact_changes_depends_on_the_step(share, least, largest):
         run(sim, math.ceil(4.5 / share), dt=dt)
         assert sim.state.tool_force[0, 2] == 0.0, "still in contact"
         changes.append(100.0 * ((sim.state.velocity[2].mean() / speed) ** 2 - 1.0))
-    print(share, np.round(changes, 4))
     assert least < min(changes) and max(changes) < largest
