@@ -51,7 +51,7 @@ class StripStiffness:
 
 
 def stiffness_along_strip(
-    x: np.ndarray, y: np.ndarray, stiffness: float, curve: np.ndarray
+    x: np.ndarray, y: np.ndarray, stiffness: float, curve: tuple[np.ndarray, np.ndarray]
 ) -> StripStiffness:
     """Return the bending stiffness along a strip, and whether it is one.
 
@@ -63,7 +63,7 @@ def stiffness_along_strip(
     ----------
     x, y : reach and drop from the clamp [m], the last point the tip, shape [point_count].
     stiffness : of the fitted elastica [N m].
-    curve : x and y of the fitted elastica [m], shape [2, any].
+    curve : x and y of the fitted elastica [m], each of shape [any].
     """
     count = int(np.clip(len(x) // _POINTS_PER_PIECE, 2, _MOST_PIECES))
     measured = _PiecewiseCurvature(x, y, count)

@@ -135,7 +135,7 @@ def _between(deviation: np.ndarray, specimen: np.ndarray) -> float:
     return float(np.std(means, ddof=1) / math.sqrt(len(numbers)))
 
 
-def falling_row(load: np.ndarray, specimen: np.ndarray) -> int | None:
+def falling_row(load: np.ndarray, specimen: np.ndarray, *, for_good: bool = False) -> int | None:
     """Return the first row where the load of a specimen falls below its peak, None without one.
 
     A test that loads the specimen cannot lower the load of a law that rises: the specimen tore,
@@ -145,6 +145,8 @@ def falling_row(load: np.ndarray, specimen: np.ndarray) -> int | None:
     ----------
     load : force or pressure in the order of loading, shape [row_count].
     specimen : number of the specimen of each row, shape [row_count].
+    for_good : count only a fall of two rows or more from which the load never comes back to its
+        peak, for a load that was computed and scatters more in one place than in another.
     """
     first = []
     for number in np.unique(specimen):
@@ -163,6 +165,10 @@ def falling_row(load: np.ndarray, specimen: np.ndarray) -> int | None:
         fallen = peak - values > max(_FALL, _FALL_IN_NOISE * noise) * peak
         # What is small against the whole test is the start of it, not its end.
         fallen &= peak > _FALL * np.max(middle)
+        if for_good:
+            later = np.maximum.accumulate(middle[::-1])[::-1]
+            fallen &= later < peak
+            fallen &= np.count_nonzero(fallen) >= 2
         if fallen.any():
             first.append(rows[int(np.argmax(fallen))])
     return int(min(first)) if first else None

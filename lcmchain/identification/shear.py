@@ -233,7 +233,7 @@ def _failures(data: CouponData, specimen: BiasExtension, angle) -> tuple[list[st
         )
         limit = float(np.nextafter(angle[fallen], 0.0))
     stress = stress_from_force(specimen, angle, force, data.specimen)
-    slipped = falling_row(stress, data.specimen)
+    slipped = falling_row(stress, data.specimen, for_good=True)
     if slipped is not None and angle[slipped] < limit:
         one = np.flatnonzero(data.specimen[:slipped] == data.specimen[slipped])
         limit = _knee(angle[one], stress[one])

@@ -85,6 +85,15 @@ def test_a_load_that_falls_is_found_at_its_row(load, row):
     assert falling_row(load, np.zeros(len(load), dtype=int)) == row
 
 
+def test_a_fall_for_good_is_one_that_lasts():
+    one, rising = np.zeros(40, dtype=int), np.arange(1.0, 41.0)
+    dip = np.where(np.abs(rising - 20.0) < 2.0, 5.0, rising)
+    assert falling_row(dip, one) is not None
+    assert falling_row(dip, one, for_good=True) is None
+    assert falling_row(np.where(rising < 40.0, rising, 5.0), one, for_good=True) is None
+    assert falling_row(np.where(rising < 30.0, rising, 20.0), one, for_good=True) == 29
+
+
 def test_scatter_is_no_fall_and_specimens_are_looked_at_one_by_one():
     rising, one = np.linspace(1.0, 3.0, 60), np.zeros(60, dtype=int)
     for seed in range(200):
