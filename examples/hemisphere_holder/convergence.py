@@ -54,7 +54,7 @@ MEASURES = {
     "peak of a step [N]": "{:.2f}",
     "work [mJ]": "{:.1f}",
     "draw-in [mm]": "{:.2f}",
-    "mean shear [°]": "{:.2f}",
+    "mean shear by present area [°]": "{:.2f}",
     **{f"{name} [°]": "{:.1f}" for name in LOCAL_AREAS},
     "least thickness [mm]": "{:.4f}",
     "largest v_f": "{:.3f}",
@@ -119,7 +119,10 @@ def measures(result) -> dict[str, float]:
         "peak of a step [N]": summary.get("punch_force_peak_N", np.nan),
         "work [mJ]": 1e3 * energy["external"],
         "draw-in [mm]": 1e3 * draw_in(sheet),
-        "mean shear [°]": np.degrees(np.average(np.abs(last["shear_angle"]), weights=area)),
+        # By present area, in which sheared elements count less; by material it is larger.
+        "mean shear by present area [°]": np.degrees(
+            np.average(np.abs(last["shear_angle"]), weights=area)
+        ),
         **{f"{name} [°]": abs(np.degrees(shear[a])) for name, a in LOCAL_AREAS.items()},
         "least thickness [mm]": 1e3 * last["thickness"].min() if "thickness" in last else np.nan,
         "largest v_f": last.get("fibre_volume_fraction", np.array([np.nan])).max(),

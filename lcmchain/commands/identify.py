@@ -25,6 +25,13 @@ NoiseFloor = Annotated[
     float, typer.Option(help="Smallest noise, relative to the largest measured value.")
 ]
 
+Accept = Annotated[
+    bool,
+    typer.Option(
+        "--accept", help="Take the fit as it is where the law does not describe the data."
+    ),
+]
+
 
 def _size(option: str, default: str) -> Any:
     return typer.Option(option, metavar="SIZE", help=f"With unit; default {default}.")
@@ -48,6 +55,7 @@ def identify_shear(
         str, typer.Option(help="Shear strain of the law: engineering or tensor.")
     ] = "engineering",
     noise_floor: NoiseFloor = 0.01,
+    accept: Accept = False,
 ) -> None:
     """Shear polynomial from bias-extension tests: displacement, force."""
     from lcmchain.identification.from_file import identify_shear_file
@@ -55,7 +63,8 @@ def identify_shear(
     sizes = {"length": length, "width": width, "thickness": thickness}
     _report_identification(
         data, out, lambda: identify_shear_file(
-            data, sizes, method=method, convention=convention, noise_floor=noise_floor
+            data, sizes, method=method, convention=convention, noise_floor=noise_floor,
+            accept=accept,
         ),
     )  # fmt: skip
 
@@ -68,14 +77,17 @@ def identify_compaction(
     areal_mass: ArealMass = None,
     fibre_density: Annotated[str | None, _size("--fibre-density", "1810 kg/m^3 (MD600)")] = None,
     noise_floor: NoiseFloor = 0.001,
+    accept: Accept = False,
 ) -> None:
     """Compaction law from plate-to-plate tests: thickness, pressure."""
     from lcmchain.identification.from_file import identify_compaction_file
 
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "fibre_density": fibre_density}
     _report_identification(
-        data, out, lambda: identify_compaction_file(data, sizes, noise_floor=noise_floor)
-    )
+        data, out, lambda: identify_compaction_file(
+            data, sizes, noise_floor=noise_floor, accept=accept
+        ),
+    )  # fmt: skip
 
 
 @identify_app.command("bending")
@@ -88,12 +100,15 @@ def identify_bending(
     off_axis: Annotated[
         str, typer.Option(help="Strips off the fibres: free-strip (narrow) or cylindrical (wide).")
     ] = "free-strip",
+    accept: Accept = False,
 ) -> None:
     """Bending stiffness from cantilever tests: orientation, overhang (or length, angle; x, y)."""
     from lcmchain.identification.from_file import identify_bending_file
 
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "angle": angle}
-    _report_identification(data, out, lambda: identify_bending_file(data, sizes, off_axis=off_axis))
+    _report_identification(
+        data, out, lambda: identify_bending_file(data, sizes, off_axis=off_axis, accept=accept)
+    )
 
 
 def _report_identification(data: Path, out: Path | None, identify) -> None:

@@ -4,6 +4,7 @@ Adds: a stiffness D of each family of fibres against their curvature κ within t
 curvature), W = ½ D κ² per area. A continuum of fibres that only shears has none: fibres may kink
 from one element to the next, and where the shear law softens, shear gathers in bands as narrow as
 the mesh lets them be. With D they have a width of about sqrt(D / (C12 t)), whatever the mesh.
+D is a regularisation: no test gives its size.
 With x the mid-surface nodes before, at and after a node along a fibre, l₋ and l₊ their distances in
 the reference and h their mean, w = ((x₊ - x)/l₊ - (x - x₋)/l₋) / h and κ = w·p/|p|, where p is the
 part of the other fibre's tangent t₂ (difference over its own two neighbours) that is normal to this

@@ -17,6 +17,7 @@ from lcmchain.coupons.analytic import (
 from lcmchain.errors import InputError
 from lcmchain.identification.cantilever_tests import Cantilever, cantilever_tests
 from lcmchain.identification.data import CouponData
+from lcmchain.identification.lack_of_fit import TOLERANCE, LackOfFit, lack_of_fit
 from lcmchain.identification.regression import (
     Fit,
     coefficient_of_determination,
@@ -30,6 +31,7 @@ from lcmchain.identification.result import (
     Panel,
     Parameter,
     Points,
+    accepted,
     general_warnings,
     mega_pascal,
 )
@@ -52,6 +54,7 @@ def identify_bending(
     angle: float = CANTILEVER_ANGLE,
     off_axis: str = "free-strip",
     inputs: tuple = (),
+    accept: bool = False,
 ) -> Identification:
     """Identify C11, C22 and, from strips cut off the fibres, C12 of C^B.
 
@@ -70,11 +73,14 @@ def identify_bending(
     angle : chord angle that an overhang belongs to [rad].
     off_axis : assumption about strips cut off the fibre directions.
     inputs : rows of the table of inputs.
+    accept : take the fit as it is where one stiffness does not describe the strips; the intervals
+        are then those of the stiffness that they show.
 
     Raises
     ------
     InputError : no strip along fibre 1 or 2, a curve that is none, or off-axis strips that are too
         soft for any positive C12.
+    FitRefusedError : one stiffness does not describe the strips, and ``accept`` is not given.
     """
     tests = cantilever_tests(data, areal_weight, angle)
     strips = _strips(tests, data.file)
@@ -91,11 +97,18 @@ def identify_bending(
         return overhang_at_angle(strip * per_stiffness, areal_weight, tests.angle)
 
     fit = fit_nonlinear(model, np.log(list(start.values())), tests.overhang, 0.0)
+    lacks = _lacks_of_fit(tests, strips, fit)
+    blocks = next((lack.blocks for lack in lacks.values() if lack.is_systematic), None)
+    fit = replace(fit, blocks=blocks)
     half, interval_method = _half_widths(fit, tests)
+    shown = _shown_stiffness(tests, strips, per_stiffness, fit, off_axis)
     parameters = tuple(
-        Parameter(name, exponential(value), "Pa", exponential(value - h), exponential(value + h))
+        Parameter(
+            name, exponential(value), "Pa", _fmin(exponential(value - h), shown[name][0]),
+            _fmax(exponential(value + h), shown[name][1]),
+        )
         for name, value, h in zip(start, fit.parameters, half)
-    )
+    )  # fmt: skip
     derived = tuple(
         Parameter(f"D({degrees} deg)", per_stiffness * p.value, "N*m",
                   per_stiffness * p.low, per_stiffness * p.high)
@@ -107,7 +120,10 @@ def identify_bending(
             "repeat each orientation"
         )
     warnings += general_warnings(parameters, fit.residuals, np.arange(len(fit.residuals)))
-    return Identification(
+    objections, holds = _objections(tests, lacks)
+    if not all(along.one_stiffness for along in tests.along):
+        interval_method += "; widened to the stiffnesses that the deflection curves show"
+    result = Identification(
         law="bending",
         method="heavy elastica: overhang of a strip that bends under its own weight",
         noise_model="independent errors of the overhang, relative to it and equal for all tests",
@@ -124,7 +140,106 @@ def identify_bending(
         point_count=len(tests.overhang),
         warnings=tuple(warnings),
         panels=_panels(tests, fit, per_stiffness, areal_weight, off_axis),
+        objections=objections,
+        holds=holds,
     )
+    return accepted(result, data.file, accept)
+
+
+def _lacks_of_fit(tests: Cantilever, strips: _Strips, fit: Fit) -> dict[str, LackOfFit]:
+    """Return how the tests deviate over the orientation and, where it was chosen, the length."""
+    one = np.zeros(len(tests.overhang), dtype=int)
+
+    def lack(x) -> LackOfFit:  # the stiffness goes with the third power of the overhang
+        return lack_of_fit(x, tests.overhang, fit.model, one, tolerance=TOLERANCE / 3.0)
+
+    lacks = {"orientation": lack(strips.orientation)}
+    if np.ptp(tests.angle) > 0.0:
+        # Sorted by what was measured itself, mere scatter would look like a trend.
+        lacks["length"] = lack(tests.overhang)
+    return lacks
+
+
+def _objections(tests: Cantilever, lacks: dict[str, LackOfFit]) -> tuple[tuple[str, ...], str]:
+    """Say why one stiffness does not describe the strips, and where it does; empty if it does."""
+    found = []
+    for along, line in zip(tests.along, tests.lines):
+        if along.one_stiffness:
+            continue
+        low, high = along.span()
+        same = np.flatnonzero(~along.differs)
+        where = (
+            "nowhere"
+            if not len(same)
+            else f"at {', '.join(f'{1e3 * along.arc[i]:.3g}' for i in same)} mm from the clamp"
+        )
+        found.append(
+            f"M/kappa of the deflection curve from line {line} on runs from {1e3 * low:.3g} to "
+            f"{1e3 * high:.3g} N mm along the strip, at curvatures of "
+            f"{along.curvature.max():.3g} to {max(along.curvature.min(), 0.0):.3g} 1/m; its one "
+            f"stiffness holds {where}"
+        )
+    words = {"orientation": ("deg", 180.0 / math.pi), "length": ("mm", 1e3)}
+    for name, lack in lacks.items():
+        if lack.is_systematic:
+            unit, factor = words[name]
+            found.append(lack.text("the stiffness", f"the {name}", unit, factor))
+    if not found:
+        return (), ""
+    if tests.along:
+        holds = (
+            "a constant stiffness stands for the curvatures of one place of the strip only; test "
+            "strips that bend as much as the part will, and take the fit of these"
+        )
+    else:
+        lack = next(lack for lack in lacks.values() if lack.is_systematic)
+        name = next(name for name, lack in lacks.items() if lack.is_systematic)
+        unit, factor = words[name]
+        kept = [f"{factor * x:.4g}" for x in lack.x[~lack.off]]
+        holds = (
+            f"the law describes the tests around {name} = {', '.join(kept)} {unit}; fit those"
+            if kept
+            else f"no {name} is described"
+        )
+    return tuple(found), holds
+
+
+def _shown_stiffness(
+    tests: Cantilever, strips: _Strips, per_stiffness: float, fit: Fit, off_axis: str
+) -> dict[str, tuple[float, float]]:
+    """Least and largest C11, C22, C12 [Pa] that deflection curves show; nan where one fits."""
+    unknown = (np.nan, np.nan)
+    shown = {"C11": unknown, "C22": unknown, "C12": unknown}
+    curves = np.array([not along.one_stiffness for along in tests.along], dtype=bool)
+    if not curves.any():
+        return shown
+    spans = np.array([along.span() for along in tests.along]) / per_stiffness
+    for name, mask in (("C11", strips.along_1), ("C22", strips.along_2)):
+        if (mask & curves).any():
+            shown[name] = spans[mask & curves, 0].min(), spans[mask & curves, 1].max()
+    between = strips.between & curves
+    if between.any():
+        C11, C22 = np.exp(fit.parameters[:2])
+        ends = [
+            _torsional_stiffness(stiffness, C11, C22, orientation, off_axis)
+            for span, orientation in zip(spans[between], strips.orientation[between])
+            for stiffness in span
+        ]
+        # What no C12 explains is softer than any, or stiffer than any.
+        positive = [value for value in ends if value > 0.0]
+        shown["C12"] = (
+            min(positive) if len(positive) == len(ends) else 0.0,
+            max(positive) if len(positive) == len(ends) else math.inf,
+        )
+    return shown
+
+
+def _fmin(a: float, b: float) -> float:
+    return float(np.fmin(a, b))
+
+
+def _fmax(a: float, b: float) -> float:
+    return float(np.fmax(a, b))
 
 
 class _Strips(NamedTuple):
@@ -228,7 +343,7 @@ def _strip_curves(fit: Fit, per_stiffness: float, off_axis: str) -> list[Band]:
                 [np.log(stiffness(fit.parameters + h, assumption) / centre) / 1e-5 for h in step]
             )
             variance = np.einsum("in,ij,jn->n", gradient, fit.covariance, gradient)
-            ratio = np.exp(student_factor(fit.degrees_of_freedom) * np.sqrt(variance))
+            ratio = np.exp(fit.student * np.sqrt(variance))
             low, high = centre / ratio, centre * ratio
         label = assumption.replace("-", " ")
         curves.append(

@@ -9,7 +9,11 @@ import numpy as np
 
 from lcmchain.coupons.analytic import overhang_at_angle
 from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.deflection_curve import fit_deflection_curve
+from lcmchain.identification.deflection_curve import (
+    StripStiffness,
+    fit_deflection_curve,
+    stiffness_along_strip,
+)
 from lcmchain.quantities.units import ANGLE, LENGTH
 
 _ORIENTATION = Column("orientation", ANGLE)
@@ -32,13 +36,17 @@ class Cantilever:
     angle : chord angle at that overhang [rad], shape [test_count].
     error : relative standard error of the overhang where a deflection curve tells it, else nan.
     curves : (x, y, fitted x, fitted y, orientation) of each deflection curve [m].
+    along : stiffness along the strip of each deflection curve; empty without curves.
+    lines : first line of each test in the file, shape [test_count].
     """
 
     orientation: np.ndarray
     overhang: np.ndarray
     angle: np.ndarray
     error: np.ndarray
+    lines: np.ndarray
     curves: tuple = ()
+    along: tuple[StripStiffness, ...] = ()
 
 
 def cantilever_tests(data: CouponData, areal_weight: float, angle: float) -> Cantilever:
@@ -48,7 +56,8 @@ def cantilever_tests(data: CouponData, areal_weight: float, angle: float) -> Can
     if "overhang" in data:
         _require_positive(data, "overhang")
         unknown = np.full(len(orientation), np.nan)
-        return Cantilever(orientation, data["overhang"], np.full(len(orientation), angle), unknown)
+        angles = np.full(len(orientation), angle)
+        return Cantilever(orientation, data["overhang"], angles, unknown, data.lines)
     if "length" in data:
         _require_positive(data, "length")
         low, high = math.radians(1.0), math.radians(85.0)
@@ -56,13 +65,13 @@ def cantilever_tests(data: CouponData, areal_weight: float, angle: float) -> Can
         if len(outside):
             raise data.wrong("angle", outside[0], "must lie between 1 deg and 85 deg")
         unknown = np.full(len(orientation), np.nan)
-        return Cantilever(orientation, data["length"], data["angle"], unknown)
+        return Cantilever(orientation, data["length"], data["angle"], unknown, data.lines)
     return _tests_from_curves(data, orientation, areal_weight, angle)
 
 
 def _tests_from_curves(data, orientation, areal_weight, angle) -> Cantilever:
     keys = np.round(np.degrees(orientation), 3) * 1e6 + data.specimen
-    kept, overhang, error, curves = [], [], [], []
+    kept, overhang, error, lines, curves, along = [], [], [], [], [], []
     for key in np.unique(keys):
         rows = np.flatnonzero(keys == key)
         if len(rows) < _FEWEST_CURVE_POINTS:
@@ -77,10 +86,12 @@ def _tests_from_curves(data, orientation, areal_weight, angle) -> Cantilever:
         kept.append(orientation[rows[0]])
         overhang.append(float(overhang_at_angle(stiffness, areal_weight, angle)))
         error.append(relative_error / 3.0)  # the overhang goes with the cube root
+        lines.append(data.lines[rows[0]])
         curves.append((x, drop, *fitted, orientation[rows[0]]))
+        along.append(stiffness_along_strip(x, drop, stiffness, fitted))
     return Cantilever(
         np.array(kept), np.array(overhang), np.full(len(kept), angle), np.array(error),
-        tuple(curves),
+        np.array(lines), tuple(curves), tuple(along),
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -15,6 +16,12 @@ from lcmchain.coupons.analytic import (
 )
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
+from lcmchain.identification.lack_of_fit import (
+    LackOfFit,
+    falling_row,
+    lack_of_fit,
+    longest_range,
+)
 from lcmchain.identification.regression import (
     Fit,
     coefficient_of_determination,
@@ -27,6 +34,7 @@ from lcmchain.identification.result import (
     Panel,
     Parameter,
     Points,
+    accepted,
     general_warnings,
     mega_pascal,
 )
@@ -48,6 +56,7 @@ def identify_compaction(
     solid_height: float,
     noise_floor: float = 0.001,
     inputs: tuple = (),
+    accept: bool = False,
 ) -> Identification:
     """Identify c0, c1, c2 of p = λ|S33|, and A, B of Φ = A (p/kPa)^B, from the same data.
 
@@ -61,11 +70,14 @@ def identify_compaction(
     solid_height : areal mass / fibre density [m].
     noise_floor : smallest noise of the pressure relative to the largest pressure.
     inputs : rows of the table of inputs.
+    accept : take the fit as it is where the pressure falls or the law misses it systematically;
+        the intervals are then those of the misfit.
 
     Raises
     ------
     InputError : no pressure, a thickness that is not positive, a pressure far below zero, or too
         few rows below t0.
+    FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
     warnings = []
     wrong = np.flatnonzero(data["thickness"] <= 0.0)
@@ -90,17 +102,11 @@ def identify_compaction(
             "the unit",
             file=data.file,
         )
-    stretch, pressure = below["thickness"] / thickness, below["pressure"]
-
-    def law(theta):
-        c0, c1, c2 = exponential(theta[0]), exponential(theta[1]), theta[2]
-        return compaction_pressure(stretch, c0, c1, c2)
-
+    pressure = below["pressure"]
+    fit = _fit_law(below, thickness, noise_floor)
+    judgement = _judge(below, fit, thickness, noise_floor)
+    fit = replace(fit, blocks=judgement.lack.blocks)
     low, high = _GROWTH_EXPONENT
-    fit = fit_nonlinear(
-        law, _start(stretch, pressure, noise_floor), pressure, noise_floor,
-        bounds=([-np.inf, -np.inf, low], [np.inf, np.inf, high]),
-    )  # fmt: skip
     parameters = (
         _positive("c0", "Pa", fit, 0),
         _positive("c1", "1", fit, 1),
@@ -117,7 +123,7 @@ def identify_compaction(
             f"the stiffness would grow by exp({c1 * 0.5**c2:.0f}) up to full compaction, which a "
             "scene does not take; test up to higher pressure"
         )
-    return Identification(
+    result = Identification(
         law="compaction",
         method="least squares of the pressure p = t/t0 |S33|, start from a search over c2",
         noise_model="independent errors of the pressure, relative to it, at least "
@@ -138,8 +144,77 @@ def identify_compaction(
         r_squared=coefficient_of_determination(pressure, fit.model),
         point_count=len(pressure),
         warnings=tuple(warnings),
-        panels=_panels(data, below, fit, experimental, thickness, solid_height),
+        panels=_panels(data, below, fit, experimental, thickness, solid_height, judgement.lack),
+        objections=judgement.objections,
+        holds=judgement.holds,
     )
+    return accepted(result, data.file, accept)
+
+
+def _fit_law(below: CouponData, thickness: float, noise_floor: float) -> Fit:
+    """Fit ln c0, ln c1 and c2 to the pressures below the initial thickness."""
+    stretch, pressure = below["thickness"] / thickness, below["pressure"]
+
+    def law(theta):
+        c0, c1, c2 = exponential(theta[0]), exponential(theta[1]), theta[2]
+        return compaction_pressure(stretch, c0, c1, c2)
+
+    low, high = _GROWTH_EXPONENT
+    return fit_nonlinear(
+        law, _start(stretch, pressure, noise_floor), pressure, noise_floor,
+        bounds=([-np.inf, -np.inf, low], [np.inf, np.inf, high]),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Judgement:
+    """Whether the law describes the pressures, and over which thicknesses."""
+
+    lack: LackOfFit
+    objections: tuple[str, ...]
+    holds: str
+
+
+def _judge(below: CouponData, fit: Fit, thickness: float, noise_floor: float) -> _Judgement:
+    closed = -below["thickness"]  # rises while the plates close
+
+    def lack_of(data: CouponData, fit: Fit) -> LackOfFit:
+        return lack_of_fit(-data["thickness"], data["pressure"], fit.model, data.specimen)
+
+    def holds(rows) -> bool:
+        data = below.keep(rows)
+        if falling_row(data["pressure"], data.specimen) is not None:
+            return False
+        if np.count_nonzero(data["pressure"] > noise_floor * data["pressure"].max()) < MINIMUM_ROWS:
+            return False
+        return not lack_of(data, _fit_law(data, thickness, noise_floor)).is_systematic
+
+    lack, objections = lack_of(below, fit), []
+    fallen = falling_row(below["pressure"], below.specimen)
+    if fallen is not None:
+        one = below.specimen[: fallen + 1] == below.specimen[fallen]
+        peak = below["pressure"][: fallen + 1][one].max()
+        objections.append(
+            f"the pressure falls from {1e-6 * peak:.4g} MPa to "
+            f"{1e-6 * below['pressure'][fallen]:.4g} MPa at line {below.lines[fallen]} while the "
+            "plates close: keep only the loading branch"
+        )
+    if lack.is_systematic:
+        objections.append(lack.text("the law", "the thickness", "mm", -1e3))
+    if not objections:
+        return _Judgement(lack, (), "")
+    rows = longest_range(closed, holds, MINIMUM_ROWS, from_start_only=False)
+    if rows is None:
+        return _Judgement(
+            lack, tuple(objections),
+            "no range of thicknesses is described; check the data and --thickness",
+        )  # fmt: skip
+    kept = 1e3 * below["thickness"][rows]
+    return _Judgement(
+        lack, tuple(objections),
+        f"a fit of the rows from {kept.max():.4g} mm to {kept.min():.4g} mm describes them; remove "
+        "the others",
+    )  # fmt: skip
 
 
 def _start(stretch, pressure, floor) -> np.ndarray:
@@ -181,7 +256,7 @@ def _plain(name: str, unit: str, fit: Fit, index: int) -> Parameter:
     return Parameter(name, value, unit, value - half, value + half)
 
 
-def _panels(data, below, fit: Fit, experimental: Fit, thickness, solid_height):
+def _panels(data, below, fit: Fit, experimental: Fit, thickness, solid_height, lack: LackOfFit):
     ln_c0, ln_c1, c2 = fit.parameters
     law = (math.exp(ln_c0), math.exp(ln_c1), c2)
     A, B = np.exp(experimental.parameters)
@@ -192,7 +267,7 @@ def _panels(data, below, fit: Fit, experimental: Fit, thickness, solid_height):
     exponent = law[1] * strain**c2
     gradient = np.stack([np.ones_like(strain), exponent, exponent * np.log(strain)], axis=-1)
     variance = np.einsum("ni,ij,nj->n", gradient, fit.covariance, gradient)
-    ratio = np.exp(fit.half_widths()[0] / fit.standard_errors[0] * np.sqrt(variance))
+    ratio = np.exp(fit.student * np.sqrt(variance)) * (1.0 + lack.widening(-t))
     millimetres = 1e3 * t
     strain_data = -compaction_strain(below["thickness"] / thickness)
     stiffness_data = below["pressure"] * thickness / below["thickness"] / strain_data

@@ -79,6 +79,8 @@ def as_json(result: Identification) -> dict:
         "r_squared": _number(result.r_squared),
         "point_count": result.point_count,
         "warnings": list(result.warnings),
+        "objections": list(result.objections),
+        "holds": result.holds or None,
     }
 
 

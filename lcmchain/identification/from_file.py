@@ -45,12 +45,16 @@ def identify_shear_file(
     method: str = "force",
     convention: str = "engineering",
     noise_floor: float = 0.01,
+    accept: bool = False,
 ) -> Identification:
     """Identify the shear polynomial from a file; ``sizes``: length, width, thickness as text.
+
+    ``accept`` takes the fit as it is where the law does not describe the data.
 
     Raises
     ------
     InputError : a wrong file, size or choice.
+    FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
     _require_choice("--method", method, shear.METHODS)
     _require_choice("--convention", convention, ("engineering", "tensor"))
@@ -64,18 +68,25 @@ def identify_shear_file(
     data = read_coupon(path, shear.COLUMNS, minimum_rows=shear.MINIMUM_ROWS)
     return shear.identify_shear(
         data, specimen, method=method, convention=convention, noise_floor=noise_floor,
-        inputs=_with_file(inputs, data),
+        inputs=_with_file(inputs, data), accept=accept,
     )  # fmt: skip
 
 
 def identify_compaction_file(
-    path: Path, sizes: Mapping[str, str | None], *, noise_floor: float = 0.001
+    path: Path,
+    sizes: Mapping[str, str | None],
+    *,
+    noise_floor: float = 0.001,
+    accept: bool = False,
 ) -> Identification:
     """Identify the compaction law; ``sizes``: thickness, areal_mass, fibre_density as text.
+
+    ``accept`` takes the fit as it is where the law does not describe the data.
 
     Raises
     ------
     InputError : a wrong file or size.
+    FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, ("thickness", "areal_mass", "fibre_density"))
@@ -83,18 +94,25 @@ def identify_compaction_file(
     return compaction.identify_compaction(
         data, thickness=values["thickness"],
         solid_height=values["areal_mass"] / values["fibre_density"], noise_floor=noise_floor,
-        inputs=_with_file(inputs, data),
+        inputs=_with_file(inputs, data), accept=accept,
     )  # fmt: skip
 
 
 def identify_bending_file(
-    path: Path, sizes: Mapping[str, str | None], *, off_axis: str = "free-strip"
+    path: Path,
+    sizes: Mapping[str, str | None],
+    *,
+    off_axis: str = "free-strip",
+    accept: bool = False,
 ) -> Identification:
     """Identify the bending stiffness; ``sizes``: thickness, areal_mass, angle as text.
+
+    ``accept`` takes the fit as it is where the law does not describe the data.
 
     Raises
     ------
     InputError : a wrong file, size or choice.
+    FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
     _require_choice("--off-axis", off_axis, bending.ASSUMPTIONS)
     values, inputs = _sizes(sizes, ("thickness", "areal_mass", "angle"))
@@ -107,7 +125,7 @@ def identify_bending_file(
     return bending.identify_bending(
         data, thickness=values["thickness"],
         areal_weight=STANDARD_GRAVITY * values["areal_mass"], angle=values["angle"],
-        off_axis=off_axis, inputs=_with_file(inputs, data),
+        off_axis=off_axis, inputs=_with_file(inputs, data), accept=accept,
     )  # fmt: skip
 
 

@@ -31,6 +31,8 @@ class Fit:
     noise_scale : what a relative error of 1 amounts to, shape [point_count].
     jacobian : of model / noise_scale, shape [point_count, parameter_count].
     constrained : True if a constraint holds the parameters.
+    blocks : number of the block of each row, shape [point_count], where the residuals within a
+        block err together instead of scattering (a law that misses its data); None for noise.
     """
 
     parameters: np.ndarray
@@ -39,6 +41,7 @@ class Fit:
     noise_scale: np.ndarray
     jacobian: np.ndarray
     constrained: bool = False
+    blocks: np.ndarray | None = None
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -57,10 +60,28 @@ class Fit:
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance of the parameters, shape [parameter_count, parameter_count]."""
+        """Covariance of the parameters, shape [parameter_count, parameter_count].
+
+        With ``blocks`` the residuals of a block add up as they are (cluster-robust covariance,
+        Liang and Zeger 1986): a misfit that many rows share is counted once, not averaged away.
+        It is never less than that of independent errors.
+        """
         scaled, lengths = _unit_columns(self.jacobian)
         inverse = np.linalg.pinv(scaled) / lengths[:, None]
-        return self.scale**2 * (inverse @ inverse.T)
+        independent = self.scale**2 * (inverse @ inverse.T)
+        if self.blocks is None:
+            return independent
+        count = int(self.blocks.max()) + 1
+        per_block = np.zeros((count, len(self.parameters)))
+        np.add.at(per_block, self.blocks, (inverse * self.residuals).T)
+        return independent + count / (count - 1) * (per_block.T @ per_block)
+
+    @property
+    def student(self) -> float:
+        """Two-sided 95 % quantile that belongs to the covariance; not-a-number without freedom."""
+        if self.blocks is None:
+            return student_factor(self.degrees_of_freedom)
+        return student_factor(min(self.degrees_of_freedom, int(self.blocks.max())))
 
     @property
     def standard_errors(self) -> np.ndarray:
@@ -68,7 +89,7 @@ class Fit:
 
     def half_widths(self) -> np.ndarray:
         """Half the widths of the 95 % confidence intervals (Student's t)."""
-        return student_factor(self.degrees_of_freedom) * self.standard_errors
+        return self.student * self.standard_errors
 
     def correlation(self) -> np.ndarray:
         """Correlation matrix of the parameters."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lcmchain.errors import InputError
 from lcmchain.identification.regression import residual_autocorrelation
 
 #: SI unit -> unit shown to people and written into scene files, and the factor between them.
@@ -94,6 +95,9 @@ class Identification:
     relative_noise : estimated relative standard deviation of the measurements.
     r_squared : coefficient of determination.
     warnings : what the data do not tell.
+    objections : why the law does not describe the data; such a fit is handed out only where it was
+        accepted (:func:`accepted`).
+    holds : over which range the law describes them, in words; empty without objections.
     panels : diagrams.
     """
 
@@ -113,12 +117,51 @@ class Identification:
     point_count: int
     warnings: tuple[str, ...]
     panels: tuple[Panel, ...] = field(repr=False)
+    objections: tuple[str, ...] = ()
+    holds: str = ""
 
     def __getitem__(self, name: str) -> Parameter:
         for parameter in (*self.parameters, *self.derived):
             if parameter.name == name:
                 return parameter
         raise KeyError(name)
+
+
+class FitRefusedError(InputError):
+    """A fit that does not describe its data, and that was not accepted (exit code 2).
+
+    ``result`` is the :class:`Identification`, for those who want to look at it all the same.
+    """
+
+    def __init__(self, result: Identification, file: str) -> None:
+        self.result = result
+        super().__init__(
+            f"the {result.law} law does not describe these data: {'; '.join(result.objections)}. "
+            f"{result.holds[:1].upper()}{result.holds[1:]}. To take the fit as it is: --accept "
+            "(in Python accept=True)",
+            file=file,
+        )
+
+
+def accepted(result: Identification, file: str, accept: bool) -> Identification:
+    """Return a result that describes its data, or that the user takes as it is.
+
+    Parameters
+    ----------
+    result : of the fit, with its objections.
+    file : of the data, for the message.
+    accept : whether the user takes a fit with objections; they then lead its warnings.
+
+    Raises
+    ------
+    FitRefusedError : there are objections, and the user has not accepted them.
+    """
+    if not result.objections:
+        return result
+    if not accept:
+        raise FitRefusedError(result, file)
+    told = (*(f"accepted although {text}" for text in result.objections), result.holds)
+    return replace(result, warnings=(*told, *result.warnings))
 
 
 def mega_pascal(*values: float) -> str:

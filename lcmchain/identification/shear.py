@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, replace
+
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from lcmchain.coupons.analytic import BiasExtension, shear_strain
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
+from lcmchain.identification.lack_of_fit import (
+    LackOfFit,
+    falling_row,
+    lack_of_fit,
+    longest_range,
+)
 from lcmchain.identification.regression import (
     Fit,
     coefficient_of_determination,
     fit_linear,
     noise_scale,
-    student_factor,
 )
 from lcmchain.identification.result import (
     Band,
@@ -21,6 +29,7 @@ from lcmchain.identification.result import (
     Panel,
     Parameter,
     Points,
+    accepted,
     general_warnings,
     mega_pascal,
 )
@@ -38,6 +47,9 @@ COEFFICIENT_COUNT = 5
 _STRAIN = np.linspace(0.0, 0.5, 2001)
 # Smallest tangent relative to the mean secant: rising, with room for rounding in the scene file.
 _SMALLEST_TANGENT = 1e-3
+# Largest shear angle of a pin-jointed net that a fabric follows: the yarns would stand at a third
+# of their spacing, cos 70 deg. Woven and stitched fabrics lock between 30 and 65 deg and then slip.
+LARGEST_PLAUSIBLE_ANGLE = math.radians(70.0)
 
 
 def identify_shear(
@@ -50,6 +62,7 @@ def identify_shear(
     bootstrap_count: int = 400,
     seed: int = 0,
     inputs: tuple = (),
+    accept: bool = False,
 ) -> Identification:
     """Identify the shear polynomial of a fabric; it rises up to 90° as the scene demands.
 
@@ -67,6 +80,9 @@ def identify_shear(
     bootstrap_count, seed : parametric bootstrap behind the intervals of the recursion, where the
         force enters each stress many times over; the direct fit is linear, its intervals exact.
     inputs : rows of the table of inputs.
+    accept : take the fit as it is where it does not describe the data: the force falls, the fabric
+        slips, or the law misses them systematically. The intervals are then those of the misfit,
+        and ``shear_range`` ends where the law holds.
 
     The intervals are those of the fit without the demand for a rising stress: with an active
     bound neither Student's t nor the bootstrap holds its 95 % (the bootstrap covered 76 to 94 %).
@@ -75,6 +91,7 @@ def identify_shear(
     ------
     InputError : a displacement beyond the locking of the pin-jointed specimen, or a force without
         any signal.
+    FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
     data = _loaded_rows(data, specimen)
     angle, force = specimen.shear_angle(data["displacement"]), data["force"]
@@ -104,13 +121,14 @@ def identify_shear(
 
     fit_once = fit_force if method == "force" else fit_stress
     free, fit = fit_once(force), fit_once(force, rising)
+    # What the force scatters by is told by the direct fit: the printed equation is not the inverse
+    # of the force, its curve is not meant to meet the data.
+    direct = free if method == "force" else fit_force(force)
+    judgement = _judge(data, specimen, angle, design, rising, noise_floor)
     spread: _LinearSpread | _BootstrapSpread
-    if method == "force":
-        spread = _LinearSpread(free)
+    if method == "force" or judgement.lack.blocks is not None:
+        spread = _LinearSpread(replace(free, blocks=judgement.lack.blocks))
     else:
-        # What the force scatters by is told by the direct fit: the printed equation is not the
-        # inverse of the force, its curve is not meant to meet the data.
-        direct = fit_force(force)
         spread = _BootstrapSpread(
             fit_once, direct.model, direct.scale * direct.noise_scale, free.parameters,
             bootstrap_count, seed,
@@ -127,7 +145,7 @@ def identify_shear(
     residuals = (force - model) / noise_scale(model, force, noise_floor)
     warnings = general_warnings(parameters, residuals, data.specimen)
     warnings += _shear_warnings(fit, angle)
-    return Identification(
+    result = Identification(
         law="shear",
         method=METHODS[method],
         noise_model="independent errors of the force, relative to it, at least "
@@ -140,7 +158,7 @@ def identify_shear(
         scene_entries={
             "shear_polynomial": f'"{mega_pascal(*fit.parameters)}"',
             "shear_convention": f'"{convention}"',
-            "shear_range": f'"{np.degrees(angle.max()):.4g} deg"',
+            "shear_range": f'"{np.degrees(judgement.shear_range):.4g} deg"',
         },
         correlation=spread.correlation(),
         condition=free.condition,
@@ -148,8 +166,101 @@ def identify_shear(
         r_squared=coefficient_of_determination(force, model),
         point_count=len(force),
         warnings=tuple(warnings),
-        panels=_panels(data, specimen, angle, fit.parameters, spread, residuals, factor, share),
+        panels=_panels(
+            data, specimen, angle, fit.parameters, spread, residuals, factor, share, judgement
+        ),
+        objections=judgement.objections,
+        holds=judgement.holds,
     )
+    return accepted(result, data.file, accept)
+
+
+@dataclass(frozen=True)
+class _Judgement:
+    """Whether the law describes the forces, and up to which shear angle [rad]."""
+
+    lack: LackOfFit
+    objections: tuple[str, ...]
+    shear_range: float
+    holds: str
+
+
+def _judge(data: CouponData, specimen, angle, design, rising, noise_floor: float) -> _Judgement:
+    """Judge the direct fit of the force, which every method stands or falls with."""
+    force = data["force"]
+
+    def lack_of(rows) -> LackOfFit:
+        fit = fit_linear(design[rows], force[rows], noise_floor, at_least=rising)
+        return lack_of_fit(angle[rows], force[rows], fit.model, data.specimen[rows])
+
+    lack = lack_of(np.ones(len(angle), dtype=bool))
+    objections, limit = _failures(data, specimen, angle)
+    if lack.is_systematic:
+        objections.append(lack.text("the polynomial", "the shear angle", "deg", 180.0 / math.pi))
+    if not objections:
+        return _Judgement(lack, (), float(angle.max()), "")
+    sound = np.flatnonzero(angle <= limit)
+    rows = longest_range(
+        angle[sound], lambda chosen: not lack_of(sound[chosen]).is_systematic, MINIMUM_ROWS
+    )
+    if rows is None:
+        end = float(angle[sound].max()) if len(sound) else 0.0
+        return _Judgement(
+            lack, tuple(objections), min(end, float(angle.max())),
+            f"nothing tears or slips up to {np.degrees(end):.1f} deg, but the law follows no range "
+            "of angles from zero on; check the zeros of force and displacement, and the sizes",
+        )  # fmt: skip
+    last = int(sound[rows][np.argmax(angle[sound][rows])])
+    return _Judgement(
+        lack, tuple(objections), float(angle[last]),
+        f"a fit of the rows up to {np.degrees(angle[last]):.1f} deg "
+        f"({1e3 * data['displacement'][last]:.4g} mm, line {data.lines[last]}) describes them; "
+        "remove the rows beyond",
+    )  # fmt: skip
+
+
+def _failures(data: CouponData, specimen: BiasExtension, angle) -> tuple[list[str], float]:
+    """Tell in words where the specimen tears or slips; up to which angle [rad] it does neither."""
+    found, limit = [], math.inf
+    force = data["force"]
+    fallen = falling_row(force, data.specimen)
+    if fallen is not None:
+        one = np.flatnonzero(data.specimen[:fallen] == data.specimen[fallen])
+        found.append(
+            f"the force falls from {force[one].max():.4g} N to {force[fallen]:.4g} N at line "
+            f"{data.lines[fallen]} ({np.degrees(angle[fallen]):.1f} deg): the specimen tore, "
+            "slipped or was unloaded"
+        )
+        limit = float(np.nextafter(angle[fallen], 0.0))
+    stress = stress_from_force(specimen, angle, force, data.specimen)
+    slipped = falling_row(stress, data.specimen, for_good=True)
+    if slipped is not None and angle[slipped] < limit:
+        one = np.flatnonzero(data.specimen[:slipped] == data.specimen[slipped])
+        limit = _knee(angle[one], stress[one])
+        found.append(
+            "the shear stress that the force asks for bends down at "
+            f"{np.degrees(limit):.1f} deg and falls at {np.degrees(angle[slipped]):.1f} deg: the "
+            "yarns slip there instead of shearing"
+        )
+    if angle.max() > LARGEST_PLAUSIBLE_ANGLE:
+        found.append(
+            f"the angle of a pin-jointed net reaches {np.degrees(angle.max()):.1f} deg, which no "
+            f"fabric shears to (at most {np.degrees(LARGEST_PLAUSIBLE_ANGLE):.0f} deg): the yarns "
+            "slip, or length and width are not those of the specimen"
+        )
+        limit = min(limit, LARGEST_PLAUSIBLE_ANGLE)
+    return found, limit
+
+
+def _knee(angle: np.ndarray, stress: np.ndarray) -> float:
+    """Angle [rad] where a rising stress bends down: farthest above its chord from half to peak."""
+    peak = int(np.argmax(stress))
+    half = int(np.argmax(stress >= 0.5 * stress[peak]))
+    if peak - half < 2:
+        return float(angle[peak])
+    share = (angle[half : peak + 1] - angle[half]) / (angle[peak] - angle[half])
+    above = stress[half : peak + 1] - (stress[half] + share * (stress[peak] - stress[half]))
+    return float(angle[half + int(np.argmax(above))])
 
 
 class _LinearSpread:
@@ -164,7 +275,7 @@ class _LinearSpread:
         """Return the ends of the 95 % intervals of rows @ coefficients."""
         value = rows @ self._fit.parameters
         variance = np.einsum("ni,ij,nj->n", rows, self._fit.covariance, rows)
-        half = student_factor(self._fit.degrees_of_freedom) * np.sqrt(variance)
+        half = self._fit.student * np.sqrt(variance)
         return value - half, value + half
 
     def correlation(self) -> np.ndarray:
@@ -278,18 +389,24 @@ def _shear_warnings(fit: Fit, angle: np.ndarray) -> list[str]:
     return found
 
 
-def _panels(data, specimen, angle, coefficients, spread, residuals, factor, share):
+def _panels(
+    data, specimen, angle, coefficients, spread, residuals, factor, share, judgement: _Judgement
+):
     displacement = np.linspace(0.0, data["displacement"].max(), 201)[1:]
     design = force_design(specimen, specimen.shear_angle(displacement), factor)
     law_angle = np.linspace(0.0, 0.5 * np.pi, 181)
     law = stress_design(law_angle, factor)
     stiffness = shear_strain(law_angle)[:, None] ** np.arange(COEFFICIENT_COUNT)
     stress = stress_from_force(specimen, angle, data["force"], data.specimen, share=share)
-    end = float(np.degrees(angle.max()))
+    end = float(np.degrees(judgement.shear_range))
 
-    def band(x, matrix, scale, label):
+    def band(x, matrix, scale, label, angle):
         low, high = spread.interval(matrix)
-        return Band(x, scale * (matrix @ coefficients), label, scale * low, scale * high)
+        curve = matrix @ coefficients
+        if judgement.lack.is_systematic:  # known no better than it meets the data
+            missed = np.abs(curve) * judgement.lack.widening(angle)
+            low, high = np.fmin(low, curve) - missed, np.fmax(high, curve) + missed
+        return Band(x, scale * curve, label, scale * low, scale * high)
 
     u = 1e3 * data["displacement"]
     degrees = np.degrees(angle)
@@ -299,12 +416,12 @@ def _panels(data, specimen, angle, coefficients, spread, residuals, factor, shar
         Panel(
             "displacement [mm]", "force [N]",
             (Points(u, data["force"], "measured", data.specimen),),
-            (band(1e3 * displacement, design, 1.0, "fit"),),
+            (band(1e3 * displacement, design, 1.0, "fit", specimen.shear_angle(displacement)),),
         ),
         Panel(
             "shear angle [deg]", "shear stress S12 [MPa]",
             (Points(degrees, 1e-6 * stress, name, data.specimen),),
-            (band(np.degrees(law_angle), law, 1e-6, "law"),), data_end=end,
+            (band(np.degrees(law_angle), law, 1e-6, "law", law_angle),), data_end=end,
         ),
         Panel(
             "displacement [mm]", "residual [%]",
@@ -313,6 +430,6 @@ def _panels(data, specimen, angle, coefficients, spread, residuals, factor, shar
         Panel(
             "shear angle [deg]", "shear stiffness C12 [MPa]",
             (Points(degrees, 1e-6 * secant, name, data.specimen),),
-            (band(np.degrees(law_angle), stiffness, 1e-6, "law"),), data_end=end,
+            (band(np.degrees(law_angle), stiffness, 1e-6, "law", law_angle),), data_end=end,
         ),
     )  # fmt: skip

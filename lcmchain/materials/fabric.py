@@ -503,7 +503,8 @@ class FabricBending(SceneModel):
     in_plane: Annotated[float, Number(0.1, NOT_NEGATIVE)] = Field(
         default=0.1,
         description="Stiffness of the fibres against bending within the plane, over that against "
-        "bending out of it; 0: none, as published.",
+        "bending out of it: a regularisation that gives shear bands a width, no measured property; "
+        "0: none, as published.",
     )
 
 

@@ -203,6 +203,40 @@ def test_a_bent_sheet_keeps_its_thickness(degrees, twisted):
     assert abs(shared).max() < 0.005 * abs(chord).max() + 0.05 * turn**4
 
 
+def skewed_cylinder(radius, skew):
+    """Parallelograms whose rows are shifted by ``skew`` edges, on a cylinder of arcs of 5 mm."""
+    u, v = np.meshgrid(np.arange(9) - 4.0, np.arange(7) - 3.0, indexing="ij")
+    angle = EDGE * (u + skew * v) / radius
+    direction = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=-1)
+    middle = radius * direction + np.stack([0 * angle, EDGE * v, 0 * angle], axis=-1)
+    return np.stack([middle - 0.5 * THICKNESS * direction, middle + 0.5 * THICKNESS * direction])
+
+
+@pytest.mark.parametrize(
+    ("skew", "radius", "error"),
+    [
+        (0.0, 0.05, 1.1e-10), (0.0, 0.02, 7e-10), (0.0, 0.01, 3e-9), (0.0, 0.005, 8e-4),
+        (0.5, 0.05, 8e-7), (0.5, 0.02, 3e-5), (0.5, 0.01, 5e-4), (0.5, 0.005, 1.1e-2),
+    ],
+)  # fmt: skip
+def test_rectangles_keep_their_thickness_on_an_arc_and_skewed_elements_nearly(skew, radius, error):
+    """The figures of the manual's page on departures."""
+    positions = skewed_cylinder(radius, skew)
+    number = np.arange(63).reshape(9, 7)
+    face = np.stack(
+        [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=2
+    ).reshape(-1, 4)
+    fibres = np.tile([1.0, 0.0, 0.0], (len(face), 1))
+    blank = BlankMesh(
+        positions.reshape(-1, 3), np.hstack([face, face + 63]), fibres, fibres, THICKNESS
+    )
+    base = blank.base_vectors(blank.node_positions)
+    normal = np.cross(base[:, 0], base[:, 1])
+    chord = np.sum(base[:, 2] * normal, axis=1) / np.linalg.norm(normal, axis=1)
+    thickness = 2.0 * np.sqrt(chord**2 + blank.initial_bend_part)
+    assert abs(thickness / THICKNESS - 1.0).max() == pytest.approx(error, rel=0.2)
+
+
 def test_alternating_tilt_of_a_flat_sheet_stays_compaction():
     """Else pressure would tilt the directors (manual: departures)."""
     model = sheet(flat())

@@ -444,6 +444,19 @@ def test_overlap_regridding_agrees_with_xugrid(make):
     np.testing.assert_allclose(transfer_average(sheet, weights, values), peer.values, rtol=1e-9)
 
 
+def test_a_cell_with_no_sheet_near_its_middle_has_the_mean_distance_of_what_lies_over_it(make):
+    """A strip over one edge of a large cell that falls from above the cell to below it."""
+    points, quads = make.grid(1, 10, (0.0, 0.0), (1.0, 10.0))
+    falling = make.lifted(points) + [0.0, 0.0, 1.0] * (0.3 - 0.06 * points[:, 1:])
+    sheet = read_sheet(make.forming_result(falling, quads))
+    corners = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
+    cell = shell(make.lifted(corners), np.array([[0, 1, 2, 3]]))
+    weights = compute_weights(sheet, cell, maximum_distance=0.5)
+    # Faces are seen along their own normals, which the slope turns by 3.4 deg.
+    np.testing.assert_allclose(weights.distance, 0.15, rtol=0.01)
+    np.testing.assert_allclose(weights.coverage, 0.1, rtol=0.01)
+
+
 # --- the numbers behind directions and distances --------------------------------------------------
 
 

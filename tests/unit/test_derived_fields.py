@@ -200,6 +200,25 @@ def test_sheet_wrapped_on_a_cylinder(md600):
     np.testing.assert_allclose(direction(fields, 2), np.tile([0, 1, 0], (16, 1)), atol=1e-12)
 
 
+@pytest.mark.parametrize("radius", [0.03, 0.06, -0.03, math.inf])
+def test_a_sheet_that_is_curved_at_the_start_keeps_its_thickness(md600, radius):
+    """As it stands, opened, bent the other way and flattened: its first bend is no thinning."""
+    flat = sheet(8, 2)
+    positions = flat.node_positions if radius == math.inf else wrapped(flat, radius)
+    fields = derive_fields(wrapped_blank(flat, 0.03), md600, positions)
+    np.testing.assert_allclose(fields["thickness"], THICKNESS, rtol=1e-9)
+
+
+def wrapped_blank(blank, radius):
+    """A sheet whose undeformed shape is wrapped on a cylinder about y."""
+    phi = blank.node_positions[blank.faces].mean(axis=1)[:, 0] / radius
+    along = np.stack([np.cos(phi), 0.0 * phi, -np.sin(phi)], axis=1)
+    return BlankMesh(
+        wrapped(blank, radius), blank.elements, along, np.tile([0.0, 1.0, 0.0], (len(phi), 1)),
+        THICKNESS,
+    )  # fmt: skip
+
+
 def test_error_of_the_wrapped_sheet_is_of_second_order(md600):
     strains, thicknesses = [], []
     for count in (4, 8, 16):

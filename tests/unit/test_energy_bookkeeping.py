@@ -533,3 +533,22 @@ def test_restitution_of_a_damped_impact(damping):
     errors = [rebound(damping, share) / exact - 1.0 for share in (0.8, 0.4, 0.2)]
     assert abs(errors[-1]) < 2e-3
     np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2.0, rtol=0.1)
+
+
+@pytest.mark.parametrize(("share", "least", "largest"), [(0.6, -0.7, 0.1), (0.3, -0.05, 0.02)])
+def test_what_a_flat_impact_changes_depends_on_the_step(share, least, largest):
+    """Kinetic energy lost or gained [%], over all phases of the step at the touch, undamped."""
+    speed, dt = 0.05, 0.5 * simulation(bed()).critical_step()
+    changes = []
+    sim = simulation(bed(), penalty=AREAL_MASS * (share / dt) ** 2)
+    start = sim.state.copy()
+    for phase in np.arange(12) / 12.0:
+        sim.restore(start.copy())
+        sim.state.position[2] += phase * speed * dt
+        velocity = np.zeros((3, sim.model.node_count))
+        velocity[2] = -speed
+        sim.set_velocity(velocity)
+        run(sim, math.ceil(4.5 / share), dt=dt)
+        assert sim.state.tool_force[0, 2] == 0.0, "still in contact"
+        changes.append(100.0 * ((sim.state.velocity[2].mean() / speed) ** 2 - 1.0))
+    assert least < min(changes) and max(changes) < largest

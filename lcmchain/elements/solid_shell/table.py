@@ -41,8 +41,8 @@ class Element(SceneModel):
     ] = Field(
         default=None,
         description="Share of the fibre stiffness in the in-plane hourglass terms, by which "
-        "elements bend their fibres within the plane; 1 as published locks the tools' forces on "
-        "coarse meshes.",
+        "elements bend their fibres within the plane: a regularisation, no measured property; 1 as "
+        "published locks the tools' forces on coarse meshes.",
     )
     bending_thickness: Literal["current", "reference"] = Field(
         default="current",
