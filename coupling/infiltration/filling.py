@@ -272,6 +272,16 @@ class Filling:
         state.thickness, state.thickness_rate, state.lift, state.lift_reference = given
         self._steps.forget()
 
+    def start_at(self, thickness: np.ndarray) -> None:
+        """Give the preform another thickness [m], (C,), before anything flows.
+
+        The pores are filled to the same share as before, of the volume that they have then.
+        """
+        self.set_thickness(thickness)
+        state, pores = self.state, self.pores
+        state.resin_volume = np.where(state.full, pores, state.fill * pores)
+        state.started_volume = state.stored
+
     def set_supply(self, gates: Sequence[Gate], vents: Sequence[Vent]) -> None:
         """Go on with the same gates and vents, but other pressures, rates or schedules.
 
