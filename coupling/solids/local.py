@@ -132,9 +132,7 @@ class LocalCompaction:
             # a rate of round-off alone is none
             change = closed.thickness - self._thickness
             lies = np.abs(change) <= ROUND_OFF * self._thickness
-            closed = Closed(
-                np.where(lies, self._thickness, closed.thickness), closed.compliance
-            )
+            closed = Closed(np.where(lies, self._thickness, closed.thickness), closed.compliance)
         if not self._swells:
             lies = closed.thickness >= self._thickness
             closed = Closed(
