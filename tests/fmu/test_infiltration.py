@@ -228,7 +228,7 @@ def test_outputs_are_those_of_the_direct_filling(master, kit):
 THREE_GATES = (
     fillings.HEAD.replace("frames = 6", 'frame_interval = "1 s"').replace("500 s", "8 s")
     + fillings.GATE
-    + '[[gates]]\nname = "round"\npoint = "150 20 0 mm"\nradius = "12 mm"\npressure = "3 bar"\n'
+    + '[[gates]]\nname = "round"\npoint = "150 20 0 mm"\nradius = "8 mm"\npressure = "3 bar"\n'
     + '[[gates]]\nname = "one_node"\npoint = "225 20 0 mm"\npressure = "2 bar"\n'
     + fillings.VENT
 )
@@ -256,7 +256,7 @@ def test_pressures_of_unit_part_and_results_are_one(master, kit, tmp_path):
         np.testing.assert_allclose(FillingPart(filling).present_pressure(), mean, rtol=1e-12)
         assert unit.get("pressure_force") == pytest.approx(mean @ filling.mesh.areas, rel=1e-12)
         above = max(above, filling.state.pressure.max())
-    assert results.max() <= 3e5 * (1.0 + 1e-12) and above > 3.3e5
+    assert results.max() <= 3e5 * (1.0 + 1e-12) and above > 3.02e5
 
 
 def nodal(filling):
