@@ -169,7 +169,7 @@ class FillingPart:
     def present_pressure(self) -> np.ndarray:
         """Return the mean pressure over each cell now [Pa], (C,)."""
         state, network = self.filling.state, self.filling.medium.network
-        pressure = np.where(state.full, state.pressure, state.air_pressure)
+        pressure = np.where(state.full, self.filling.pressure, state.air_pressure)
         areas = network.corner_areas
         return (areas * pressure[network.cells]).sum(axis=1) / areas.sum(axis=1)
 

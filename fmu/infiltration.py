@@ -284,7 +284,7 @@ class InfiltrationPart(Part):
             "vented_volume": float(state.vented.sum()),
             "stored_volume": state.stored,
             "balance_error": state.balance_error,
-            "pressure_max": float(state.pressure.max()),
+            "pressure_max": float(self.filling.pressure.max()),
             "pressure_force": float(self.fluid.present_pressure() @ self.filling.mesh.areas),
             "front": FRONT[self.ended[0]],
             "dry_spot_count": len(state.dry_spots),

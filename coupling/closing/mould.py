@@ -30,6 +30,8 @@ from lcmchain.coupling.iteration import (
 )
 from lcmchain.coupling.iteration.interface import PORE_PRESSURE, VOLUME_RATE
 from lcmchain.coupling.solids import closures
+from lcmchain.coupling.solids.closures import value_at
+from lcmchain.coupling.solids.compaction_law import CellCompaction
 from lcmchain.coupling.solids.local import LocalCompaction
 from lcmchain.scene import closure as scene
 
@@ -37,6 +39,8 @@ from lcmchain.scene import closure as scene
 WINDOWS = 200
 SHORTEST = 1e-4
 LONGEST = 4.0
+#: Share of the first correction where resin bears most of a force: it answers many times over.
+CAREFUL = 0.01
 
 
 class ClosingForce(NamedTuple):
@@ -52,7 +56,8 @@ class Mould:
 
     Parameters
     ----------
-    part : that the resin flows through.
+    part : that the resin flows through. It is pressed dry, before its resin comes, or wet: then
+        it is as thick as it was formed where resin is, and the resin bears what the fibres do not.
     filling : at its start; its thickness is set to what the closure makes of it.
     case : closure of the scene. time : when the filling ends [s].
 
@@ -72,13 +77,27 @@ class Mould:
         outside = closure_of(case, formed, self._across)
         fluid = FillingPart(filling)
         pressure = fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE]
+        wet = np.zeros(mesh.cell_count, dtype=bool)
+        if getattr(case, "pressed", "dry") != "dry":
+            wet = _wet_cells(filling)
+        if isinstance(case, scene.Press):
+            wet[:] = wet.any()  # one gap for all: what is wet carries the tool
         solid = LocalCompaction(
             law, outside, mesh.areas, pore_pressure=pressure, centres=mesh.centroids
         )
-        filling.set_thickness(solid.thickness)
+        if wet.any():
+            start = np.where(wet, formed, solid.thickness)
+            borne = _borne(case, law, start, self._across * mesh.areas)
+            _press_resin(filling, np.where(wet, np.maximum(borne, pressure), pressure))
+            solid = LocalCompaction(
+                law, outside, mesh.areas,
+                pore_pressure=fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE],
+                centres=mesh.centroids, start=start, swells=_swells(filling),
+            )  # fmt: skip
+        filling.start_at(solid.thickness)
         self.filling, self.solid, self.law = filling, solid, law
         self._fluid = fluid
-        self._system = _coupled(solid, fluid, case, time)
+        self._system = _coupled(solid, fluid, case, time, wet=bool(wet.any()))
 
     @property
     def history(self) -> History:
@@ -125,6 +144,37 @@ class Mould:
         self._system.restore(saved)
 
 
+def _wet_cells(filling: Filling) -> np.ndarray:
+    """Cells (C,) with resin in the control volume of a corner."""
+    cells = filling.mesh.cells
+    return ((filling.state.fill[cells] > 0.0) & (cells >= 0)).any(axis=1)
+
+
+def _swells(filling: Filling) -> bool:
+    """Whether resin or air can come into the pores: vents let only out."""
+    return bool(filling.supply.gates) or filling.film is not None or not filling.state.full.all()
+
+
+def _borne(
+    case: scene.Closure, law: CellCompaction, start: np.ndarray, seen: np.ndarray
+) -> np.ndarray:
+    """Pressure (C,) [Pa] that is left for the resin at the start, before any of it has left."""
+    fibres = law.pressure(start)
+    if isinstance(case, scene.Bag):
+        return value_at(_over_time(case.pressure, case.times), 0.0) - fibres
+    assert isinstance(case, scene.Press)
+    force = value_at(_over_time(case.force, case.times), 0.0) - float(seen @ fibres)
+    return np.full_like(start, force / float(seen.sum()))
+
+
+def _press_resin(filling: Filling, of_cells: np.ndarray) -> None:
+    """Give the resin the pressure of the cells (C,) [Pa] that its control volumes lie in."""
+    state, network = filling.state, filling.medium.network
+    of_nodes = network.corner_sum(network.corner_areas * of_cells[:, None])
+    mean = of_nodes / filling.medium.node_area
+    state.pressure = np.where(state.full, mean, state.pressure)
+
+
 def closure_of(case: scene.Closure, formed: np.ndarray, across: np.ndarray) -> closures.Closure:
     """Return what presses on cells of a formed thickness (C,) [m].
 
@@ -156,13 +206,14 @@ def seen_across(mesh: FlowMesh, direction: tuple[float, float, float] | None) ->
 
 
 def _coupled(
-    solid: LocalCompaction, fluid: FillingPart, case: scene.Closure, time: float
+    solid: LocalCompaction, fluid: FillingPart, case: scene.Closure, time: float, *, wet: bool
 ) -> CoupledSystem:
     """Textile and resin; where the gap is given, no iteration can change the thickness.
 
     Under a bag every cell answers to its own pressure, and the resin takes that answer into its
     equations (fixed-stress split). Under a press all cells have one gap, to which the pressure of
-    none matters much: the quasi-Newton iteration finds it by itself.
+    none matters much: the quasi-Newton iteration finds it by itself. Where resin bears most of the
+    force from the start, as in a preform that is pressed wet, its first step is a careful one.
     """
     first = min(time / WINDOWS if case.window is None else case.window, time)
     exchanges = [
@@ -176,7 +227,7 @@ def _coupled(
             first, smallest=SHORTEST * first, largest=LONGEST * first, few_iterations=8
         )
         split = isinstance(case, scene.Bag)
-        scheme = iqn_ils(relaxation=1.0 if split else 0.3)
+        scheme = iqn_ils(relaxation=1.0 if split else CAREFUL if wet else 0.3)
         if split:
             exchanges += fixed_stress_exchanges("solid", "fluid")
     return CoupledSystem(

@@ -43,17 +43,23 @@ class DrivenFlow:
         """
         gates = situation.gates
         limited = [gate.rate is None for gate in gates]
+        returning = [False] * len(gates)
         shut = np.zeros(len(state.full), dtype=bool)
         film = situation.film
         spent = np.zeros(0 if film is None else len(film.fed), dtype=bool)
         for _ in range(2 * len(gates) + 12):
-            flow = self._solve(situation, state, step, limited, shut, spent, resting)
+            flow = self._solve(situation, state, step, limited, returning, shut, spent, resting)
             pressure, rate = self._at_gates(situation, flow)
             changed = False
             for k, gate in enumerate(gates):
-                if not gate.ready or gate.rate is None or gate.pressure is None:
+                if not gate.ready:
                     continue
-                if not limited[k] and pressure[gate.number] > gate.pressure * (1.0 + 1e-9):
+                back = limited[k] and gate.contact < 0.0 and rate[gate.number] < 0.0
+                if situation.lift is not None and back and not returning[k]:
+                    returning[k] = changed = True
+                if limited[k] or gate.pressure is None:
+                    continue
+                if pressure[gate.number] > gate.pressure * (1.0 + 1e-9):
                     limited[k] = changed = True
             drawn = situation.bleeds & (flow.net > 1e-9 * np.abs(flow.along).max(initial=0.0))
             drawn &= state.full & ~shut
@@ -76,6 +82,7 @@ class DrivenFlow:
         state: FillingState,
         step: float,
         limited: list[bool],
+        returning: list[bool],
         shut: np.ndarray,
         spent: np.ndarray,
         resting: bool,
@@ -85,16 +92,21 @@ class DrivenFlow:
         fixed = np.where(state.full & ~shut, situation.vent_pressure, np.nan)
         contact, outside = np.zeros(count), np.zeros(count)
         source = np.where(state.full, -situation.pore_rate + situation.excess / step, 0.0)
+        hole, in_hole = np.full(count, np.nan), np.zeros(count)
         tied = []
-        for gate, at_pressure in zip(situation.gates, limited, strict=True):
+        for gate, at_pressure, returns in zip(situation.gates, limited, returning, strict=True):
             if not gate.ready:
                 continue
             nodes = gate.gate.nodes
             if not at_pressure:
                 tied.append((nodes, float(gate.rate or 0.0)))
+                if gate.contact < 0.0:
+                    in_hole[nodes] = float(gate.rate or 0.0) / gate.contact
             elif np.isfinite(gate.contact):
                 contact[nodes[0]], outside[nodes[0]] = gate.contact, gate.pressure
                 tied.append((nodes, 0.0))
+                if gate.contact < 0.0 and not returns:
+                    hole[nodes] = gate.pressure
             else:
                 fixed[nodes] = gate.pressure
         if situation.film is not None:
@@ -102,7 +114,7 @@ class DrivenFlow:
         pocket, compliance = self._pockets(situation, step)
         boundary = Boundary(
             fixed, source, tuple(tied), contact, outside, situation.state.air_pressure,
-            self.height(), pocket, compliance, situation.lift,
+            self.height(), pocket, hole, in_hole, compliance, situation.lift,
             situation.pores / step if resting else None,
         )  # fmt: skip
         return solve_flow(

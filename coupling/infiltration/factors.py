@@ -37,7 +37,7 @@ class Factors:
         self._kept: list[tuple[csc_matrix, SuperLU]] = []
 
     def solve(self, matrix: csc_matrix, right: np.ndarray) -> np.ndarray:
-        """Solve a symmetric system, refined once: the balance of every node holds to round-off.
+        """Solve a system of symmetric structure, refined once: nodes balance to round-off.
 
         Raises
         ------

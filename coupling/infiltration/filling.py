@@ -206,14 +206,17 @@ class Filling:
         wet: np.ndarray = ((cells < 0) | state.full[cells]).all(axis=1)
         velocity = medium.network.velocity(state.pressure - height, factor)
         return FillingFrame(
-            state.time, state.fill.copy(), self._pressure_in_holes(), state.cure.copy(),
+            state.time, state.fill.copy(), self.pressure, state.cure.copy(),
             state.temperature.copy(), state.film.copy(), np.where(wet[:, None], velocity, 0.0),
         )  # fmt: skip
 
-    def _pressure_in_holes(self) -> np.ndarray:
+    @property
+    def pressure(self) -> np.ndarray:
         """Pressure of the nodes [Pa], (N,), of those in a gate's hole at most the gate's.
 
-        The equations know such nodes by the field around them, whose middle lies above the hole's.
+        This is the pressure that every reader takes. ``state.pressure`` is the unknown of the
+        equations: they know the nodes in a hole by the field around it, which goes on to rise
+        inside the hole.
         """
         pressure = self.state.pressure.copy()
         for gate, own in zip(self.supply.gates, self.state.gate_pressure, strict=True):
@@ -268,6 +271,16 @@ class Filling:
         self.medium.fibre_fraction(given[0])
         state.thickness, state.thickness_rate, state.lift, state.lift_reference = given
         self._steps.forget()
+
+    def start_at(self, thickness: np.ndarray) -> None:
+        """Give the preform another thickness [m], (C,), before anything flows.
+
+        The pores are filled to the same share as before, of the volume that they have then.
+        """
+        self.set_thickness(thickness)
+        state, pores = self.state, self.pores
+        state.resin_volume = np.where(state.full, pores, state.fill * pores)
+        state.started_volume = state.stored
 
     def set_supply(self, gates: Sequence[Gate], vents: Sequence[Vent]) -> None:
         """Go on with the same gates and vents, but other pressures, rates or schedules.

@@ -2,7 +2,8 @@
 
 Unknown is the potential u = p - ρ g·x of the full nodes. Each of them passes on what it receives,
 Σ_j T_ij (u_i - u_j) + Σ_k q_ik = b_i, with the flow q_ik into control volumes k that the front is
-in (:mod:`lcmchain.coupling.infiltration.front`) and a source b_i. The matrix is symmetric.
+in (:mod:`lcmchain.coupling.infiltration.front`) and a source b_i. The matrix is symmetric,
+but for cells at the hole of a gate that their resin thickens: there the hole's pressure is given.
 
 Where all T_ik of a front volume are positive and the front has not passed its node (s_k < 1), every
 full neighbour feeds it by itself, q_ik = T_ik (u_i - u_v) / s_k: the same total for a straight
@@ -29,7 +30,8 @@ from lcmchain.errors import SimulationError
 class Lift:
     """Cells that the pressure of their resin thickens: Q = A s (p - reference) [m3/s] into a cell.
 
-    p is the mean over its corners by their areas, of the air where they are not full.
+    p is the mean over its corners by their areas: of the air where they are not full, and of the
+    hole where they lie in that of a gate.
 
     Parameters
     ----------
@@ -71,6 +73,9 @@ class Boundary:
         the air has a given pressure, (N,).
     compliance : of each pocket, volume per pressure and time step [m3/(Pa s)].
     lift : cells that the pressure thickens.
+    hole : pressure [Pa] that cells take from nodes in the hole of a gate at a pressure, nan
+        elsewhere, (N,); in_hole : the hole's pressure less that of its nodes [Pa] where the gate
+        has a rate, (N,). See :attr:`.filling.Filling.pressure`.
     room : pore volume over the time step that the front should come to rest in [m3/s], (N,); None
         where the front is as it stands. See :meth:`_System._close_front`.
     """
@@ -83,9 +88,16 @@ class Boundary:
     air: np.ndarray
     height: np.ndarray
     pocket: np.ndarray
+    hole: np.ndarray
+    in_hole: np.ndarray
     compliance: np.ndarray = field(default_factory=lambda: np.zeros(0))
     lift: Lift | None = None
     room: np.ndarray | None = None
+
+    def of_cells(self, full: np.ndarray, resin: np.ndarray) -> np.ndarray:
+        """Pressures (N,) that cells take from their corners, of those of the resin [Pa], (N,)."""
+        filled = np.where(np.isnan(self.hole), resin + self.in_hole, self.hole)
+        return np.where(full, filled, self.air)
 
 
 class Flow(NamedTuple):
@@ -205,7 +217,7 @@ class _System:
         total = np.concatenate([total, np.zeros(len(pockets))])
         if len(pockets):
             self._add_pockets(unknown, known, pockets, parts, total)
-        solution = _solve_symmetric(parts, total, factors)
+        solution = _solve(parts, total, factors)
         potential = np.where(unknown >= 0, solution[np.maximum(unknown, 0)], 0.0) + known
         if len(pockets):
             inside = self.pocket >= 0
@@ -296,14 +308,16 @@ class _System:
         """What cells take in that the pressure of their full corners thickens."""
         boundary = self.boundary
         # Of the full nodes what their height adds to the potential; the air's pressure elsewhere.
-        known = np.where(self.full, boundary.height, boundary.air)
+        known = boundary.of_cells(self.full, boundary.height)
         right += lift.into_nodes(
             lift.conductance * (lift.reference - lift.pressure(known)), self.count
         )
         full = (lift.nodes >= 0) & self.full[lift.nodes]
+        # The pressure of a hole is given: its nodes take resin in, but do not press.
+        pressing = full & np.isnan(boundary.hole[lift.nodes])
         for a in range(4):
             for b in range(4):
-                both = full[:, a] & full[:, b]
+                both = full[:, a] & pressing[:, b]
                 rows.append(lift.nodes[both, a])
                 columns.append(lift.nodes[both, b])
                 entries.append((lift.conductance * lift.weights[:, a] * lift.weights[:, b])[both])
@@ -360,7 +374,7 @@ class _System:
         taken, lifted = np.zeros(self.count), np.zeros(0)
         if boundary.lift is not None:
             lift = boundary.lift
-            own = np.where(self.full, potential + boundary.height, boundary.air)
+            own = boundary.of_cells(self.full, potential + boundary.height)
             lifted = lift.pressure(own)
             taken = lift.into_nodes(lift.conductance * (lifted - lift.reference), self.count)
         net = np.where(self.full, net - boundary.source + taken, 0.0)
@@ -370,7 +384,7 @@ class _System:
         return Flow(potential, pressure, front, feed, along, net, lifted)
 
 
-def _solve_symmetric(
+def _solve(
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]], right: np.ndarray, factors: Factors
 ) -> np.ndarray:
     if not len(right):

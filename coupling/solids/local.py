@@ -28,6 +28,9 @@ from lcmchain.coupling.solids.compaction_law import CellCompaction
 from lcmchain.coupling.solids.fields import checked, chosen
 from lcmchain.errors import InputError, SimulationError
 
+#: Of a thickness: the iteration for the gap of a press leaves less.
+ROUND_OFF = 1e-12
+
 
 @dataclass(frozen=True)
 class SavedCompaction:
@@ -48,7 +51,7 @@ class LocalCompaction:
     :class:`lcmchain.coupling.iteration.interface.CoupledPart`.
 
     The pore pressure that was set is that of the end of a step. The first state is in balance with
-    the pressures of the start.
+    the pressures of the start, or is that of a given thickness.
 
     Parameters
     ----------
@@ -56,6 +59,10 @@ class LocalCompaction:
     area : present area of the mid-surface of each cell (C,) [m²].
     pore_pressure : at the start (C,) or one number [Pa].
     centres : of the cells (C, 3) [m], for messages.
+    start : thickness at the start (C,) [m] where the fluid has not yet let the cells come to their
+        balance; None for that.
+    swells : whether fluid can come in, so that cells may become thicker. Where it cannot they keep
+        their thickness, whatever lets go of them.
 
     Raises
     ------
@@ -73,15 +80,23 @@ class LocalCompaction:
         pore_pressure: np.ndarray | float = 0.0,
         centres: np.ndarray | None = None,
         time: float = 0.0,
+        start: np.ndarray | None = None,
+        swells: bool = True,
     ) -> None:
+        self._swells, self._given_start = swells, start is not None
         self.law, self.closure = law, closure
         self.area = checked("area", area, law.thickness.size)
         require_positive("area", self.area)
         self._centres, self._time, self._step = centres, float(time), 0.0
-        start = np.broadcast_to(np.asarray(pore_pressure, dtype=float), self.area.shape)
-        self._pressure = checked(PORE_PRESSURE, start, self.cell_count)
+        pore = np.broadcast_to(np.asarray(pore_pressure, dtype=float), self.area.shape)
+        self._pressure = checked(PORE_PRESSURE, pore, self.cell_count)
         self._used = self._pressure.copy()
-        self._take(self._closed(self._time))
+        if start is None:
+            closed = self._closed(self._time)
+        else:
+            given = checked(THICKNESS, start, self.cell_count)
+            closed = Closed(given, np.zeros_like(given))
+        self._take(closed)
         self._before = self._thickness.copy()
 
     @property
@@ -113,6 +128,17 @@ class LocalCompaction:
             raise PartFailed(
                 str(error), time=self._time, step=step, inputs={PORE_PRESSURE: self._pressure}
             ) from error
+        if self._given_start:
+            # a rate of round-off alone is none
+            change = closed.thickness - self._thickness
+            lies = np.abs(change) <= ROUND_OFF * self._thickness
+            closed = Closed(np.where(lies, self._thickness, closed.thickness), closed.compliance)
+        if not self._swells:
+            lies = closed.thickness >= self._thickness
+            closed = Closed(
+                np.where(lies, self._thickness, closed.thickness),
+                np.where(lies, 0.0, closed.compliance),
+            )
         self._before, self._used = self._thickness, self._pressure.copy()
         self._take(closed)
         self._time, self._step = self._time + step, float(step)

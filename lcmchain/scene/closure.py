@@ -42,7 +42,20 @@ class _Closure(SceneModel):
     )
 
 
-class Bag(_Closure):
+class _Pressed(_Closure):
+    """What presses with a pressure or force from the start on."""
+
+    pressed: Annotated[
+        Literal["dry", "wet"] | None, AbsentMeans("wet where the case has [[wetted]], else dry")
+    ] = Field(
+        default=None,
+        description="The preform at the start: dry, pressed together before the resin comes, so "
+        "that wetted places are full at the pressed thickness; or wet, as thick as it was formed "
+        "where resin is, which first has to leave.",
+    )
+
+
+class Bag(_Pressed):
     """A bag or diaphragm: each cell bears its pressure."""
 
     type: Literal["bag"]
@@ -114,7 +127,7 @@ class Gap(_Closure):
         return f"tools that close to {1e3 * min(self.thickness):.4g} mm in {duration:g} s"
 
 
-class Press(_Closure):
+class Press(_Pressed):
     """A rigid tool under a force."""
 
     type: Literal["press"]

@@ -238,6 +238,12 @@ class Infiltration(SceneModel):
                     f"({least:g} Pa): no resin would flow",
                     field=f'gates[{index}] "{gate.name}".{name}',
                 )
+        if getattr(self.closure, "pressed", None) == "wet" and not self.wetted:
+            raise wrong(
+                'is "wet", but no resin is in the preform at the start; name where it is with '
+                "[[wetted]], or leave the entry out",
+                field="closure.pressed",
+            )
         if self.trapped_air and least <= 0.0:
             raise wrong(
                 f"compresses the air from the pressure of the vents, which is {least:g} Pa; give "

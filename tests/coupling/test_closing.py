@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.integrate import solve_ivp
 
 from lcmchain.coupling.closing.mould import Mould
 from lcmchain.coupling.closing.textile import compaction_of
@@ -155,6 +156,64 @@ def test_resin_lifts_a_part_until_the_pressures_balance(source, kind, few_steps)
     np.testing.assert_allclose(filled.history.force[:, 0], 1e5 * area, rtol=2e-3)
     assert np.abs(filled.history.balance_error).max() < 1e-10 * filled.history.stored[-1]
     assert filled.coupling.mean_iterations < 12.0
+
+
+FINE = LAW.replace("30 um", "20 um")
+SHORT = HEAD.replace("2000 s", "6 s").replace("frames = 6", 'frame_interval = "2 s"')
+
+
+@pytest.mark.parametrize("force", ['"800 N"', '"0 800 N"\ntimes = "0 1 s"'])
+def test_a_wet_preform_under_a_press_consolidates_as_its_own_equation_says(source, force):
+    """Formed to 1.0 mm, below its free thickness; resin leaves at both ends.
+
+    Of a rate h' the parabola of Darcy's law has the mean p = -mu h' l² / (3 K h), l half the
+    length, and F = A (sigma + p): an equation for h(t) alone. What bears less than its fibres
+    lies still, as no resin comes in.
+    """
+    formed, area, half = 1.0e-3, LENGTH * WIDTH, 0.5 * LENGTH
+    with xr.load_dataset(source) as strip:
+        strip["thickness"][:] = formed
+        strip["fibre_volume_fraction"][:] = AREAL_MASS / (FIBRE_DENSITY * formed)
+    strip.to_netcdf(source)
+    closing = f'[closure]\ntype = "press"\nforce = {force}\nwindow = "0.2 s"'
+    filled = fill(read_formed_part(source), case(SHORT, ENDS, WET, closing, FINE))
+    law = compaction_of(read_formed_part(source))
+
+    def rate(time, h):
+        load = 800.0 / area * (min(time, 1.0) if "times" in force else 1.0)
+        sigma = law.pressure(np.full(law.thickness.size, h[0]))[0]
+        K = permeability(h[0]) * (20.0 / 30.0) ** 2
+        return [-3.0 * K * h[0] * max(load - sigma, 0.0) / (VISCOSITY * half**2)]
+
+    exact = solve_ivp(rate, (0.0, 6.0), [formed], rtol=1e-8, max_step=0.1, t_eval=filled.time)
+    assert len(filled.time) == 4 and exact.y[0, -1] < 0.88e-3
+    np.testing.assert_allclose(filled.thickness[0], formed, rtol=1e-12)
+    np.testing.assert_allclose(filled.thickness.mean(axis=1), exact.y[0], rtol=0.01)
+    way = formed - filled.thickness.mean(axis=1)[1:]
+    np.testing.assert_allclose(way, formed - exact.y[0, 1:], rtol=0.05)
+    late = filled.history.time > 0.5
+    np.testing.assert_allclose(
+        filled.history.force[late, 0], 800.0 * np.minimum(filled.history.time[late], 1.0)
+        if "times" in force else 800.0, rtol=1e-3,
+    )  # fmt: skip
+    assert np.abs(filled.history.balance_error).max() < 1e-10 * filled.history.stored[0]
+
+
+def test_a_preform_that_was_pressed_dry_is_full_at_its_pressed_thickness(source):
+    closing = '[closure]\ntype = "press"\nforce = "800 N"\npressed = "dry"'
+    filled = fill(read_formed_part(source), case(SHORT, ENDS, WET, closing, FINE))
+    law = compaction_of(read_formed_part(source))
+    dry = law.thickness_under(np.full(law.thickness.size, 1e5))
+    np.testing.assert_allclose(filled.thickness, np.tile(dry, (len(filled.time), 1)), rtol=1e-9)
+    pores = LENGTH * WIDTH * (dry[0] - AREAL_MASS / FIBRE_DENSITY)
+    np.testing.assert_allclose(filled.history.stored, pores, rtol=1e-9)
+    assert filled.history.vented.max() < 1e-9 * pores
+
+
+def test_pressed_wet_needs_resin_in_the_preform():
+    closing = '[closure]\ntype = "bag"\npressure = "1 bar"\npressed = "wet"'
+    with pytest.raises(InputError, match="closure.pressed.*no resin is in the preform"):
+        case(HEAD, LEFT, RIGHT, closing, LAW)
 
 
 def test_going_on_from_a_checkpoint_is_bit_identical(source, tmp_path):

@@ -104,6 +104,33 @@ def test_vacuum_infusion_keeps_mass_and_comes_where_the_similar_solution_is():
     np.testing.assert_allclose(solid.get_fields(["total_pressure"])["total_pressure"], bag)
 
 
+def test_a_hole_lifts_the_bag_with_its_own_pressure():
+    """Nodes in a wide hole stand for a field that rises inside it; cells take the hole's."""
+    count, bag, inlet = 8, 1e5, 0.95e5
+    x = 12.5e-3 * np.arange(count + 1)
+    points = np.array([[a, b, 0.0] for b in x for a in x])
+    i = np.arange((count + 1) ** 2).reshape(count + 1, count + 1)
+    corners = (i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1])
+    mesh, law = FlowMesh(points, np.stack([c.ravel() for c in corners], axis=1)), cells(count**2)
+    solid = LocalCompaction(law, Bag(bag), mesh.areas)
+    middle, rim = i[4:5, 4], np.unique(np.r_[i[0], i[-1], i[:, 0], i[:, -1]])
+    filling = Filling(
+        mesh, preform_of(law, solid.thickness), VISCOSITY,
+        [Gate("hole", middle, pressure=inlet, radius=10e-3)], [Vent("rim", rim, pressure=0.0)],
+    )  # fmt: skip
+    fluid = FillingPart(filling)
+    system = coupled(solid, fluid, 10.0)
+    thickest = law.thickness_under(np.full(count**2, bag - inlet)).max()
+    above = 0.0
+    for end in (10.0, 30.0, 60.0):
+        system.advance_to(end)
+        above = max(above, filling.state.pressure.max())
+        assert fluid.pressure().max() < inlet and fluid.present_pressure().max() < inlet
+        assert solid.thickness.max() < thickest
+        assert abs(filling.state.balance_error) < 1e-12 * filling.state.stored
+    assert above > 1.2 * inlet
+
+
 def test_squeeze_flow_between_closing_plates():
     """F/width = mu |dh/dt| L³/(3 K h) of a strip that is closed at one end."""
     count, speed = 40, 1e-6

@@ -44,7 +44,7 @@ def main() -> None:
 
     wet = WetForming(read_scene(scene), Simulation.from_scene(read_scene(scene)))
     wet.advance_to(TIME)
-    wanted, own = wet.filling.state.pressure.max(), wet.force()[0]
+    wanted, own = wet.filling.pressure.max(), wet.force()[0]
     thickness = wet.filling.state.thickness.mean()
     # the plates close at 10 mm/s; their surfaces give way to the pressure, which still rises
     speed = -wet.forming.get_fields(["thickness_rate"])["thickness_rate"].mean()
