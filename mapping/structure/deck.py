@@ -158,8 +158,8 @@ def idle_loads(mesh: DeckMesh, structure: Structure) -> Iterator[str]:
             first = nodes[0]
             yield (
                 f"{key} loads nothing: supports hold all of its {len(nodes)} nodes against the "
-                f"force (the first is {mesh.node_ids[first]} at {millimetres(mesh.points[first])}); "
-                "move the load, or free what it acts on"
+                f"force (the first is {mesh.node_ids[first]} at "
+                f"{millimetres(mesh.points[first])}); move the load, or free what it acts on"
             )
 
 

@@ -137,7 +137,8 @@ class DeckMesh:
         longest = 0.0
         for name, _, cells in self.blocks:
             ends = self.points[cells[:, np.array(EDGES[base_type(name)])]]
-            longest = max(longest, float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max()))
+            lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+            longest = max(longest, float(lengths.max()))
         return longest
 
     def with_middles(self, values: np.ndarray) -> np.ndarray:
