@@ -133,8 +133,8 @@ def require_resolved(model: Model, state: State, energy: Mapping[str, float]) ->
     element, place = _most_hourglass(model, state)
     raise SimulationError(
         f"the hourglass energy is {part:.0%} of the strain energy at {when(state)}, more than "
-        f"{LARGEST_HOURGLASS_PART:.0%}, most of it in element {element} at {millimetres(place)}: "
-        f"forces and shape cannot be trusted. Likely cause: "
+        f"{LARGEST_HOURGLASS_PART:.0%}: forces and shape cannot be trusted. The most is in element "
+        f"{element} at {millimetres(place)}. Likely cause: "
         f"{_cause_of_hourglass(model, state, energy)}"
     )
 
