@@ -415,7 +415,9 @@ def test_a_sticking_sheet_keeps_the_energy_of_its_friction_springs():
         work = e["external"] - weight_ahead(course, n) - tool_ahead(course, n, [1.0, 0.0, 0.0])
         balance.append(e["kinetic"] + e["contact"] - work)
     assert_conserved(balance, course.series("kinetic").max())
-    assert not course.series("friction").any()
+    # nothing slides: no more than the rounding of what the springs hold
+    held = course.series("contact").max() - 0.5 * STIFFNESS * SUNK**2
+    assert np.abs(course.series("friction")).max() < 1e-9 * held
     assert sim.state.position[0].mean() == near(way, 0.7)  # it came along
 
 
