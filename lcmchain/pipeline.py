@@ -138,7 +138,7 @@ class _Job:
         self.simulation, tool_warnings = _build_simulation(self.scene)
         model = self.simulation.model
         self.threads = use_threads(self._threads_wanted, model.element_count)
-        require_frames_fit(self.scene.process.frames, model)
+        require_frames_fit(self.scene.process.frames, model.element_count, model.node_count)
         blank = model.blank
         if not blank.has_thickness:  # the tools meet the faces of the sheet, whatever its elements
             blank = build_blank(self.scene.blank, self.scene.material.thickness)

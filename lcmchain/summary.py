@@ -14,6 +14,7 @@ from lcmchain import __version__
 from lcmchain.check import run_effects
 from lcmchain.check.fibre_strain import fibre_strain_measures, fibre_strain_warnings
 from lcmchain.check.quasi_static import (
+    balance_warning,
     idle_energy,
     process_time_needed,
     quasi_static_measures,
@@ -24,12 +25,7 @@ from lcmchain.effects.mass_scaling import added_mass
 from lcmchain.results import RUNNING
 from lcmchain.scene import left_out_of, rung_of
 from lcmchain.state import HALVINGS
-from lcmchain.thresholds import (
-    LARGEST_BALANCE_ERROR,
-    LARGEST_KINETIC_PART_AT_END,
-    LARGEST_PENETRATION,
-    balance_scale,
-)
+from lcmchain.thresholds import LARGEST_KINETIC_PART_AT_END, LARGEST_PENETRATION
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -130,6 +126,7 @@ def run_summary(
         *warnings,
         *tools_never_touched(model, state, snapshots),
         *field_warnings(datasets["/"], model.material),
+        *balance_warning(summary, scene),
         *run_warnings(summary, scene.material.thickness),
         *hidden_compaction_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),
@@ -184,12 +181,6 @@ def run_warnings(summary: Mapping, thickness: float) -> list[str]:
     thickness : of the fabric [m].
     """
     found = []
-    if summary["balance_error_max"] > LARGEST_BALANCE_ERROR:
-        found.append(
-            f"the energy balance is off by {summary['balance_error_max']:.1%} "
-            f"{balance_scale(summary)}; lower process.step_safety, and leave "
-            "element.cross_terms off"
-        )
     if summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END:
         found.append(
             f"the sheet still moves at the end (kinetic {summary['kinetic_to_internal_end']:.1%} "

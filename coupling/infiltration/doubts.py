@@ -89,6 +89,8 @@ def _regions(setup: FillingSetup, places: Places) -> Iterator[str]:
             if region.fibre_volume_fraction is not None and region.permeability_factor == 1.0:
                 yield (
                     f'the region "{region.name}" changes the fibre volume fraction, but not the '
-                    "permeability, which stays as mapped; give a [permeability] law in this "
-                    "table, which follows it, or a permeability_factor"
+                    "permeability, which stays as mapped; give the whole infiltration a "
+                    'permeability law, which follows it in every region (its entry "permeability" '
+                    'stands beside "regions", not in a region), or the region a '
+                    "permeability_factor"
                 )

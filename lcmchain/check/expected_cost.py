@@ -54,35 +54,45 @@ class Estimate:
     controlled_by: str
 
 
-def estimate_run(model: Model) -> Estimate:
-    """Estimate time step, step count and computing time."""
+def estimate_run(model: Model, refinement: float = 1.0) -> Estimate:
+    """Estimate time step, step count and computing time.
+
+    refinement : how many times shorter the edges of the run are than those of the model: waves in
+        the plane, and the contact stiffness that the program chooses, are that much faster.
+    """
     contact = contact_omega2(model)
-    start = omega2_over_time(model, 0.0)[:, 0]
+    if model.automatic_penalty:
+        contact *= refinement**2
+    start = omega2_over_time(model, 0.0, refinement)[:, 0]
     causes = dict(zip(CAUSES, start, strict=True)) | {"contact stiffness": contact}
-    counts = [_step_count(model, contact, shear) for shear in (EXPECTED_SHEAR, 0.0, LARGEST_SHEAR)]
+    shears = (EXPECTED_SHEAR, 0.0, LARGEST_SHEAR)
+    counts = [_step_count(model, contact, shear, refinement) for shear in shears]
     speed = machine_speed(model)
+    element_count = model.element_count * refinement**2
     return Estimate(
         critical_step=2.0 / math.sqrt(start.max() + contact),
         step_count=counts[0],
         range=(counts[1], counts[2]),
         speed=speed,
-        seconds=counts[0] * model.element_count * speed.seconds_per_element_step,
+        seconds=counts[0] * element_count * speed.seconds_per_element_step,
         controlled_by=max(causes, key=causes.__getitem__),
     )
 
 
-def _step_count(model: Model, contact: float, shear_angle: float) -> int:
-    omega2 = omega2_over_time(model, shear_angle).max(axis=0) + contact
+def _step_count(model: Model, contact: float, shear_angle: float, refinement: float) -> int:
+    omega2 = omega2_over_time(model, shear_angle, refinement).max(axis=0) + contact
     mean = np.trapezoid(0.5 * np.sqrt(omega2), dx=1.0 / (TIMES - 1))
     return math.ceil(model.process_time / model.step_safety * mean)
 
 
-def omega2_over_time(model: Model, shear_angle: float) -> np.ndarray:
+def omega2_over_time(model: Model, shear_angle: float, refinement: float = 1.0) -> np.ndarray:
     """Return ω² (2, TIMES) of the waves in the plane and over the thickness [1/s²].
 
     The sheets are taken to shear by up to ``shear_angle`` [rad], in proportion to the square of the
     tools' travel: a net of fibres on a surface of the Gaussian curvature K shears by K times the
     area between two of them (Gauss and Bonnet). Where supports pull it shears with their travel.
+
+    refinement : how many times shorter the edges are than those of the model.
     """
     times = np.linspace(0.0, model.process_time, TIMES)
     travel = np.array([_travel(model, time) for time in times])
@@ -98,6 +108,7 @@ def omega2_over_time(model: Model, shear_angle: float) -> np.ndarray:
         if reference.over_thickness > 0.0:
             stiffening = _compaction_stiffening(body.material, gap / body.material.thickness)
             omega2[1] = np.maximum(omega2[1], reference.over_thickness * stiffening)
+    omega2[0] *= refinement**2
     return omega2
 
 

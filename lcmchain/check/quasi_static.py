@@ -25,10 +25,12 @@ from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.scene import Scene
 from lcmchain.scene.pace import entries_that_slow, is_driven, is_led
 from lcmchain.thresholds import (
+    LARGEST_BALANCE_ERROR,
     LARGEST_DAMPING_PART,
     LARGEST_HOURGLASS_PART,
     LARGEST_KINETIC_PART,
     LONGEST_DYNAMIC_PART,
+    balance_scale,
 )
 from lcmchain.tools.motion import GUIDED
 
@@ -160,6 +162,38 @@ def quasi_static_warnings(
         *_inertia(measures, scene, needed),
         *_damping(measures, scene),
         *_hourglass(measures, scene),
+    ]
+
+
+def balance_remedies(measures: Mapping[str, Any], scene: Scene) -> list[str]:
+    """Return the scene entries that close an energy balance, the likeliest first.
+
+    Cross terms have no potential. What strikes the tools loses energy to them that the step does
+    not resolve; the loss falls with the speed, and in proportion to the step.
+    """
+    found = ["element.cross_terms"] if getattr(scene.element, "cross_terms", False) else []
+    if measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0) > LARGEST_KINETIC_PART:
+        found += ["process.time"] if is_led(scene) else entries_that_slow(scene)
+    return [*found, "process.step_safety"]
+
+
+def balance_warning(measures: Mapping[str, Any], scene: Scene) -> list[str]:
+    """Say that an energy balance is off, and which entries close it.
+
+    measures : ``balance_error_max``, ``strained`` and those of :func:`quasi_static_measures`.
+    """
+    error = measures["balance_error_max"]
+    if not error > LARGEST_BALANCE_ERROR:
+        return []
+    *slower, step = balance_remedies(measures, scene)
+    first = ""
+    if slower and slower[0] == "element.cross_terms":
+        first = f"leave {slower.pop(0)} off, or "
+    if slower:
+        first += f"the sheet strikes the tools: slow it with {' or '.join(slower)}, or "
+    return [
+        f"the energy balance is off by {error:.1%} {balance_scale(measures)}; {first}lower {step}, "
+        "to which the error is proportional"
     ]
 
 

@@ -14,6 +14,7 @@ from lcmchain.check.draping_preview import DrapingReport, check_draping, draping
 from lcmchain.check.effect_cost import effect_parts, measurable_effects
 from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
+from lcmchain.check.large_mesh import CheckedMesh, checked_mesh
 from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.saved_frames import require_frames_fit
@@ -34,6 +35,7 @@ from lcmchain.check.tools_at_start import (
     overlapping,
     require_gaps,
 )
+from lcmchain.check.tools_closing import tools_that_close
 from lcmchain.check.tools_without_touch import tools_out_of_reach
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
@@ -96,7 +98,8 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
 
     Parameters
     ----------
-    scene : validated scene.
+    scene : validated scene. Of a mesh of very many elements a check builds one with fewer, and
+        carries what it finds over (:mod:`lcmchain.check.large_mesh`).
     out : folder for the picture ``initial.png``; None draws nothing.
 
     Raises
@@ -104,6 +107,8 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
     InputError : blank or tools cannot be built, or a tool overlaps the blank at the start; names
         the picture, where one can be drawn even so.
     """
+    mesh = checked_mesh(scene)
+    scene = mesh.scene
     # the tools meet the faces of the sheet, whatever its elements
     blank = build_blank(scene.blank, scene.material.thickness)
     picture = None if out is None else Path(out) / START_PICTURE
@@ -125,11 +130,12 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
     except InputError as error:
         raise _with_picture(error, picture, scene, blank, marks) from None
     noted = [str(entry.message) for entry in tool_warnings]
+    noted = mesh.remarks(blank) + noted
     report: CheckReport | DrapingReport
     if model is None:
-        report = check_draping(scene, blank, tools, blank.remarks() + noted, picture)
+        report = check_draping(scene, blank, tools, noted, picture)
     else:
-        report = _report(scene, blank, model, gaps, noted, picture)
+        report = _report(mesh, blank, model, gaps, noted, picture)
     if picture is not None:
         draw_start(picture, scene, blank)
     return report
@@ -142,7 +148,7 @@ def _tools(scene: Scene, blank: BlankMesh) -> ToolTable:
 
 
 def _report(
-    scene: Scene,
+    mesh: CheckedMesh,
     blank: BlankMesh,
     model: Model,
     gaps: list[InitialGap],
@@ -150,17 +156,19 @@ def _report(
     picture: Path | None,
 ) -> CheckReport:
     """Return the report of a scene with forces; ``noted`` are warnings of its tools."""
-    require_frames_fit(scene.process.frames, model)
+    scene = mesh.scene
+    counts = mesh.in_run(model.element_count), mesh.in_run(model.node_count)
+    require_frames_fit(scene.process.frames, *counts)
     needed = process_time_needed(model)
-    found = scene_warnings(scene) + blank.remarks() + process_time_remarks(scene, needed)
-    found += tools_out_of_reach(scene, model)
+    found = scene_warnings(mesh.given) + process_time_remarks(scene, needed)
+    found += tools_out_of_reach(scene, model) + tools_that_close(scene, blank, model)
     return CheckReport(
         scene=scene,
-        element_count=model.element_count,
-        node_count=model.node_count,
+        element_count=counts[0],
+        node_count=counts[1],
         effects=run_effects(scene, model),
         effect_parts=effect_parts(model),
-        estimate=estimate_run(model),
+        estimate=estimate_run(model, mesh.refinement),
         needed=needed,
         gaps=gaps,
         initial_overlap=model.tools.initial_overlap.tolist(),

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 from lcmchain.check.effects_of_run import Effect
 from lcmchain.check.expected_cost import Estimate
+from lcmchain.check.large_mesh import BUILDING_BYTES
 from lcmchain.check.quasi_static import PERIODS, ProcessTime
+from lcmchain.check.saved_frames import frame_bytes
 from lcmchain.check.tools_at_start import InitialGap
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process
@@ -155,6 +157,12 @@ def cost_table(
     table.show_header = False
     table.add_row("elements", f"{element_count:,}")
     table.add_row("nodes", f"{node_count:,}")
+    frames = process.frames * frame_bytes(element_count, node_count)
+    table.add_row(
+        "memory",
+        f"about {1e-9 * BUILDING_BYTES * element_count:.2g} GB, and {1e-9 * frames:.2g} GB for the "
+        "saved frames",
+    )
     table.add_row("process time", f"{1e3 * process.time:g} ms, {process.frames} saved frames")
     table.add_row(
         "critical time step",

@@ -21,7 +21,7 @@ from lcmchain.jit import equation
 
 @equation
 def friction(stick, slip_increment, normal, stiffness, limit):
-    """Return the new elastic slip, the friction force, and the energy dissipated by sliding.
+    """Return the new elastic slip [m] and the friction force [N].
 
     ``stick`` (elastic slip of the tangential spring, [m]) is carried to the present tangent plane,
     grows by the relative displacement since the last step, and returns to the cone |F| <= limit.
@@ -35,10 +35,30 @@ def friction(stick, slip_increment, normal, stiffness, limit):
     # choices instead of branches: the loops over nodes stay packed
     slides = stiffness * length > limit
     scale = limit / (stiffness * length) if slides else 1.0
-    dissipated = limit * (1.0 - scale) * length
     trial = (scale * trial[0], scale * trial[1], scale * trial[2])
     force = (-stiffness * trial[0], -stiffness * trial[1], -stiffness * trial[2])
-    return trial, force, dissipated
+    return trial, force
+
+
+@equation
+def friction_loss(before, after, way, stiffness):
+    """Return what a friction spring takes for good [J] while the node moves on by a way [m].
+
+    Its force does, in half, the work of the elastic slip ``before`` and ``after`` the step: that is
+    what the motion loses by central differences. What of it the spring does not store is lost, by
+    sliding, by the turn of the tangent plane, and where the node lifts off (``after`` is zero).
+    With the work of sliding taken at the end of the step instead, a node that the surface throws
+    back within a few steps loses up to half of its friction work uncounted.
+
+    Parameters
+    ----------
+    before, after : elastic slip, whose forces acted at the two ends of the step [m].
+    way : of the node relative to the tool [m].
+    stiffness : of the spring [N/m].
+    """
+    mean = plus(1.0, before, after)
+    stored = dot(after, after) - dot(before, before)
+    return 0.5 * stiffness * (dot(mean, way) - stored)
 
 
 SWITCH = Switch(

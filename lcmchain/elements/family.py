@@ -154,6 +154,9 @@ class Body(Protocol):
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
         """Return strain energy and hourglass energy [J] at positions (3, node_count)."""
 
+    def hourglass_energies(self, positions: np.ndarray, history: np.ndarray) -> np.ndarray:
+        """Return the hourglass energy of every element (element_count,) [J], as above."""
+
     def renew(
         self, positions: np.ndarray, history: np.ndarray, counted_at: np.ndarray | None = None
     ) -> float:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lcmchain.check.quasi_static import balance_remedies
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.hidden_compaction import hidden_text
 from lcmchain.quantities.durations import milliseconds_text
@@ -63,7 +64,7 @@ def verdicts(
     """
     return [
         *_state(summary),
-        *_energy_balance(summary),
+        *_energy_balance(summary, scene),
         *_inertia(summary, scene),
         *_rest(summary),
         *_damping(summary, scene),
@@ -100,7 +101,7 @@ def _has_ended(summary: Mapping[str, Any]) -> bool:
 # --- energies -------------------------------------------------------------------------------------
 
 
-def _energy_balance(summary: Mapping[str, Any]) -> Iterator[Verdict]:
+def _energy_balance(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     if "balance_error_max" in summary:
         yield share(
             "Energy balance",
@@ -108,7 +109,7 @@ def _energy_balance(summary: Mapping[str, Any]) -> Iterator[Verdict]:
             LARGEST_BALANCE_ERROR,
             f"off by {{}} {balance_scale(summary)}",
             "energy is lost or comes from nowhere",
-            "process.step_safety, element.cross_terms",
+            ", ".join(balance_remedies(summary, scene)),
         )
 
 

@@ -47,8 +47,8 @@ class Region(NamedPlace):
         Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0, 1.0)))] | None, AbsentMeans("as mapped")
     ] = Field(
         default=None,
-        description="Share of the fibres in the volume; with a permeability law in this table the "
-        "permeability follows it.",
+        description="Share of the fibres in the volume; with a permeability law of the whole "
+        "infiltration the permeability follows it.",
     )
     permeability_factor: Annotated[float, Number(1.0, POSITIVE)] = Field(
         default=1.0, description="Factor of all permeabilities."

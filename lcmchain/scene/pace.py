@@ -22,8 +22,11 @@ def has_guided_load(scene: Scene) -> bool:
 
 
 def entries_that_slow(scene: Scene) -> list[str]:
-    """Return the scene entries that slow what weight and forces drive."""
+    """Return the scene entries that slow what weight, pressures and forces drive."""
     entries = ["tools.motion.ramp", "tools.motion.damping"] if has_guided_load(scene) else []
-    if scene.process.gravity or not entries:
+    for pressure in scene.pressure:
+        entry = "pressure.times" if pressure.value is None else "pressure.ramp"
+        entries += [entry] if entry not in entries else []
+    if scene.process.gravity or scene.pressure or not entries:
         entries.append("process.mass_damping")
     return entries

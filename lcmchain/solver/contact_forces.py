@@ -12,7 +12,7 @@ import math
 
 from lcmchain.effects.contact import normal_force
 from lcmchain.effects.contact_depth import offset_change
-from lcmchain.effects.friction import friction
+from lcmchain.effects.friction import friction, friction_loss
 from lcmchain.effects.gravity import weight_at
 from lcmchain.elements.lane_runs import copy_lanes
 from lcmchain.elements.vectors import dot, plus, products, scaled
@@ -358,17 +358,16 @@ def make_forces(environment, free, tool_velocity, coefficient, count, dt_last, d
         stored = 0.5 * stiffness * gap * gap if touches else 0.0
         if coefficient is not None:
             stiffness = tangential * area
-            stick = vector_at(work, STICK, i)
-            held = 0.5 * stiffness * dot(stick, stick)
+            before_slip = vector_at(work, STICK, i)
+            way = scaled(dt_last, velocity)
             slip = scaled(dt_last, plus(-leaving, normal, velocity))
             limit = coefficient * pressure
-            stick, drag, dissipated = friction(stick, slip, normal, stiffness, limit)
+            stick, drag = friction(before_slip, slip, normal, stiffness, limit)
             stick = vector_where(touches, stick)
             put_vector(work, STICK, i, stick)
             force = plus(1.0, vector_where(touches, drag), force)
-            after = 0.5 * stiffness * dot(stick, stick)
-            stored += after
-            lost = dissipated if touches else held
+            stored += 0.5 * stiffness * dot(stick, stick)
+            lost = friction_loss(before_slip, stick, way, stiffness)
             work[LOST * SPAN + i] = lost if i < count else 0.0
         else:
             work[LOST * SPAN + i] = 0.0

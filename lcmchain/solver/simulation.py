@@ -216,10 +216,13 @@ class Simulation:
 
         Raises
         ------
-        SimulationError : the hourglass terms carry a large part of the load, and not for a moment.
+        SimulationError : the hourglass terms carry a large part of the load, and not for a moment;
+            or much of the energy has vanished when the process ends.
         """
         if guards.resolution_is_due(self.model, self.state):
-            guards.require_resolved(self.model, self.state, self.energy())
+            energy = self.energy()
+            guards.require_resolved(self.model, self.state, energy)
+            guards.require_balanced(self.model, self.state, energy)
 
     def energy(self) -> dict[str, float]:
         """Return the energy balance [J]; ``inelastic`` is what laws with memory dissipated.

@@ -17,6 +17,7 @@ from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
 from lcmchain.mapping.structure.places import cells_at, nodes_at, sides_at
 from lcmchain.mapping.structure.sections import Sections, layers_of
 from lcmchain.mapping.target import TargetMesh
+from lcmchain.quantities.places import millimetres
 from lcmchain.scene.structure import COMPONENTS, Load, Structure
 
 #: Names of everything, so that a user's own names stay free.
@@ -132,6 +133,34 @@ def step_lines(mesh: DeckMesh, structure: Structure) -> Iterator[str]:
             yield f"** load {load.name}"
             yield from _load_lines(load, mesh, units, f'loads[{index}] "{load.name}"')
         yield from (nodes, "U", f"*EL PRINT, ELSET={ALL_ELEMENTS}, GLOBAL=NO", "S, E", "*END STEP")
+
+
+def idle_loads(mesh: DeckMesh, structure: Structure) -> Iterator[str]:
+    """Say which forces act on nodes alone that supports hold against them: they load nothing.
+
+    Raises
+    ------
+    InputError : a place that the mesh does not have.
+    """
+    held = np.zeros((len(mesh.points), len(COMPONENTS)), dtype=bool)
+    for index, support in enumerate(structure.supports):
+        nodes = nodes_at(support, mesh, f'supports[{index}] "{support.name}"')
+        for component in support.fixed:
+            held[nodes, COMPONENTS.index(component)] = True
+    for index, load in enumerate(structure.loads):
+        if load.force is None:
+            continue
+        key = f'loads[{index}] "{load.name}"'
+        nodes = nodes_at(load, mesh, key)
+        nodes = nodes[mesh.is_corner[nodes]]
+        acting = np.flatnonzero(load.force)
+        if len(acting) and held[nodes][:, acting].all():
+            first = nodes[0]
+            yield (
+                f"{key} loads nothing: supports hold all of its {len(nodes)} nodes against the "
+                f"force (the first is {mesh.node_ids[first]} at "
+                f"{millimetres(mesh.points[first])}); move the load, or free what it acts on"
+            )
 
 
 def require_places(target: TargetMesh, structure: Structure) -> None:

@@ -131,6 +131,16 @@ class DeckMesh:
         points = self.points[self.used]
         return float(np.linalg.norm(np.ptp(points, axis=0)))
 
+    @cached_property
+    def longest_edge(self) -> float:
+        """Longest distance between two neighbouring corners of an element [m]."""
+        longest = 0.0
+        for name, _, cells in self.blocks:
+            ends = self.points[cells[:, np.array(EDGES[base_type(name)])]]
+            lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+            longest = max(longest, float(lengths.max()))
+        return longest
+
     def with_middles(self, values: np.ndarray) -> np.ndarray:
         """Values of corner nodes, continued to nodes in the middle of edges as their mean."""
         nodes, ends = self.middles

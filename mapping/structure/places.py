@@ -9,10 +9,13 @@ import numpy as np
 from lcmchain.errors import InputError
 from lcmchain.mapping.structure.mesh import EDGES, SIDES, DeckMesh
 from lcmchain.mapping.target import base_type, corner_count
+from lcmchain.quantities.places import millimetres
 from lcmchain.scene.structure import Place, Plane
 
 #: How far from a plane a node may lie, as a share of the mesh's size.
 ON_PLANE = 1e-3
+#: A point one edge away counts as near, whatever the last digits are.
+ROUNDING = 1e-9
 
 
 def nodes_at(place: Place, mesh: DeckMesh, key: str) -> np.ndarray:
@@ -24,7 +27,7 @@ def nodes_at(place: Place, mesh: DeckMesh, key: str) -> np.ndarray:
 
     Raises
     ------
-    InputError : a set that does not exist, or no node there.
+    InputError : a set that does not exist, a point off the mesh, or no node there.
     """
     if place.set is not None:
         nodes = _nodes_of_set(place.set, mesh, key)
@@ -32,9 +35,7 @@ def nodes_at(place: Place, mesh: DeckMesh, key: str) -> np.ndarray:
     elif place.plane is not None:
         nodes, missing = _on_plane(place.plane, mesh)
     elif place.point is not None:
-        corners = np.flatnonzero(mesh.is_corner)
-        away = np.linalg.norm(mesh.points[corners] - np.array(place.point), axis=1)
-        nodes, missing = corners[[np.argmin(away)]], ""
+        nodes, missing = _nearest_corner(np.array(place.point), mesh, f"{key}.point"), ""
     else:
         nodes, missing = _on_edge(mesh), "the mesh has no outer edge"
         if mesh.is_solid:
@@ -120,13 +121,33 @@ def _nodes_of_set(name: str, mesh: DeckMesh, key: str) -> np.ndarray:
     raise InputError(f'the mesh has no set "{name}"{hint}{there}{none}', key=f"{key}.set")
 
 
+def _nearest_corner(point: np.ndarray, mesh: DeckMesh, key: str) -> np.ndarray:
+    """Row (1,) of the corner nearest to a point [m] that lies within a cell's edge of the mesh."""
+    corners = np.flatnonzero(mesh.is_corner)
+    away = np.linalg.norm(mesh.points[corners] - point, axis=1)
+    nearest = int(np.argmin(away))
+    row = corners[nearest]
+    reach = mesh.longest_edge
+    if not away[nearest] <= reach * (1.0 + ROUNDING):
+        raise InputError(
+            f"{millimetres(point)} lies off the mesh: the nearest node is {mesh.node_ids[row]} at "
+            f"{millimetres(mesh.points[row])}, {1e3 * away[nearest]:.4g} mm away, farther than the "
+            f"longest edge of a cell ({1e3 * reach:.4g} mm); move the point there, and check its "
+            "unit and that of the mesh",
+            key=key,
+        )
+    return np.array([row])
+
+
 def _on_plane(plane: Plane, mesh: DeckMesh) -> tuple[np.ndarray, str]:
     height = mesh.points @ np.array(plane.normal) - plane.position
     tolerance = ON_PLANE * mesh.size if plane.tolerance is None else plane.tolerance
-    nearest = np.abs(height[mesh.used]).min()
+    used = np.flatnonzero(mesh.used)
+    row = used[np.argmin(np.abs(height[used]))]
     missing = (
         f"no node lies within {1e3 * tolerance:.3g} mm of the plane; the nearest is "
-        f"{1e3 * nearest:.3g} mm away"
+        f"{1e3 * abs(height[row]):.3g} mm away, node {mesh.node_ids[row]} at "
+        f"{millimetres(mesh.points[row])}"
     )
     return np.flatnonzero(np.abs(height) <= tolerance), missing
 

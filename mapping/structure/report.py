@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.atomic import replacing
+from lcmchain.mapping.structure.deck import idle_loads
 from lcmchain.mapping.structure.materials import Materials
 from lcmchain.mapping.structure.mesh import TOO_STIFF, DeckMesh
 from lcmchain.mapping.structure.results import StructuralResults
@@ -148,6 +149,7 @@ def deck_report(
             f"the thickness varies by up to {100 * error[0]:.0f} % between neighbouring cells "
             f"(cell {report.thickness_error_cell}); shells take it as the mean at their nodes"
         )
+    report.warnings += idle_loads(mesh, structure)
     if structure.lay_up != "interleaved":
         report.warnings.append(
             "layers give every element a thickness of its own, and CalculiX makes the joints "

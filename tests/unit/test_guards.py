@@ -10,7 +10,15 @@ from lcmchain.errors import SimulationError
 from lcmchain.scene import scene_from_text
 from lcmchain.solver import guards
 from lcmchain.solver.simulation import Simulation
-from lcmchain.state import EXTERNAL, KINETIC, LAST_STEP, LOOKED, TIME
+from lcmchain.state import (
+    EXTERNAL,
+    KINETIC,
+    LAST_STEP,
+    LOOKED,
+    SAMPLE_COLUMNS,
+    SAMPLES,
+    TIME,
+)
 
 SCENE = """
 title = "patch"
@@ -194,11 +202,52 @@ def test_a_mesh_that_the_hourglass_terms_carry_is_named(simulation):
         look(part - 0.01, sound)
         look(part, carried)
     look(0.17, carried)
-    with pytest.raises(SimulationError, match="16% of the strain energy at .*10 mm .*edge_length"):
+    words = r"16% of the strain energy at .* in element \d+ at .* of 10 mm .* radii .*edge_length"
+    with pytest.raises(SimulationError, match=words):
+        look(0.19, carried)
+    # a sheet that was struck is to be formed slower first
+    state.samples[0, SAMPLE_COLUMNS.index("kinetic")] = 11.0 * floor
+    state.counters[SAMPLES] = 1
+    with pytest.raises(SimulationError, match="struck, .* reached 11% .* longer process.time"):
+        look(0.19, carried)
+    state.samples[0, SAMPLE_COLUMNS.index("kinetic")] = 9.0 * floor
+    with pytest.raises(SimulationError, match="too coarse for the radii"):
         look(0.19, carried)
     look(0.99, sound)
     with pytest.raises(SimulationError, match="16% of the strain energy"):
         look(1.0, carried)
+
+
+def test_energy_that_has_vanished_or_come_from_nowhere_is_no_end_of_a_process(simulation):
+    model, state = simulation.model, simulation.state
+    floor = guards.energy_floor(model)
+    large = {"external": 1000.0 * floor, "internal": 700.0 * floor}
+
+    def look(part_of_the_process, error):
+        state.clock[TIME] = part_of_the_process * model.process_time
+        guards.require_balanced(model, state, large | {"balance_error": error * floor})
+
+    look(1.0, 99.0)
+    look(1.0, -99.0)
+    look(0.99, -200.0)  # on the way nothing is lost yet that may not come back
+    with pytest.raises(SimulationError, match="J vanished .* 12% of the largest energy .*step_saf"):
+        look(1.0, -120.0)
+    with pytest.raises(SimulationError, match="came from nowhere"):
+        look(1.0, 120.0)
+
+
+def test_the_element_that_holds_the_hourglass_energy_is_named(simulation):
+    """A checkerboard of one element's corners is its own, and less of its neighbours."""
+    model, state = simulation.model, simulation.state
+    nodes = model.body.mesh.elements[5]
+    signs = np.array([1.0, -1.0, 1.0, -1.0] * 2)
+    state.position[0, nodes] += 1e-5 * signs
+    energies = model.body.hourglass_energies(state.position, state.history)
+    stored = model.body.stored_energy(state.position, state.history)[1]
+    assert np.argmax(energies) == 5 and energies.sum() == pytest.approx(stored)
+    element, place = guards._most_hourglass(model, state)
+    assert element == 5
+    np.testing.assert_allclose(place, state.position[:, nodes].mean(axis=1))
 
 
 def test_the_hourglass_guard_looks_at_times_of_its_own(simulation):

@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 
 from lcmchain import __version__
-from lcmchain.check.quasi_static import process_time_needed
+from lcmchain.check.quasi_static import (
+    balance_remedies,
+    balance_warning,
+    process_time_needed,
+)
 from lcmchain.fields import FrameSeries, build_datasets, field_summary
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
@@ -31,6 +35,12 @@ name = "press"
 shape = { type = "plate", side = "above" }
 position = "0 0 2 mm"
 motion = { type = "stroke", direction = [0, 0, -1], distance = "1 mm" }
+"""
+BAG = """
+[[pressure]]
+name = "bag"
+face = "top"
+value = "0.02 MPa"
 """
 AREA = 0.02**2
 # by frame, for two faces and again for the other two; the last frame does not hold the extrema
@@ -208,14 +218,12 @@ def test_a_sheet_that_was_never_strained_has_no_ratios(scene, datasets):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"balance_error_max": 0.011}, "energy balance is off by 1.1%"),
         ({"kinetic_to_internal_end": 0.051}, "still moves at the end (kinetic 5.1%"),
         ({"penetration_max_m": {"die": 1.1e-4, "press": 0.0}}, "reached 0.11 mm into die"),
     ],
 )
 def test_what_makes_a_result_questionable_is_said(changes, words):
     sound = {
-        "balance_error_max": 0.0099,
         "kinetic_to_internal_end": 0.049,
         "penetration_max_m": {"die": 0.99e-4, "press": 0.0},
     }
@@ -224,12 +232,38 @@ def test_what_makes_a_result_questionable_is_said(changes, words):
     assert words in warning
 
 
-def test_the_scale_of_the_balance_is_named():
-    still = {"balance_error_max": 0.5, "kinetic_to_internal_end": 0.0, "penetration_max_m": {}}
-    (strained,) = run_warnings(still | {"strained": True}, 1e-3)
-    (never,) = run_warnings(still | {"strained": False}, 1e-3)
+def test_the_scale_of_the_balance_is_named(scene):
+    assert balance_warning({"balance_error_max": 0.0099}, scene) == []
+    (small,) = balance_warning({"balance_error_max": 0.011}, scene)
+    assert "energy balance is off by 1.1%" in small
+    still = {"balance_error_max": 0.5}
+    (strained,) = balance_warning(still | {"strained": True}, scene)
+    (never,) = balance_warning(still | {"strained": False}, scene)
     assert "50.0% of the largest internal energy" in strained
     assert "50.0% of the largest part of the balance (the sheet is not strained)" in never
+
+
+def test_the_remedy_of_a_balance_fits_the_scene(scene):
+    """What is off already is not to be left off; what strikes the tools is to be slowed."""
+
+    def told(changed, **measures):
+        measures = {"balance_error_max": 0.05} | measures
+        (warning,) = balance_warning(measures, changed)
+        keys = balance_remedies(measures, changed)
+        assert all(key in warning for key in keys)
+        return keys
+
+    hit = {"kinetic_to_internal_over_tenth_of_stroke": 6.0}
+    # a press that is led, as printed, and a bag without a press
+    assert told(scene) == ["process.step_safety"]
+    assert told(scene, **hit) == ["process.time", "process.step_safety"]
+    printed = scene.element.model_copy(update={"cross_terms": True})
+    printed = scene.model_copy(update={"element": printed})
+    assert told(printed) == ["element.cross_terms", "process.step_safety"]
+    bag = scene_from_text(SCENE.partition("[[tools]]")[0] + BAG)
+    assert told(bag, **hit) == ["pressure.ramp", "process.mass_damping", "process.step_safety"]
+    (warning,) = balance_warning({"balance_error_max": 0.05} | hit, bag)
+    assert "cross_terms" not in warning and "strikes the tools" in warning
 
 
 def test_a_balance_that_is_wrong_is_told_of_a_sheet_that_was_never_strained():

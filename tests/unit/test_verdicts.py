@@ -5,7 +5,11 @@ import re
 import numpy as np
 import pytest
 
-from lcmchain.check.quasi_static import process_time_needed, quasi_static_warnings
+from lcmchain.check.quasi_static import (
+    balance_warning,
+    process_time_needed,
+    quasi_static_warnings,
+)
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.waves import elements_per_wave, wave_warnings
@@ -119,6 +123,7 @@ def test_a_check_is_doubtful_exactly_where_the_summary_warns(scene, datasets, en
     needed = process_time_needed(build_model(scene))
     warned = bool(
         run_warnings(summary, scene.material.thickness)
+        + balance_warning(summary, scene)
         + quasi_static_warnings(summary, scene, needed)
     )
     grade = worst_grade(verdicts(summary, scene, datasets))

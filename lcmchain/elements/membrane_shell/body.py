@@ -203,6 +203,9 @@ class MembraneShellBody:
         volume = self.geometry.area * self.material.thickness
         return (density * volume).sum() + bending.sum(), 0.0
 
+    def hourglass_energies(self, positions: np.ndarray, history: np.ndarray) -> np.ndarray:
+        return np.zeros(self.mesh.element_count)
+
     @property
     def history_count(self) -> int:
         return 0

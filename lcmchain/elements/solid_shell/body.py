@@ -231,10 +231,21 @@ class SolidShellBody:
     def effects(self) -> dict[str, tuple[bool, str]]:
         return solid_shell_effects(self.material, self.data)
 
-    def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
-        count, real = self._padded_count, slice(self.mesh.element_count)
+    def _strain_energies(
+        self, positions: np.ndarray, history: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return centre strain, bending and hourglass energy of all elements, padding included."""
+        count = self._padded_count
         strain, bending, hourglass = np.empty((count, 6)), np.empty(count), np.empty(count)
         strain_energies(self.data, positions, history, strain, bending, hourglass)
+        return strain, bending, hourglass
+
+    def hourglass_energies(self, positions: np.ndarray, history: np.ndarray) -> np.ndarray:
+        return self._strain_energies(positions, history)[2][: self.mesh.element_count]
+
+    def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
+        real = slice(self.mesh.element_count)
+        strain, bending, hourglass = self._strain_energies(positions, history)
         past = self.element_history(history)
         membrane = self.material.membrane_energy(strain[real], past) * self.geometry.volume
         return membrane.sum() + bending[real].sum(), hourglass[real].sum()

@@ -49,6 +49,18 @@ def test_what_is_perhaps_not_meant_is_said(kit, name):
     assert message in warning
 
 
+def test_the_advice_for_a_denser_region_is_an_entry_that_is_taken(kit):
+    """The law stands beside the regions, as the advice says; in a region it is refused."""
+    region = REGION.format("a", -1, 151, "fibre_volume_fraction = 0.6")
+    law = 'permeability = { law = "gebart", fibre_radius = "3.5 um" }\n'
+    part = read_formed_part(kit.forming())
+    (warning,) = set_up(part, kit.case(HEAD, GATE, VENT, region)).warnings
+    assert '"permeability" stands beside "regions", not in a region' in warning
+    assert set_up(part, kit.case(HEAD + law, GATE, VENT, region)).warnings == ()
+    with pytest.raises(InputError, match=r"regions.*permeability: unknown key"):
+        kit.case(HEAD, GATE, VENT, region + law)
+
+
 def test_sound_cases_are_not_doubted(kit):
     region = REGION.format("a", -1, 99, "permeability_factor = 2.0\nfibre_volume_fraction = 0.6")
     beside = REGION.format("b", 101, 301, 'thickness = "1 mm"')

@@ -127,7 +127,17 @@ def test_a_part_that_nothing_holds_is_an_error(solve):
         (condition("supports", "a", set='"RIM"'), r'supports\[0\] "a".set: the mesh has no set'),
         (
             condition("supports", "a", plane=plane([1, 0, 0], -0.05)),
-            r'supports\[0\] "a": no node lies within .* nearest is 50 mm',
+            r'supports\[0\] "a": no node lies within .* nearest is 50 mm away, node \d+ at \(0',
+        ),
+        (
+            condition("supports", "a", point='"0 0 1.2 m"'),
+            r'supports\[0\] "a".point: \(0.00, 0.00, 1200.00\) mm lies off the mesh: the nearest '
+            r"node is 1 at \(0.00, 0.00, .*\) mm, 1200 mm away, farther than the longest edge of a "
+            r"cell \(100 mm\)",
+        ),
+        (
+            HELD + condition("loads", "p", point='["100 m", "0 m", "0 m"]', force='"0 0 1 N"'),
+            r'loads\[0\] "p".point: \(100000.00, .* lies off the mesh',
         ),
         (
             'elements = "as_mesh"\nlay_up = "stacked"\n',
@@ -139,6 +149,18 @@ def test_wrong_cases_name_the_entry(solve, tmp_path, case, message):
     with pytest.raises(InputError, match=message):
         solve("quad", case, count=2)
     assert not list(tmp_path.glob("plate_calculix*"))
+
+
+def test_a_force_on_held_nodes_alone_is_told_to_load_nothing(solve):
+    corner = condition("loads", "corner", point='"0 0 0 m"', force='"0 0 -10 N"')
+    free = HELD.replace("[[supports]]", '[[supports]]\nfixed = ["x", "y"]', 1)
+    options = SolverOptions(run=False)
+    (told,) = [w for w in solve("quad", HELD + corner, count=2, options=options).warnings
+               if "loads nothing" in w]  # fmt: skip
+    assert told.startswith('loads[0] "corner" loads nothing: supports hold all of its 1 nodes')
+    for case in (free + corner, HELD + PUSHED):
+        found = solve("quad", case, count=2, options=options).warnings
+        assert not any("loads nothing" in warning for warning in found)
 
 
 def test_rotations_and_pressure_of_solids(solve):
