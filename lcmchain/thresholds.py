@@ -19,7 +19,8 @@ LARGEST_DAMPING_PART = 0.05
 LARGEST_HOURGLASS_PART = 0.05
 #: Depth that nodes reach inside a tool, in parts of the thickness.
 LARGEST_PENETRATION = 0.1
-#: Strain of fibres; carbon fibres break at three times as much (1.5 %, data sheet of T300).
+#: Strain of fibres. The most brittle reinforcement, carbon, breaks at three times as much (1.5 %,
+#: data sheet of T300); glass and aramid bear more.
 LARGEST_FIBRE_STRAIN = 0.005
 #: Root-mean-square distance of a mapping's target from the sheet, in parts of the thickness: half a
 #: thickness off lies the face of the sheet, and a target may be meshed on it.

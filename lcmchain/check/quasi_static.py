@@ -156,11 +156,51 @@ def quasi_static_warnings(
 
     measures : from :func:`quasi_static_measures`; needed : from :func:`process_time_needed`.
     """
-    return [
-        *_inertia(measures, scene, needed),
-        *_damping(measures, scene),
-        *_hourglass(measures, scene),
-    ]
+    inertia, damping = _inertia(measures, scene, needed), _damping(measures, scene)
+    together = _too_fast(measures, scene, needed) if inertia and damping else None
+    pace = [together] if together is not None else [*inertia, *damping]
+    return [*pace, *_hourglass(measures, scene)]
+
+
+def _too_fast(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> str | None:
+    """Say in one line that inertia and damping spoil a process, with the one entry that cures both.
+
+    None where it takes two: where the tools do not set the pace, or the damping is that of a tool.
+    """
+    ratio, part = (
+        measures[name]
+        for name in ("kinetic_to_internal_over_tenth_of_stroke", "damping_to_external")
+    )
+    by_mass = measures.get("mass_damping_to_external", part) >= 0.5 * part
+    if not is_led(scene) or (by_mass and scene.process.mass_damping == 0.0):
+        return None
+    time = _time_for_inertia(ratio, scene, needed)
+    if by_mass:
+        time = max(time, scene.process.time * _excess_of_damping(part))
+    return (
+        f"the process is too fast for the sheet: the kinetic energy exceeds {ratio:.0%} of the "
+        f"internal energy over a tenth of the stroke (quasi-static: below "
+        f"{LARGEST_KINETIC_PART:.0%}) and damping takes {part:.1%} of the external work (below "
+        f"{LARGEST_DAMPING_PART:.0%}), so that inertia is part of forces and shape and the tools' "
+        f"forces are too high; use process.time = {milliseconds(time)}"
+    )
+
+
+def _time_for_inertia(ratio: float, scene: Scene, needed: ProcessTime) -> float:
+    """Return the process time [s] at which inertia is no part of forces and shape.
+
+    At a given shape the kinetic energy falls with the square of the process time; a process that is
+    much too fast has another shape.
+    """
+    return max(scene.process.time * math.sqrt(ratio / LARGEST_KINETIC_PART), needed.least)
+
+
+def _excess_of_damping(part: float) -> float:
+    """Return the factor of the process time that brings the work of mass damping to its limit.
+
+    That work grows with the rate of the damping, and falls with the process time.
+    """
+    return part * (1.0 - LARGEST_DAMPING_PART) / (LARGEST_DAMPING_PART * (1.0 - part))
 
 
 def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> list[str]:
@@ -175,9 +215,7 @@ def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -
             "judge the shape at rest by kinetic_to_internal_end, or slow the way with "
             f"{' or '.join(entries_that_slow(scene))}"
         ]
-    # at a given shape the kinetic energy falls with the square of the process time; a process that
-    # is much too fast has another shape
-    time = max(scene.process.time * math.sqrt(ratio / LARGEST_KINETIC_PART), needed.least)
+    time = _time_for_inertia(ratio, scene, needed)
     return [
         f"the kinetic energy exceeds {ratio:.0%} of the internal energy over a tenth of the stroke "
         f"(quasi-static: below {LARGEST_KINETIC_PART:.0%}), so that inertia is part of forces and "
@@ -207,8 +245,7 @@ def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
                 "contact.damping_ratio"]  # fmt: skip
     if rate == 0.0:
         return [f"{text}, most of it in tools.motion.damping; lower it"]
-    # the work of mass damping grows with its rate, and falls with the process time
-    excess = part * (1.0 - LARGEST_DAMPING_PART) / (LARGEST_DAMPING_PART * (1.0 - part))
+    excess = _excess_of_damping(part)
     return [
         f"{text}; use process.time = {milliseconds(scene.process.time * excess)}, or, if the sheet "
         f'stays calm, process.mass_damping = "{two_digits(rate / excess)} 1/s"'

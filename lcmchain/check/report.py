@@ -16,15 +16,14 @@ from lcmchain.check.effects_of_run import run_effects
 from lcmchain.check.expected_cost import Estimate, estimate_run
 from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.check.saved_frames import require_frames_fit
+from lcmchain.check.saved_frames import frame_bytes, require_frames_fit
 from lcmchain.check.tables import (
-    basis_table,
     cost_table,
     effect_table,
-    entry_table,
     gap_table,
     preview_table,
     process_time_table,
+    scene_tables,
     surface_table,
 )
 from lcmchain.check.tools_at_start import (
@@ -41,7 +40,6 @@ from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.model import Model, build_model
 from lcmchain.report.captions import START_PICTURE
 from lcmchain.scene import Scene
-from lcmchain.scene.fabrics import preset_basis
 from lcmchain.tools import ToolTable, build_tool_table
 
 if TYPE_CHECKING:
@@ -55,6 +53,7 @@ class CheckReport:
     scene: Scene
     element_count: int
     node_count: int
+    frame_bytes: int
     effects: list[Effect]
     effect_parts: dict[str, float]
     estimate: Estimate
@@ -65,30 +64,36 @@ class CheckReport:
     warnings: list[str]
     picture: Path | None
 
-    def tables(self) -> list[Table]:
-        """Lay the report out as tables for a terminal."""
-        material = self.scene.material
-        name = getattr(material, "preset", "")
+    def first_tables(self) -> list[Table]:
+        """Lay out for a terminal what decides whether to start: gaps, cost, pace, preview."""
         return [
-            entry_table("Given in the scene", self.scene.source.given),
-            entry_table("Defaulted", self.scene.source.defaulted),
-            *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
+            *gap_table(self.gaps, self.scene.material.thickness, self.initial_overlap),
+            cost_table(
+                self.estimate,
+                self.scene.process,
+                element_count=self.element_count,
+                node_count=self.node_count,
+                frame_bytes=self.frame_bytes,
+            ),
+            process_time_table(self.needed, self.scene.process),
+            *preview_table(self.preview),
+        ]
+
+    def further_tables(self) -> list[Table]:
+        """Lay out all entries with what they rest on, all effects with their reason, surfaces."""
+        return [
+            *scene_tables(self.scene),
             effect_table(
                 self.effects,
                 self.effect_parts,
                 [effect.name for effect in measurable_effects(self.scene)],
             ),
             *surface_table(self.gaps),
-            *gap_table(self.gaps, material.thickness, self.initial_overlap),
-            cost_table(
-                self.estimate,
-                self.scene.process,
-                element_count=self.element_count,
-                node_count=self.node_count,
-            ),
-            process_time_table(self.needed, self.scene.process),
-            *preview_table(self.preview),
         ]
+
+    def tables(self) -> list[Table]:
+        """Lay the whole report out as tables for a terminal."""
+        return [*self.first_tables(), *self.further_tables()]
 
 
 def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingReport:
@@ -158,6 +163,7 @@ def _report(
         scene=scene,
         element_count=model.element_count,
         node_count=model.node_count,
+        frame_bytes=frame_bytes(model),
         effects=run_effects(scene, model),
         effect_parts=effect_parts(model),
         estimate=estimate_run(model),

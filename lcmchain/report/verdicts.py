@@ -16,6 +16,7 @@ from lcmchain.fields.dataset import SHEET
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.report.field_verdicts import field_verdicts
 from lcmchain.report.grades import BAD_GRADE, DOUBTFUL, GOOD, Verdict, grade_of, percent, share
+from lcmchain.report.numbers import motion_in_force
 from lcmchain.results import COMPLETE
 from lcmchain.scene.pace import entries_that_slow, has_guided_load, is_driven, is_led
 from lcmchain.solver import guards
@@ -162,6 +163,8 @@ def _of_punch(summary: Mapping[str, Any]) -> str:
     parts = loads.get("parts_at_maximum")
     if parts is None:
         return ""
+    if swings := motion_in_force(parts):
+        return f"; largest force of {summary['punch']}: {swings}"
     return (
         f"; of the {parts['force_N']:.3g} N of {summary['punch']} around its maximum damping makes "
         f"{parts['damping_N']:.2g} N and inertia {parts['inertia_N']:.2g} N"
