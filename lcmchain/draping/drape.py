@@ -164,7 +164,7 @@ def drape(
         tools = build_tool_table(
             scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
         )
-    surface = draped_surface(scene, tools)
+    surface = draped_surface(scene, tools, blank.mid_surface_positions)
     start = time.perf_counter()
     seed = _seed(scene, blank, tools)
     place = _place(scene, surface, tools, seed)
