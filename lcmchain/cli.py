@@ -155,21 +155,34 @@ def check(
     out: OutFolder = None,
     model: ModelRung = None,
     overrides: Overrides = None,
+    full: Annotated[
+        bool,
+        typer.Option(
+            "--full", help="Also list all entries and defaults, and every effect with its reason."
+        ),
+    ] = False,
     strict: Strict = False,
 ) -> None:
-    """Show what will be simulated and why, what was defaulted, and what it costs."""
+    """Show gaps, cost, memory and warnings, and with --full what is simulated and why."""
     the_scene = _scene_on_rung(scene, overrides, model)
     with output_folder(out or default_out(scene), inputs=[scene]) as folder:
         from lcmchain.check import check_scene
+        from lcmchain.check.tables import active_in_words
         from lcmchain.pipeline import require_readable_targets
 
         require_readable_targets(the_scene)
         report = check_scene(the_scene, folder)
     terminal = console()
-    for table in report.tables():
+    for table in report.first_tables():
         terminal.print(table)
     for warning in report.warnings:
         warn(warning)
+    if full:
+        for table in report.further_tables():
+            terminal.print(table)
+    else:
+        say(f"Simulated: {active_in_words(report.effects)}")
+        say("--full lists every effect with its reason, all entries, and what was defaulted")
     say(f"Picture of the start: {report.picture}")
     require_none(report.warnings, strict=strict)
 

@@ -23,7 +23,8 @@ LARGEST_PENETRATION = 0.1
 #: force over the thickness that they take, in parts of it.
 LARGEST_HIDDEN_THICKNESS = 0.01
 LARGEST_HIDDEN_FORCE = 0.02
-#: Strain of fibres; carbon fibres break at three times as much (1.5 %, data sheet of T300).
+#: Strain of fibres. The most brittle reinforcement, carbon, breaks at three times as much (1.5 %,
+#: data sheet of T300); glass and aramid bear more.
 LARGEST_FIBRE_STRAIN = 0.005
 #: Root-mean-square distance of a mapping's target from the sheet, in parts of the thickness: half a
 #: thickness off lies the face of the sheet, and a target may be meshed on it.

@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, Variable, saved_times
-from lcmchain.fields.vtu import write_mesh
+from lcmchain.fields.vtu import vtk_blocks, write_mesh
 from lcmchain.mapping.plies import described
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import Sheet, file_sha256
@@ -94,7 +94,8 @@ def write_vtu(
 ) -> None:
     """Write the mapped fields on the target mesh as VTU; directions and axes become vectors.
 
-    All nodes of the target file are there, mid-side nodes and those without a cell too.
+    All nodes of the target file are there, mid-side nodes and those without a cell too. Cells of a
+    type that VTK does not have are joined by their corners alone.
     """
     data = {
         name: values
@@ -105,7 +106,7 @@ def write_vtu(
     ends = np.cumsum([len(cells) for _, cells in target.blocks])[:-1]
     mesh = meshio.Mesh(
         target.points,
-        [(name, cells) for name, cells in target.blocks],
+        vtk_blocks(target.blocks),
         cell_data={name: np.split(values, ends) for name, values in data.items()},
         point_data=point_data(target) | _point_fields(mapped),
     )

@@ -13,6 +13,7 @@ import numpy as np
 
 from lcmchain.errors import InputError, first_few
 from lcmchain.fields.netcdf_file import write_netcdf
+from lcmchain.fields.vtu import without_middles
 from lcmchain.mapping.error_picture import draw_errors
 from lcmchain.mapping.files import mapped_dataset, write_vtu
 from lcmchain.mapping.formats import export_files, export_path, prepare_export
@@ -111,7 +112,9 @@ def map_file(
         kind=options.kind, registration=registration, registered=options.register,
     )  # fmt: skip
     report.verification = verification.as_dict() if verification else None
-    report.warnings = [*unfinished, *([hint] if hint else []), *report.warnings]
+    report.warnings = [
+        *unfinished, *([hint] if hint else []), *report.warnings, *without_middles(target.blocks)
+    ]  # fmt: skip
 
     # Names only in the report: it stays right when the folder moves.
     report.files = {what: path.name for what, path in files.items()}

@@ -16,7 +16,7 @@ from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
 from lcmchain.coupling.infiltration.results import FORCES, FilledPart
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, Variable
-from lcmchain.fields.vtu import frame_file, write_frame_list, write_mesh
+from lcmchain.fields.vtu import frame_file, vtk_blocks, write_frame_list, write_mesh
 
 #: Groups of the netCDF file beside the root.
 HISTORY, DRY_SPOTS, COUPLING = "/history", "/dry_spots", "/coupling"
@@ -119,7 +119,7 @@ def write_vtu(path: Path | str, filled: FilledPart, frame: int = -1) -> None:
         path,
         meshio.Mesh(
             target.points,
-            [(name, cells) for name, cells in target.blocks],
+            vtk_blocks(target.blocks),
             point_data=on_points,
             cell_data={name: np.split(values, ends) for name, values in on_cells.items()},
         ),

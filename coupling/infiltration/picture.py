@@ -51,7 +51,9 @@ def draw_fill_time(path: Path | str, filled: FilledPart, title: str) -> None:
     factor, unit = (1.0, "s") if last < 600.0 else (1.0 / 60.0, "min")
     values = factor * filled.fill_time
     share = 100.0 * filled.history.filled_share[-1]
-    subtitle = f"{title}  ·  {share:.4g} % filled after {factor * filled.time[-1]:.4g} {unit}"
+    # what presses on a part goes on after it is full, and the last step ends after the last node
+    end = last if filled.is_filled else filled.time[-1]
+    subtitle = f"{title}  ·  {share:.4g} % filled after {factor * end:.4g} {unit}"
     _draw(path, filled, values, f"Fill time [{unit}]", TIME_COLOURS, subtitle, lowest=0.0)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from lcmchain.check.effects_of_run import later_stages
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.check.tables import basis_table, effect_table, entry_table, preview_table
+from lcmchain.check.tables import effect_table, preview_table, scene_tables
 from lcmchain.draping import Draped, drape, is_drapable
 from lcmchain.draping.result import draping_effect, locking_warnings
 from lcmchain.effects.effect import Effect
@@ -18,7 +18,6 @@ from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.places import millimetres
 from lcmchain.scene import Scene
-from lcmchain.scene.fabrics import preset_basis
 from lcmchain.tools.table import ToolTable
 
 if TYPE_CHECKING:
@@ -35,17 +34,17 @@ class DrapingReport:
     warnings: list[str]
     picture: Path | None
 
+    def first_tables(self) -> list[Table]:
+        """Lay out for a terminal what decides whether to start."""
+        return preview_table(self.preview)
+
+    def further_tables(self) -> list[Table]:
+        """Lay out all entries with what they rest on, and all effects with their reason."""
+        return [*scene_tables(self.scene), effect_table(self.effects)]
+
     def tables(self) -> list[Table]:
-        """Lay the report out as tables for a terminal."""
-        material = self.scene.material
-        name = getattr(material, "preset", "")
-        return [
-            entry_table("Given in the scene", self.scene.source.given),
-            entry_table("Defaulted", self.scene.source.defaulted),
-            *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
-            effect_table(self.effects),
-            *preview_table(self.preview),
-        ]
+        """Lay the whole report out as tables for a terminal."""
+        return [*self.first_tables(), *self.further_tables()]
 
 
 def check_draping(
@@ -98,15 +97,19 @@ def _rows(draped: Draped) -> Iterator[tuple[str, str]]:
     yield "surface", draped.surface
     seed = [*draped.seed, draped.mesh.node_positions[0, 2]]
     yield "seed", f"{millimetres(seed, 1)} of the flat blank, at {millimetres(draped.place, 1)}"
-    angle, place, flat = draped.largest_shear()
-    yield (
-        "largest shear angle",
-        f"{math.degrees(angle):.1f} deg at {millimetres(place, 1)}, "
-        f"{millimetres(flat, 1)} of the flat blank",
-    )
-    locking, part = math.degrees(draped.locking_angle), draped.locked_part()
-    yield f"beyond {locking:.3g} deg", f"{part:.1%} of the area" if part else "nothing"
-    missing = draped.missing()
+    missing, unplaced = draped.missing(), draped.unplaced_part()
+    of_laid = "" if missing is None else f", of the {1.0 - unplaced:.1%} of the area that it covers"
+    if unplaced < 1.0:
+        angle, place, flat = draped.largest_shear()
+        yield (
+            "largest shear angle",
+            f"{math.degrees(angle):.1f} deg at {millimetres(place, 1)}, "
+            f"{millimetres(flat, 1)} of the flat blank{of_laid}",
+        )
+    # what has no place counts as locked, for a run; it is not sheared
+    locking = math.degrees(draped.locking_angle)
+    part = max(draped.locked_part() - unplaced, 0.0)
+    yield f"beyond {locking:.3g} deg", f"{part:.1%} of the area" if part > 1e-12 else "nothing"
     if missing is not None:
-        yield "not whole", missing
+        yield "not laid", f"{unplaced:.1%} of the area: {missing}"
     yield "laid in", f"{1e3 * draped.wall_s:.0f} ms"

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcmchain.check.quasi_static import two_digits
 from lcmchain.scene import Scene
+from lcmchain.thresholds import LARGEST_FIBRE_STRAIN
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,10 +44,14 @@ def fibre_strain_measures(sheet: xr.Dataset, scene: Scene) -> dict[str, Any]:
 
 
 def fibre_strain_warnings(measures: Mapping[str, Any]) -> list[str]:
-    """Say in words where a lowered modulus lets fibres strain by more than was allowed."""
+    """Say in words where fibres strain by more than they bear, or than was allowed.
+
+    The limit of the last frame (``fibre_strain_max``) is that of the report's verdict. With a
+    lowered modulus the limit is what was allowed, in all frames.
+    """
     factor = measures.get("fibre_modulus_factor", 1.0)
     if factor == 1.0 or measures["fibre_strain_largest"] <= measures["fibre_strain_allowed"]:
-        return []
+        return _beyond_what_fibres_bear(measures)
     possible = measures["fibre_modulus_factor_possible"]
     cure = "leave it out" if possible == 1.0 else f"use {possible:g}"
     largest = -float(two_digits(-measures["fibre_strain_largest"]))
@@ -56,4 +61,16 @@ def fibre_strain_warnings(measures: Mapping[str, Any]) -> list[str]:
         f"{factor:g}: "
         f"{cure}, or state that this strain does no harm, process.fibre_strain_allowed = "
         f"{largest:g}"
+    ]
+
+
+def _beyond_what_fibres_bear(measures: Mapping[str, Any]) -> list[str]:
+    largest = measures.get("fibre_strain_max", 0.0)
+    if "fibre_modulus_factor" not in measures or not largest > LARGEST_FIBRE_STRAIN:
+        return []
+    return [
+        f"fibres are strained by up to {100 * largest:.2g} % (good up to "
+        f"{100 * LARGEST_FIBRE_STRAIN:g} %): the sheet is stretched between tools that hold it, or "
+        "elements lock; lower the friction or the force that holds it, or use a smaller "
+        "blank.edge_length"
     ]

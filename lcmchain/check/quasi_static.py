@@ -23,7 +23,7 @@ from lcmchain.materials.law import Material
 from lcmchain.model import Model
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.scene import Scene
-from lcmchain.scene.pace import entries_that_slow, is_driven, is_led
+from lcmchain.scene.pace import balance_remedies, entries_that_slow, is_driven, is_led
 from lcmchain.thresholds import (
     LARGEST_BALANCE_ERROR,
     LARGEST_DAMPING_PART,
@@ -158,23 +158,51 @@ def quasi_static_warnings(
 
     measures : from :func:`quasi_static_measures`; needed : from :func:`process_time_needed`.
     """
-    return [
-        *_inertia(measures, scene, needed),
-        *_damping(measures, scene),
-        *_hourglass(measures, scene),
-    ]
+    inertia, damping = _inertia(measures, scene, needed), _damping(measures, scene)
+    together = _too_fast(measures, scene, needed) if inertia and damping else None
+    pace = [together] if together is not None else [*inertia, *damping]
+    return [*pace, *_hourglass(measures, scene)]
 
 
-def balance_remedies(measures: Mapping[str, Any], scene: Scene) -> list[str]:
-    """Return the scene entries that close an energy balance, the likeliest first.
+def _too_fast(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> str | None:
+    """Say in one line that inertia and damping spoil a process, with the one entry that cures both.
 
-    Cross terms have no potential. What strikes the tools loses energy to them that the step does
-    not resolve; the loss falls with the speed, and in proportion to the step.
+    None where it takes two: where the tools do not set the pace, or the damping is that of a tool.
     """
-    found = ["element.cross_terms"] if getattr(scene.element, "cross_terms", False) else []
-    if measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0) > LARGEST_KINETIC_PART:
-        found += ["process.time"] if is_led(scene) else entries_that_slow(scene)
-    return [*found, "process.step_safety"]
+    ratio, part = (
+        measures[name]
+        for name in ("kinetic_to_internal_over_tenth_of_stroke", "damping_to_external")
+    )
+    by_mass = measures.get("mass_damping_to_external", part) >= 0.5 * part
+    if not is_led(scene) or (by_mass and scene.process.mass_damping == 0.0):
+        return None
+    time = _time_for_inertia(ratio, scene, needed)
+    if by_mass:
+        time = max(time, scene.process.time * _excess_of_damping(part))
+    return (
+        f"the process is too fast for the sheet: the kinetic energy exceeds {ratio:.0%} of the "
+        f"internal energy over a tenth of the stroke (quasi-static: below "
+        f"{LARGEST_KINETIC_PART:.0%}) and damping takes {part:.1%} of the external work (below "
+        f"{LARGEST_DAMPING_PART:.0%}), so that inertia is part of forces and shape and the tools' "
+        f"forces are too high; use process.time = {milliseconds(time)}"
+    )
+
+
+def _time_for_inertia(ratio: float, scene: Scene, needed: ProcessTime) -> float:
+    """Return the process time [s] at which inertia is no part of forces and shape.
+
+    At a given shape the kinetic energy falls with the square of the process time; a process that is
+    much too fast has another shape.
+    """
+    return max(scene.process.time * math.sqrt(ratio / LARGEST_KINETIC_PART), needed.least)
+
+
+def _excess_of_damping(part: float) -> float:
+    """Return the factor of the process time that brings the work of mass damping to its limit.
+
+    That work grows with the rate of the damping, and falls with the process time.
+    """
+    return part * (1.0 - LARGEST_DAMPING_PART) / (LARGEST_DAMPING_PART * (1.0 - part))
 
 
 def balance_warning(measures: Mapping[str, Any], scene: Scene) -> list[str]:
@@ -190,10 +218,9 @@ def balance_warning(measures: Mapping[str, Any], scene: Scene) -> list[str]:
     if slower and slower[0] == "element.cross_terms":
         first = f"leave {slower.pop(0)} off, or "
     if slower:
-        first += f"the sheet strikes the tools: slow it with {' or '.join(slower)}, or "
+        first += f"slow the sheet with {' or '.join(slower)}, or "
     return [
-        f"the energy balance is off by {error:.1%} {balance_scale(measures)}; {first}lower {step}, "
-        "to which the error is proportional"
+        f"the energy balance is off by {error:.1%} {balance_scale(measures)}; {first}lower {step}"
     ]
 
 
@@ -209,9 +236,7 @@ def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -
             "judge the shape at rest by kinetic_to_internal_end, or slow the way with "
             f"{' or '.join(entries_that_slow(scene))}"
         ]
-    # at a given shape the kinetic energy falls with the square of the process time; a process that
-    # is much too fast has another shape
-    time = max(scene.process.time * math.sqrt(ratio / LARGEST_KINETIC_PART), needed.least)
+    time = _time_for_inertia(ratio, scene, needed)
     return [
         f"the kinetic energy exceeds {ratio:.0%} of the internal energy over a tenth of the stroke "
         f"(quasi-static: below {LARGEST_KINETIC_PART:.0%}), so that inertia is part of forces and "
@@ -241,8 +266,7 @@ def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
                 "contact.damping_ratio"]  # fmt: skip
     if rate == 0.0:
         return [f"{text}, most of it in tools.motion.damping; lower it"]
-    # the work of mass damping grows with its rate, and falls with the process time
-    excess = part * (1.0 - LARGEST_DAMPING_PART) / (LARGEST_DAMPING_PART * (1.0 - part))
+    excess = _excess_of_damping(part)
     return [
         f"{text}; use process.time = {milliseconds(scene.process.time * excess)}, or, if the sheet "
         f'stays calm, process.mass_damping = "{two_digits(rate / excess)} 1/s"'

@@ -19,13 +19,12 @@ from lcmchain.check.quasi_static import ProcessTime, process_time_needed, proces
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.saved_frames import require_frames_fit
 from lcmchain.check.tables import (
-    basis_table,
     cost_table,
     effect_table,
-    entry_table,
     gap_table,
     preview_table,
     process_time_table,
+    scene_tables,
     surface_table,
 )
 from lcmchain.check.tools_at_start import (
@@ -43,7 +42,6 @@ from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.model import Model, build_model
 from lcmchain.report.captions import START_PICTURE
 from lcmchain.scene import Scene
-from lcmchain.scene.fabrics import preset_basis
 from lcmchain.tools import ToolTable, build_tool_table
 
 if TYPE_CHECKING:
@@ -67,21 +65,10 @@ class CheckReport:
     warnings: list[str]
     picture: Path | None
 
-    def tables(self) -> list[Table]:
-        """Lay the report out as tables for a terminal."""
-        material = self.scene.material
-        name = getattr(material, "preset", "")
+    def first_tables(self) -> list[Table]:
+        """Lay out for a terminal what decides whether to start: gaps, cost, pace, preview."""
         return [
-            entry_table("Given in the scene", self.scene.source.given),
-            entry_table("Defaulted", self.scene.source.defaulted),
-            *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
-            effect_table(
-                self.effects,
-                self.effect_parts,
-                [effect.name for effect in measurable_effects(self.scene)],
-            ),
-            *surface_table(self.gaps),
-            *gap_table(self.gaps, material.thickness, self.initial_overlap),
+            *gap_table(self.gaps, self.scene.material.thickness, self.initial_overlap),
             cost_table(
                 self.estimate,
                 self.scene.process,
@@ -91,6 +78,22 @@ class CheckReport:
             process_time_table(self.needed, self.scene.process),
             *preview_table(self.preview),
         ]
+
+    def further_tables(self) -> list[Table]:
+        """Lay out all entries with what they rest on, all effects with their reason, surfaces."""
+        return [
+            *scene_tables(self.scene),
+            effect_table(
+                self.effects,
+                self.effect_parts,
+                [effect.name for effect in measurable_effects(self.scene)],
+            ),
+            *surface_table(self.gaps),
+        ]
+
+    def tables(self) -> list[Table]:
+        """Lay the whole report out as tables for a terminal."""
+        return [*self.first_tables(), *self.further_tables()]
 
 
 def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingReport:

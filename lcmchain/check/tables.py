@@ -13,8 +13,8 @@ from lcmchain.check.quasi_static import PERIODS, ProcessTime
 from lcmchain.check.saved_frames import frame_bytes
 from lcmchain.check.tools_at_start import InitialGap
 from lcmchain.quantities.durations import duration_text, milliseconds_text
-from lcmchain.scene import Process
-from lcmchain.scene.fabrics import Basis
+from lcmchain.scene import Process, Scene
+from lcmchain.scene.fabrics import Basis, preset_basis
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.surfaces.surface import Orientation
 
@@ -57,6 +57,22 @@ def basis_table(preset: str, rows: list[tuple[str, str, Basis]]) -> Table:
         style = "yellow" if basis.carried_over else None
         table.add_row(_text(key), _text(value), _text(str(basis)), style=style)
     return table
+
+
+def scene_tables(scene: Scene) -> list[Table]:
+    """Entries of a scene, given and defaulted, and what those of a preset rest on."""
+    material = scene.material
+    name = getattr(material, "preset", "")
+    return [
+        entry_table("Given in the scene", scene.source.given),
+        entry_table("Defaulted", scene.source.defaulted),
+        *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
+    ]
+
+
+def active_in_words(effects: list[Effect]) -> str:
+    """Name the effects that are simulated, in one line."""
+    return ", ".join(effect.name for effect in effects if effect.active)
 
 
 def effect_table(
@@ -150,9 +166,13 @@ def _turned(orientation: Orientation) -> str:
 
 
 def cost_table(
-    estimate: Estimate, process: Process, *, element_count: int, node_count: int
+    estimate: Estimate,
+    process: Process,
+    *,
+    element_count: int,
+    node_count: int,
 ) -> Table:
-    """Size of the mesh, steps and computing time."""
+    """Size of the mesh, steps, computing time and memory."""
     table = _table("Expected cost", "", "")
     table.show_header = False
     table.add_row("elements", f"{element_count:,}")

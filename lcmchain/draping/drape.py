@@ -98,6 +98,11 @@ class Draped:
             self.mesh.node_positions[corners].mean(axis=0),
         )
 
+    def unplaced_part(self) -> float:
+        """Part of the blank's area that the net does not reach."""
+        areas = self.mesh.element_areas
+        return float(areas[~np.isfinite(self.shear_angle)].sum() / areas.sum())
+
     def locked_part(self) -> float:
         """Part of the blank's area that is sheared beyond the locking angle, or has no place."""
         shear = np.nan_to_num(np.abs(self.shear_angle), nan=math.pi)
@@ -159,7 +164,7 @@ def drape(
         tools = build_tool_table(
             scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
         )
-    surface = draped_surface(scene, tools)
+    surface = draped_surface(scene, tools, blank.mid_surface_positions)
     start = time.perf_counter()
     seed = _seed(scene, blank, tools)
     place = _place(scene, surface, tools, seed)

@@ -22,7 +22,7 @@ import numpy as np
 from lcmchain.errors import InputError
 from lcmchain.jit import routine
 from lcmchain.scene import Scene
-from lcmchain.tools.distance import FIELD, PLANE, signed_distance
+from lcmchain.tools.distance import FIELD, PLANE, gaps, signed_distance
 from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
 from lcmchain.tools.table import ToolTable
 
@@ -114,8 +114,12 @@ def is_drapable(scene: Scene, tools: ToolTable) -> bool:
     return _largest_stroke(tools, scene.process.time, flat=False) is not None
 
 
-def draped_surface(scene: Scene, tools: ToolTable) -> DrapedSurface:
+def draped_surface(scene: Scene, tools: ToolTable, nodes: np.ndarray) -> DrapedSurface:
     """Return the surface that a scene's ``[draping]`` names, or that of its largest stroke.
+
+    Parameters
+    ----------
+    nodes : of the mid-surface of the flat blank [m], (node_count, 3).
 
     Raises
     ------
@@ -151,10 +155,37 @@ def draped_surface(scene: Scene, tools: ToolTable) -> DrapedSurface:
             "blank; name the tool that the sheet ends on",
             key="draping.surface",
         )
+    travel = end_travel(tools, tool, time)
+    if _is_open_mould(tools, tool, travel, nodes, side, scene.material.thickness):
+        return DrapedSurface(shapes, tool, travel, offset, False, 0.0, 1.0, 0.0)
     return DrapedSurface(
-        shapes, tool, end_travel(tools, tool, time), offset, True, scene.blank.height, side,
+        shapes, tool, travel, offset, True, scene.blank.height, side,
         _edge_radius(scene, tools, tool),
     )  # fmt: skip
+
+
+def _is_open_mould(
+    tools: ToolTable, tool: int, travel: float, nodes: np.ndarray, side: float, thickness: float
+) -> bool:
+    """Tell whether a tool has an open surface that has passed all of the blank.
+
+    Then no plane of the blank is left around it, and its distance cannot tell that: behind an open
+    surface there is no solid, so that the plane, far behind it, seems free.
+    """
+    if tools.kind[tool] != FIELD:
+        return False
+    behind = gaps(tools, tool, np.ascontiguousarray(nodes), travel) > 0.0
+    if not behind.any():
+        return False
+    passed = np.zeros(len(nodes), dtype=bool)
+    before = np.full(len(nodes), np.nan)
+    # from a little behind the plane, for the crest of a mould, to the end of the stroke
+    for way in np.arange(-2.0 * thickness, abs(travel) + 2.0 * thickness, thickness):
+        places = nodes + [0.0, 0.0, side * way]
+        distance = gaps(tools, tool, np.ascontiguousarray(places), travel)
+        passed |= before * distance <= 0.0
+        before = distance
+    return bool(passed.all())
 
 
 def surface_in_words(scene: Scene, surface: DrapedSurface) -> str:

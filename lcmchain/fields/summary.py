@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lcmchain.fields.crossings import crossing_warnings
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.limits import packing_warnings, shear_range_warnings
 from lcmchain.fields.loads import has_histories, tool_loads
@@ -95,6 +96,7 @@ def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
         *packing_warnings(sheet, material),
         *shear_range_warnings(sheet, material),
         *(wave_warnings(sheet) if "wrinkle_height" in sheet else []),
+        *crossing_warnings(sheet, material.thickness),
     ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
@@ -14,6 +14,8 @@ from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
 from lcmchain.fields.sheet import vector
+from lcmchain.mesh_files.meshio_names import is_known_to_vtk
+from lcmchain.mesh_files.shapes import base_type, corner_count
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,6 +49,36 @@ def write_mesh(path: Path | str, mesh: meshio.Mesh) -> None:
             meshio.write(temporary, mesh, file_format="vtu")
         except (meshio.WriteError, KeyError) as error:
             raise InputError(f"meshio cannot write this mesh as VTU ({error})", file=path) from None
+
+
+def vtk_blocks(blocks: Sequence[tuple[str, np.ndarray]]) -> list[tuple[str, np.ndarray]]:
+    """Return blocks of cells as a VTU file holds them.
+
+    Parameters
+    ----------
+    blocks : meshio's name of the type and rows of the nodes of each block, shape (C_b, K).
+
+    Returns
+    -------
+    The blocks as they are where VTK has a cell type of that name, else with their corners alone.
+    """
+    return [
+        (name, nodes)
+        if is_known_to_vtk(name)
+        else (base_type(name), nodes[:, : corner_count(name)])
+        for name, nodes in blocks
+    ]
+
+
+def without_middles(blocks: Sequence[tuple[str, np.ndarray]]) -> list[str]:
+    """Return the sentence that names the cells of which a VTU file holds the corners alone."""
+    names = sorted({name for name, _ in blocks if not is_known_to_vtk(name)})
+    if not names:
+        return []
+    return [
+        f"VTK has no type for {', '.join(names)} cells: the VTU file joins their corners alone, "
+        "and keeps the other nodes as points without a cell"
+    ]
 
 
 def write_pvd(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:

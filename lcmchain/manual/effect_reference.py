@@ -13,7 +13,7 @@ from lcmchain.manual.tables import code, markdown_table
 HEAD = """# Effects
 
 A scene has the physics that it calls for: no tool, no contact code; no growth of the compaction
-stiffness, no exponential in the kernel. `lcmchain check` lists every effect, whether it is on, why,
+stiffness, no exponential in the kernel. `check --full` lists every effect, whether it is on, why,
 and, once measured on this machine, the part of the time that it takes.
 
 `[effects]` overrides that: `effects.friction = "off"` takes an effect out of a scene that calls for

@@ -8,7 +8,7 @@ from lcmchain.scene.fabrics import PUBLISHED, PublishedFabric
 HEAD = """# Published fabrics
 
 The fabrics that `material.preset` knows, with every value and what it rests on: *measured* by a
-test that the source describes, *stated* by a paper or a data sheet, or *assumed*. `lcmchain check`
+test that the source describes, *stated* by a paper or a data sheet, or *assumed*. `check --full`
 prints the same for the values that a scene takes from its preset; keys given beside `preset`
 replace its values. The law is that of [Materials](materials.md#fabric).
 

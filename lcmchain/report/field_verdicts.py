@@ -76,8 +76,8 @@ def _fibre_strain(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
     grade = grade_of(largest, LARGEST_FIBRE_STRAIN, BAD * LARGEST_FIBRE_STRAIN)
     limit, breaking = percent(LARGEST_FIBRE_STRAIN), percent(BAD * LARGEST_FIBRE_STRAIN)
     text = (
-        f"fibres are strained by up to {percent(largest)} (good up to {limit}; carbon fibres break "
-        f"at {breaking})"
+        f"fibres are strained by up to {percent(largest)} (good up to {limit}, bad above "
+        f"{breaking}, where the most brittle ones break: carbon; glass and aramid bear more)"
     )
     remedy = "blank.edge_length, contact.friction, tools.motion"
     yield Verdict("Fibre strain", grade, text, remedy if grade != GOOD else "")

@@ -62,8 +62,29 @@ def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
     yield f"; {summary['punch_force_peak_N']:.4g} N in a single step"
     parts = summary["tool_loads"][summary["punch"]].get("parts_at_maximum")
     if parts is not None:
+        if swings := motion_in_force(parts):
+            yield f"; {swings}"
+            return
         yield f"; around it damping takes {parts['damping_N'] + 0.0:.3g} N"
         yield f" and inertia {parts['inertia_N'] + 0.0:.3g} N of {parts['force_N']:.4g} N"
+
+
+def motion_in_force(parts: Mapping[str, float]) -> str:
+    """Say where damping and inertia of a force are no parts of it; empty where they are.
+
+    Over a piece of the travel in which the sheet swings, one of them may exceed the force, and
+    others are negative: then nothing is taken *of* the force.
+
+    parts : from :func:`lcmchain.fields.loads.force_parts`.
+    """
+    force, damping, inertia = (parts[f"{name}_N"] + 0.0 for name in ("force", "damping", "inertia"))
+    if max(abs(damping), abs(inertia), abs(damping + inertia)) <= abs(force):
+        return ""
+    return (
+        f"around it the mean of {force:.4g} N is the sum of damping {damping:.3g} N, inertia "
+        f"{inertia:.3g} N and all else {force - damping - inertia:.3g} N: the sheet swings there, "
+        "and the force is not that of a slow process"
+    )
 
 
 def _time(summary: Mapping[str, Any]) -> Iterator[Number]:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.check.quasi_static import balance_remedies
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.hidden_compaction import hidden_text
 from lcmchain.quantities.durations import milliseconds_text
@@ -27,8 +26,15 @@ from lcmchain.report.grades import (
     percent,
     share,
 )
+from lcmchain.report.numbers import motion_in_force
 from lcmchain.results import COMPLETE
-from lcmchain.scene.pace import entries_that_slow, has_guided_load, is_driven, is_led
+from lcmchain.scene.pace import (
+    balance_remedies,
+    entries_that_slow,
+    has_guided_load,
+    is_driven,
+    is_led,
+)
 from lcmchain.solver import guards
 from lcmchain.thresholds import (
     BAD,
@@ -177,6 +183,8 @@ def _of_punch(summary: Mapping[str, Any]) -> str:
     parts = loads.get("parts_at_maximum")
     if parts is None:
         return ""
+    if swings := motion_in_force(parts):
+        return f"; largest force of {summary['punch']}: {swings}"
     return (
         f"; of the {parts['force_N']:.3g} N of {summary['punch']} around its maximum damping makes "
         f"{parts['damping_N']:.2g} N and inertia {parts['inertia_N']:.2g} N"

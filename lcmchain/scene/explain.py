@@ -54,6 +54,58 @@ _TABLE_EXAMPLES = {
 #: That of a resin that flows; the resin of a laminate bears the same name.
 _FLOWING_RESIN = 'resin = { law = "constant", viscosity = "0.1 Pa*s" }'
 
+_ONE_SHEET = (
+    "a scene forms one sheet of one material; describe plies that move together as one sheet, by "
+    "the thickness, areal mass and stiffness of all of them, or form each ply in a scene of its own"
+)
+_OUTLINE = (
+    "a blank has one outline and no holes within it; notches and slits that begin at the rim are "
+    "corners of blank.outline"
+)
+_HELD_BY_TOOLS = (
+    'tools hold and load the sheet: a plate with motion = { type = "guided", ... } presses with '
+    "its mass and force as a blank holder does, and friction restrains; single points or edges "
+    "cannot be fixed or sprung"
+)
+_LOADS = (
+    "what loads the sheet is a tool with a stroke or a force (motion = "
+    '{ type = "guided", ... }), [[pressure]] on a face, and process.gravity'
+)
+#: What a scene has for a concept that other programs have a key for; keys in the singular.
+_CONCEPTS = {
+    **dict.fromkeys(
+        ("layer", "ply", "plie", "stack", "layup", "lay_up", "laminate", "body", "bodie", "sheet"),
+        _ONE_SHEET,
+    ),
+    **dict.fromkeys(("hole", "cutout", "opening", "notch", "notche", "slit", "cut"), _OUTLINE),
+    **dict.fromkeys(
+        (
+            "clamp", "gripper", "grip", "spring", "holder", "blank_holder", "blankholder",
+            "support", "constraint", "boundary", "boundary_condition", "fixed", "fixture",
+            "tension",
+        ),
+        _HELD_BY_TOOLS,
+    ),
+    **dict.fromkeys(("load", "force", "bag", "vacuum", "diaphragm", "membrane_bag"), _LOADS),
+    **dict.fromkeys(
+        ("symmetry", "symmetrie", "symmetry_plane"),
+        "there are no planes of symmetry; give the whole blank and whole tools",
+    ),
+    **dict.fromkeys(
+        ("temperature", "heating", "viscosity", "rate"),
+        "forming knows neither temperature nor rate; that of the resin stands in [infiltration]",
+    ),
+    **dict.fromkeys(
+        ("step", "stage", "phase"),
+        'a scene is one process; motion = { type = "table", ... } lets a tool move, stand and '
+        "return within it",
+    ),
+    **dict.fromkeys(
+        ("time_step", "timestep", "dt"),
+        "the time step follows from the stability limit, of which process.step_safety is a part",
+    ),
+}  # fmt: skip
+
 #: Wrong entries that are explained; a file with more of them has one cause.
 MOST_PROBLEMS = 200
 
@@ -193,6 +245,8 @@ def _choice_message(value: Any, choices: Sequence[str]) -> str:
 def _unknown_key(name: str, location: tuple[str | int, ...], data: Any) -> str:
     model = model_at(location[:-1], data)
     keys = sorted(model.model_fields) if model else []
+    # Tables of other stages have loads, layers and temperatures of their own.
+    of_forming = location[0] not in ("mapping", "infiltration")
     for other in models_of(annotation_at(location[:-1], data)):
         if model is not None and name in other.model_fields:
             own, tag = tags_of(model)[0], tags_of(other)[0]
@@ -206,6 +260,9 @@ def _unknown_key(name: str, location: tuple[str | int, ...], data: Any) -> str:
         if outer is not None and name in outer.model_fields:
             place = key_text(location[:depth], data)
             return f"unknown key here; it belongs into {f'[{place}]' if place else 'the top level'}"
+    concept = _CONCEPTS.get(name.lower().removesuffix("s"))
+    if concept is not None and of_forming:
+        return f"unknown key; {concept}"
     close = difflib.get_close_matches(name, keys, n=1, cutoff=0.6)
     if not close:
         close = [key for key in keys if key.lower() == name.lower()]

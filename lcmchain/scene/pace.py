@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from lcmchain.scene.scene import Scene
+from lcmchain.thresholds import LARGEST_KINETIC_PART
 from lcmchain.tools.motion import GUIDED
 
 
@@ -30,3 +34,17 @@ def entries_that_slow(scene: Scene) -> list[str]:
     if scene.process.gravity or scene.pressure or not entries:
         entries.append("process.mass_damping")
     return entries
+
+
+def balance_remedies(measures: Mapping[str, Any], scene: Scene) -> list[str]:
+    """Return the scene entries that close an energy balance, the likeliest first.
+
+    Cross terms have no potential. Otherwise slower motions and smaller steps close it: a sheet that
+    is thrown against the tools touches them for a few steps only.
+
+    measures : of a summary.
+    """
+    found = ["element.cross_terms"] if getattr(scene.element, "cross_terms", False) else []
+    if measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0) > LARGEST_KINETIC_PART:
+        found += ["process.time"] if is_led(scene) else entries_that_slow(scene)
+    return [*found, "process.step_safety"]

@@ -163,9 +163,11 @@ class Chooser:
                 outcome = self._pilot(edge, self.pilots_as.settings)
             self._add(edge, outcome, self.pilots_as)
         if not self.levels:
+            remedy = "run it without --within and --budget"
+            if self.wish.budget is not None:
+                remedy = f"allow a larger --budget, which finer ones fit into, or {remedy}"
             raise InputError(
-                f"no coarse mesh of the scene could be formed to choose from ({failure}); run it "
-                "without --within and --budget"
+                f"no coarse mesh of the scene could be formed to choose from ({failure}); {remedy}"
             )
         if self.wish.errors and len(self.levels) > 1:
             if self.wish.budget is None:
@@ -177,7 +179,8 @@ class Chooser:
         """Yield the edge lengths of the first pilots [m], two that give a result.
 
         Of a budget no more than its part is used: what time allows is found by a first and coarse
-        one, then the two finest that fit follow.
+        one, then the two finest that fit follow. Only where none of them can be formed at all is
+        more of it spent, on finer ones.
         """
         if self.wish.budget is None:
             for count in PILOTS:
@@ -195,6 +198,22 @@ class Chooser:
             yield finest * PILOT_RATIO
         if finest < first / PILOT_RATIO:
             yield finest
+        yield from self._finer_than_failures()
+
+    def _finer_than_failures(self) -> Iterator[float]:
+        """Yield ever finer edge lengths [m] until one gives a result, as far as a budget goes.
+
+        Meshes that are too coarse for the radii of the tools are stopped by a guard. How long one
+        of them took before is the least that a finer one takes, but for its elements and steps.
+        """
+        while not self.levels:
+            edge, settings = min(self.pilots, key=lambda made: made[0])
+            left = self._time_left() or 0.0
+            if self.pilots[edge, settings].seconds * LEAST_RATIO**COST_POWER > left:
+                return
+            if edge < NO_BETTER * self._size / PILOTS[-1]:
+                return
+            yield edge / LEAST_RATIO
 
     def _refine_pilots(self) -> None:
         """Run finer pilots as long as the mesh that the wish needs lies far from all of them."""

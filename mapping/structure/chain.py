@@ -9,6 +9,7 @@ from lcmchain.errors import InputError
 from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.stage import map_forming
+from lcmchain.mapping.structure.deck import require_places
 from lcmchain.mapping.structure.report import StructureReport
 from lcmchain.mapping.structure.stage import (
     SolverOptions,
@@ -17,6 +18,7 @@ from lcmchain.mapping.structure.stage import (
     mapped_onto,
     open_mapped,
 )
+from lcmchain.mapping.target import read_target
 from lcmchain.scene.structure import Structure
 
 
@@ -47,6 +49,8 @@ def map_and_analyse(
     if not path.is_file():
         raise InputError("there is no such file", file=path)
     attributes = open_mapped(path)
+    target = read_target(target_mesh, kind="structure", length_unit=mapping.length_unit)
+    require_places(target, structure)  # what the deck cannot hold is refused before the mapping
     report = None
     mapped = path
     if not mapped_onto(attributes, target_mesh):
@@ -59,7 +63,4 @@ def map_and_analyse(
                 f"{Path(source).name} is mapped onto another mesh, or another state of this one: "
                 "its fields were mapped once more; start from the forming result to lose nothing"
             )
-    return report, analyse(
-        mapped, target_mesh, structure, name=name, out_dir=out_dir,
-        length_unit=mapping.length_unit, options=options,
-    )  # fmt: skip
+    return report, analyse(mapped, target, structure, name=name, out_dir=out_dir, options=options)

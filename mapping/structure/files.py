@@ -11,7 +11,7 @@ import numpy as np
 
 from lcmchain import __version__
 from lcmchain.errors import InputError
-from lcmchain.fields.vtu import write_mesh
+from lcmchain.fields.vtu import vtk_blocks, write_mesh
 from lcmchain.mapping.structure.mesh import DeckMesh
 from lcmchain.mapping.structure.results import StructuralResults
 from lcmchain.mapping.structure.sections import Sections
@@ -176,16 +176,11 @@ def write_results_vtu(
         path,
         meshio.Mesh(
             mesh.points,
-            [_drawn_block(name, cells) for name, _, cells in mesh.blocks],
+            vtk_blocks([(name, cells) for name, _, cells in mesh.blocks]),
             point_data=on_points,
             cell_data={name: np.split(values, ends) for name, values in on_cells.items()},
         ),
     )
-
-
-def _drawn_block(name: str, cells: np.ndarray) -> tuple[str, np.ndarray]:
-    """Cells as meshio writes them: it has no wedges with nodes in the middle of edges."""
-    return ("wedge", cells[:, :6]) if name in ("wedge15", "wedge18") else (name, cells)
 
 
 def _node_rows(mapped: xr.Dataset, target: TargetMesh, mesh: DeckMesh) -> np.ndarray:

@@ -15,18 +15,22 @@ from lcmchain.mapping.target import TargetMesh, base_type, corner_count
 ELEMENTS = {
     "triangle": ("S3", 3),
     "triangle6": ("S6", 6),
-    "triangle7": ("S6", 6),
     "quad": ("S4", 4),
     "quad8": ("S8R", 8),
-    "quad9": ("S8R", 8),
     "tetra": ("C3D4", 4),
     "tetra10": ("C3D10", 10),
     "wedge": ("C3D6", 6),
     "wedge15": ("C3D15", 15),
-    "wedge18": ("C3D15", 15),
     "hexahedron": ("C3D8I", 8),
     "hexahedron20": ("C3D20R", 20),
-    "hexahedron27": ("C3D20R", 20),
+}
+
+#: Cells with nodes in the middle of faces or of the cell, and what they are without these.
+WITHOUT_CENTRES = {
+    "triangle7": "triangle6",
+    "quad9": "quad8",
+    "wedge18": "wedge15",
+    "hexahedron27": "hexahedron20",
 }
 
 #: How far elements without nodes in the middle of edges are off: deflection of a plate of 200 mm x
@@ -74,7 +78,8 @@ class DeckMesh:
     Parameters
     ----------
     points : [m], (N,3). node_ids : (N,).
-    blocks : meshio's type, element of CalculiX, and nodes (rows of ``points``) of each block.
+    blocks : meshio's type, element of CalculiX, and nodes (rows of ``points``) of each block, as
+        many as the type has.
     cell_ids : numbers of all elements in the order of the blocks, (C,).
     cell_sets, node_sets : rows by the name of the set.
     """
@@ -163,7 +168,8 @@ def deck_mesh(target: TargetMesh, *, quadratic: bool) -> DeckMesh:
     InputError : cells that CalculiX has no element for, or ``quadratic`` with a mesh that has both
         linear and quadratic cells.
     """
-    unknown = sorted({name for name, _ in target.blocks if name not in ELEMENTS})
+    known = [(WITHOUT_CENTRES.get(name, name), cells) for name, cells in target.blocks]
+    unknown = sorted({name for name, _ in known if name not in ELEMENTS})
     if unknown:
         raise InputError(
             f"CalculiX has no element for {', '.join(unknown)} cells; mesh the part with "
@@ -171,7 +177,7 @@ def deck_mesh(target: TargetMesh, *, quadratic: bool) -> DeckMesh:
             file=target.file,
         )
     blocks = tuple(
-        (name, ELEMENTS[name][0], cells[:, : ELEMENTS[name][1]]) for name, cells in target.blocks
+        (name, ELEMENTS[name][0], cells[:, : ELEMENTS[name][1]]) for name, cells in known
     )
     mesh = DeckMesh(
         target.points, target.node_ids, blocks, target.cell_ids, target.cell_sets,

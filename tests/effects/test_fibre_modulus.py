@@ -120,3 +120,14 @@ def test_the_warning_names_the_factor_to_use():
     )
     assert fibre_strain_warnings(measures | {"fibre_modulus_factor": 1.0}) == []
     assert fibre_strain_warnings(measures | {"fibre_strain_allowed": 0.0043}) == []
+
+
+def test_fibres_that_the_report_finds_too_long_are_warned_of_at_any_modulus():
+    measures = {
+        "fibre_modulus_factor": 1.0, "fibre_strain_largest": 0.02, "fibre_strain_allowed": 0.002,
+        "fibre_modulus_factor_possible": 1.0,
+    }  # fmt: skip
+    for strain, told in ((0.0049, False), (0.0051, True), (0.018, True)):
+        assert bool(fibre_strain_warnings(measures | {"fibre_strain_max": strain})) == told
+    (warning,) = fibre_strain_warnings(measures | {"fibre_strain_max": 0.018})
+    assert "up to 1.8 % (good up to 0.5 %)" in warning

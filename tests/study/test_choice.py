@@ -179,6 +179,33 @@ def test_a_budget_is_kept_and_what_it_leaves_of_the_wish_is_told(dent, tmp_path)
     assert "is not kept" in choice.missed()
 
 
+class Guarded(Known):
+    """Meshes with fewer elements along an edge than some are stopped by a guard, after half."""
+
+    least = 24
+
+    def _pilot(self, edge, settings):
+        made = super()._pilot(edge, settings)
+        if not made.failure and edge > 1.001 * 0.04 / self.least:
+            made = replace(made, seconds=0.5 * made.seconds, failure="hourglass energy: too coarse")
+            self.pilots[edge, settings] = made
+        return made
+
+
+def test_pilots_of_a_budget_go_on_until_one_is_fine_enough_for_its_guards(dent, tmp_path):
+    known = Guarded(dent, tmp_path, read_wish(None, "28 s"), 1.0, 0.5)
+    choice = known.run(known.make)
+    failed = [edge for (edge, _), made in known.pilots.items() if made.failure]
+    assert len(failed) == 3 and min(failed) > 0.04 / known.least
+    assert choice.edge_length < min(failed)
+    assert choice.is_over_budget == any("more than the budget" in note for note in choice.notes)
+
+    known = Guarded(dent, tmp_path, read_wish(None, "2 s"), 1.0, 0.5)
+    with pytest.raises(InputError, match="too coarse.*; allow a larger --budget, which finer ones"):
+        known.run(known.make)
+    assert known.pilot_seconds <= 2.0
+
+
 def test_a_broken_budget_is_told_and_is_no_wish_that_was_kept(dent, tmp_path):
     class Slow(Known):
         """Pilots promise a tenth of what the run takes."""

@@ -280,7 +280,7 @@ def test_tables_of_speed_are_whole_on_narrow_terminals(monkeypatch, capsys):
 
 
 def test_check_says_what_is_simulated_and_why(scene_file, tmp_path, capsys):
-    assert exit_code("check", scene_file, "--out", tmp_path / "look") == 0
+    assert exit_code("check", scene_file, "--full", "--out", tmp_path / "look") == 0
     printed = capsys.readouterr().out
     assert (tmp_path / "look" / "initial.png").stat().st_size > 10_000
     for text in (
@@ -290,6 +290,18 @@ def test_check_says_what_is_simulated_and_why(scene_file, tmp_path, capsys):
         "touches", "0.996 mm", "elements", "80", "critical time step",
     ):  # fmt: skip
         assert text in printed, text
+
+
+def test_check_puts_gaps_cost_and_memory_first_and_the_rest_behind_an_option(
+    scene_file, tmp_path, capsys
+):
+    assert exit_code("check", scene_file, "--out", tmp_path / "look") == 0
+    printed = capsys.readouterr().out
+    order = [printed.index(text) for text in ("Tools at the start", "Expected cost", "memory",
+                                              "Simulated: ", "--full", "Picture")]  # fmt: skip
+    assert order == sorted(order)
+    assert "friction on punch" in printed
+    assert "Given in the scene" not in printed and "Defaulted" not in printed
 
 
 def test_effects_follow_from_the_scene(scene_file):

@@ -129,7 +129,9 @@ def test_the_edge_is_rounded_as_the_scene_says():
     round_ = drape(scene("draping.edge_radius=5 mm"))
     assert sharp.is_whole and round_.is_whole
     assert sharp.positions[:, 2].max() == pytest.approx(0.502e-3, abs=1e-12)
-    wall = draped_surface(scene("draping.edge_radius=5 mm"), round_.tools)
+    wall = draped_surface(
+        scene("draping.edge_radius=5 mm"), round_.tools, round_.mesh.node_positions
+    )
     values = [abs(level(wall, *point)[0]) for point in round_.positions[::7]]
     assert max(values) < 1e-12
     tangents = np.array([level(wall, *point)[1:] for point in round_.positions[::7]])
@@ -173,7 +175,7 @@ def test_nodes_between_lines_lie_on_the_surface_too():
     lines = net_lines(blank, coordinates := fibre_coordinates(blank, found.seed), 2.5e-3)
     _, between = places_between(lines, found.net_places, coordinates, 2.5e-3)
     assert between.any() and found.is_whole
-    surface = draped_surface(the_scene, found.tools)
+    surface = draped_surface(the_scene, found.tools, found.mesh.node_positions)
     assert max(abs(level(surface, *point)[0]) for point in found.positions) < 1e-12
 
 
@@ -245,6 +247,45 @@ def test_check_previews_any_model_with_the_net():
     assert rows["largest shear angle"].startswith(f"{worst:.1f} deg at (")
     assert rows["beyond 60 deg"] == "nothing"
     assert dict(check_scene(scene()).preview)["surface"] == rows["surface"]
+
+
+def test_what_the_net_does_not_reach_is_not_called_sheared():
+    small = scene("tools.punch.shape.radius=8 mm", "tools.punch.motion.distance=60 mm",
+                  "draping.surface=punch")  # fmt: skip
+    draped, rows = drape(small), dict(check_scene(small).preview)
+    unplaced, beyond = draped.unplaced_part(), draped.locked_part() - draped.unplaced_part()
+    assert 0.05 < unplaced < 0.95 and beyond < draped.locked_part()
+    assert rows["not laid"].startswith(f"{unplaced:.1%} of the area: the net of punch")
+    assert rows["beyond 60 deg"] == f"{beyond:.1%} of the area"
+    assert f"of the {1.0 - unplaced:.1%} of the area that it covers" in rows["largest shear angle"]
+
+
+def test_an_open_mould_that_passes_all_of_the_blank_leaves_no_plane_around_it(tmp_path):
+    """Behind an open surface is no solid: the blank's plane seemed free there, and was draped."""
+    line = np.linspace(-0.04, 0.04, 33)
+    x, y = (c.ravel() for c in np.meshgrid(line, line, indexing="ij"))
+    points = np.stack([x, y, 0.008 * np.exp(-(x**2 + y**2) / 0.015**2)], axis=1)
+    node = np.arange(len(points)).reshape(33, 33)
+    quads = np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], -1)
+    triangles = quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    meshio.Mesh(points, [("triangle", triangles)]).write(tmp_path / "mould.stl")
+    mould = 'shape = {{ type = "surface_mesh", file = "mould.stl", length_unit = "m" }}\n{}'
+    moving = 'motion = { type = "stroke", direction = [0, 0, -1], distance = "8 mm" }\n'
+    text = DOME.split("[[tools]]")[0].replace('"0.502 mm"', '"8.6 mm"') + "".join(
+        f'[[tools]]\nname = "{name}"\n' + mould.format(rest)
+        for name, rest in (("lower", ""), ("upper", f'position = "0 0 9.2 mm"\n{moving}'))
+    )
+    closing = scene_from_text(text, tmp_path / "scene.toml")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        both = {
+            name: drape(scene_from_text(text, tmp_path / "scene.toml", overrides))
+            for name, overrides in (("upper", []), ("lower", ["draping.surface=lower"]))
+        }
+    assert closing.tools[1].name == "upper" and both["upper"].surface.startswith("upper at")
+    assert "plane of the blank" not in both["upper"].surface
+    angles = {name: np.degrees(found.largest_shear()[0]) for name, found in both.items()}
+    assert angles["lower"] > 5.0 and angles["upper"] == pytest.approx(angles["lower"], rel=0.15)
 
 
 def test_check_says_nothing_where_there_is_nothing_to_drape():

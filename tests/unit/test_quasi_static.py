@@ -174,6 +174,19 @@ def test_damping_is_warned_of_with_time_and_rate_that_end_it():
     assert 'process.time = "220 ms"' in text and 'process.mass_damping = "94 1/s"' in text
 
 
+def test_inertia_and_damping_make_one_line_with_the_time_that_ends_both():
+    """Inertia asks for twice the time, mass damping for 2.1 times of it."""
+    both = measured([0.4, 0.4] + 8 * [0.0], damping=0.2, mass_damping=0.2)
+    (text,) = warnings_of(both, scene(time=100))
+    assert "40% of the internal energy" in text and "takes 10.0% of the external work" in text
+    assert text.count("use process.time = ") == 1 and text.endswith('use process.time = "220 ms"')
+    harder = measured([0.9, 0.9] + 8 * [0.0], damping=0.2, mass_damping=0.2)
+    (text,) = warnings_of(harder, scene(time=100))
+    assert text.endswith('use process.time = "300 ms"')
+    # what no process time cures keeps its own line
+    assert len(warnings_of(both, scene(rate=0))) == 2
+
+
 def test_other_dampers_are_named():
     (contact,) = warnings_of(measured(damping=0.2, mass_damping=0.01), scene())
     assert "contact.damping_ratio" in contact and "mass_damping" not in contact

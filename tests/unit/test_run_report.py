@@ -86,6 +86,19 @@ def test_the_punch_force_says_what_damping_and_inertia_take_of_it():
     )
 
 
+def test_nothing_is_taken_of_a_force_that_is_smaller_than_its_parts():
+    parts = {"force_N": 2.706, "damping_N": 5.99, "inertia_N": -4.1}
+    more = {
+        "punch": "press",
+        "punch_force_peak_N": 150.04,
+        "tool_loads": {"press": {"parts_at_maximum": parts}},
+    }
+    told = rows(SUMMARY | more)["Force of the punch"][1]
+    assert "takes" not in told
+    assert "the mean of 2.706 N is the sum of damping 5.99 N, inertia -4.1 N and all else" in told
+    assert "all else 0.816 N" in told
+
+
 def test_a_run_that_did_not_end_says_how_far_it_came():
     stopped = SUMMARY | {"state": "interrupted", "time_reached_s": 0.02}
     assert rows(stopped)["Reached"][0] == "20 of 50 ms"

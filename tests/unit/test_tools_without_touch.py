@@ -58,6 +58,25 @@ def test_a_travel_that_ends_before_the_blank_is_told_by_the_check(motion, least)
     assert warning in check_scene(scene_from_text(SCENE + tool(motion))).warnings
 
 
+@pytest.mark.parametrize(
+    ("motion", "height", "told"),
+    [
+        (STROKE.format(way=1, distance=1.5), 1.004, True),
+        (TABLE.format(first=1, last=1.5), 1.004, True),
+        (STROKE.format(way=-1, distance=0.2), 1.004, False),  # presses
+        (TABLE.format(first=1.5, last=-0.2), 1.004, False),  # leaves, and comes back to press
+    ],
+)
+def test_a_tool_that_touches_at_the_start_and_moves_away_is_told(motion, height, told):
+    found = out_of_reach(tool(motion, height=height))
+    assert bool(found) == told
+    if told:
+        assert "touches the blank at the start and moves away from it, by 1.5 mm" in found[0]
+        assert "tools.punch.motion.direction" in found[0]
+    pressing = tool(STROKE.format(way=-1, distance=2.1), name="other", height=3.004)
+    assert out_of_reach(tool(motion, height=height), pressing) == []
+
+
 def test_what_may_touch_is_not_told_before_the_run():
     short = tool(STROKE.format(way=-1, distance=1.5))
     long = tool(STROKE.format(way=-1, distance=2.1), name="other")
@@ -87,6 +106,12 @@ def test_a_run_tells_which_tools_never_touched():
         + tool(STROKE.format(way=-1, distance=2.3))
         + tool(STROKE.format(way=-1, distance=1.25), name="short")
         + tool('type = "fixed"', name="far", height=9.004)
+        + tool(
+            STROKE.format(way=1, distance=0.7),
+            name="leaving",
+            height=0.0,
+            shape='type = "plate", side = "below"',
+        ).replace("[0, 0, 1]", "[0, 0, -1]")
         + tool('type = "guided", direction = [0, 0, 1], mass = "1 kg"', name="up", height=4.004)
         + tool(
             'type = "fixed"', name="resting", height=-5e-6, shape='type = "plate", side = "below"'
@@ -98,9 +123,10 @@ def test_a_run_tells_which_tools_never_touched():
         simulation.advance_to(time)
         snapshots.append(simulation.snapshot())
     found = tools_never_touched(simulation.model, simulation.state, snapshots)
-    assert [warning.split()[0] for warning in found] == ["short", "far", "up"]
+    assert [warning.split()[0] for warning in found] == ["short", "far", "leaving", "up"]
     # 2 mm less its travel, and 0.3 mm by which the punch has pushed the sheet out of its way
     assert "came no closer than 1.05 mm in the saved frames" in found[0]
     assert "tools.short.motion.distance" in found[0]
     assert "tools.far.position, or leave the tool out" in found[1]
-    assert "no closer than 3 mm" in found[2] and "its force" in found[2]
+    assert "touched the sheet at the start, never pressed on it, and is 0.699 mm" in found[2]
+    assert "no closer than 3 mm" in found[3] and "its force" in found[3]

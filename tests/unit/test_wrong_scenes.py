@@ -155,6 +155,16 @@ WRONG = {
     "unknown key": (
         replaced(("edge_length", "edge_lenght")), "blank.edge_lenght", 'did you mean "edge_length"?'
     ),
+    "layers": (SCENE + "[[layers]]\n", "layers", "a scene forms one sheet of one material"),
+    "plies of the material": (
+        replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies", "describe plies that move"
+    ),
+    "holes": (
+        replaced(("edge_length", "holes = []\nedge_length")), "blank.holes", "no holes within it"
+    ),
+    "clamps": (SCENE + "[[clamps]]\n", "clamps", "as a blank holder does"),
+    "springs": (SCENE + "[[springs]]\n", "springs", "cannot be fixed or sprung"),
+    "grippers": (SCENE + "[[grippers]]\n", "grippers", "as a blank holder does"),
     "missing key": (replaced(('edge_length = "5 mm"\n', "")), "blank.edge_length", "is missing"),
     "unknown table": (SCENE + "[proces]\n", "proces", 'did you mean "process"?'),
     "key in the wrong table": (

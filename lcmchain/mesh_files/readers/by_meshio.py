@@ -12,6 +12,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
+import lcmchain.mesh_files.meshio_names  # noqa: F401  (types that meshio misses)
 from lcmchain.errors import InputError, shortened
 from lcmchain.mesh_files.file_mesh import NO_CELLS, NO_IDS, FileMesh
 

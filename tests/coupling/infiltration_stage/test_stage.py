@@ -5,12 +5,14 @@ import os
 import signal
 import xml.etree.ElementTree as ET
 from dataclasses import fields
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
 import pytest
 import xarray as xr
 
+from lcmchain.coupling.infiltration import picture
 from lcmchain.coupling.infiltration.checkpoint import read_checkpoint
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.results import FillingRecord
@@ -63,6 +65,20 @@ def test_the_strip_fills_as_the_closed_formula_says(strip_result):
     assert report.balance_error < 1e-10
     assert report.gates["left"]["pressure_max"] == pytest.approx(1e5)
     assert f"filled after {report.time:.4g} s" in report.summary()
+
+
+@pytest.mark.parametrize(("outcome", "told"), [("filled", "239.8 s"), ("reached", "240.6 s")])
+def test_the_picture_of_a_full_part_tells_when_the_last_node_filled(monkeypatch, outcome, told):
+    """The last step ends later, and what presses on a part goes on: no end of the filling."""
+    drawn = []
+    monkeypatch.setattr(picture, "_draw", lambda *given, **_: drawn.append(given[5]))
+    filled = SimpleNamespace(
+        fill_time=np.array([0.0, 239.8]), time=np.array([0.0, 240.6]),
+        is_filled=outcome == "filled",
+        history=SimpleNamespace(filled_share=np.array([0.0, 1.0])),
+    )  # fmt: skip
+    picture.draw_fill_time("none.png", filled, "part")
+    assert drawn == [f"part  ·  100 % filled after {told}"]
 
 
 def test_every_file_is_there_and_the_report_is_the_json(strip_result):

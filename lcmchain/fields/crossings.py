@@ -1,0 +1,146 @@
+"""Where a sheet passes through itself: no contact keeps its faces apart, and nothing else tells.
+
+Two signs are looked for in a saved state, between faces and what they do not share a node with: an
+edge that crosses a face, and a node that lies over a face nearer than half the thickness (its sheet
+is then in that face's sheet by half a thickness at least). The second finds lips of a cut that
+slide over each other in one plane, where no edge crosses anything.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lcmchain.fields.sheet import sheet_areas, sheet_faces, sheet_positions
+from lcmchain.quantities.places import millimetres
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Distance of mid-surfaces, in parts of the thickness, below which one is in the other.
+INSIDE = 0.5
+#: A node counts as over a face down to this barycentric coordinate: at its rim but for rounding,
+#: since meshes of the same lattice lie on each other's lines.
+WITHIN = -1e-6
+#: Faces times frames up to which all saved states are looked at; beyond, the last one alone.
+MOST_FACES = 2_000_000
+
+
+def crossing_faces(positions: np.ndarray, faces: np.ndarray, thickness: float) -> np.ndarray:
+    """Return which faces are crossed by an edge, or have a node in them, that is not theirs.
+
+    Parameters
+    ----------
+    positions : of the nodes of the mid-surface [m], shape (node_count, 3).
+    faces : their nodes, shape (face_count, 4); a triangle repeats its last node.
+    thickness : of the sheet [m].
+
+    Returns
+    -------
+    mask : shape (face_count,).
+    """
+    triangles = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+    owner = np.tile(np.arange(len(faces)), 2)
+    real = triangles[:, 1] != triangles[:, 2]
+    triangles, owner = triangles[real], owner[real]
+    corners = positions[triangles]
+    centres = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    found = np.zeros(len(faces), dtype=bool)
+
+    used = np.unique(faces)
+    which, node = _near(centres, reach + INSIDE * thickness, positions[used])
+    node = used[node]
+    foreign = (faces[owner[which]] != node[:, None]).all(axis=1)
+    which, node = which[foreign], node[foreign]
+    inside = _lies_in(corners[which], positions[node], INSIDE * thickness)
+    found[owner[which[inside]]] = True
+
+    sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    edges = np.unique(np.sort(sides[sides[:, 0] != sides[:, 1]], axis=1), axis=0)
+    ends = positions[edges]
+    half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    which, edge = _near(centres, reach + half.max(initial=0.0), ends.mean(axis=1))
+    own = faces[owner[which]]
+    foreign = (own[:, :, None] != edges[edge][:, None, :]).all(axis=(1, 2))
+    which, edge = which[foreign], edge[foreign]
+    found[owner[which[_crosses(corners[which], ends[edge])]]] = True
+    return found
+
+
+def crossing_warnings(sheet: xr.Dataset, thickness: float) -> list[str]:
+    """Say in which saved state a sheet first passes through itself, how much of it, and where.
+
+    Parameters
+    ----------
+    sheet : root group of a result. thickness : of the undeformed fabric [m].
+    """
+    faces = sheet_faces(sheet)
+    times = sheet["time"].values
+    frames = range(len(times)) if len(times) * len(faces) <= MOST_FACES else [len(times) - 1]
+    for frame in frames:
+        positions = sheet_positions(sheet, frame)
+        crossed = np.zeros(len(faces), dtype=bool)
+        for own in _bodies(sheet, len(faces)):
+            crossed[own] = crossing_faces(positions, faces[own], thickness)
+        if crossed.any():
+            areas = sheet_areas(sheet, 0)
+            first = positions[faces[np.argmax(crossed)]].mean(axis=0)
+            return [
+                f"the sheet passes through itself: in the saved state at {1e3 * times[frame]:.4g} "
+                f"ms {int(crossed.sum())} faces ({areas[crossed].sum() / areas.sum():.2%} of the "
+                f"area) cross others or lie in them, as at {millimetres(first, 1)}; a sheet has no "
+                "contact with itself, so that folds and the lips of cuts are wrong there from then "
+                "on: cut the blank such that they stay apart, or hold them with a tool"
+            ]
+    return []
+
+
+def _bodies(sheet: xr.Dataset, face_count: int) -> list[np.ndarray]:
+    """Return the rows of the faces of each sheet of a result."""
+    if "body" not in sheet:
+        return [np.arange(face_count)]
+    body = sheet["body"].values
+    return [np.flatnonzero(body == number) for number in np.unique(body)]
+
+
+def _near(
+    centres: np.ndarray, reach: np.ndarray, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs (rows of centres, rows of points) that are within the reach of the centre."""
+    lists = cKDTree(points).query_ball_point(centres, reach)
+    counts = np.array([len(found) for found in lists], dtype=np.int64)
+    which = np.repeat(np.arange(len(centres)), counts)
+    point = np.array([row for found in lists for row in found], dtype=np.int64)
+    return which, point
+
+
+def _lies_in(corners: np.ndarray, points: np.ndarray, distance: float) -> np.ndarray:
+    """Whether points [m] (P, 3) lie over triangles (P, 3, 3), within a distance [m]; (P,)."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(first, second)
+    square = np.einsum("pi,pi->p", normal, normal)
+    offset = points - corners[:, 0]
+    u = np.einsum("pi,pi->p", np.cross(offset, second), normal)
+    v = np.einsum("pi,pi->p", np.cross(first, offset), normal)
+    height = np.abs(np.einsum("pi,pi->p", offset, normal))
+    least = WITHIN * square
+    over = (u > least) & (v > least) & (square - u - v > least)
+    return over & (height < distance * np.sqrt(square))
+
+
+def _crosses(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Whether segments [m] (P, 2, 3) cross triangles (P, 3, 3), the rim included; (P,)."""
+    start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    before = np.einsum("pi,pi->p", start - corners[:, 0], normal)
+    after = np.einsum("pi,pi->p", ends[:, 1] - corners[:, 0], normal)
+    around = np.stack([
+        np.einsum("pi,pi->p", way, np.cross(corners[:, k] - start, corners[:, k - 2] - start))
+        for k in range(3)
+    ])  # fmt: skip
+    rim = WITHIN * np.abs(around).sum(axis=0)
+    through = np.all(around > rim, axis=0) | np.all(around < -rim, axis=0)
+    return (before * after < 0.0) & through

@@ -1,0 +1,91 @@
+"""A sheet that passes through itself is told with time, share and place, and no other is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from lcmchain.fields.crossings import crossing_faces, crossing_warnings
+
+T = 1e-3
+
+
+def strip(count=20, length=0.1, width=0.01, triangles=False):
+    """Nodes (N, 3) and faces (F, 4) of a flat strip along x, two cells wide."""
+    x, y = np.linspace(0.0, length, count + 1), np.linspace(0.0, width, 3)
+    points = np.array([[a, b, 0.0] for a in x for b in y])
+    node = np.arange(len(points)).reshape(count + 1, 3)
+    quads = np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], -1).reshape(
+        -1, 4
+    )
+    if not triangles:
+        return points, quads
+    return points, np.concatenate([quads[:, [0, 1, 2, 2]], quads[:, [0, 2, 3, 3]]])
+
+
+def rolled(points, radius):
+    """The strip bent to an arc about the y axis."""
+    angle = points[:, 0] / radius
+    return np.stack([radius * np.sin(angle), points[:, 1], radius * (1 - np.cos(angle))], axis=1)
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+def test_a_flat_or_bent_sheet_crosses_nothing(triangles):
+    points, faces = strip(triangles=triangles)
+    assert not crossing_faces(points, faces, T).any()
+    # a hair pin as tight as the sheet is thick, and a ring that is nearly closed
+    assert not crossing_faces(rolled(points, 0.1 / 5.6), faces, T).any()
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+def test_a_ring_that_overlaps_itself_and_a_loop_that_crosses_are_seen(triangles):
+    points, faces = strip(triangles=triangles)
+    ring = rolled(points, 0.1 / 7.2)  # the end lies in the beginning
+    assert 0 < crossing_faces(ring, faces, T).sum() < len(faces) / 2
+    ring[:, 2] *= 1.0 + 2.0 * points[:, 0]  # a spiral: the end crosses at no node's distance
+    assert crossing_faces(ring, faces, 1e-9).any()
+
+
+def test_lips_that_slide_over_each_other_in_a_plane_are_seen():
+    """No edge crosses a face there: both lie in one plane."""
+    points, faces = strip()
+    lip = points + [0.0, 0.0102, 0.0]
+    both, cells = np.concatenate([points, lip]), np.concatenate([faces, faces + len(points)])
+    assert not crossing_faces(both, cells, T).any()
+    both[len(points) :, 1] -= 0.0032
+    assert crossing_faces(both, cells, T).sum() >= 20
+
+
+def result(frames, faces):
+    sheet = xr.Dataset({
+        "time": ("time", 1e-3 * np.arange(len(frames))),
+        "sheet_face_nodes": (("face", "corner"), faces),
+    })  # fmt: skip
+    for k, axis in enumerate("xyz"):
+        sheet[f"reference_position_{axis}"] = ("node", frames[0][:, k])
+        moved = np.stack([frame[:, k] - frames[0][:, k] for frame in frames])
+        sheet[f"displacement_{axis}"] = (("time", "node"), moved)
+    return sheet
+
+
+def test_the_warning_names_the_first_state_and_the_share(monkeypatch):
+    points, faces = strip()
+    through, apart = rolled(points, 0.1 / 7.2), rolled(points, 0.1 / 5.6)
+    (text,) = crossing_warnings(result([points, apart, through, points], faces), T)
+    count = int(crossing_faces(through, faces, T).sum())
+    assert f"at 2 ms {count} faces ({count / len(faces):.2%} of the area)" in text
+    assert "no contact with itself" in text
+    assert crossing_warnings(result([points, apart], faces), T) == []
+    monkeypatch.setattr("lcmchain.fields.crossings.MOST_FACES", 10)
+    assert crossing_warnings(result([points, through, points], faces), T) == []
+
+
+def test_sheets_of_their_own_may_lie_in_each_other():
+    """Several sheets of a model are no folds; what keeps them apart is told elsewhere."""
+    points, faces = strip()
+    both = np.concatenate([points, points + [0.0, 0.0, 1e-4]])
+    sheet = result([both], np.concatenate([faces, faces + len(points)]))
+    assert len(crossing_warnings(sheet, T)) == 1
+    sheet["body"] = ("face", np.repeat([0, 1], len(faces)))
+    assert crossing_warnings(sheet, T) == []
