@@ -37,13 +37,13 @@ def launch_before_compiled_code_is_loaded() -> None:
     from numba.core.compiler import CompileResult
     from numba.np.ufunc.parallel import _launch_threads
 
-    rebuild = CompileResult._rebuild.__func__
+    rebuild = CompileResult._rebuild.__func__  # type: ignore[attr-defined]
 
     def rebuild_after_launch(cls: Any, *content: Any) -> Any:
         _launch_threads()
         return rebuild(cls, *content)
 
-    CompileResult._rebuild = classmethod(rebuild_after_launch)
+    CompileResult._rebuild = classmethod(rebuild_after_launch)  # type: ignore[method-assign, assignment]
 
 
 def use_threads(count: int | None, element_count: int | None = None) -> int:
