@@ -41,7 +41,7 @@ LEAST_DAMPED_TIMES = 10.0
 CLOSED = 0.999
 #: Times of the process, and nodes of the sheet, at which the gap between tools is looked for, and
 #: steps from one of the tools to the other.
-TIMES, MOST_NODES, STEPS = 11, 2000, 8
+TIMES, MOST_NODES, STEPS = 11, 500, 40
 
 #: Stretch over the thickness at which the stiffening of a law is looked up.
 COMPACTED, STRETCH_STEP = 0.7, 1e-3

@@ -5,7 +5,8 @@
 The mutants are data (``mutants.toml``): a file, a text that occurs once in it, the text that takes
 its place, what that breaks, and the tests that should notice. The package is copied to a temporary
 folder, so that the checkout is never changed; every mutant is applied to the copy, its tests run
-there, and the file is put back. Ends with 1 if a mutant survives or a test fails without any.
+there, and the file is put back. With ``--only`` the rows of all others stay as they are in the
+table. Ends with 1 if a mutant survives or a test fails without any.
 
 A kernel on disk does not notice a change in another file that it inlines: a mutant of a file with
 compiled functions gets a cache without the kernels of that file and of all files that import it,
@@ -188,6 +189,15 @@ def table_of(results: list[tuple[Mutant, str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def kept_outcomes(table: Path) -> dict[str, str]:
+    """Return what a table that was written before says of its mutants, by their names."""
+    if not table.is_file():
+        return {}
+    lines = table.read_text(encoding="utf-8").splitlines()
+    rows = [line.strip("| ").split(" | ") for line in lines if line.startswith("| ")]
+    return {row[0]: row[3].replace("\\|", "|") for row in rows}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", metavar="NAME", help="names, or beginnings of names")
@@ -226,7 +236,9 @@ def main() -> int:
     table = table_of(results)
     print(table)
     if arguments.out is not None:
-        arguments.out.write_text(HEAD + table, encoding="utf-8")
+        found = kept_outcomes(arguments.out) | {m.name: outcome for m, outcome in results}
+        everything = [(m, found.get(m.name, "NOT RUN")) for m in read_mutants()]
+        arguments.out.write_text(HEAD + table_of(everything), encoding="utf-8")
     return int(any(outcome.split(":")[0].isupper() for _, outcome in results))
 
 

@@ -11,6 +11,7 @@ from lcmchain.check.quasi_static import (
     quasi_static_warnings,
 )
 from lcmchain.fields import FrameSeries, build_datasets
+from lcmchain.fields.hidden_compaction import hidden_compaction_warnings
 from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.waves import elements_per_wave, wave_warnings
 from lcmchain.mesh.blank import build_blank
@@ -183,6 +184,22 @@ def test_the_deepest_tool_is_named_and_judged_by_the_thickness(scene, datasets):
         verdict = judged(scene, datasets, penetration_max_m=depths)["Penetration"]
         assert (verdict.grade, verdict.remedy_key) == (grade, "contact.penalty")
         assert f"{1e3 * depth:.3f} mm into die" in verdict.text
+
+
+@pytest.mark.parametrize(
+    ("thickness", "force", "grade"),
+    [(0.009, 0.019, "good"), (0.011, 0.0, "doubtful"), (0.0, 0.021, "doubtful"),
+     (0.031, 0.0, "bad"), (0.004, 0.061, "bad")],
+)  # fmt: skip
+def test_depths_that_hide_compaction_are_judged_by_thickness_and_force(
+    scene, datasets, thickness, force, grade
+):
+    hidden = {"hidden_thickness_part": thickness, "hidden_force_part": force}
+    verdict = judged(scene, datasets, **hidden)["Pressure between tools"]
+    assert verdict.grade == grade
+    assert f"{100 * force:.2g} % more pressure" in verdict.text
+    warned = list(hidden_compaction_warnings(hidden))
+    assert len(warned) == (grade != "good")
 
 
 @pytest.mark.parametrize(
