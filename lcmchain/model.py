@@ -349,6 +349,7 @@ def assemble_bodies(
     positions = np.concatenate([body.mesh.node_positions for body in bodies])
     offset = np.concatenate([np.full(b.mesh.node_count, b.contact_offset) for b in bodies])
     thickness = min(body.material.thickness for body in bodies)
+    tools = without_initial_overlap(tools, positions, offset, thickness)
     support_table, free = build_supports(supports, positions, float(process.time))
     fibre_bending = build_fibre_bending(bodies, placed[-1].last_force)
     bodies = with_added_mass(
@@ -391,7 +392,7 @@ def assemble_bodies(
             free=free,
             offset=aligned(offset),
         ),
-        tools=without_initial_overlap(tools, positions, offset, thickness),
+        tools=tools,
         tool_names=tuple(tool_names),
         supports=support_table,
         support_names=tuple(support.name for support in supports),

@@ -118,7 +118,10 @@ def closest_gap(tools: Any, positions: np.ndarray, process_time: float) -> float
         travel = np.array([prescribed_travel(tools, k, time)[0] for k in range(tools.kind.size)])
         for first in range(tools.kind.size):
             for second in range(first + 1, tools.kind.size):
-                smallest = min(smallest, gap_between(tools, first, second, travel, points))
+                gap = gap_between(tools, first, second, travel, points)
+                # what overlaps the sheet at the start counts as a touch
+                gap += tools.initial_overlap[first] + tools.initial_overlap[second]
+                smallest = min(smallest, gap)
     return smallest
 
 
