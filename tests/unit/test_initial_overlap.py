@@ -48,7 +48,8 @@ def test_a_tolerated_overlap_exerts_no_force_and_holds_no_energy(family):
     for time in (1e-7, 5e-6, 1e-3):
         sim.advance_to(time)
         energy = sim.energy()
-        assert energy["external"] == 0.0
+        # depths of rounding, some 1e-18 m, are driven to zero as well
+        assert abs(energy["external"]) < 1e-30
         assert max(abs(value) for value in energy.values()) < 1e-15
         assert np.abs(sim.state.tool_force).max() < 1e-6
     assert sim.state.penetration_max.max() < 1e-12
