@@ -100,9 +100,9 @@ def _stiffening(material: Any) -> float:
     two tools, a sheet becomes thinner by twice the depth that one of them gains.
     """
     stretch = np.array([COMPACTED - STRETCH_STEP, COMPACTED + STRETCH_STEP])
-    strain = np.zeros((2, 6))
-    strain[:, 2] = 0.5 * (stretch**2 - 1.0)
-    firm, soft = -stretch * material.stress_and_tangent(strain)[0][:, 2]
+    firm, soft = nominal_pressure(material, stretch).tolist()
+    if not soft > 0.0:
+        return 0.0  # nothing resists: the springs alone are stiff
     return 2.0 * math.log(firm / soft) / (2.0 * STRETCH_STEP * material.thickness)
 
 
@@ -138,6 +138,16 @@ def gap_between(tools, first, second, travel, points):
             smallest = min(smallest, gap)
             x, y, z = x - gap * nx, y - gap * ny, z - gap * nz
     return smallest
+
+
+def nominal_pressure(material: Any, stretch: np.ndarray) -> np.ndarray:
+    """Return the pressure λ |S33| [Pa] of a law at stretches λ (n,) over the thickness alone.
+
+    0 where the law pulls.
+    """
+    strain = np.zeros((len(stretch), 6))
+    strain[:, 2] = 0.5 * (stretch**2 - 1.0)
+    return np.maximum(-stretch * material.stress_and_tangent(strain)[0][:, 2], 0.0)
 
 
 SWITCH = Switch(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lcmchain.effects.contact_depth import nominal_pressure
 from lcmchain.thresholds import LARGEST_HIDDEN_FORCE, LARGEST_HIDDEN_THICKNESS
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.motion import GUIDED
@@ -70,8 +71,8 @@ def _of_body(body: Any, positions: np.ndarray, depth: np.ndarray) -> tuple[float
     area, thickness = _area_and_thickness(corners)
     hidden = bottom[between].mean(axis=1) + top[between].mean(axis=1)
     at_rest = body.material.thickness
-    pressure = _nominal_pressure(body.material, thickness / at_rest)
-    truly = _nominal_pressure(body.material, (thickness - hidden) / at_rest)
+    pressure = nominal_pressure(body.material, thickness / at_rest)
+    truly = nominal_pressure(body.material, (thickness - hidden) / at_rest)
     force = float(area @ pressure)
     if not force > 0.0:
         return 0.0, {}
@@ -88,13 +89,6 @@ def _area_and_thickness(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     area = np.linalg.norm(normal, axis=1)
     director = corners[:, 4:].mean(axis=1) - corners[:, :4].mean(axis=1)
     return area, np.einsum("ei,ei->e", director, normal) / area
-
-
-def _nominal_pressure(material: Any, stretch: np.ndarray) -> np.ndarray:
-    """Return the pressure [Pa] of a law at stretches over the thickness alone; 0 in tension."""
-    strain = np.zeros((len(stretch), 6))
-    strain[:, 2] = 0.5 * (stretch**2 - 1.0)
-    return np.maximum(-stretch * material.stress_and_tangent(strain)[0][:, 2], 0.0)
 
 
 def hidden_compaction_warnings(summary: Mapping[str, Any]) -> Iterator[str]:
