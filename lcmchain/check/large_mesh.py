@@ -99,6 +99,12 @@ def require_mesh_fits(element_count: int, memory: int, *, edge_length: float) ->
     )
 
 
+def shortest_edges(scene: Scene) -> float:
+    """Return the edge length [m] whose mesh takes half of this machine's memory to build."""
+    area = polygon_area(outline_of(scene.blank)[0])
+    return math.sqrt(2.0 * BUILDING_BYTES * area / physical_memory())
+
+
 def _can_be_meshed(blank: Blank, thickness: float) -> bool:
     try:
         build_blank(blank, thickness)

@@ -8,6 +8,8 @@ slide over each other in one plane, where no edge crosses anything.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +26,8 @@ INSIDE = 0.5
 #: A node counts as over a face down to this barycentric coordinate: at its rim but for rounding,
 #: since meshes of the same lattice lie on each other's lines.
 WITHIN = -1e-6
+#: Faces whose neighbours are looked at together: what bounds the memory.
+BATCH = 20_000
 #: Faces times frames up to which all saved states are looked at; beyond, the last one alone.
 MOST_FACES = 2_000_000
 
@@ -51,22 +55,25 @@ def crossing_faces(positions: np.ndarray, faces: np.ndarray, thickness: float) -
     found = np.zeros(len(faces), dtype=bool)
 
     used = np.unique(faces)
-    which, node = _near(centres, reach + INSIDE * thickness, positions[used])
-    node = used[node]
-    foreign = (faces[owner[which]] != node[:, None]).all(axis=1)
-    which, node = which[foreign], node[foreign]
-    inside = _lies_in(corners[which], positions[node], INSIDE * thickness)
-    found[owner[which[inside]]] = True
+    tree = cKDTree(positions[used])
+    for offset, radius, near_enough in _balls(corners, reach, INSIDE * thickness):
+        for which, node in _near(tree, centres + offset, radius, near_enough):
+            node = used[node]
+            foreign = (faces[owner[which]] != node[:, None]).all(axis=1)
+            which, node = which[foreign], node[foreign]
+            inside = _lies_in(corners[which], positions[node], INSIDE * thickness)
+            found[owner[which[inside]]] = True
 
     sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     edges = np.unique(np.sort(sides[sides[:, 0] != sides[:, 1]], axis=1), axis=0)
     ends = positions[edges]
     half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    which, edge = _near(centres, reach + half.max(initial=0.0), ends.mean(axis=1))
-    own = faces[owner[which]]
-    foreign = (own[:, :, None] != edges[edge][:, None, :]).all(axis=(1, 2))
-    which, edge = which[foreign], edge[foreign]
-    found[owner[which[_crosses(corners[which], ends[edge])]]] = True
+    tree = cKDTree(ends.mean(axis=1))
+    for which, edge in _near(tree, centres, reach + half.max(initial=0.0), np.arange(len(centres))):
+        own = faces[owner[which]]
+        foreign = (own[:, :, None] != edges[edge][:, None, :]).all(axis=(1, 2))
+        which, edge = which[foreign], edge[foreign]
+        found[owner[which[_crosses(corners[which], ends[edge])]]] = True
     return found
 
 
@@ -106,15 +113,38 @@ def _bodies(sheet: xr.Dataset, face_count: int) -> list[np.ndarray]:
     return [np.flatnonzero(body == number) for number in np.unique(body)]
 
 
+def _balls(
+    corners: np.ndarray, reach: np.ndarray, distance: float
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield balls that together hold all points over triangles, within a distance [m].
+
+    One ball where triangles are large beside the distance. Along the normal of small ones several
+    stand on each other: a single one would hold far more points beside a triangle than over it.
+
+    Yields
+    ------
+    offset of the centres [m] (P, 3), radius [m] (P,), and the rows of the triangles that need them.
+    """
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    normal /= np.where(length > 0.0, length, 1.0)[:, None]
+    half = np.minimum(reach, distance)  # of the part of the normal that a ball covers
+    levels = np.ceil(0.5 * distance / np.where(half > 0.0, half, np.inf) - 0.5).astype(int)
+    radius = np.where(levels > 0, np.hypot(reach, half), reach + distance)
+    for level in range(-levels.max(initial=0), levels.max(initial=0) + 1):
+        yield (2.0 * level * half)[:, None] * normal, radius, np.flatnonzero(levels >= abs(level))
+
+
 def _near(
-    centres: np.ndarray, reach: np.ndarray, points: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs (rows of centres, rows of points) that are within the reach of the centre."""
-    lists = cKDTree(points).query_ball_point(centres, reach)
-    counts = np.array([len(found) for found in lists], dtype=np.int64)
-    which = np.repeat(np.arange(len(centres)), counts)
-    point = np.array([row for found in lists for row in found], dtype=np.int64)
-    return which, point
+    tree: cKDTree, centres: np.ndarray, reach: np.ndarray, rows: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield, batch by batch, pairs (row of centres, row of the tree) within the centre's reach."""
+    for first in range(0, len(rows), BATCH):
+        batch = rows[first : first + BATCH]
+        lists = tree.query_ball_point(centres[batch], reach[batch])
+        counts = np.fromiter(map(len, lists), dtype=np.int64, count=len(lists))
+        point = np.fromiter(itertools.chain.from_iterable(lists), np.int64, count=counts.sum())
+        yield np.repeat(batch, counts), point
 
 
 def _lies_in(corners: np.ndarray, points: np.ndarray, distance: float) -> np.ndarray:

@@ -115,7 +115,7 @@ class Knowledge:
     Parameters
     ----------
     levels : meshes that were run, the coarsest first. laws : of errors over the edge length.
-    own_edge : edge length of the scene [m].
+    own_edge : edge length of the scene [m]. shortest : that of the finest mesh that memory holds.
     left : solver time that may be spent on the run [s]; None for any.
     rehearsed : seconds by edge length (:func:`lcmchain.study.levels.expected_seconds`).
     settled : whether time allows no edge lengths but those: where the mesh has to fit the outline,
@@ -125,6 +125,7 @@ class Knowledge:
     levels: Sequence[Level]
     laws: Mapping[str, Convergence]
     own_edge: float = math.inf
+    shortest: float = 0.0
     left: float | None = None
     rehearsed: Mapping[float, float] = field(default_factory=dict)
     settled: bool = False
@@ -211,6 +212,8 @@ def _plan(
     affordable = known.affordable(candidate)
     if affordable > edge or (known.left is not None and not wish.errors):
         edge, why = affordable, f"edges of {mm(affordable)} are what the time allows"
+    if edge < known.shortest:
+        edge, why = known.shortest, "finer meshes do not fit into the memory of this machine"
     errors = known.errors(candidate, edge)
     counted = dict(errors)
     for name in given_up:

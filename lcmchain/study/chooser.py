@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from lcmchain.check.large_mesh import shortest_edges
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
 from lcmchain.study.choice import Choice, Knowledge, choose, mm
@@ -413,7 +414,8 @@ class Chooser:
         """Return what keeps the wish by what is known so far."""
         laws, left = error_laws(self.levels), self._time_left()
         own_edge = self.scene.blank.edge_length
-        known = Knowledge(self.levels, laws, own_edge, left, self._beginnings(), settled)
+        shortest = shortest_edges(self.scene)
+        known = Knowledge(self.levels, laws, own_edge, shortest, left, self._beginnings(), settled)
         choice, worst = choose(self.wish, self.candidates, known)
         if self.time_stays and not self.is_laid:
             choice.why += f"; the process time stays, since {self.time_stays}"

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from lcmchain.check import large_mesh
+from lcmchain.check.large_mesh import BUILDING_BYTES
 from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.study import chooser as chooser_module
@@ -337,6 +339,12 @@ def test_a_laid_net_is_chosen_where_it_is_near_enough(dent, tmp_path):
 def test_a_scene_whose_net_is_laid_has_no_steps_to_choose(dent, tmp_path, within, budget):
     laid = type(dent)(dent.text, dent.path, (), "kinematic")
     chooser = Chooser(laid, tmp_path, read_wish(within, budget), threads=1)
+    lay = chooser.study.outcome
+
+    def laid_in_known_time(variant, progress=None):  # as long on any machine
+        return replace(lay(variant, progress), seconds=SECONDS * (4e-3 / variant.value) ** 3)
+
+    chooser.study.outcome = laid_in_known_time
     choice = chooser.run(lambda choice: chooser.study.outcome(chooser.variant_of(choice)))
     assert choice.settings == AS_IT_IS
     assert choice.kept
@@ -346,6 +354,17 @@ def test_a_scene_whose_net_is_laid_has_no_steps_to_choose(dent, tmp_path, within
         assert 0.0 < choice.found["shear_angle"] <= math.radians(0.5)
     else:
         assert choice.edge_length < chooser.levels[0].edge
+
+
+def test_no_mesh_is_chosen_that_memory_does_not_hold(dent, tmp_path, monkeypatch):
+    """A budget that allows millions of elements took all memory of a machine."""
+    elements = (0.04 / 1.5e-3) ** 2
+    monkeypatch.setattr(large_mesh, "physical_memory", lambda: 2 * elements * BUILDING_BYTES)
+    for wish in (read_wish(None, "100000 s"), read_wish("0.05 deg shear", "100000 s")):
+        known = Known(dent, tmp_path, wish, 1.0, 0.5)
+        choice = known.run(known.make)
+        assert choice.edge_length == pytest.approx(1.5e-3)
+        assert "do not fit into the memory of this machine" in choice.why
 
 
 def test_what_does_not_converge_is_told_and_no_mesh_is_spent_on_it(dent, tmp_path):

@@ -57,6 +57,33 @@ def test_lips_that_slide_over_each_other_in_a_plane_are_seen():
     assert crossing_faces(both, cells, T).sum() >= 20
 
 
+def test_edges_far_shorter_than_the_sheet_is_thick_hide_nothing(monkeypatch):
+    """Lips that lie over each other at every distance below half the thickness, and just above."""
+    monkeypatch.setattr("lcmchain.fields.crossings.BATCH", 7)  # so that pairs come in many batches
+    points, faces = strip(count=40, length=4e-3, width=2e-4)  # edges of a tenth of the thickness
+    both, cells = np.concatenate([points, points]), np.concatenate([faces, faces + len(points)])
+    for height in np.linspace(0.02, 0.49, 8) * T:
+        both[len(points) :, 2] = height
+        assert crossing_faces(both, cells, T).all()
+        assert crossing_faces(both[:, [2, 0, 1]], cells, T).all()
+    both[len(points) :, 2] = 0.51 * T
+    assert not crossing_faces(both, cells, T).any()
+
+
+def test_pairs_of_a_fine_mesh_are_as_many_as_its_faces_not_their_square(monkeypatch):
+    """A mesh finer than its thickness once took 20 GB."""
+    counted = []
+
+    def count(corners, points, distance):
+        counted.append(len(points))
+        return np.zeros(len(points), dtype=bool)
+
+    monkeypatch.setattr("lcmchain.fields.crossings._lies_in", count)
+    points, faces = strip(count=2000, length=0.02, width=2e-5)
+    crossing_faces(points, faces, T)
+    assert sum(counted) < 40 * len(faces)
+
+
 def result(frames, faces):
     sheet = xr.Dataset({
         "time": ("time", 1e-3 * np.arange(len(frames))),
