@@ -19,6 +19,10 @@ import numpy as np
 from lcmchain.coupling.infiltration.boundaries import Gate
 from lcmchain.coupling.infiltration.front import find_front, principal_spread
 from lcmchain.coupling.infiltration.network import Conductances, Network
+from lcmchain.coupling.infiltration.state import FillingState
+
+#: Of the way from a node to one beside it: what of it at least lies outside of a hole.
+LEAST_LEFT = 0.01
 
 
 def hole_conductance(
@@ -74,6 +78,32 @@ def _logarithms(
     return float(np.sqrt(values[0] * values[1])), np.log(size), float(np.log(hole))
 
 
+def neighbours(network: Network, nodes: np.ndarray) -> np.ndarray:
+    """Rows of the nodes that edges join to the given ones, ascending."""
+    return np.unique(_leaving_edges(network, nodes)[1])
+
+
+def widening(
+    network: Network,
+    conductances: Conductances,
+    nodes: np.ndarray,
+    contact: float,
+    state: FillingState,
+) -> np.ndarray:
+    """Return factors (E,) of the edges by which a wide hole, at its own pressure, acts as itself.
+
+    The edges between its nodes and the others lead to the hole's rim, and are shorter by what the
+    negative ``contact`` takes away from all of them together. Every edge brings then as much as
+    before where resin leaves all around; and none lifts a node above the hole, as all factors are
+    positive.
+    """
+    out, _ = _leaving_edges(network, nodes)
+    left = 1.0 + _leaving(network, conductances, nodes, state.full, state.fill) / contact
+    factor = np.ones(len(network.edges))
+    factor[out] = np.where(conductances.flow[out] > 0.0, 1.0 / max(left, LEAST_LEFT), 1.0)
+    return factor
+
+
 def while_filling(
     network: Network,
     conductances: Conductances,
@@ -87,18 +117,37 @@ def while_filling(
     A hole that is larger than what its nodes stand for takes resistance away from the field around
     them. As long as that has little, at most half of it is taken.
     """
+    _, beyond = _leaving_edges(network, nodes)
+    if contact >= 0.0 or not np.isfinite(contact) or full[beyond].all():
+        return contact
+    return -max(-contact, 2.0 * _leaving(network, conductances, nodes, full, fill))
+
+
+def _leaving_edges(network: Network, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the edges that join the nodes to others, and the rows of these."""
     inside = np.zeros(network.node_count, dtype=bool)
     inside[nodes] = True
     first, second = network.edges.T
     out = np.flatnonzero(inside[first] != inside[second])
-    beyond = np.where(inside[first[out]], second[out], first[out])
-    if contact >= 0.0 or not np.isfinite(contact) or full[beyond].all():
-        return contact
+    return out, np.where(inside[first[out]], second[out], first[out])
+
+
+def _leaving(
+    network: Network,
+    conductances: Conductances,
+    nodes: np.ndarray,
+    full: np.ndarray,
+    fill: np.ndarray,
+) -> float:
+    """Conductance from the nodes to full ones and to the front beside them [m3/(Pa s)]."""
+    out, beyond = _leaving_edges(network, nodes)
     front = find_front(network, conductances, full, fill)
+    inside = np.zeros(network.node_count, dtype=bool)
+    inside[nodes] = True
     fed = inside[front.source]
     leaving = np.sum(front.flow[fed] / front.distance[front.member[fed]])
     leaving += conductances.flow[out][full[beyond]].sum()
-    return -max(-contact, 2.0 * float(leaving))
+    return float(leaving)
 
 
 def mean_conductance(network: Network, conductances: Conductances, nodes: np.ndarray) -> float:
