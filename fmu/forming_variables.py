@@ -64,7 +64,7 @@ SCALAR_OUTPUTS = (
     ("external_work", "J", "Energy", ENERGY, "work of tools, forces and gravity so far"),
     ("energy_balance_error", "J", "Energy", ENERGY,
      "energy that appeared from nowhere (negative: was lost) so far"),
-    ("critical_time_step", "s", "Time", SOLVER, "stable time step of the explicit solver"),
+    ("critical_time_step", "s", "TimeStep", SOLVER, "stable time step of the explicit solver"),
 )  # fmt: skip
 STEP_COUNT = Variable(
     "step_count",

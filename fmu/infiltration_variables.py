@@ -58,7 +58,7 @@ SUM_OUTPUTS: tuple[tuple[str, Kind, str | None, str | None, str], ...] = (
      "what entered and did not leave, less what is stored"),
     ("pressure_max", Kind.REAL, "Pa", "Pressure", "largest pressure of all nodes"),
     ("pressure_force", Kind.REAL, "N", "Force", "integral of the pressure over the part"),
-    ("front", Kind.INTEGER, None, None,
+    ("front", Kind.INTEGER, None, "FrontState",
      "what the front does: 0 it moves or waits, 1 all is filled, 2 the resin has gelled, 3 no gate "
      "is open, 4 what is dry cannot be reached"),
     ("dry_spot_count", Kind.INTEGER, None, None, "pockets of air that the front has enclosed"),

@@ -22,6 +22,7 @@ from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, fill_part
 from lcmchain.errors import InputError
 from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.fmu.infiltration_variables import FRONT
 from lcmchain.mapping.interface import read_interface
 from lcmchain.scene import read_infiltration
 
@@ -119,6 +120,8 @@ class Master:
         reference = [self.variables[name].valueReference]
         if self.variables[name].type == "Int32":
             return self.slave.getInt32(reference)[0]
+        if self.variables[name].type == "Enumeration":
+            return self.slave.getInt64(reference)[0]
         if self.variables[name].type == "String":
             return self.slave.getString(reference)[0]
         values = np.array(self.slave.getFloat64(reference, self.size(name)))
@@ -170,6 +173,10 @@ def test_fmpy_finds_no_problem(made, fmi, motion):
         "volume": {"volume_rate", "volume_rate_slope", "reference_pressure", "pore_resistance"},
     }[motion]  # fmt: skip
     assert float(description.defaultExperiment.stopTime) == 64.0
+    front = next(v for v in description.modelVariables if v.name == "front")
+    assert front.type == "Enumeration"
+    told = {item.name: int(item.value) for item in front.declaredType.items}
+    assert list(told.values()) == list(FRONT.values()) and told["filled"] == FRONT["filled"]
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
