@@ -151,7 +151,7 @@ class DrivenFlow:
                 continue
             nodes, wide = gate.gate.nodes, switches.wide[k]
             if wide:
-                own = widening(network, situation.conductances, nodes, gate.contact, state)
+                own = widening(network, situation.conductances, gate.gate, gate.contact, state)
                 wider = own if wider is None else np.maximum(wider, own)
             if not switches.limited[k]:
                 tied.append((nodes, float(gate.rate or 0.0)))
