@@ -98,7 +98,6 @@ class UnitSlave3(Fmi3Slave):
 
     @outermost
     def get_int64(self, vrs: list[int]) -> list[int]:
-        # enumerations; as plain integers they are read with `get_int32` too
         if not self._enumerations.issuperset(vrs):
             self.unit.refuse("only enumerations are read as 64-bit integers", changes=False)
             return [0] * (len(vrs) + SPARE)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from lcmchain.fmu.variables import (
     COMMON_OUTPUTS,
     COMMON_PARAMETERS,
+    STEP_OUTCOME,
     TIME,
     Kind,
     Variable,
@@ -198,6 +199,7 @@ def forming_variables(
         STEP_COUNT,
         *COMMON_OUTPUTS,
         *_fields(abilities, fields),
+        STEP_OUTCOME,
     )
     left_out = {
         f"{name}{suffix}" for name in _unknown(abilities) for suffix in ("", "_min", "_max")

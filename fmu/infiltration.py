@@ -288,6 +288,7 @@ class InfiltrationPart(Part):
             "pressure_max": float(self.filling.pressure.max()),
             "pressure_force": float(self.fluid.present_pressure() @ self.filling.mesh.areas),
             "front": FRONT[self.ended[0]],
+            "front_state": FRONT[self.ended[0]],
             "dry_spot_count": len(state.dry_spots),
             "step_count": state.step_count,
         }

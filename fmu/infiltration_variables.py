@@ -9,6 +9,7 @@ from typing import Any, Literal
 from lcmchain.fmu.variables import (
     COMMON_OUTPUTS,
     COMMON_PARAMETERS,
+    STEP_OUTCOME,
     TIME,
     Causality,
     Kind,
@@ -58,7 +59,7 @@ SUM_OUTPUTS: tuple[tuple[str, Kind, str | None, str | None, str], ...] = (
      "what entered and did not leave, less what is stored"),
     ("pressure_max", Kind.REAL, "Pa", "Pressure", "largest pressure of all nodes"),
     ("pressure_force", Kind.REAL, "N", "Force", "integral of the pressure over the part"),
-    ("front", Kind.INTEGER, None, "FrontState",
+    ("front", Kind.INTEGER, None, None,
      "what the front does: 0 it moves or waits, 1 all is filled, 2 the resin has gelled, 3 no gate "
      "is open, 4 what is dry cannot be reached"),
     ("dry_spot_count", Kind.INTEGER, None, None, "pockets of air that the front has enclosed"),
@@ -155,6 +156,8 @@ def infiltration_variables(
             for name, unit, declared, text in FIELD_OUTPUTS
             if fields is None or name in fields
         ),
+        STEP_OUTCOME,
+        _output("front_state", Kind.INTEGER, None, "FrontState", "front, as an enumeration", SUMS),
     )
 
 

@@ -245,7 +245,6 @@ COMMON_OUTPUTS = (
         "output",
         "discrete",
         "0: the last step was done, 1: it was undone, 2: the user interrupted, 3: not initialized",
-        declared_type="StepOutcome",
         group="status",
     ),
     Variable(
@@ -254,4 +253,15 @@ COMMON_OUTPUTS = (
     Variable(
         "result_file", Kind.STRING, "output", "discrete", "path of the result file, once written"
     ),
+)
+#: States once more as enumerations, behind all others: masters may know these by their references,
+#: and some (ecos) read an integer only where it is declared as one.
+STEP_OUTCOME = Variable(
+    "step_outcome",
+    Kind.INTEGER,
+    "output",
+    "discrete",
+    "status, as an enumeration",
+    declared_type="StepOutcome",
+    group="status",
 )

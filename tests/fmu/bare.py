@@ -217,16 +217,15 @@ def values(folder):
     unit = Bare(folder)
     unit.initialize()
     kinds = list(KINDS[unit.version])
-    known = {0: "punch.travel", 1: "step_count", 2: "punch.drive", 3: "message"}
+    known = {0: "punch.travel", 1: "status", 2: "punch.drive", 3: "message"}
     found = {"own": [unit.move("Get", kinds[k], [name])[0] for k, name in known.items()]}
     found["others"] = [
         unit.move("Get", kind, [name])[0]
         for place, kind in enumerate(kinds)
         for name in (*[n for k, n in known.items() if k != place], 123456, 2**31 + 5)
     ]
-    # a state is an enumeration, and still read as the integer that it once was declared to be
-    by = ["Integer"] if unit.version == 2 else ["Int32", "Int64"]
-    found["state"] = [unit.move("Get", kind, ["status"]) for kind in by]
+    by = "Integer" if unit.version == 2 else "Int64"
+    found["state"] = unit.move("Get", by, ["step_outcome"])
     if unit.version == 3:
         found["counts"] = [
             unit.move("Get", kinds[k], names, surplus)[0]

@@ -101,8 +101,8 @@ def test_values_that_there_are_not_are_refused_whatever_their_type(answers, vers
     assert (found["nothing"], found["step"]) == (ERROR, 0)
 
 
-def test_a_state_is_read_by_its_type_and_as_an_integer(answers, version):
-    assert answers["values"]["state"] == [[0, [0]]] * (version - 1)
+def test_an_enumeration_is_read_as_the_integer_of_its_version(answers):
+    assert answers["values"]["state"] == [0, [0]]
 
 
 def test_getters_with_another_number_of_values_are_refused_and_read_what_there_is(answers, version):
