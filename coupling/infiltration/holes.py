@@ -126,6 +126,7 @@ def widening(
     factor = np.ones(len(network.edges))
     at, beyond = _leaving_edges(network, gate.nodes)
     around = _Around.of(network, conductances, gate.nodes, gate.radius)
+    wider: np.ndarray | float
     if around is not None and state.full[beyond].all():
         outside = np.maximum(around.size - around.hole, 1e-300)
         wider = np.minimum(1.0 - around.spread / contact / outside, MOST_WIDER)

@@ -2,10 +2,10 @@
 
     python examples/cosimulation/process_cost.py [--steps 2000] [--runs 7]
 
-Two presses (`press.py`, made by pythonfmu) hand their velocities to each other, three values a
-step. They share the process of the master, or one or both have one of their own. What a press
-computes takes microseconds: the rest is what the master and the way to the units take. The
-arrangements take turns, so that a machine that others use too is as slow for each of them.
+Two presses (`press.py`, made by pythonfmu) hand their velocities to each other: in a step one value
+of each is read and one is set. They share the process of the master, or one or both have one of
+their own. What a press computes takes microseconds: the rest is what the master and the way to the
+units take. The arrangements take turns, so that a machine that others use too is as slow for each.
 """
 
 from __future__ import annotations
