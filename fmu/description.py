@@ -4,19 +4,31 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Iterable
+from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from lcmchain import __version__
 from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.status import CATEGORIES
-from lcmchain.fmu.variables import DECLARED_TYPES, UNITS, Kind, Variable
+from lcmchain.fmu.variables import (
+    DECLARED_TYPES,
+    DISPLAY_UNITS,
+    ENUMERATIONS,
+    TYPE_OF_KIND,
+    UNITS,
+    Kind,
+    Variable,
+)
 
 #: What the one binary in a unit needs outside of it, for masters that ask.
 TOOL = f"lcmchain {__version__}"
 
 
 def head(definition: UnitDefinition, version: str, *, structured: bool) -> dict[str, str]:
-    """Return the attributes of the root that both versions have; the time is that of the build."""
+    """Return the attributes of the root that both versions have; the time is that of the build.
+
+    structured : declare that names follow the structured naming convention, which they do.
+    """
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     return {
         "fmiVersion": version,
@@ -40,18 +52,37 @@ def add_units(root: Element, variables: Iterable[Variable]) -> None:
         if name in used:
             unit = SubElement(definitions, "Unit", {"name": name})
             SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
+            for shown, factor in DISPLAY_UNITS.get(name, {}).items():
+                SubElement(unit, "DisplayUnit", {"name": shown, "factor": repr(factor)})
 
 
-def used_types(variables: Iterable[Variable]) -> dict[str, dict[str, str]]:
-    """Return the declared types that variables have, and the attributes of each."""
+class DeclaredType(NamedTuple):
+    """A type that variables have: its kind, attributes, and the items of an enumeration."""
+
+    kind: Kind
+    attributes: dict[str, str]
+    items: tuple[dict[str, str], ...] = ()
+
+
+def used_types(variables: Iterable[Variable]) -> dict[str, DeclaredType]:
+    """Return the declared types that variables have, by name."""
     used = {variable.type_name for variable in variables}
     found = {}
-    for name, (unit, nominal) in DECLARED_TYPES.items():
-        if name in used:
-            found[name] = {"quantity": name, "unit": unit}
-            if nominal is not None:
-                found[name]["nominal"] = repr(nominal)
-    return found
+    for name, own in DECLARED_TYPES.items():
+        attributes = {"quantity": name, "unit": own.unit}
+        if own.shown_in is not None:
+            attributes["displayUnit"] = own.shown_in
+        if own.nominal is not None:
+            attributes["nominal"] = repr(own.nominal)
+        found[name] = DeclaredType(Kind.REAL, attributes)
+    for name, items in ENUMERATIONS.items():
+        told = tuple(
+            {"name": item, "value": str(value), "description": text} for item, value, text in items
+        )
+        found[name] = DeclaredType(Kind.INTEGER, {"quantity": name}, told)
+    for kind, name in TYPE_OF_KIND.items():
+        found[name] = DeclaredType(kind, {"quantity": name} if kind is Kind.INTEGER else {})
+    return {name: own for name, own in found.items() if name in used}
 
 
 def add_categories(root: Element) -> None:
@@ -68,12 +99,12 @@ def add_experiment(root: Element, definition: UnitDefinition) -> None:
 
 
 def limits(variable: Variable) -> dict[str, str]:
-    """Return the attributes for unit, type and limits of a variable; integers have limits only."""
+    """Return the attributes for type, unit and limits of a variable."""
     found = {"min": variable.minimum, "max": variable.maximum}
-    texts = {}
+    texts = {"declaredType": variable.type_name}
     if variable.kind is Kind.REAL:
         found["nominal"] = variable.nominal
-        texts = {"declaredType": variable.type_name, "unit": variable.unit}
+        texts["unit"] = variable.unit
     number = repr if variable.kind is Kind.REAL else lambda value: str(int(value))
     return {name: text for name, text in texts.items() if text is not None} | {
         name: number(value) for name, value in found.items() if value is not None

@@ -8,10 +8,6 @@ from lcmchain.fmu import description
 from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.variables import Variable
 
-# Reading a structured name costs masters time (fmpy 1.7 ms): with more scalars than this the names
-# are declared as plain texts, which look the same.
-MOST_STRUCTURED = 2000
-
 
 def model_description(definition: UnitDefinition, *, needs_tool: bool = True) -> Element:
     """Return ``modelDescription.xml`` of FMI 2.0; every entry of a field is a scalar variable.
@@ -25,10 +21,9 @@ def model_description(definition: UnitDefinition, *, needs_tool: bool = True) ->
         masters refuse a unit that does.
     """
     variables = definition.variables
-    structured = sum(variable.count for variable in variables) <= MOST_STRUCTURED
-    root = Element(
-        "fmiModelDescription", description.head(definition, "2.0", structured=structured)
-    )
+    # Every entry of a field has a name, and reading a structured one costs masters time (fmpy
+    # 1.7 ms): the names are declared as plain texts, however many there are.
+    root = Element("fmiModelDescription", description.head(definition, "2.0", structured=False))
     root.set("guid", definition.guid)
     SubElement(
         root,
@@ -46,9 +41,12 @@ def model_description(definition: UnitDefinition, *, needs_tool: bool = True) ->
     )
     description.add_units(root, variables)
     types = SubElement(root, "TypeDefinitions")
-    for name, attributes in description.used_types(variables).items():
+    for name, own in description.used_types(variables).items():
         simple = SubElement(types, "SimpleType", {"name": name})
-        SubElement(simple, "Real", attributes)
+        kind = "Enumeration" if own.items else own.kind.value
+        declared = SubElement(simple, kind, own.attributes)
+        for item in own.items:
+            SubElement(declared, "Item", item)
     description.add_categories(root)
     description.add_experiment(root, definition)
     listed = SubElement(root, "ModelVariables")
@@ -79,7 +77,8 @@ def _add_scalar(listed: Element, variable: Variable, name: str, text: str, refer
         **description.initial(variable),
     }
     scalar = SubElement(listed, "ScalarVariable", attributes)
-    typed = SubElement(scalar, variable.kind.value, description.limits(variable))
+    kind = "Enumeration" if variable.is_enumeration else variable.kind.value
+    typed = SubElement(scalar, kind, description.limits(variable))
     if variable.start is not None:
         typed.set("start", description.start_text(variable))
 

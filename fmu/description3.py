@@ -44,8 +44,11 @@ def model_description(definition: UnitDefinition, *, needs_tool: bool = True) ->
     )
     description.add_units(root, variables)
     types = SubElement(root, "TypeDefinitions")
-    for name, attributes in description.used_types(variables).items():
-        SubElement(types, "Float64Type", {"name": name, **attributes})
+    for name, own in description.used_types(variables).items():
+        kind = "Enumeration" if own.items else _ELEMENTS[own.kind]
+        declared = SubElement(types, f"{kind}Type", {"name": name, **own.attributes})
+        for item in own.items:
+            SubElement(declared, "Item", item)
     description.add_categories(root)
     description.add_experiment(root, definition)
     listed = SubElement(root, "ModelVariables")
@@ -75,7 +78,8 @@ def _add_variable(listed: Element, variable: Variable, reference: str) -> None:
         **description.initial(variable),
         **description.limits(variable),
     }
-    element = SubElement(listed, _ELEMENTS[variable.kind], attributes)
+    kind = "Enumeration" if variable.is_enumeration else _ELEMENTS[variable.kind]
+    element = SubElement(listed, kind, attributes)
     if variable.size is not None:
         SubElement(element, "Dimension", {"start": str(variable.size)})
     if variable.start is None:

@@ -44,6 +44,11 @@ class UnitSlave3(Fmi3Slave):
             kwargs["resources"], self.instance_name, report_to(self.log_queue), arrays=True
         )
         self.guid = self.unit.definition.guid
+        self._enumerations = {
+            reference
+            for reference, variable in enumerate(self.unit.definition.variables)
+            if variable.is_enumeration
+        }
         self._experiment: list[float] = []  # start time, and stop time where there is one
         self._spare = [float("nan")] * max(self.unit.layout.slot_count, SPARE)
 
@@ -93,8 +98,10 @@ class UnitSlave3(Fmi3Slave):
 
     @outermost
     def get_int64(self, vrs: list[int]) -> list[int]:
-        self.unit.refuse("there are no variables of 64-bit integers", changes=False)
-        return [0] * (len(vrs) + SPARE)
+        if not self._enumerations.issuperset(vrs):
+            self.unit.refuse("only enumerations are read as 64-bit integers", changes=False)
+            return [0] * (len(vrs) + SPARE)
+        return self.get_int32(vrs)
 
     @outermost
     def get_uint64(self, vrs: list[int]) -> list[Any]:

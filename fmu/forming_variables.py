@@ -8,6 +8,7 @@ from typing import NamedTuple
 from lcmchain.fmu.variables import (
     COMMON_OUTPUTS,
     COMMON_PARAMETERS,
+    STEP_OUTCOME,
     TIME,
     Kind,
     Variable,
@@ -64,7 +65,7 @@ SCALAR_OUTPUTS = (
     ("external_work", "J", "Energy", ENERGY, "work of tools, forces and gravity so far"),
     ("energy_balance_error", "J", "Energy", ENERGY,
      "energy that appeared from nowhere (negative: was lost) so far"),
-    ("critical_time_step", "s", "Time", SOLVER, "stable time step of the explicit solver"),
+    ("critical_time_step", "s", "TimeStep", SOLVER, "stable time step of the explicit solver"),
 )  # fmt: skip
 STEP_COUNT = Variable(
     "step_count",
@@ -198,6 +199,7 @@ def forming_variables(
         STEP_COUNT,
         *COMMON_OUTPUTS,
         *_fields(abilities, fields),
+        STEP_OUTCOME,
     )
     left_out = {
         f"{name}{suffix}" for name in _unknown(abilities) for suffix in ("", "_min", "_max")

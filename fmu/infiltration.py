@@ -264,11 +264,12 @@ class InfiltrationPart(Part):
         return compute[group]()
 
     def _place_outputs(self) -> dict[str, float]:
-        state, values = self.filling.state, {}
+        filling, values = self.filling, {}
+        state, pressures, rates = filling.state, filling.gate_pressure, filling.gate_rate
         for number, gate in enumerate(self.setup.gates):
             prefix = quoted(gate.name)
-            values[f"{prefix}.pressure"] = _or_zero(state.gate_pressure[number])
-            values[f"{prefix}.flow_rate"] = _or_zero(state.gate_rate[number])
+            values[f"{prefix}.pressure"] = _or_zero(pressures[number])
+            values[f"{prefix}.flow_rate"] = _or_zero(rates[number])
             values[f"{prefix}.injected_volume"] = float(state.injected[number])
         for number, vent in enumerate(self.setup.vents):
             prefix = quoted(vent.name)
@@ -287,6 +288,7 @@ class InfiltrationPart(Part):
             "pressure_max": float(self.filling.pressure.max()),
             "pressure_force": float(self.fluid.present_pressure() @ self.filling.mesh.areas),
             "front": FRONT[self.ended[0]],
+            "front_state": FRONT[self.ended[0]],
             "dry_spot_count": len(state.dry_spots),
             "step_count": state.step_count,
         }

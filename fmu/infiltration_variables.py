@@ -9,6 +9,7 @@ from typing import Any, Literal
 from lcmchain.fmu.variables import (
     COMMON_OUTPUTS,
     COMMON_PARAMETERS,
+    STEP_OUTCOME,
     TIME,
     Causality,
     Kind,
@@ -155,6 +156,8 @@ def infiltration_variables(
             for name, unit, declared, text in FIELD_OUTPUTS
             if fields is None or name in fields
         ),
+        STEP_OUTCOME,
+        _output("front_state", Kind.INTEGER, None, "FrontState", "front, as an enumeration", SUMS),
     )
 
 

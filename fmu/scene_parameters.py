@@ -85,6 +85,8 @@ def _parameter(scene: Scene, key: str) -> SceneParameter:
         "fixed",
         f"entry {key} of the scene" + ("" if fmi_unit in UNITS else f" in {unit}"),
         fmi_unit if fmi_unit in UNITS else None,
+        # pressures of a material are moduli
+        "Modulus" if fmi_unit == "Pa" and key.startswith("material.") else None,
         start=float(value),
     )
     return SceneParameter(variable, key, unit)

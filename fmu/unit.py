@@ -22,7 +22,7 @@ from lcmchain.fmu.part import Part, UnitDefinition
 from lcmchain.fmu.saved_state import PartState, SavedState
 from lcmchain.fmu.status import Phase, Refused, Status, StepOutcome
 from lcmchain.fmu.values import Values
-from lcmchain.fmu.variables import Kind, Variable
+from lcmchain.fmu.variables import STEP_OUTCOME, Kind, Variable
 
 # A master that sums up its steps drifts from ours by rounding, relative to the experiment's length.
 CLOCK_TOLERANCE = 1e-9
@@ -357,7 +357,8 @@ class Unit:
     def _refresh(self, group: str) -> None:
         """Compute the outputs of a group for the present state; 0 before there is one."""
         if group == "status":
-            found: Mapping[str, Any] = {"status": int(self.outcome)}
+            outcome = int(self.outcome)
+            found: Mapping[str, Any] = {"status": outcome, STEP_OUTCOME.name: outcome}
         elif group == "time":
             found = {
                 "time": (self._start_time or 0.0) + (self.part.present if self._built else 0.0)

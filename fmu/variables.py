@@ -7,11 +7,12 @@ names: ``thickness[1]`` belongs to element 0 (face 0 of ``forming.nc``).
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 
 class Kind(Enum):
@@ -37,8 +38,9 @@ class Variable:
     kind, causality, variability : as in the FMI standard.
     description : one line.
     unit : key of :data:`UNITS`, None where a unit has no meaning.
-    declared_type : name of the type that the model description declares for it, its quantity; None
-        for that of the unit (:data:`TYPE_OF_UNIT`).
+    declared_type : name of the type that the model description declares for it: its quantity
+        (:data:`DECLARED_TYPES`), or what its integer codes (:data:`ENUMERATIONS`); None for that of
+        the unit (:data:`TYPE_OF_UNIT`) or the kind (:data:`TYPE_OF_KIND`).
     start : value before the first step, one number also for a field; None for what is computed.
     minimum, maximum, nominal : as in the FMI standard.
     size : number of entries of a field, None for a scalar.
@@ -73,10 +75,17 @@ class Variable:
 
     @property
     def type_name(self) -> str | None:
-        """Name of the declared type; None for what is no real number, or has no unit."""
-        if self.declared_type is not None or self.unit is None:
+        """Name of the declared type; None for a real number that has no unit."""
+        if self.declared_type is not None:
             return self.declared_type
-        return TYPE_OF_UNIT[self.unit]
+        if self.kind is not Kind.REAL:
+            return TYPE_OF_KIND[self.kind]
+        return None if self.unit is None else TYPE_OF_UNIT[self.unit]
+
+    @property
+    def is_enumeration(self) -> bool:
+        """Whether it codes a state."""
+        return self.declared_type in ENUMERATIONS
 
     @property
     def count(self) -> int:
@@ -117,37 +126,85 @@ UNITS: dict[str, dict[str, int]] = {
     "1": {},
 }
 
-#: Quantities with their units and, where they are far from 1, nominal values: the types that model
-#: descriptions declare for real variables. Areas and volumes are those of elements.
-DECLARED_TYPES: dict[str, tuple[str, float | None]] = {
-    "Length": ("m", None),
-    "Thickness": ("m", 1e-3),
-    "Velocity": ("m/s", None),
-    "ThicknessRate": ("m/s", 1e-3),
-    "Area": ("m2", 1e-4),
-    "AreaRate": ("m2/s", 1e-4),
-    "Volume": ("m3", 1e-7),
-    "VolumeFlowRate": ("m3/s", 1e-7),
-    "FlowPerPressure": ("m3/(s.Pa)", 1e-14),
-    "FlowResistance": ("Pa.s/m3", 1e12),
-    "Mass": ("kg", None),
-    "Density": ("kg/m3", 1e3),
-    "ArealMass": ("kg/m2", None),
-    "Force": ("N", None),
-    "Damping": ("N.s/m", None),
-    "Pressure": ("Pa", 1e5),
-    "Viscosity": ("Pa.s", None),
-    "Energy": ("J", None),
-    "Time": ("s", None),
-    "Rate": ("1/s", None),
-    "Angle": ("rad", None),
-    "Temperature": ("K", None),
-    "Fraction": ("1", None),
-    "Ratio": ("1", None),
+
+class Quantity(NamedTuple):
+    """A type of real variables: its unit, and how values of it are.
+
+    nominal : value that is usual, where that is far from 1. shown_in : unit, one of
+    :data:`DISPLAY_UNITS`, in which engineers expect it.
+    """
+
+    unit: str
+    nominal: float | None = None
+    shown_in: str | None = None
+
+
+#: Units in which values may be shown, by the unit that they are in: how many of them that is.
+DISPLAY_UNITS: dict[str, dict[str, float]] = {
+    "m": {"mm": 1e3},
+    "m2": {"mm2": 1e6},
+    "m3": {"mm3": 1e9},
+    "m/s": {"mm/s": 1e3},
+    "m2/s": {"mm2/s": 1e6},
+    "m3/s": {"mm3/s": 1e9},
+    "Pa": {"kPa": 1e-3, "MPa": 1e-6},
+    "s": {"us": 1e6},
+    "rad": {"deg": math.degrees(1.0)},
+}
+
+#: Quantities: the types that model descriptions declare for real variables. Areas and volumes are
+#: those of elements.
+DECLARED_TYPES: dict[str, Quantity] = {
+    "Length": Quantity("m", None, "mm"),
+    "Thickness": Quantity("m", 1e-3, "mm"),
+    "Velocity": Quantity("m/s", None, "mm/s"),
+    "ThicknessRate": Quantity("m/s", 1e-3, "mm/s"),
+    "Area": Quantity("m2", 1e-4, "mm2"),
+    "AreaRate": Quantity("m2/s", 1e-4, "mm2/s"),
+    "Volume": Quantity("m3", 1e-7, "mm3"),
+    "VolumeFlowRate": Quantity("m3/s", 1e-7, "mm3/s"),
+    "FlowPerPressure": Quantity("m3/(s.Pa)", 1e-14),
+    "FlowResistance": Quantity("Pa.s/m3", 1e12),
+    "Mass": Quantity("kg"),
+    "Density": Quantity("kg/m3", 1e3),
+    "ArealMass": Quantity("kg/m2"),
+    "Force": Quantity("N"),
+    "Damping": Quantity("N.s/m"),
+    "Pressure": Quantity("Pa", 1e5, "kPa"),
+    "Modulus": Quantity("Pa", 1e6, "MPa"),
+    "Viscosity": Quantity("Pa.s"),
+    "Energy": Quantity("J"),
+    "Time": Quantity("s"),
+    "TimeStep": Quantity("s", 1e-6, "us"),
+    "Rate": Quantity("1/s"),
+    "Angle": Quantity("rad", None, "deg"),
+    "Temperature": Quantity("K", 3e2),
+    "Fraction": Quantity("1"),
+    "Ratio": Quantity("1"),
+}
+
+#: Types of integers that code a state: name, value and meaning of every item.
+ENUMERATIONS: dict[str, tuple[tuple[str, int, str], ...]] = {
+    "StepOutcome": (
+        ("done", 0, "the last step was done, or there was none yet"),
+        ("undone", 1, "the last step was undone"),
+        ("interrupted", 2, "the user has interrupted the unit"),
+        ("not_initialized", 3, "not initialized, or that has failed"),
+    ),
+    "FrontState": (
+        ("moving", 0, "the front moves or waits"),
+        ("filled", 1, "all is filled"),
+        ("gelled", 2, "the resin has gelled"),
+        ("no_gate_open", 3, "no gate is open"),
+        ("trapped", 4, "what is dry cannot be reached"),
+    ),
 }
 
 #: Types of what has no quantity of its own: the most general one of its unit.
-TYPE_OF_UNIT = {unit: name for name, (unit, _) in reversed(DECLARED_TYPES.items())} | {"1": "Ratio"}
+TYPE_OF_UNIT = {own.unit: name for name, own in reversed(DECLARED_TYPES.items())} | {"1": "Ratio"}
+
+#: Types of what is no real number and codes no state.
+TYPE_OF_KIND = {Kind.INTEGER: "Count", Kind.BOOLEAN: "Switch", Kind.STRING: "Text"}
 
 #: Time of the unit; FMI 3 wants it as a variable, FMI 2 allows it.
 TIME = Variable(
@@ -196,4 +253,15 @@ COMMON_OUTPUTS = (
     Variable(
         "result_file", Kind.STRING, "output", "discrete", "path of the result file, once written"
     ),
+)
+#: States once more as enumerations, behind all others: masters may know these by their references,
+#: and some (ecos) read an integer only where it is declared as one.
+STEP_OUTCOME = Variable(
+    "step_outcome",
+    Kind.INTEGER,
+    "output",
+    "discrete",
+    "status, as an enumeration",
+    declared_type="StepOutcome",
+    group="status",
 )

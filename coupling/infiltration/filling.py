@@ -204,7 +204,7 @@ class Filling:
         height = self.height(medium.mesh.points)
         cells = medium.mesh.cells
         wet: np.ndarray = ((cells < 0) | state.full[cells]).all(axis=1)
-        velocity = medium.network.velocity(state.pressure - height, factor)
+        velocity = medium.network.velocity(self._steps.present().pressure - height, factor)
         return FillingFrame(
             state.time, state.fill.copy(), self.pressure, state.cure.copy(),
             state.temperature.copy(), state.film.copy(), np.where(wet[:, None], velocity, 0.0),
@@ -212,17 +212,28 @@ class Filling:
 
     @property
     def pressure(self) -> np.ndarray:
-        """Pressure of the nodes [Pa], (N,), of those in a gate's hole at most the gate's.
+        """Pressure of the nodes now [Pa], (N,), of those in a gate's hole at most the gate's.
 
         This is the pressure that every reader takes. ``state.pressure`` is the unknown of the
-        equations: they know the nodes in a hole by the field around it, which goes on to rise
-        inside the hole.
+        equations: between two steps it is that of the last one, and it knows the nodes in a hole
+        by the field around it, which goes on to rise inside the hole.
         """
-        pressure = self.state.pressure.copy()
-        for gate, own in zip(self.supply.gates, self.state.gate_pressure, strict=True):
+        present = self._steps.present()
+        pressure = present.pressure.copy()
+        for gate, own in zip(self.supply.gates, present.gate_pressure, strict=True):
             if gate.radius is not None and np.isfinite(own):
                 pressure[gate.nodes] = np.minimum(pressure[gate.nodes], own)
         return pressure
+
+    @property
+    def gate_pressure(self) -> np.ndarray:
+        """Pressure of each gate now [Pa], (G,); nan where it gives no resin."""
+        return self._steps.present().gate_pressure
+
+    @property
+    def gate_rate(self) -> np.ndarray:
+        """Flow rate of each gate now [m3/s], (G,); nan where it gives no resin."""
+        return self._steps.present().gate_rate
 
     def height(self, points: np.ndarray) -> np.ndarray:
         """ρ g·x of places (K, 3) [Pa]."""

@@ -67,6 +67,12 @@ class Front(NamedTuple):
         weighted = self.flow * values[self.source]
         return np.bincount(self.member, weighted, minlength=len(self.nodes)) / self.total
 
+    def conducting(self, factor: np.ndarray) -> Front:
+        """Return the same front, fed by edges that conduct so many times as well, (E,)."""
+        flow = self.flow * factor[self.edge]
+        total = np.bincount(self.member, flow, minlength=len(self.nodes))
+        return self._replace(flow=flow, total=total)
+
     def passed(self) -> np.ndarray:
         """Fill factor at which the front passes the node, shape (K,)."""
         return np.minimum(0.5 / self.ratio, 1.0)

@@ -14,11 +14,20 @@ for anisotropic grids; here for any mesh in space, and for more than one node.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import Gate
 from lcmchain.coupling.infiltration.front import find_front, principal_spread
 from lcmchain.coupling.infiltration.network import Conductances, Network
+from lcmchain.coupling.infiltration.state import FillingState
+
+#: So many times at most conducts an edge of which a part lies in a hole. A node almost at its rim
+#: would get the pressure of the hole, and stand for a larger one: a dome from a hole of two edges'
+#: radius fills 0.3 % earlier than a resolved one with this, 2 % earlier without a limit, 2 % later
+#: with 3.
+MOST_WIDER = 5.0
 
 
 def hole_conductance(
@@ -29,28 +38,48 @@ def hole_conductance(
     Negative where the hole is larger than the nodes' effective radius; infinite where both are
     the same, and for several nodes of which some are on the rim.
     """
-    inside = np.zeros(network.node_count, dtype=bool)
-    inside[nodes] = True
-    first, second = network.edges.T
-    at = np.flatnonzero(inside[first] != inside[second])
-    flow = conductances.flow[at]
-    angle = 2.0 * np.pi
-    if len(nodes) == 1:
-        angle = float(network.unfolding.angle[nodes[0]])
-        away = network.edge_vectors(at, np.where(first[at] == nodes[0], 0, 1))
-        spread = conductances.spread[nodes[0]]
-        area = network.node_areas()[nodes[0]]
-    else:
-        if network.unfolding.inward[nodes].any():
-            return np.inf
-        beyond = np.where(inside[first[at]], second[at], first[at])
-        away, spread, area = network.around(nodes, beyond, conductances)
-    mean, size, hole = _logarithms(away, spread / area, radius)
-    total = flow.sum()
-    effective = (np.sum(flow * size) - angle * mean) / total
-    if effective == hole:
+    around = _Around.of(network, conductances, nodes, radius)
+    if around is None:
         return np.inf
-    return float(angle * mean / (effective - hole))
+    total = around.flow.sum()
+    effective = (np.sum(around.flow * around.size) - around.spread) / total
+    if effective == around.hole:
+        return np.inf
+    return float(around.spread / (effective - around.hole))
+
+
+class _Around(NamedTuple):
+    """The logarithmic field around a hole, at the nodes beside those that lie in it.
+
+    at (K,) : numbers of the edges to them; flow (K,) : their conductances. size (K,) : logarithm of
+    the field there, of which ``hole`` is that at the hole. spread : θ κ.
+    """
+
+    at: np.ndarray
+    flow: np.ndarray
+    size: np.ndarray
+    hole: float
+    spread: float
+
+    @classmethod
+    def of(
+        cls, network: Network, conductances: Conductances, nodes: np.ndarray, radius: float
+    ) -> _Around | None:
+        """Return the field around a hole; None for several nodes of which some are on the rim."""
+        at, beyond = _leaving_edges(network, nodes)
+        angle = 2.0 * np.pi
+        if len(nodes) == 1:
+            angle = float(network.unfolding.angle[nodes[0]])
+            first = network.edges[at, 0]
+            away = network.edge_vectors(at, np.where(first == nodes[0], 0, 1))
+            spread = conductances.spread[nodes[0]]
+            area = network.node_areas()[nodes[0]]
+        else:
+            if network.unfolding.inward[nodes].any():
+                return None
+            away, spread, area = network.around(nodes, beyond, conductances)
+        mean, size, hole = _logarithms(away, spread / area, radius)
+        return cls(at, conductances.flow[at], size, hole, angle * mean)
 
 
 def _logarithms(
@@ -74,6 +103,40 @@ def _logarithms(
     return float(np.sqrt(values[0] * values[1])), np.log(size), float(np.log(hole))
 
 
+def neighbours(network: Network, nodes: np.ndarray) -> np.ndarray:
+    """Rows of the nodes that edges join to the given ones, ascending."""
+    return np.unique(_leaving_edges(network, nodes)[1])
+
+
+def widening(
+    network: Network,
+    conductances: Conductances,
+    gate: Gate,
+    contact: float,
+    state: FillingState,
+) -> np.ndarray:
+    """Return factors (E,) of the edges by which a wide hole, at its own pressure, acts as itself.
+
+    The edges between its nodes and the others lead to the hole's rim: in its logarithmic field each
+    brings as much as from nodes at the higher pressure that the negative ``contact`` gives them.
+    None lifts a node above the hole, as all factors are positive. While the front is beside the
+    nodes, all edges are shortened alike by what the contact takes away from them together.
+    """
+    assert gate.radius is not None
+    factor = np.ones(len(network.edges))
+    at, beyond = _leaving_edges(network, gate.nodes)
+    around = _Around.of(network, conductances, gate.nodes, gate.radius)
+    wider: np.ndarray | float
+    if around is not None and state.full[beyond].all():
+        outside = np.maximum(around.size - around.hole, 1e-300)
+        wider = np.minimum(1.0 - around.spread / contact / outside, MOST_WIDER)
+    else:
+        leaving = _leaving(network, conductances, gate.nodes, state.full, state.fill)
+        wider = 1.0 / max(1.0 + leaving / contact, 1.0 / MOST_WIDER)
+    factor[at] = np.where(conductances.flow[at] > 0.0, wider, 1.0)
+    return factor
+
+
 def while_filling(
     network: Network,
     conductances: Conductances,
@@ -87,18 +150,37 @@ def while_filling(
     A hole that is larger than what its nodes stand for takes resistance away from the field around
     them. As long as that has little, at most half of it is taken.
     """
+    _, beyond = _leaving_edges(network, nodes)
+    if contact >= 0.0 or not np.isfinite(contact) or full[beyond].all():
+        return contact
+    return -max(-contact, 2.0 * _leaving(network, conductances, nodes, full, fill))
+
+
+def _leaving_edges(network: Network, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the edges that join the nodes to others, and the rows of these."""
     inside = np.zeros(network.node_count, dtype=bool)
     inside[nodes] = True
     first, second = network.edges.T
     out = np.flatnonzero(inside[first] != inside[second])
-    beyond = np.where(inside[first[out]], second[out], first[out])
-    if contact >= 0.0 or not np.isfinite(contact) or full[beyond].all():
-        return contact
+    return out, np.where(inside[first[out]], second[out], first[out])
+
+
+def _leaving(
+    network: Network,
+    conductances: Conductances,
+    nodes: np.ndarray,
+    full: np.ndarray,
+    fill: np.ndarray,
+) -> float:
+    """Conductance from the nodes to full ones and to the front beside them [m3/(Pa s)]."""
+    out, beyond = _leaving_edges(network, nodes)
     front = find_front(network, conductances, full, fill)
+    inside = np.zeros(network.node_count, dtype=bool)
+    inside[nodes] = True
     fed = inside[front.source]
     leaving = np.sum(front.flow[fed] / front.distance[front.member[fed]])
     leaving += conductances.flow[out][full[beyond]].sum()
-    return -max(-contact, 2.0 * float(leaving))
+    return float(leaving)
 
 
 def mean_conductance(network: Network, conductances: Conductances, nodes: np.ndarray) -> float:

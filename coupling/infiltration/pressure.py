@@ -78,6 +78,8 @@ class Boundary:
         has a rate, (N,). See :attr:`.filling.Filling.pressure`.
     room : pore volume over the time step that the front should come to rest in [m3/s], (N,); None
         where the front is as it stands. See :meth:`_System._close_front`.
+    wider : factors of the edges' conductances, (E,); None where all are 1. See
+        :func:`.holes.widening`.
     """
 
     fixed: np.ndarray
@@ -93,6 +95,7 @@ class Boundary:
     compliance: np.ndarray = field(default_factory=lambda: np.zeros(0))
     lift: Lift | None = None
     room: np.ndarray | None = None
+    wider: np.ndarray | None = None
 
     def of_cells(self, full: np.ndarray, resin: np.ndarray) -> np.ndarray:
         """Pressures (N,) that cells take from their corners, of those of the resin [Pa], (N,)."""
@@ -151,6 +154,8 @@ def solve_flow(
     held : pressure [Pa] (N,) that full regions keep which nothing drives (no gate, no front).
     """
     front = find_front(network, conductances, full, fill)
+    if boundary.wider is not None:
+        front = front.conducting(boundary.wider)
     system = _System(network, conductances, full, front, boundary)
     return system.solve(held, factors)
 
@@ -174,6 +179,8 @@ class _System:
         self.edge_first = first
         self.first, self.second = first[inner], second[inner]
         self.flow = conductances.flow[inner]
+        if boundary.wider is not None:
+            self.flow = self.flow * boundary.wider[inner]
         self._close_front()
 
     def _close_front(self) -> None:

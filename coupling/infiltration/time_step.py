@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -48,6 +48,14 @@ MOST_GROWTH = 1.1
 NO_FLOW = 1e-10
 
 
+class Present(NamedTuple):
+    """Pressures of a state: of its nodes (N,) [Pa], and pressure and rate of gates (G,)."""
+
+    pressure: np.ndarray
+    gate_pressure: np.ndarray
+    gate_rate: np.ndarray
+
+
 class TimeStep:
     """Takes the time steps of a filling."""
 
@@ -56,6 +64,9 @@ class TimeStep:
         self.filling: Filling = weakref.proxy(filling)
         self._driven = DrivenFlow(self.filling)
         self._kept: tuple[Situation, Stage] | None = None
+        # whether the state's pressure is that of its last step, and the flow of the state itself
+        self._behind = False
+        self._looked: tuple[Situation, Stage] | None = None
         self._moments: tuple[float, ...] = ()
         self._tiny = 0
 
@@ -66,7 +77,8 @@ class TimeStep:
 
     def forget(self) -> None:
         """The state was changed from outside."""
-        self._kept = None
+        self._kept = self._looked = None
+        self._behind = False
 
     def take(self, until: float) -> tuple[str, str] | None:
         """Take a step towards a time [s]; return outcome and message if nothing moves any more."""
@@ -80,6 +92,7 @@ class TimeStep:
             if not state.full.all() and filling.supply.waits_for_clock(state.time):
                 state.time = min(filling.supply.next_look(state.time), until)
                 self.forget()
+                self._behind = True
                 return None
             return idle_outcome(filling, situation, stage)
         left = until - state.time
@@ -98,24 +111,42 @@ class TimeStep:
         )
 
     def refresh(self) -> None:
-        """Compute the pressure of the present state."""
-        filling = self.filling
-        state = filling.state
+        """Write the pressure of the present state into it."""
+        state = self.filling.state
         if self._kept is None:
-            situation = situation_of(filling, state)
-            self._kept = situation, self._driven.stage(situation, state, state.next_step or 1.0)
+            self._kept = self._look()
         _, stage = self._kept
         state.pressure = stage.flow.pressure
         state.gate_pressure, state.gate_rate = stage.gate_pressure, stage.gate_rate
+        self._behind = False
+
+    def present(self) -> Present:
+        """Pressures of the state as it is; between two steps it holds those of the last one.
+
+        A step ends with a flow through the volumes that were full before: it knows those that fill
+        in it as the front.
+        """
+        state = self.filling.state
+        if not self._behind:
+            return Present(state.pressure, state.gate_pressure, state.gate_rate)
+        _, stage = self._look()
+        return Present(stage.flow.pressure, stage.gate_pressure, stage.gate_rate)
+
+    def _look(self) -> tuple[Situation, Stage]:
+        """Situation and flow of the present state, which the next step may begin with."""
+        if self._looked is None:
+            state = self.filling.state
+            situation = situation_of(self.filling, state)
+            stage = self._driven.stage(situation, state, state.next_step or 1.0)
+            self._looked = situation, stage
+        return self._looked
 
     def _begin(self, until: float) -> tuple[Situation, Stage, float]:
         """Flow at the start, and the size of the step."""
         filling = self.filling
         state, options = filling.state, filling.options
-        if self._kept is None:
-            situation = situation_of(filling, state)
-        else:
-            situation = self._kept[0]
+        known = self._kept or self._looked
+        situation = situation_of(filling, state) if known is None else known[0]
         limit = min(
             until - state.time,
             options.largest_step,
@@ -140,7 +171,10 @@ class TimeStep:
                     f"no time step is short enough at {state.time:.6g} s: the thickness or the "
                     "pressure changes too fast"
                 )
-            stage = self._driven.stage(situation, state, step)
+            if self._looked is None or timed or situation.excess.any():
+                stage = self._driven.stage(situation, state, step)
+            else:
+                stage = self._looked[1]
             wish = self._wish(stage, situation)
             if not timed or wish >= 0.999 * step:
                 break
@@ -211,7 +245,8 @@ class TimeStep:
         finish_step(
             filling, situation, (stage, second), last, fill_time, along, pores_end, step, time
         )
-        self._kept = None
+        self._kept = self._looked = None
+        self._behind = True
         state.thickness = state.thickness + step * rate
         state.next_step = step
         return 1.0

@@ -69,23 +69,7 @@ EXPORTED void *fmi2Instantiate(const char *name, int type, const char *token,
     return 0;
 }
 
-void original_fmi2FreeInstance(void *);
-
-EXPORTED void fmi2FreeInstance(struct record *record)
-{
-    if (!record) return;
-    /* Of an instance that was given up its references have been given back already. */
-    if (!record->common.dead) original_fmi2FreeInstance(record->common.instance);
-    give_page(record);
-}
-
-EXPORTED int fmi2SetDebugLogging(struct record *record, int logging, size count,
-                                 const char *const *names)
-{
-    BEGIN(record);
-    if (!choose_categories(&record->common, logging, count, names)) REFUSE(record, NO_CATEGORY);
-    return OK;
-}
+FREED_AND_LOGGED(fmi2, int)
 
 int original_fmi2SetupExperiment(void *, int, double, double, int, double);
 

@@ -66,23 +66,7 @@ EXPORTED void *fmi3InstantiateScheduledExecution(const char *name, const char *t
     return fmi3InstantiateModelExchange(name, token, resources, visible, logging, environment, log);
 }
 
-void original_fmi3FreeInstance(void *);
-
-EXPORTED void fmi3FreeInstance(struct record *record)
-{
-    if (!record) return;
-    /* Of an instance that was given up its references have been given back already. */
-    if (!record->common.dead) original_fmi3FreeInstance(record->common.instance);
-    give_page(record);
-}
-
-EXPORTED int fmi3SetDebugLogging(struct record *record, _Bool logging, size count,
-                                 const char *const *names)
-{
-    BEGIN(record);
-    if (!choose_categories(&record->common, logging, count, names)) REFUSE(record, NO_CATEGORY);
-    return OK;
-}
+FREED_AND_LOGGED(fmi3, _Bool)
 
 int original_fmi3SetContinuousStates(void *, const double *, size);
 int original_fmi3EnterInitializationMode(void *, _Bool, double, double, _Bool, double);
@@ -168,7 +152,7 @@ static size values_of(const reference *references, size count, unsigned kind, in
     }
 GETTER(Float64, double, REAL)
 GETTER(Int32, int, INTEGER)
-GETTER(Int64, long, NONE)
+GETTER(Int64, long, INTEGER) /* of enumerations */
 GETTER(UInt64, unsigned long, NONE)
 GETTER(Boolean, _Bool, BOOLEAN)
 GETTER(String, const char *, STRING)

@@ -133,6 +133,25 @@ static double in_numbers_of_the_master(double reached, double masters)
         return ended(&(record)->common, OK); \
     } while (0)
 
+/* The end of an instance, and the choice of what its logger hears; a truth is of this type. */
+#define FREED_AND_LOGGED(version, truth)                                                        \
+    void original_##version##FreeInstance(void *);                                              \
+    EXPORTED void version##FreeInstance(struct record *record)                                  \
+    {                                                                                           \
+        if (!record) return;                                                                    \
+        /* Of an instance that was given up its references have been given back already. */    \
+        if (!record->common.dead) original_##version##FreeInstance(record->common.instance);    \
+        give_page(record);                                                                      \
+    }                                                                                           \
+    EXPORTED int version##SetDebugLogging(struct record *record, truth logging, size count,     \
+                                          const char *const *names)                             \
+    {                                                                                           \
+        BEGIN(record);                                                                          \
+        if (!choose_categories(&record->common, logging, count, names))                         \
+            REFUSE(record, NO_CATEGORY);                                                        \
+        return OK;                                                                              \
+    }
+
 #define NO_STATE "there is no state"
 #define NO_MEMORY "there is no memory for what the call is for"
 #define NOT_ITS_SIZE "the memory for a serialized state is not of its size"

@@ -102,9 +102,10 @@ class Bare:
         return self.variables[name].valueReference if name in self.variables else UNKNOWN
 
     def is_one(self, name, kind):
-        """Return whether a name is that of a variable of this kind."""
+        """Return whether a name is that of a variable that is read and set by this kind."""
+        kinds = {"Enumeration": ("Integer", "Int32", "Int64")}
         return any(
-            v.valueReference == self.reference(name) and v.type == kind
+            v.valueReference == self.reference(name) and kind in kinds.get(v.type, (v.type,))
             for v in self.variables.values()
         )
 
@@ -223,6 +224,8 @@ def values(folder):
         for place, kind in enumerate(kinds)
         for name in (*[n for k, n in known.items() if k != place], 123456, 2**31 + 5)
     ]
+    by = "Integer" if unit.version == 2 else "Int64"
+    found["state"] = unit.move("Get", by, ["step_outcome"])
     if unit.version == 3:
         found["counts"] = [
             unit.move("Get", kinds[k], names, surplus)[0]

@@ -12,10 +12,15 @@ from fmpy.validation import validate_fmu
 from typer.testing import CliRunner
 
 from lcmchain.cli import app
+from lcmchain.coupling.cosimulation.physical_units import display_unit, unit_from_name
 from lcmchain.errors import InputError
+from lcmchain.fmu import description2, description3
 from lcmchain.fmu.build import build_fmu, model_identifier
+from lcmchain.fmu.description import as_bytes
 from lcmchain.fmu.forming_variables import Abilities, field_names, forming_variables
-from lcmchain.fmu.variables import TYPE_OF_UNIT, UNITS
+from lcmchain.fmu.part import UnitDefinition
+from lcmchain.fmu.status import StepOutcome
+from lcmchain.fmu.variables import DECLARED_TYPES, DISPLAY_UNITS, TYPE_OF_UNIT, UNITS
 from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED
 
 ELEMENT_COUNT = 400
@@ -145,19 +150,62 @@ def test_both_descriptions_tell_the_same(unit, unit3):
     ]
 
 
-@pytest.mark.parametrize("version", [2, 3])
-def test_real_variables_have_types_with_nominal_values_and_the_unit_says_whose_it_is(
-    unit, unit3, version
-):
-    description = read_model_description(str(unit if version == 2 else unit3))
+@pytest.fixture(scope="module", params=[2, 3])
+def description(request, unit, unit3):
+    return read_model_description(str(unit if request.param == 2 else unit3))
+
+
+def test_all_variables_have_types_with_nominal_values_and_the_unit_says_whose_it_is(description):
+    assert all(v.declaredType is not None for v in description.modelVariables)
     reals = [v for v in description.modelVariables if v.type in ("Real", "Float64")]
-    assert len(reals) > 20 and all(v.declaredType is not None for v in reals)
+    assert len(reals) > 20
     assert {v.unit or v.declaredType.unit for v in reals} == {v.declaredType.unit for v in reals}
     nominal = {v.declaredType.name: v.declaredType.nominal for v in reals}
-    far = {"Thickness": 1e-3} | ({"ThicknessRate": 1e-3} if version == 3 else {})
+    far = {"Thickness": 1e-3, "TimeStep": 1e-6}
+    far |= {"ThicknessRate": 1e-3} if description.fmiVersion == "3.0" else {}
     assert {name: float(value) for name, value in nominal.items() if value} == far
     assert {"Ratio", "Fraction", "Length"} <= set(nominal)
     assert "MIT" in description.license and "lcmchain" in description.copyright
+
+
+def test_a_state_is_an_enumeration_that_says_what_its_values_mean(description):
+    by_name = {v.name: v for v in description.modelVariables}
+    assert by_name["step_outcome"].type == "Enumeration"
+    items = by_name["step_outcome"].declaredType.items
+    assert [int(item.value) for item in items] == list(StepOutcome)
+    assert items[1].name == "undone" and all(item.description for item in items)
+    assert by_name["status"].type in ("Integer", "Int32"), "some masters read no enumeration"
+    assert description.modelVariables[-1].name == "step_outcome", "references stay what they were"
+
+
+def test_lengths_are_shown_in_millimetres_and_angles_in_degrees(description):
+    shown = {v.name: v.declaredType.displayUnit for v in description.modelVariables}
+    assert (shown["punch.travel"], shown["shear_angle_max"]) == ("mm", "deg")
+    assert shown["punch.force"] is None
+    defined = {u.name: {d.name: float(d.factor) for d in u.displayUnits}
+               for u in description.unitDefinitions}  # fmt: skip
+    assert defined["m"] == {"mm": 1000.0} and set(defined["rad"]) == {"deg"}
+
+
+def test_a_value_in_a_display_unit_means_what_its_name_means():
+    """To the bit: start values of systems are the same with and without the definition."""
+    for unit, shown in DISPLAY_UNITS.items():
+        for name, factor in shown.items():
+            own = display_unit(name, unit_from_name(unit), factor, 0.0)
+            assert (own.factor, own.offset) == (unit_from_name(name).factor, 0.0), name
+    for quantity in DECLARED_TYPES.values():
+        assert quantity.shown_in is None or quantity.shown_in in DISPLAY_UNITS[quantity.unit]
+
+
+@pytest.mark.parametrize("elements", [4, 5000])
+@pytest.mark.parametrize("version, convention", [(2, "flat"), (3, "structured")])
+def test_the_naming_convention_does_not_depend_on_the_size_of_the_model(
+    version, convention, elements
+):
+    describe = {2: description2, 3: description3}[version].model_description
+    variables = forming_variables(Abilities([], elements, 5e-3, "Scene", True, True, False))
+    root = describe(UnitDefinition("0", {}, "Scene", "unit", variables, 1.0, 0.1))
+    assert root.get("variableNamingConvention") == convention
 
 
 def test_every_unit_has_a_type():
@@ -184,13 +232,10 @@ def test_fmpy_finds_no_problem_in_fmi3(unit3):
 
 def test_description_of_3600_elements_is_small(tmp_path):
     """Below 300 kB in FMI 3.0, with all that a fluid exchanges."""
-    from lcmchain.fmu import description, description3
-    from lcmchain.fmu.part import UnitDefinition
-
     tools = [(f"tool {k}", GUIDED) for k in range(10)]
     abilities = Abilities(tools, 3600, 5e-3, "Scene", True, True, True)
     definition = UnitDefinition("0", {}, "Scene", "unit", forming_variables(abilities), 1.0, 0.1)
-    content = description.as_bytes(description3.model_description(definition))
+    content = as_bytes(description3.model_description(definition))
     assert len(content) < 300_000
     assert content.count(b"<Dimension") == len(field_names(abilities)) + 1
 

@@ -4,6 +4,7 @@ import io
 import json
 import os
 import shutil
+import struct
 import subprocess
 import sys
 from importlib.resources import files
@@ -14,10 +15,17 @@ from elftools.elf.elffile import ELFFile
 from fmpy import extract
 
 from lcmchain.errors import InputError
-from lcmchain.fmu import build
+from lcmchain.fmu import build, description2, description3
 from lcmchain.fmu.library.compile import compiled, hash_of_sources
-from lcmchain.fmu.library.link import FREE_OF_INSTANCES, LinkError, guard_object, guarded
-from lcmchain.fmu.variables import TIME
+from lcmchain.fmu.library.link import (
+    FREE_OF_INSTANCES,
+    LinkError,
+    guard_object,
+    guarded,
+    unit_table,
+)
+from lcmchain.fmu.part import UnitDefinition
+from lcmchain.fmu.variables import TIME, Kind, Variable
 
 LIBRARIES = {2: "linux64", 3: "x86_64-linux"}
 STEP = 1e-4
@@ -93,6 +101,10 @@ def test_values_that_there_are_not_are_refused_whatever_their_type(answers, vers
     assert (found["nothing"], found["step"]) == (ERROR, 0)
 
 
+def test_an_enumeration_is_read_as_the_integer_of_its_version(answers):
+    assert answers["values"]["state"] == [0, [0]]
+
+
 def test_getters_with_another_number_of_values_are_refused_and_read_what_there_is(answers, version):
     if version == 2:
         pytest.skip("FMI 2.0 has no arrays")
@@ -133,6 +145,17 @@ def test_every_function_that_takes_an_instance_is_the_guards(version):
     runs = [(s["p_vaddr"], s["p_vaddr"] + s["p_memsz"]) for s in segments if s["p_flags"] & 1]
     for name in set(after) - left:
         assert any(start <= after[name] < end for start, end in runs)
+
+
+def test_the_guard_reads_the_time_wherever_it_stands_among_the_variables(version):
+    """Behind a text and a field of three values, as the model description numbers it."""
+    text = Variable("scene", Kind.STRING, "local", "constant", "title", start="")
+    field = Variable("thickness", Kind.REAL, "input", "continuous", "of it", "m", start=0.0, size=3)
+    unit = UnitDefinition("0", {}, "title", "name", (text, field, TIME), 1.0, 0.1)
+    describe = {2: description2, 3: description3}[version].model_description
+    (told,) = (entry for entry in describe(unit).iter() if entry.get("name") == "time")
+    _, time = struct.unpack_from("<2I", unit_table(unit.variables, arrays=version == 3))
+    assert time == int(told.get("valueReference")) == {2: 4, 3: 2}[version]
 
 
 def test_an_exporter_that_the_guard_does_not_know_is_refused(

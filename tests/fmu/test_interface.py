@@ -61,7 +61,7 @@ class Instance:
         return {
             v.name: np.array(self.get(v.name)).tobytes()
             for v in self.unit.definition.variables
-            if v.causality == "output" and v.kind is not Kind.STRING and v.name != "status"
+            if v.causality == "output" and v.kind is not Kind.STRING and v.group != "status"
         }
 
 

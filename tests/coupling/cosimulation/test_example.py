@@ -1,5 +1,6 @@
 """The press of the example against a spring, and the file of its system."""
 
+import importlib.util
 import sys
 from pathlib import Path
 
@@ -55,3 +56,18 @@ def test_the_press_keeps_its_limit(assembled_in, tmp_path):
     # 4 N: the force comes to the limit and stays there
     assert max(forces) < 1.05 * 4.0
     assert forces[-1] == pytest.approx(4.0, rel=1e-3)
+
+
+def test_the_cost_of_processes_is_measured_on_equal_bits(tmp_path):
+    """The script itself compares what units in processes and in that of the master end with."""
+    place = EXAMPLE / "process_cost.py"
+    spec = importlib.util.spec_from_file_location("process_cost", place)
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    path = list(sys.path)
+    found = script.measure(tmp_path, steps=5, runs=1)
+    ends = script.run_once(tmp_path, ("own", "shared"), 5)[1]
+    sys.path[:] = path
+    sys.modules.pop("press", None)
+    assert set(found) == set(script.ARRANGEMENTS) and min(found.values()) > 0.0
+    assert min(ends) > 0.1, "the presses have moved"
