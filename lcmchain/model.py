@@ -369,7 +369,7 @@ def assemble_bodies(
     depth_time, depth_stiffening = depth_control(
         contact,
         tools,
-        positions,
+        [body.mesh for body in bodies],
         [body.material for body in bodies],
         float(process.time),
         2.0 * contact.damping_ratio * float(np.sqrt(penalty * area / mass).min()),

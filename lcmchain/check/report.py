@@ -19,6 +19,7 @@ from lcmchain.check.quasi_static import ProcessTime, process_time_needed, proces
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.saved_frames import require_frames_fit
 from lcmchain.check.tables import (
+    closing_table,
     cost_table,
     effect_table,
     gap_table,
@@ -34,7 +35,7 @@ from lcmchain.check.tools_at_start import (
     overlapping,
     require_gaps,
 )
-from lcmchain.check.tools_closing import tools_that_close
+from lcmchain.check.tools_closing import Closing, closing_tools, tools_that_close
 from lcmchain.check.tools_without_touch import tools_out_of_reach
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
@@ -61,6 +62,7 @@ class CheckReport:
     needed: ProcessTime
     gaps: list[InitialGap]
     initial_overlap: list[float]
+    closing: list[Closing]
     preview: list[tuple[str, str]]
     warnings: list[str]
     picture: Path | None
@@ -69,6 +71,7 @@ class CheckReport:
         """Lay out for a terminal what decides whether to start: gaps, cost, pace, preview."""
         return [
             *gap_table(self.gaps, self.scene.material.thickness, self.initial_overlap),
+            *closing_table(self.closing, self.scene),
             cost_table(
                 self.estimate,
                 self.scene.process,
@@ -164,7 +167,8 @@ def _report(
     require_frames_fit(scene.process.frames, *counts)
     needed = process_time_needed(model)
     found = scene_warnings(mesh.given) + process_time_remarks(scene, needed)
-    found += tools_out_of_reach(scene, model) + tools_that_close(scene, blank, model)
+    closing = closing_tools(scene, blank, model)
+    found += tools_out_of_reach(scene, model) + tools_that_close(scene, model, closing)
     return CheckReport(
         scene=scene,
         element_count=counts[0],
@@ -175,6 +179,7 @@ def _report(
         needed=needed,
         gaps=gaps,
         initial_overlap=model.tools.initial_overlap.tolist(),
+        closing=closing,
         preview=draping_preview(scene, blank, model.tools),
         warnings=found + noted,
         picture=picture,

@@ -6,15 +6,19 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lcmchain.check.effects_of_run import Effect
 from lcmchain.check.expected_cost import Estimate
 from lcmchain.check.large_mesh import BUILDING_BYTES
 from lcmchain.check.quasi_static import PERIODS, ProcessTime
 from lcmchain.check.saved_frames import frame_bytes
 from lcmchain.check.tools_at_start import InitialGap
+from lcmchain.check.tools_closing import Closing
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process, Scene
 from lcmchain.scene.fabrics import Basis, preset_basis
+from lcmchain.tools.closest_gap import ClosestGap
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.surfaces.surface import Orientation
 
@@ -132,6 +136,35 @@ def gap_table(
         place = ", ".join(f"{1e3 * coordinate + 0.0:.1f}" for coordinate in gap.position)
         table.add_row(_text(gap.tool), text, place)
     return [table]
+
+
+def closing_table(closing: list[Closing], scene: Scene) -> list[Table]:
+    """Gaps between the tools that have the sheet between them, against its thickness."""
+    if not closing:
+        return []
+    thickness = scene.material.thickness
+    table = _table(
+        f"Gaps between tools; the sheet is {1e3 * thickness:.4g} mm thick",
+        "tools", "at the end of the process", "closest on the way", "there at, mm",
+    )  # fmt: skip
+    for tools in closing:
+        names = " and ".join(scene.tools[k].name for k in tools.pair)
+        end, closest = tools.end, tools.closest
+        place = ", ".join(f"{1e3 * coordinate + 0.0:.1f}" for coordinate in closest.place)
+        on_the_way = _gap_text(closest, thickness)
+        if closest.time < end.time:
+            on_the_way += f", at {1e3 * closest.time:.4g} ms"
+        table.add_row(_text(names), _gap_text(end, thickness), on_the_way, place)
+    return [table]
+
+
+def _gap_text(closest: ClosestGap, thickness: float) -> str:
+    """Say how large a gap is, in millimetres and in parts of the thickness [m] of the sheet."""
+    if not np.isfinite(closest.gap):
+        return "none over the blank"
+    if closest.gap < 0.0:
+        return f"overlap by {-1e3 * closest.gap:.3f} mm"
+    return f"{1e3 * closest.gap:.3f} mm, {closest.gap / thickness:.0%} of the thickness"
 
 
 def surface_table(gaps: list[InitialGap]) -> list[Table]:

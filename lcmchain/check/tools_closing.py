@@ -1,4 +1,4 @@
-"""Tools that close on each other farther than the sheet between them can be pressed.
+"""Gaps between tools that close on each other, and whether the sheet fits between them.
 
 Prescribed tools go their way whatever lies between them. Two that face the sheet from either side
 and come closer than half its thickness, or pass through each other, crush it: a punch in a hole
@@ -7,69 +7,75 @@ that is too small, a stroke that is too long, a tool in the way of another one.
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
-from lcmchain.scene import Scene, Tool
+from lcmchain.scene import Scene
+from lcmchain.tools.closest_gap import ClosestGap, closest_gaps, places_of_sheet, times_of_motion
 from lcmchain.tools.distance import gaps
-from lcmchain.tools.drawing import tool_surface
 from lcmchain.tools.motion import GUIDED, prescribed_travel
-from lcmchain.tools.surfaces.surface import ToolWarning
 
 #: Gap in parts of the thickness below which no sheet fits between two tools.
 LEAST_GAP = 0.5
 #: Evenly spaced times of the process at which the tools are looked at.
 TIMES = 101
-#: Samples along the longer side of the blank, and the most of a tool's surface.
-ALONG, MOST_SAMPLES = 80, 6000
 
 
-class Closest(NamedTuple):
-    """Where two tools come closest: gap [m], place [m] and time [s]."""
+class Closing(NamedTuple):
+    """Two tools with the sheet between them, and how close they are at every time looked at."""
 
-    gap: float
-    place: np.ndarray
-    time: float
+    pair: tuple[int, int]
+    course: list[ClosestGap]
+
+    @property
+    def start(self) -> ClosestGap:
+        return self.course[0]
+
+    @property
+    def end(self) -> ClosestGap:
+        return self.course[-1]
+
+    @property
+    def closest(self) -> ClosestGap:
+        """The first of the closest."""
+        return min(self.course, key=lambda closest: closest.gap)
 
 
-def tools_that_close(scene: Scene, blank: BlankMesh, model: Model) -> list[str]:
-    """Say which tools leave no space for the sheet between them on their way.
+def closing_tools(scene: Scene, blank: BlankMesh, model: Model) -> list[Closing]:
+    """Return the pairs of tools that have the sheet between them, with their gaps over the process.
 
     Only over the blank as it lies at the start, and of tools that a stroke or a table drives: how
     far a guided one goes is not known beforehand. Two tools on the same side of the blank have no
-    sheet between them.
+    sheet between them, and two that rest keep the gap that they have at the start.
     """
     tools = model.tools
     led = [k for k in range(len(scene.tools)) if tools.motion_kind[k] != GUIDED]
-    samples = {k: _samples(scene, scene.tools[k], model, k, blank) for k in led}
     sides = {k: _side(model, k, blank) for k in led}
-    times = _times(model)
-    least = LEAST_GAP * scene.material.thickness
+    places, times = places_of_sheet([blank]), times_of_motion(tools, model.process_time, TIMES)
     found = []
     for one, other in combinations(led, 2):
-        if sides[one] * sides[other] > 0:
-            continue
-        course = list(_course(model, blank, times, (one, other), samples))
-        closest = min(course, key=lambda closest: closest.gap)
-        if closest.gap < least <= course[0].gap:
-            first = next(near for near in course if near.gap < least)
-            found.append(_sentence(scene, model, (one, other), first, closest))
+        moves = scene.tools[one].motion.moves or scene.tools[other].motion.moves
+        if moves and sides[one] * sides[other] <= 0:
+            closing = Closing((one, other), closest_gaps(tools, (one, other), places, times))
+            if np.isfinite(closing.closest.gap):
+                found.append(closing)
     return found
 
 
-def _times(model: Model) -> np.ndarray:
-    """Return the start, the end, the knots of all tables, and evenly spaced times between [s]."""
-    even = np.linspace(0.0, model.process_time, TIMES)
-    times = np.unique(np.concatenate([even, model.tools.table_times]))
-    return times[times <= model.process_time]
+def tools_that_close(scene: Scene, model: Model, closing: list[Closing]) -> list[str]:
+    """Say which tools leave no space for the sheet between them on their way."""
+    least = LEAST_GAP * scene.material.thickness
+    found = []
+    for tools in closing:
+        if tools.closest.gap < least <= tools.start.gap:
+            first = next(near for near in tools.course if near.gap < least)
+            found.append(_sentence(scene, model, tools.pair, first, tools.closest))
+    return found
 
 
 def _side(model: Model, tool: int, blank: BlankMesh) -> int:
@@ -83,66 +89,8 @@ def _side(model: Model, tool: int, blank: BlankMesh) -> int:
     return 0 if abs(rise) < 0.5 else int(np.sign(rise))
 
 
-def _samples(scene: Scene, tool: Tool, model: Model, index: int, blank: BlankMesh) -> np.ndarray:
-    """Return points (P, 3) of a tool's surface at travel 0 [m] that may come over the blank."""
-    travels = [prescribed_travel(model.tools, index, time)[0] for time in _times(model)]
-    ways = np.array([min(travels), max(travels)])[:, np.newaxis] * model.tools.direction[index]
-    low, high = blank.node_positions.min(axis=0), blank.node_positions.max(axis=0)
-    size = float((high - low).max())
-    reach = size + np.abs(ways).max()
-    box = np.array([low - ways.max(axis=0), high - ways.min(axis=0)])
-    box[:, 2] += [-reach, reach]
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ToolWarning)  # said when the table was built
-            points, faces = tool_surface(tool, scene.source.directory, box)
-    except InputError:
-        return np.empty((0, 3))  # what cannot be triangulated the other tool's points still see
-    return _spread(points, faces, size / ALONG)
-
-
-def _spread(points: np.ndarray, faces: np.ndarray, spacing: float) -> np.ndarray:
-    """Return the corners of triangles and places inside them, at most a spacing [m] apart."""
-    found = [points]
-    corners = points[faces]
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
-    counts = np.minimum(np.ceil(sides / spacing).astype(int), ALONG)
-    for count in np.unique(counts[counts > 1]):
-        i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
-        inside = i + j <= count
-        weights = np.stack([i[inside], j[inside], (count - i - j)[inside]], axis=1) / count
-        found.append(np.einsum("wk,fki->fwi", weights, corners[counts == count]).reshape(-1, 3))
-    spread = np.concatenate(found)
-    return spread[:: -(-len(spread) // MOST_SAMPLES) or 1]
-
-
-def _course(
-    model: Model,
-    blank: BlankMesh,
-    times: np.ndarray,
-    pair: tuple[int, int],
-    samples: dict[int, np.ndarray],
-) -> Iterator[Closest]:
-    """Yield how close two tools are over the blank at every time."""
-    tools = model.tools
-    low, high = blank.node_positions.min(axis=0)[:2], blank.node_positions.max(axis=0)[:2]
-    for time in times:
-        travels = {k: prescribed_travel(tools, k, time)[0] for k in pair}
-        closest = Closest(np.inf, np.zeros(3), float(time))
-        for of, to in (pair, pair[::-1]):
-            points = samples[of] + travels[of] * tools.direction[of]
-            points = points[((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)]
-            if len(points) == 0:
-                continue
-            apart = gaps(tools, to, np.ascontiguousarray(points), travels[to])
-            nearest = int(np.argmin(apart))
-            if apart[nearest] < closest.gap:
-                closest = Closest(float(apart[nearest]), points[nearest], float(time))
-        yield closest
-
-
 def _sentence(
-    scene: Scene, model: Model, pair: tuple[int, int], first: Closest, closest: Closest
+    scene: Scene, model: Model, pair: tuple[int, int], first: ClosestGap, closest: ClosestGap
 ) -> str:
     """Name tools, gap, place and travel where two tools are closest, and when it begins."""
     moving = [k for k in pair if scene.tools[k].motion.moves]

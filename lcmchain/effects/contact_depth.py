@@ -25,23 +25,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from lcmchain.effects.effect import Effect, Refusal, Switch, of_table
-from lcmchain.jit import entry, equation
-from lcmchain.tools.distance import signed_distance
-from lcmchain.tools.motion import GUIDED, prescribed_travel
+from lcmchain.jit import equation
+from lcmchain.tools.closest_gap import closest_gaps, places_of_sheet, times_of_motion
+from lcmchain.tools.motion import GUIDED
 
 #: Time over which the depth goes to zero: this part of the process, and at least so many times m/c.
 PART_OF_PROCESS = 1.0 / 200.0
 LEAST_DAMPED_TIMES = 10.0
 #: Tools close on the sheet where they leave less than this part of its thickness.
 CLOSED = 0.999
-#: Times of the process, and nodes of the sheet, at which the gap between tools is looked for, and
-#: steps from one of the tools to the other.
-TIMES, MOST_NODES, STEPS = 11, 500, 40
+#: Evenly spaced times of the process at which the gap between tools is looked for.
+TIMES = 11
 
 #: Stretch over the thickness at which the stiffening of a law is looked up.
 COMPACTED, STRETCH_STEP = 0.7, 1e-3
@@ -65,7 +65,7 @@ def offset_change(depth, offset, share, stiffening):
 def depth_control(
     contact: Any,
     tools: Any,
-    positions: np.ndarray,
+    meshes: Sequence[Any],
     materials: Sequence[Any],
     process_time: float,
     rate: float,
@@ -75,8 +75,7 @@ def depth_control(
     Parameters
     ----------
     contact : table of a scene. tools : :class:`lcmchain.tools.table.ToolTable`.
-    positions : of the nodes at the start (node_count, 3) [m].
-    materials : of the sheets.
+    meshes, materials : of the sheets.
     rate : smallest c/m of the nodes on their contact springs [1/s].
     """
     wanted = getattr(contact, "depth", FREE)
@@ -87,7 +86,7 @@ def depth_control(
         if contact.penalty is not None or guided or tools.kind.size < 2:
             return None, 0.0
         thickness = min(material.thickness for material in materials)
-        if closest_gap(tools, positions, process_time) > CLOSED * thickness:
+        if closest_gap(tools, places_of_sheet(meshes), process_time) > CLOSED * thickness:
             return None, 0.0
     time = max(PART_OF_PROCESS * process_time, LEAST_DAMPED_TIMES / rate)
     return time, min(_stiffening(material) for material in materials)
@@ -106,38 +105,17 @@ def _stiffening(material: Any) -> float:
     return 2.0 * math.log(firm / soft) / (2.0 * STRETCH_STEP * material.thickness)
 
 
-def closest_gap(tools: Any, positions: np.ndarray, process_time: float) -> float:
+def closest_gap(tools: Any, places: np.ndarray, process_time: float) -> float:
     """Return about the smallest gap [m] between any two tools during the process, near the sheet.
 
-    From nodes of the flat sheet one goes to the nearest place of one tool, from there to that of
-    the other, and so on: the ways shrink to the gap between the two.
+    places : of the flat sheet (count, 3) [m].
     """
-    points = np.ascontiguousarray(positions[:: -(-len(positions) // MOST_NODES)])
-    smallest = math.inf
-    for time in np.linspace(0.0, process_time, TIMES):
-        travel = np.array([prescribed_travel(tools, k, time)[0] for k in range(tools.kind.size)])
-        for first in range(tools.kind.size):
-            for second in range(first + 1, tools.kind.size):
-                gap = gap_between(tools, first, second, travel, points)
-                # what overlaps the sheet at the start counts as a touch
-                gap += tools.initial_overlap[first] + tools.initial_overlap[second]
-                smallest = min(smallest, gap)
-    return smallest
-
-
-@entry
-def gap_between(tools, first, second, travel, points):
-    """Return the smallest gap [m] between two tools that is found from the points."""
-    smallest = np.inf
-    for p in range(points.shape[0]):
-        x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        for _ in range(STEPS):
-            there, nx, ny, nz = signed_distance(tools, first, x, y, z, travel[first])
-            x, y, z = x - there * nx, y - there * ny, z - there * nz
-            gap, nx, ny, nz = signed_distance(tools, second, x, y, z, travel[second])
-            smallest = min(smallest, gap)
-            x, y, z = x - gap * nx, y - gap * ny, z - gap * nz
-    return smallest
+    times = times_of_motion(tools, process_time, TIMES)
+    return min(
+        closest.gap
+        for pair in combinations(range(tools.kind.size), 2)
+        for closest in closest_gaps(tools, pair, places, times)
+    )
 
 
 def nominal_pressure(material: Any, stretch: np.ndarray) -> np.ndarray:

@@ -39,6 +39,8 @@ class Choice:
     wish : in words. edge_length [m], settings : chosen; why : in words.
     settings_errors : what the settings beside the mesh are off by, as measured, by quantity.
     expected : errors by quantity that pilots led to expect; found : estimated after the run.
+    meshes : edge lengths that these are estimated by [m], the coarsest first; unstated : quantities
+    of which too few of them can be compared.
     run_seconds : solver time that the run was to take [s].
     pilot_seconds, seconds : solver time of the pilots, and of everything [s].
     expected_seconds : what everything was to take [s].
@@ -54,6 +56,8 @@ class Choice:
     settings_errors: dict[str, float] = field(default_factory=dict)
     expected: dict[str, float] = field(default_factory=dict)
     found: dict[str, float] = field(default_factory=dict)
+    meshes: list[float] = field(default_factory=list)
+    unstated: list[str] = field(default_factory=list)
     run_seconds: float = 0.0
     pilot_seconds: float = 0.0
     expected_seconds: float = 0.0
@@ -96,16 +100,36 @@ class Choice:
         )
 
     def in_words(self) -> str:
-        """Say what came of it."""
+        """Say what came of it, and which meshes the errors are estimated by."""
+        spent = (
+            f"{self.seconds:.3g} s of solver time, {self.pilot_seconds:.3g} s of them for pilots"
+        )
         told = [
             f"{BY_NAME[name].title} {BY_NAME[name].text(error)}"
             for name, error in self.found.items()
             if math.isfinite(error)
         ]
-        return (
-            f"Estimated errors: {', '.join(told) or 'none could be estimated'}; "
-            f"{self.seconds:.3g} s of solver time, {self.pilot_seconds:.3g} s of them for pilots"
-        )
+        if not told:
+            return (
+                "No error can be stated: that takes two meshes at least that are fine enough to "
+                f"be compared, and {_counted(self.meshes)}; {spent}"
+            )
+        text = f"Estimated errors, by {_counted(self.meshes)}: {', '.join(told)}"
+        if self.unstated:
+            names = ", ".join(BY_NAME[name].title for name in self.unstated)
+            text += f"; too few of these can be compared to state that of {names}"
+        return f"{text}; {spent}"
+
+
+def _counted(meshes: Sequence[float]) -> str:
+    """Name the meshes that errors are estimated by."""
+    if not meshes:
+        return "none is known"
+    edges = [mm(edge) for edge in meshes]
+    if len(edges) == 1:
+        return f"one is known, of {edges[0]}"
+    open_order = ", which leave the order open" if len(edges) == 2 else ""
+    return f"meshes of {', '.join(edges[:-1])} and {edges[-1]}{open_order}"
 
 
 @dataclass(frozen=True)

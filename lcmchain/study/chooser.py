@@ -4,11 +4,11 @@ Coarse meshes, the pilots, tell how the result depends on the edge length and wh
 (:mod:`lcmchain.study.levels`). On the coarsest of them cheaper settings are tried: added mass,
 softer fibres, a cheaper model; what each changes is its error, what it takes its price. Inertia and
 damping leave errors that go with the speed of the process for the sheet: one run with more mass
-tells those of the scene's own process as well. Pilots on finer meshes are run with what is cheap,
-and as long as they cost little beside the run that they are for. Then the run is made that
-:func:`lcmchain.study.choice.choose` takes; its first steps have told before what it takes
-(:mod:`lcmchain.study.rehearsal`). It is the check: what it differs from the pilots by
-shows its own error, and where the wish turns out to be missed, a finer mesh is run.
+tells those of the scene's own process as well, also where only a time is wished for. Pilots on
+finer meshes are run with what is cheap, and as long as they cost little beside the run that they
+are for. Then the run is made that :func:`lcmchain.study.choice.choose` takes; its first steps have
+told before what it takes (:mod:`lcmchain.study.rehearsal`). It is the check: what it differs from
+the pilots by shows its own error, and where the wish turns out to be missed, a finer mesh is run.
 
 It holds as far as errors follow an order. Where wrinkles appear only on fine meshes no coarse run
 knows of them; the error that is reported after the run does, as far as its mesh resolves them.
@@ -25,8 +25,8 @@ from lcmchain.check.large_mesh import shortest_edges
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
 from lcmchain.study.choice import Choice, Knowledge, choose, mm
-from lcmchain.study.comparison import differences
-from lcmchain.study.levels import Level, error_laws, expected_seconds
+from lcmchain.study.comparison import differences, quantities_of
+from lcmchain.study.levels import COUNTED, Level, error_laws, expected_seconds
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.process_pace import why_time_stays
 from lcmchain.study.rehearsal import Rehearsal, rehearse
@@ -58,9 +58,11 @@ FARTHEST, FARTHEST_OF_TWO = 2.0, 1.05
 COARSER = 1.45
 #: Of a budget, or of the run they are for, so much goes into pilots that are not always made.
 PILOT_SHARE = 0.3
-#: Of a budget the first pilot has so many elements along the edge. Settings are tried on pilots
-#: with so many at least.
-QUICK_PILOT, COARSEST_TRIAL = 8, 14
+#: Of a budget the first pilot has so many elements along the edge: it tells times.
+QUICK_PILOT = 8
+#: Meshes with fewer elements along the edge tell nothing of errors: neither of those of a mesh, nor
+#: of those that settings leave.
+LEAST_COUNTED = 14
 #: Solver time over h^-q, before pilots tell it.
 COST_POWER = 3.0
 #: Part of a wish that the settings of pilots may be off by.
@@ -159,7 +161,7 @@ class Chooser:
             if outcome.failure:
                 continue
             tries = self.wish.errors and not math.isfinite(self.tried_at)
-            if tries and edge <= 1.001 * self._size / COARSEST_TRIAL:
+            if tries and self._counts(edge):
                 self._try_settings(edge)
                 outcome = self._pilot(edge, self.pilots_as.settings)
             self._add(edge, outcome, self.pilots_as)
@@ -170,7 +172,9 @@ class Chooser:
             raise InputError(
                 f"no coarse mesh of the scene could be formed to choose from ({failure}); {remedy}"
             )
-        if self.wish.errors and len(self.levels) > 1:
+        if not self.wish.errors:
+            self._measure_inertia()
+        elif len(self.levels) > 1:
             if self.wish.budget is None:
                 self._refine_pilots()
             self._try_settings_again()
@@ -250,7 +254,9 @@ class Chooser:
     def _add(self, edge: float, outcome: Outcome, made_as: Candidate) -> None:
         """Take a run for what is known of its mesh, in place of an earlier one of about it."""
         others = [level for level in self.levels if not self._same_mesh(level.edge, edge)]
-        level = Level(edge, outcome.seconds / made_as.cost, outcome, made_as.errors)
+        level = Level(
+            edge, outcome.seconds / made_as.cost, outcome, made_as.errors, made_as.settings
+        )
         self.levels = sorted([*others, level], key=lambda level: -level.edge)
 
     @staticmethod
@@ -258,40 +264,75 @@ class Chooser:
         """Tell whether two edge lengths are about the same."""
         return NO_BETTER < edge / other < 1.0 / NO_BETTER
 
+    def _counts(self, edge: float) -> bool:
+        """Tell whether a mesh is fine enough to tell something of errors."""
+        return edge <= 1.001 * self._size / LEAST_COUNTED
+
+    @property
+    def _counted(self) -> list[Level]:
+        """Known meshes that tell something of errors, the coarsest first.
+
+        What their settings are off by is taken from what is known now: some of them were run before
+        that was measured, or before it was measured on a finer mesh.
+        """
+        off = {candidate.settings: candidate.errors for candidate in self.candidates}
+        return [
+            level._replace(off=off.get(level.settings, level.off))
+            for level in self.levels
+            if self._counts(level.edge)
+        ]
+
     # --- settings ---------------------------------------------------------------------------------
+
+    def _measure_inertia(self) -> None:
+        """Measure what the speed of the scene's own process leaves, where no error is wished for.
+
+        The errors of such a run are stated as those of any other one; its settings stay.
+        """
+        if self._counted and not self.is_laid:
+            self._try_inertia(self._counted[0].edge)
+            self.candidates = [c for c in self.candidates if c.settings == AS_IT_IS]
 
     def _try_settings(self, edge: float) -> None:
         """Measure on a mesh what added mass and softer fibres change, and what they save."""
         self.tried_at = edge
         if self.is_laid:  # without mass and steps
             return
+        base = self._try_inertia(edge)
+        self.pilots_as = next(c for c in self.candidates if c.settings == base)
+        self._try_fibres(edge, base)
+
+    def _try_inertia(self, edge: float) -> StepSettings:
+        """Measure on a mesh what added mass changes and saves.
+
+        Return the settings for pilots: those that change little of what is wished for.
+        """
         plain = self._pilot(edge, AS_IT_IS)
         fastest = next(
             (trial for trial in inertia_trials(self.scene) if not self._pilot(edge, trial).failure),
             None,
         )
         self.candidates = [Candidate(AS_IT_IS)]
-        base = AS_IT_IS
-        if fastest is not None:
-            outcome = self._pilot(edge, fastest)
-            off = self._off(outcome, plain)
-            # what goes with the speed, by how much faster the trial was
-            own = {name: error / (fastest.speed - 1.0) for name, error in off.items()}
-            # the time goes with one over the speed, as far as the fibre wave limits the step
-            power = math.log(outcome.seconds / plain.seconds) / math.log(fastest.speed)
-            self.candidates = [
-                Candidate(
-                    settings,
-                    {name: settings.speed * error for name, error in own.items()},
-                    settings.speed ** min(power, 0.0) if settings.speed > 1.0 else settings.time,
-                )
-                for settings in (*inertia_trials(self.scene), AS_IT_IS, *slower(self.scene))
-            ]
-            self.candidates = [c for c in self.candidates if c.settings.speed <= fastest.speed]
-            if all(error <= PILOTS_OFF * self.wish.errors[name] for name, error in off.items()):
-                base = fastest
-        self.pilots_as = next(c for c in self.candidates if c.settings == base)
-        self._try_fibres(edge, base)
+        if fastest is None:
+            return AS_IT_IS
+        outcome = self._pilot(edge, fastest)
+        off = self._off(outcome, plain)
+        # what goes with the speed, by how much faster the trial was
+        own = {name: error / (fastest.speed - 1.0) for name, error in off.items()}
+        # the time goes with one over the speed, as far as the fibre wave limits the step
+        power = math.log(outcome.seconds / plain.seconds) / math.log(fastest.speed)
+        self.candidates = [
+            Candidate(
+                settings,
+                {name: settings.speed * error for name, error in own.items()},
+                settings.speed ** min(power, 0.0) if settings.speed > 1.0 else settings.time,
+            )
+            for settings in (*inertia_trials(self.scene), AS_IT_IS, *slower(self.scene))
+        ]
+        self.candidates = [c for c in self.candidates if c.settings.speed <= fastest.speed]
+        allowed = self.wish.errors
+        little = all(off.get(name, 0.0) <= PILOTS_OFF * allowed[name] for name in allowed)
+        return fastest if little else AS_IT_IS
 
     def _try_fibres(self, edge: float, base: StepSettings) -> None:
         """Measure what softer fibres change on top of other settings; add what comes of both."""
@@ -335,7 +376,7 @@ class Chooser:
             return
         for rung in cheaper_rungs(self.scene, self.wish.errors):
             settings = StepSettings(model=rung)
-            level, laid = self.levels[0], rung == "kinematic"
+            level, laid = (self._counted or self.levels)[0], rung == "kinematic"
             if laid:
                 level = self.levels[-1]
             elif level.seconds > RUNG_SHARE * self._choice().run_seconds:
@@ -352,9 +393,8 @@ class Chooser:
                 self.candidates.append(Candidate(settings, off, cost))
 
     def _off(self, outcome: Outcome, other: Outcome) -> dict[str, float]:
-        """Return what two runs differ by in what is wished for, where both have it."""
-        found = differences(outcome, other)
-        off = {name: found[name].typical for name in self.wish.errors}
+        """Return what two runs differ by, quantity by quantity, where both have it."""
+        off = {name: found.typical for name, found in differences(outcome, other).items()}
         return {name: error for name, error in off.items() if math.isfinite(error)}
 
     # --- the choice -------------------------------------------------------------------------------
@@ -389,7 +429,9 @@ class Chooser:
         choice.why += "; a slower process takes what is left, for less inertia"
         choice.run_seconds *= times
         choice.expected_seconds += (1.0 - 1.0 / times) * choice.run_seconds
-        self.candidates.append(Candidate(choice.settings, cost=times))
+        own = next(c.errors for c in self.candidates if c.settings == AS_IT_IS)
+        errors = {name: choice.settings.speed * error for name, error in own.items()}
+        self.candidates.append(Candidate(choice.settings, errors, times))
         return choice
 
     def _rehearse(self, edge: float) -> Rehearsal:
@@ -412,7 +454,7 @@ class Chooser:
 
     def _choice(self, *, settled: bool = False) -> Choice:
         """Return what keeps the wish by what is known so far."""
-        laws, left = error_laws(self.levels), self._time_left()
+        laws, left = error_laws(self._counted), self._time_left()
         own_edge = self.scene.blank.edge_length
         shortest = shortest_edges(self.scene)
         known = Knowledge(self.levels, laws, own_edge, shortest, left, self._beginnings(), settled)
@@ -464,8 +506,10 @@ class Chooser:
         like_pilots = chosen.settings == self.pilots_as.settings
         if not choice.settings.model and (like_pilots or not known_mesh):
             self._add(choice.edge_length, outcome, chosen)
-        known = Knowledge(self.levels, error_laws(self.levels))
+        known = Knowledge(self.levels, error_laws(self._counted))
         choice.found = known.errors(chosen, choice.edge_length)
+        choice.meshes = [level.edge for level in self._counted[-COUNTED:]]
+        choice.unstated = [name for name in quantities_of(outcome) if name not in choice.found]
         choice.seconds = self.pilot_seconds + self.run_seconds
         choice.budget = self.wish.budget
         if choice.is_over_budget:

@@ -122,6 +122,17 @@ def differences(outcome: Outcome, reference: Outcome) -> dict[str, Difference]:
     return found
 
 
+def quantities_of(outcome: Outcome) -> list[str]:
+    """Return the names of the ``QUANTITIES`` that a run has."""
+    numbers = {
+        name
+        for name, number in NUMBERS.items()
+        if math.isfinite(outcome.numbers.get(number, math.nan))
+    }
+    there = {*outcome.values, *numbers, *(["contour"] if len(outcome.faces) else [])}
+    return [name for name in BY_NAME if name in there]
+
+
 def carry(
     outcome: Outcome, onto: Outcome, names: list[str]
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:

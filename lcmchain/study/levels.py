@@ -11,6 +11,7 @@ from typing import NamedTuple
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.convergence import Convergence, fitted, progress
 from lcmchain.study.outcome import Outcome
+from lcmchain.study.step_settings import AS_IT_IS, StepSettings
 
 #: Meshes that a law is taken from: the finest ones, since coarse ones follow it less.
 COUNTED = 4
@@ -30,13 +31,14 @@ class Level(NamedTuple):
     Parameters
     ----------
     edge : its edge length [m]. seconds : solver time of it with the settings of the scene [s].
-    outcome : of the run, whose settings are ``off`` by so much, by quantity.
+    outcome : of the run, whose ``settings`` are ``off`` by so much, by quantity.
     """
 
     edge: float
     seconds: float
     outcome: Outcome
     off: Mapping[str, float] = MappingProxyType({})
+    settings: StepSettings = AS_IT_IS
 
 
 def error_laws(levels: Sequence[Level]) -> dict[str, Convergence]:

@@ -10,6 +10,7 @@ from lcmchain.fields.hidden_compaction import hidden_compaction, hidden_compacti
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
+from lcmchain.tools.closest_gap import places_of_sheet
 
 THICKNESS = 1.004e-3
 GAP = 0.7e-3  # between the plates at the end of their stroke [m]
@@ -127,6 +128,6 @@ def test_the_gap_between_curved_tools_is_found_from_the_flat_sheet():
         """
     )
     model = build_model(scene)
-    found = closest_gap(model.tools, model.node_positions, 20e-3)
-    assert found == pytest.approx(0.8e-3, rel=0.05)
+    found = closest_gap(model.tools, places_of_sheet([model.body.mesh]), 20e-3)
+    assert found == pytest.approx(0.8e-3, rel=0.01)
     assert model.environment.depth_time is not None

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import io
+
+import meshio
+import numpy as np
 import pytest
+from rich.console import Console
 
 from lcmchain.check import check_scene
-from lcmchain.scene import scene_from_text
+from lcmchain.effects.contact_depth import closest_gap
+from lcmchain.model import build_model
+from lcmchain.scene import read_scene, scene_from_text
+from lcmchain.tools.closest_gap import places_of_sheet
 
 SCENE = """
 title = "tools that close"
@@ -44,10 +52,39 @@ THERE_AND_BACK = (
     'type = "table", direction = [0, 0, -1], times = "0 16.9 17.05 17.2 40 ms", '
     'travel = "0 9 10 9 0 mm"'
 )
+# a form that is raised by 15 mm in its middle, under a plate that ends 1.2 mm above it
+STEP = """
+[[tools]]
+name = "form"
+shape = {{ type = "surface_mesh", file = "form.stl", length_unit = "mm" }}
+[[tools]]
+name = "press"
+shape = {{ type = "plate", side = "above" }}
+position = "0 0 17 mm"
+motion = {{ type = "stroke", direction = [0, 0, -1], distance = "0.8 mm" }}
+""".format()
+
+
+def step_surface(half, height):
+    """A square plate [mm] of that half width, with a square of half of it raised in the middle."""
+    x = np.array([-half, -0.2 * half, 0.2 * half, half])
+    corner = [[[a, b, 0.0] for b in x] for a in x]
+    points = np.array(corner).reshape(-1, 3)
+    top = points[[5, 6, 9, 10]] + [0.0, 0.0, height]
+    points = np.concatenate([points, top])
+    quads = [[4 * i + j, 4 * i + 4 + j, 4 * i + 5 + j, 4 * i + 1 + j]
+             for i in range(3) for j in range(3) if (i, j) != (1, 1)]  # fmt: skip
+    quads += [[16, 18, 19, 17], [5, 9, 18, 16], [9, 10, 19, 18], [10, 6, 17, 19], [6, 5, 16, 17]]
+    triangles = [[a, b, c] for a, b, c, d in quads] + [[a, c, d] for a, b, c, d in quads]
+    return meshio.Mesh(points, [("triangle", np.array(triangles))])
+
+
+def checked(*tools):
+    return check_scene(scene_from_text(SCENE.format(tools="".join(tools))))
 
 
 def told(*tools):
-    report = check_scene(scene_from_text(SCENE.format(tools="".join(tools))))
+    report = checked(*tools)
     return [warning for warning in report.warnings if "no space for the sheet" in warning]
 
 
@@ -81,3 +118,63 @@ def test_plates_that_are_closest_on_the_way_are_told_at_that_time():
     assert "at 17.05 ms, press at a travel of 10 mm" in warning
     higher = PLATE.format(name="press", side="above", z=10.6, motion=THERE_AND_BACK)
     assert told(low, higher) == []
+
+
+def test_check_shows_gaps_between_tools_against_the_thickness_before_anything_else():
+    """At the end of the process, and where they are closest on the way."""
+    low = PLATE.format(name="bed", side="below", z=0, motion='type = "fixed"')
+    press = PLATE.format(name="press", side="above", z=10.653, motion=THERE_AND_BACK)
+    report = checked(low, press)
+    shown = io.StringIO()
+    for table in report.first_tables():
+        Console(file=shown, width=160).print(table)
+    lines = shown.getvalue().splitlines()
+    titles = [line for line in lines if line.startswith(("Tools", "Gaps", "Expected"))]
+    assert titles[0].startswith("Tools at the start")
+    assert titles[1].startswith("Gaps between tools; the sheet is 1.004 mm thick")
+    (row,) = [line for line in lines if line.strip().startswith("bed and press")]
+    assert "10.653 mm, 1061% of the thickness" in row
+    assert "0.653 mm, 65% of the thickness, at 17.05 ms" in row
+
+
+def test_tools_that_rest_or_lie_on_one_side_have_no_row():
+    report = checked(hole(17), hole(17, "holder", "above", 1.004), PUNCH.format(distance=20))
+    assert [closing.pair for closing in report.closing] == [(0, 2)]
+
+
+DEEP = """
+[[tools]]
+name = "punch"
+shape = {{ type = "sphere_capped_punch", radius = "75 mm" }}
+position = "0 0 1.004 mm"
+motion = {{ type = "stroke", direction = [0, 0, -1], distance = "75 mm" }}
+[[tools]]
+name = "floor"
+shape = {{ type = "plate", side = "below" }}
+position = "0 0 {floor} mm"
+"""
+
+
+def test_a_gap_far_below_the_flat_sheet_is_found_by_check_and_by_the_control_of_depths():
+    """The pole of a ball above a floor: from the sheet all ways lead to the sides of the ball."""
+    scene = scene_from_text(SCENE.format(tools=DEEP.format(floor=-74.796)))
+    (closing,) = check_scene(scene).closing
+    assert closing.end.gap == pytest.approx(0.8e-3, rel=1e-3)
+    assert closing.end.place == pytest.approx([0.0, 0.0, -74.396e-3], abs=2e-3)
+    model = build_model(scene)
+    found = closest_gap(model.tools, places_of_sheet([model.body.mesh]), model.process_time)
+    assert found == pytest.approx(closing.closest.gap, rel=1e-6)
+    assert model.environment.depth_time is not None
+
+
+def test_no_gap_is_found_that_is_not_there_where_a_distance_field_knows_only_bounds(tmp_path):
+    """A raised square of a surface mesh, far from its surface a bound of the distance alone."""
+    form = step_surface(half=50.0, height=15.0)
+    meshio.write(tmp_path / "form.stl", form)
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE.format(tools=STEP), encoding="utf-8")
+    (closing,) = check_scene(read_scene(path, ['blank.height="16 mm"'])).closing
+    # the field rounds its corners by less than its spacing
+    assert 1.05e-3 < closing.end.gap <= 1.2001e-3
+    model = build_model(read_scene(path, ['blank.height="16 mm"']))
+    assert model.environment.depth_time is None
