@@ -301,6 +301,17 @@ def test_a_bag_presses_a_half_wet_preform_until_its_fibres_bear_all(source):
     assert front == pytest.approx(resin / (dry - solid), rel=2e-3)
 
 
+@pytest.mark.parametrize("kind", ['"press"\nforce = "800 N"', '"bag"\npressure = "1 bar"'])
+def test_the_resin_of_a_wet_preform_bears_what_its_fibres_leave(source, kind):
+    form_to(source, 1.0e-3)
+    part = read_formed_part(source)
+    setup = set_up(part, case(SHORT, ENDS, WET, f"[closure]\ntype = {kind}", FINE))
+    mould = Mould(part, setup.filling(), setup.case.closure, 6.0)
+    fibres = law_of(source)[0](1.0e-3) * LENGTH * WIDTH
+    np.testing.assert_allclose(mould.force, (800.0, fibres, 800.0 - fibres), rtol=1e-9)
+    assert 0.01 < fibres / 800.0 < 0.5
+
+
 def test_wet_cells_remember_no_press_that_has_not_come_yet(source):
     """A law with a permanent set would else begin thinner than free."""
     form_to(source, 1.0e-3)
