@@ -51,6 +51,61 @@ class ClosingForce(NamedTuple):
     resin: float
 
 
+class Begun(NamedTuple):
+    """Textile of a part that a closure presses, at the start of its filling.
+
+    law, solid : of the textile, and its cells at their thickness. across : share of each cell's
+    area that the direction of closing sees, (C,). wet : whether resin bears a part from the start.
+    """
+
+    law: CellCompaction
+    solid: LocalCompaction
+    across: np.ndarray
+    wet: bool
+
+
+def begin(part: FormedPart, fluid: FillingPart, case: scene.Closure) -> Begun:
+    """Bring a filling and its textile to the start that a closure asks for.
+
+    Where the part is pressed dry, cells have the thickness that their fibres bear alone. Where it
+    is pressed wet, cells with resin have that of the forming, and the resin the pressure that the
+    fibres leave. The filling takes thickness and pressures.
+
+    Raises
+    ------
+    InputError : the part does not say what textile it is.
+    SimulationError : the textile cannot bear what presses on it.
+    """
+    filling = fluid.filling
+    law, mesh = compaction_of(part), filling.mesh
+    formed = filling.state.thickness.copy()
+    across = seen_across(mesh, getattr(case, "direction", None))
+    outside = closure_of(case, formed, across)
+    pressure = fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE]
+    wet = np.zeros(mesh.cell_count, dtype=bool)
+    if getattr(case, "pressed", "dry") != "dry":
+        wet = _wet_cells(filling)
+    if isinstance(case, scene.Press):
+        wet[:] = wet.any()  # one gap for all: what is wet carries the tool
+    past = law.history.copy()
+    solid = LocalCompaction(
+        law, outside, mesh.areas, pore_pressure=pressure, centres=mesh.centroids
+    )
+    if wet.any():
+        law.history = past  # cells with resin have not been pressed yet
+        start = np.where(wet, formed, solid.thickness)
+        borne = _borne(case, law, start, across * mesh.areas)
+        _press_resin(filling, np.where(wet, np.maximum(borne, pressure), pressure))
+        solid = LocalCompaction(
+            law, outside, mesh.areas,
+            pore_pressure=fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE],
+            centres=mesh.centroids, start=start,
+            swells=isinstance(case, scene.Bag) or _swells(filling),
+        )  # fmt: skip
+    filling.start_at(solid.thickness)
+    return Begun(law, solid, across, bool(wet.any()))
+
+
 class Mould:
     """A filling whose part is pressed together; stands in for the filling where it advances.
 
@@ -70,34 +125,11 @@ class Mould:
     def __init__(
         self, part: FormedPart, filling: Filling, case: scene.Closure, time: float
     ) -> None:
-        law = compaction_of(part)
-        mesh = filling.mesh
-        formed = filling.state.thickness.copy()
-        self._across = seen_across(mesh, getattr(case, "direction", None))
-        outside = closure_of(case, formed, self._across)
         fluid = FillingPart(filling)
-        pressure = fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE]
-        wet = np.zeros(mesh.cell_count, dtype=bool)
-        if getattr(case, "pressed", "dry") != "dry":
-            wet = _wet_cells(filling)
-        if isinstance(case, scene.Press):
-            wet[:] = wet.any()  # one gap for all: what is wet carries the tool
-        solid = LocalCompaction(
-            law, outside, mesh.areas, pore_pressure=pressure, centres=mesh.centroids
-        )
-        if wet.any():
-            start = np.where(wet, formed, solid.thickness)
-            borne = _borne(case, law, start, self._across * mesh.areas)
-            _press_resin(filling, np.where(wet, np.maximum(borne, pressure), pressure))
-            solid = LocalCompaction(
-                law, outside, mesh.areas,
-                pore_pressure=fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE],
-                centres=mesh.centroids, start=start, swells=_swells(filling),
-            )  # fmt: skip
-        filling.start_at(solid.thickness)
-        self.filling, self.solid, self.law = filling, solid, law
-        self._fluid = fluid
-        self._system = _coupled(solid, fluid, case, time, wet=bool(wet.any()))
+        begun = begin(part, fluid, case)
+        self.filling, self.solid, self.law = filling, begun.solid, begun.law
+        self._fluid, self._across = fluid, begun.across
+        self._system = _coupled(begun.solid, fluid, case, time, wet=begun.wet)
 
     @property
     def history(self) -> History:
@@ -151,7 +183,11 @@ def _wet_cells(filling: Filling) -> np.ndarray:
 
 
 def _swells(filling: Filling) -> bool:
-    """Whether resin or air can come into the pores: vents let only out."""
+    """Whether resin or air can come into the pores: vents let only out.
+
+    Under a bag cells exchange resin in any case, and the equations of the resin know how they
+    answer to its pressure.
+    """
     return bool(filling.supply.gates) or filling.film is not None or not filling.state.full.all()
 
 

@@ -281,9 +281,10 @@ def _tell_loops_of_jumps(
     if not jumps or (iterated and not curable):
         return
     names = ", ".join(link.name for link in (curable or jumps))
+    entry = f'{{ link = "{(curable or jumps)[0].name}", continuous = true }}'
     what = (
         "is of reals that the units declare discrete; they are handed over once in a window. Set "
-        "continuous = true for these connections if they are to be iterated: "
+        f"continuous = true for these connections if they are to be iterated, as in {entry}: "
         if curable
         else "is of whole numbers, switches or texts, which are handed over once in a window and "
         "not iterated: "

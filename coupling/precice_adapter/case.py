@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import difflib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from lcmchain.coupling.precice_adapter.adapter import Read, Write
 from lcmchain.errors import InputError
-from lcmchain.quantities.entry_types import FROM_FILE, Pressure
+from lcmchain.quantities.entry_types import FROM_FILE, Pressure, wrong
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.closure import Closure
 from lcmchain.scene.read import parse_toml, read_text
 
 
 class InfiltrationPart(SceneModel):
-    """Resin in a formed part, whose volume the other side changes."""
+    """Resin in a formed part, whose volume the other side changes.
+
+    A closure of the case says at which thickness and pressures it begins; what presses from then on
+    is the other side's.
+    """
 
     type: Literal["infiltration"]
     source: str
@@ -26,13 +30,45 @@ class InfiltrationPart(SceneModel):
 
 
 class CompactionPart(SceneModel):
-    """The textile of a formed part under what presses on it; the other side gives the pressure."""
+    """The textile of a formed part under what presses on it; the other side gives the pressure.
+
+    What presses is ``closure``, or that of the infiltration's ``case``: then the textile begins
+    with the resin and pressures of that case, as the infiltration does.
+    """
 
     type: Literal["compaction"]
     source: str
-    closure: Closure
-    pressure: Pressure = Field(default="0 MPa")  # type: ignore[assignment]
+    closure: Closure | None = None
+    case: str | None = None
+    pressure: Pressure | None = None
     frame: int = -1
+
+    @model_validator(mode="after")
+    def _check_start(self) -> Self:
+        if (self.closure is None) == (self.case is None):
+            both = "both" if self.case is not None else "neither"
+            raise wrong(
+                "says what presses, or case names the infiltration's case that does; there is "
+                f"{both}",
+                field="closure",
+            )
+        if self.case is not None and self.pressure is not None:
+            raise wrong("is that of the case; leave it out", field="pressure")
+        if self.closure is None:
+            return self
+        for name in ("window", "tolerance"):
+            if name in self.closure.model_fields_set:
+                raise wrong(
+                    "is decided by the configuration of preCICE; leave it out",
+                    field=f"closure.{name}",
+                )
+        if getattr(self.closure, "pressed", None) == "wet":
+            raise wrong(
+                'is "wet", and where resin is stands in the case of the infiltration: give the '
+                "closure there, and name it here with case in place of closure",
+                field="closure.pressed",
+            )
+        return self
 
 
 class FormingPart(SceneModel):
@@ -122,6 +158,8 @@ def read_case(path: Path) -> PreciceCase:
 def _line(details: Any, data: dict[str, Any]) -> str:
     """One wrong entry in words."""
     steps = [step for step in details["loc"] if step not in _tags()]
+    if field := details.get("ctx", {}).get("field"):  # of a check of the whole table
+        steps.append(field)
     key = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in steps).removeprefix(".")
     if details["type"] == "missing":
         return f"{key} is missing"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.coupling.closing.mould import closure_of, seen_across
+from lcmchain.coupling.closing.mould import begin, closure_of, seen_across
 from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
 from lcmchain.coupling.infiltration.filling_run import FillingRun, Tell
-from lcmchain.coupling.infiltration.formed_part import read_formed_part
+from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
 from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.setup import set_up
+from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, write_filled
 from lcmchain.coupling.iteration.consolidation import Column, FluidColumn, SolidColumn
 from lcmchain.coupling.iteration.interface import CoupledPart
@@ -35,6 +36,10 @@ from lcmchain.fields import write_forming_netcdf
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.ugrid import TIME
 from lcmchain.scene import read_infiltration, read_scene
+from lcmchain.scene.closure import Closure
+
+#: Relative difference of thickness below which a textile begins as it was formed.
+BEGINS_AS_FORMED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -64,15 +69,13 @@ def build_part(case: PreciceCase, directory: Path, tell: Tell) -> Simulated:
 
 
 def _infiltration(part: InfiltrationPart, directory: Path, name: str, tell: Tell) -> Simulated:
-    path = directory / part.case
-    case = read_infiltration(path)
-    if case.closure is not None:
-        raise InputError("what presses is the other participant's; leave it out", key="closure")
     formed = read_formed_part(directory / part.source, frame=part.frame)
-    setup = set_up(formed, case, path.resolve().parent)
+    setup, closure = _set_up(formed, directory / part.case)
     run = FillingRun(setup, None, {}, tell)
-    run.begin()
     fluid = FillingPart(run.filling)
+    if closure is not None:
+        begin(setup.part, fluid, closure)
+    run.begin()
 
     def write(out: Path) -> list[Path]:
         full = run.filling.state.full.all()
@@ -86,14 +89,16 @@ def _infiltration(part: InfiltrationPart, directory: Path, name: str, tell: Tell
     return Simulated(fluid, on_window, write)
 
 
+def _set_up(formed: FormedPart, path: Path) -> tuple[FillingSetup, Closure | None]:
+    """Set a case up without its closure, which says how it begins."""
+    case = read_infiltration(path)
+    setup = set_up(formed, case.model_copy(update={"closure": None}), path.resolve().parent)
+    return setup, case.closure
+
+
 def _compaction(part: CompactionPart, directory: Path, name: str) -> Simulated:
     formed = read_formed_part(directory / part.source, frame=part.frame)
-    law, mesh = compaction_of(formed), FlowMesh.from_target(formed.target)
-    across = seen_across(mesh, getattr(part.closure, "direction", None))
-    outside = closure_of(part.closure, formed.cell("thickness"), across)
-    solid = LocalCompaction(
-        law, outside, mesh.areas, pore_pressure=part.pressure, centres=mesh.centroids
-    )
+    solid = _textile(part, formed, directory)
     times, thicknesses = [0.0], [solid.thickness]
 
     def on_window(_: Any) -> None:
@@ -110,6 +115,35 @@ def _compaction(part: CompactionPart, directory: Path, name: str) -> Simulated:
         return [out / f"{name}.nc"]
 
     return Simulated(solid, on_window, write)
+
+
+def _textile(part: CompactionPart, formed: FormedPart, directory: Path) -> LocalCompaction:
+    """Textile at its start: that of the infiltration's case, or pressed dry."""
+    if part.case is not None:
+        setup, closure = _set_up(formed, directory / part.case)
+        if closure is None:
+            raise InputError(
+                f"has no [closure], which says what presses; give it in {part.case}",
+                key="part.case",
+            )
+        return begin(setup.part, FillingPart(setup.filling()), closure).solid
+    assert part.closure is not None
+    law, mesh = compaction_of(formed), FlowMesh.from_target(formed.target)
+    across = seen_across(mesh, getattr(part.closure, "direction", None))
+    thickness = formed.cell("thickness")
+    solid = LocalCompaction(
+        law, closure_of(part.closure, thickness, across), mesh.areas,
+        pore_pressure=part.pressure or 0.0, centres=mesh.centroids,
+    )  # fmt: skip
+    thinner = float(np.max(1.0 - solid.thickness / thickness))
+    if thinner > BEGINS_AS_FORMED:
+        warnings.warn(
+            f"the textile is pressed dry and begins up to {100.0 * thinner:.3g} % thinner than it "
+            "was formed; an infiltration begins as thick as formed unless its case has the same "
+            "closure: give the closure there, and name that case with case in place of closure",
+            stacklevel=2,
+        )
+    return solid
 
 
 def _forming(part: FormingPart, directory: Path, tell: Tell) -> Simulated:

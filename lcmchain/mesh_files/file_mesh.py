@@ -104,6 +104,11 @@ class LeftOut:
         self._numbering = Numbering(np.array([number for number, _ in elements], dtype=np.int64))
         self._nodes = [np.array(nodes, dtype=np.int64) for _, nodes in elements]
 
+    @property
+    def numbers(self) -> np.ndarray:
+        """Numbers of the elements (E,)."""
+        return self._numbering.ids
+
     def nodes(self, wanted: np.ndarray) -> tuple[np.ndarray, int]:
         """Return the numbers of the nodes of elements, and how many of these are left-out ones."""
         rows = self._numbering.rows(wanted)

@@ -103,7 +103,7 @@ def _draw_start(axis, points, faces, rim, shapes) -> None:
     fit_axis(axis, np.concatenate(seen), 0.03)
     axis.set_axis_off()
     draw_triad(axis, view)
-    if shapes:
+    if axis.get_legend_handles_labels()[0]:  # of tools within the picture
         axis.legend(loc="upper right", title="tools", title_fontsize=8, alignment="left")
 
 

@@ -162,6 +162,24 @@ FINE = LAW.replace("30 um", "20 um")
 SHORT = HEAD.replace("2000 s", "6 s").replace("frames = 6", 'frame_interval = "2 s"')
 
 
+def form_to(source, thickness):
+    """Give the strip another thickness, with the fibres that it has."""
+    with xr.load_dataset(source) as strip:
+        strip["thickness"][:] = thickness
+        strip["fibre_volume_fraction"][:] = AREAL_MASS / (FIBRE_DENSITY * thickness)
+    strip.to_netcdf(source)
+
+
+def law_of(source):
+    """Return pressure by thickness and thickness by pressure, of one cell."""
+    law = compaction_of(read_formed_part(source))
+    count = law.thickness.size
+    return (
+        lambda h: law.pressure(np.full(count, h))[0],
+        lambda p: law.thickness_under(np.full(count, p))[0],
+    )
+
+
 @pytest.mark.parametrize("force", ['"800 N"', '"0 800 N"\ntimes = "0 1 s"'])
 def test_a_wet_preform_under_a_press_consolidates_as_its_own_equation_says(source, force):
     """Formed to 1.0 mm, below its free thickness; resin leaves at both ends.
@@ -171,10 +189,7 @@ def test_a_wet_preform_under_a_press_consolidates_as_its_own_equation_says(sourc
     lies still, as no resin comes in.
     """
     formed, area, half = 1.0e-3, LENGTH * WIDTH, 0.5 * LENGTH
-    with xr.load_dataset(source) as strip:
-        strip["thickness"][:] = formed
-        strip["fibre_volume_fraction"][:] = AREAL_MASS / (FIBRE_DENSITY * formed)
-    strip.to_netcdf(source)
+    form_to(source, formed)
     closing = f'[closure]\ntype = "press"\nforce = {force}\nwindow = "0.2 s"'
     filled = fill(read_formed_part(source), case(SHORT, ENDS, WET, closing, FINE))
     law = compaction_of(read_formed_part(source))
@@ -197,6 +212,118 @@ def test_a_wet_preform_under_a_press_consolidates_as_its_own_equation_says(sourc
         if "times" in force else 800.0, rtol=1e-3,
     )  # fmt: skip
     assert np.abs(filled.history.balance_error).max() < 1e-10 * filled.history.stored[0]
+
+
+@pytest.mark.parametrize("pressure", ['"1 bar"', '"0 1 bar"\ntimes = "0 1 s"'])
+def test_a_wet_preform_under_a_bag_consolidates_as_its_own_equation_says(source, pressure):
+    """Formed to 1.0 mm; every cell has its own thickness, and resin leaves at both ends.
+
+    dh/dt = d/dx (K h / mu dp/dx) with p = P - sigma(h), here by 60 volumes of half the length.
+    """
+    formed, count = 1.0e-3, 60
+    form_to(source, formed)
+    closing = f'[closure]\ntype = "bag"\npressure = {pressure}\nwindow = "0.05 s"'
+    filled = fill(read_formed_part(source), case(SHORT, ENDS, WET, closing, FINE))
+    sigma, _ = law_of(source)
+    table = np.linspace(0.8e-3, 1.0e-3, 400)
+    of_table = np.array([sigma(h) for h in table])
+    spacing = 0.5 * LENGTH / count
+
+    def rate(time, h):
+        load = 1e5 * (min(time, 1.0) if "times" in pressure else 1.0)
+        p = load - np.interp(h, table, of_table)
+        flow = permeability(h) * (20.0 / 30.0) ** 2 * h / VISCOSITY
+        out = np.zeros(count + 1)  # nothing at the middle
+        out[1:-1] = -0.5 * (flow[1:] + flow[:-1]) * np.diff(p) / spacing
+        out[-1] = flow[-1] * max(p[-1], 0.0) / (0.5 * spacing)  # vents let nothing in
+        return -np.diff(out) / spacing
+
+    exact = solve_ivp(
+        rate, (0.0, 6.0), np.full(count, formed), method="BDF", rtol=1e-6, atol=1e-10,
+        max_step=0.1, t_eval=filled.time,
+    )  # fmt: skip
+    assert len(filled.time) == 4 and exact.y.mean(axis=0)[-1] < 0.88e-3
+    np.testing.assert_allclose(filled.thickness[0], formed, rtol=1e-12)
+    np.testing.assert_allclose(filled.thickness.mean(axis=1), exact.y.mean(axis=0), rtol=3e-3)
+    own = exact.y.reshape(COLUMNS // 2, -1, 4).mean(axis=1)
+    columns = filled.thickness.reshape(4, COLUMNS, 2).mean(axis=2)
+    np.testing.assert_allclose(columns[:, COLUMNS // 2 :].T, own, rtol=0.01)
+    np.testing.assert_allclose(columns, columns[:, ::-1], rtol=1e-6)
+    assert np.abs(filled.history.balance_error).max() < 1e-10 * filled.history.stored[0]
+
+
+BLEEDING = BOTH.format("right", 199, 201)
+HALF = WET.replace("201 41", "101 41")
+
+
+def test_resin_of_a_half_wet_preform_is_pressed_into_its_dry_half(source):
+    """A press on a strip that is closed at the left; one thickness h, resin from 0 to s.
+
+    V = (h - h_f) s is conserved; the closing gap makes F/w = L sigma - mu h' s³ / (3 K h).
+    """
+    formed, solid = 1.0e-3, AREAL_MASS / FIBRE_DENSITY
+    form_to(source, formed)
+    closing = '[closure]\ntype = "press"\nforce = "800 N"\nwindow = "0.2 s"'
+    filled = fill(read_formed_part(source), case(SHORT, BLEEDING, HALF, closing, FINE))
+    sigma, _ = law_of(source)
+    resin = 0.105 * (formed - solid)  # the last full node stands for half an element more
+
+    def rate(time, y):
+        h = y[0]
+        left = max(800.0 / (LENGTH * WIDTH) - sigma(h), 0.0)
+        K = permeability(h) * (20.0 / 30.0) ** 2
+        return [-3.0 * K * h * left * LENGTH / (VISCOSITY * (resin / (h - solid)) ** 3)]
+
+    exact = solve_ivp(rate, (0.0, 6.0), [formed], rtol=1e-8, max_step=0.1, t_eval=filled.time)
+    assert exact.y[0, -1] < 0.86e-3
+    np.testing.assert_allclose(filled.thickness.mean(axis=1), exact.y[0], rtol=0.01)
+    assert np.ptp(filled.thickness, axis=1).max() < 1e-9
+    np.testing.assert_allclose(filled.history.stored, resin * WIDTH, rtol=1e-9)
+    front = (filled.state.fill[1::3] * np.r_[0.5, np.ones(COLUMNS - 1), 0.5]).sum() * 0.01
+    assert front == pytest.approx(resin / (exact.y[0, -1] - solid), rel=0.01)
+
+
+def test_a_bag_presses_a_half_wet_preform_until_its_fibres_bear_all(source):
+    """What is dry begins at its pressed thickness, what is wet comes there; resin is conserved."""
+    formed, solid = 1.0e-3, AREAL_MASS / FIBRE_DENSITY
+    form_to(source, formed)
+    closing = '[closure]\ntype = "bag"\npressure = "1 bar"\nwindow = "0.5 s"'
+    long = SHORT.replace("6 s", "60 s").replace('"2 s"', '"20 s"')
+    filled = fill(read_formed_part(source), case(long, BLEEDING, HALF, closing, FINE))
+    dry = law_of(source)[1](1e5)
+    start = filled.thickness[0].reshape(COLUMNS, 2)
+    np.testing.assert_allclose(start[:11], formed, rtol=1e-12)
+    np.testing.assert_allclose(start[11:], dry, rtol=1e-9)
+    np.testing.assert_allclose(filled.thickness[-1], dry, rtol=1e-3)
+    np.testing.assert_allclose(filled.history.stored, filled.history.stored[0], rtol=1e-9)
+    front = (filled.state.fill[1::3] * np.r_[0.5, np.ones(COLUMNS - 1), 0.5]).sum() * 0.01
+    resin = filled.history.stored[0] / WIDTH
+    assert front == pytest.approx(resin / (dry - solid), rel=2e-3)
+
+
+@pytest.mark.parametrize("kind", ['"press"\nforce = "800 N"', '"bag"\npressure = "1 bar"'])
+def test_the_resin_of_a_wet_preform_bears_what_its_fibres_leave(source, kind):
+    form_to(source, 1.0e-3)
+    part = read_formed_part(source)
+    setup = set_up(part, case(SHORT, ENDS, WET, f"[closure]\ntype = {kind}", FINE))
+    mould = Mould(part, setup.filling(), setup.case.closure, 6.0)
+    fibres = law_of(source)[0](1.0e-3) * LENGTH * WIDTH
+    np.testing.assert_allclose(mould.force, (800.0, fibres, 800.0 - fibres), rtol=1e-9)
+    assert 0.01 < fibres / 800.0 < 0.5
+
+
+def test_wet_cells_remember_no_press_that_has_not_come_yet(source):
+    """A law with a permanent set would else begin thinner than free."""
+    form_to(source, 1.0e-3)
+    closing = '[closure]\ntype = "press"\nforce = "800 N"'
+    part = read_formed_part(source)
+    law = 'material = { preset = "MD600", law = "fabric-with-set", compaction.permanent_set = 0.3 }'
+    part.dataset.attrs["scene"] = SCENE.replace('material = { preset = "MD600" }', law)
+    setup = set_up(part, case(SHORT, ENDS, WET, closing, FINE))
+    mould = Mould(part, setup.filling(), setup.case.closure, 6.0)
+    alone = compaction_of(part)
+    alone.remember(mould.solid.thickness)
+    np.testing.assert_array_equal(mould.law.history, alone.history)
 
 
 def test_a_preform_that_was_pressed_dry_is_full_at_its_pressed_thickness(source):

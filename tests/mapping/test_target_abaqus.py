@@ -295,12 +295,14 @@ NODES = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 1, 1, 0\n4, 0, 1, 0\n"
         (NODES + "1, 5, 0, 0\n*ELEMENT, TYPE=S3\n7, 1, 2, 3\n", "line 6: node 1 was at another"),
         (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*NGEN\n1, 2\n", r"line 8: \*NGEN is not followed"),
         (NODES + "*ELEMENT, TYPE=B31\n7, 1, 2\n", "no shells or solids .*found: B31"),
-        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*ELSET, ELSET=A\nA\n", "A lists itself"),
-        (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 3\n*ELSET, ELSET=A, GENERATE\n7, 1\n", "no range"),
         (NODES + "*INCLUDE, INPUT=absent.inc\n", "line 6: .*absent.inc, which does not exist"),
         ("*PART, NAME=A\n" + NODES, r"line 1: \*PART has no \*END PART; the file is cut off"),
         ("*INSTANCE, NAME=A, PART=B\n*END INSTANCE\n", "the part B, which the deck does not"),
-        ("*NODE, SYSTEM=C\n1, 0, 0, 0\n", "cylindrical or spherical"),
+        ("*NODE, SYSTEM=Q\n1, 0, 0, 0\n", "line 1: .*NODE has SYSTEM=Q; it may be R"),
+        ("*SYSTEM\n0, 0, 0, 1\n0, 1\n0\n", "line 1: .*SYSTEM takes the origin"),
+        ("*SYSTEM\n0, 0, 0, 1, 0, 0\n2, 0, 0\n", "line 1: .*SYSTEM has no three different axes"),
+        ("*SYSTEM\n0, zero\n", "line 2: .*SYSTEM takes numbers"),
+        ("*NODE, INPUT=absent.txt\n", "line 1: .*absent.txt, which does not exist"),
         (NODES + "*ELEMENT, TYPE=S3\n7, 1, 2, 2\n", r"no area \(element 7\)"),
     ],
 )  # fmt: skip
@@ -354,6 +356,132 @@ def test_undefined_members_are_named_and_take_nothing_with_them(deck):
     for what in ("set GONE (line 9)", "set LOST (line 11)", "instance NONE (line 13)",
                  "set AWAY (line 16)", "set NO (line 18)"):  # fmt: skip
         assert what in note
+
+
+TWO_SHELLS = (
+    NODES + "5, 2, 0, 0\n*ELEMENT, TYPE=S4\n10, 1, 2, 3, 4\n*ELEMENT, TYPE=S3\n12, 2, 5, 3\n"
+)
+
+
+def test_ranges_hold_the_numbers_that_exist_and_say_where_they_go_past_them(deck):
+    """Other programs write the range of all numbers there may be; it is not written out."""
+    text = TWO_SHELLS + (
+        "*ELEMENT, TYPE=B31\n20, 1, 2\n"
+        "*NSET, NSET=ALL, GENERATE\n1, 999999999999999999\n*NSET, NSET=ODD, GENERATE\n-1, 5, 2\n"
+        "*ELSET, ELSET=MOST, GENERATE\n10, 20\n*ELSET, ELSET=NONE, GENERATE\n100, 200, 10\n"
+        "*NSET, NSET=RIGHT, GENERATE\n2, 5, 3\n"
+    )
+    target = read_target(deck(text))
+    assert numbers(target, "ALL", nodes=True) == [1, 2, 3, 4, 5]
+    assert numbers(target, "ODD", nodes=True) == [1, 3, 5]
+    assert numbers(target, "RIGHT", nodes=True) == [2, 5]
+    assert sorted(numbers(target, "MOST")) == [10, 12]
+    assert numbers(target, "MOST", nodes=True) == [1, 2]
+    assert numbers(target, "NONE") == []
+    (past,) = [note for note in target.notes if "go past the numbers" in note]
+    assert past.endswith(
+        ": ALL (1 to 999999999999999999, line 14), ODD (-1 to 5, line 16), "
+        "NONE (100 to 200, line 20)"
+    )
+    (gaps,) = [note for note in target.notes if "does not have" in note]
+    assert gaps.endswith(": MOST (8)")  # 11 and 13 to 19
+
+
+def test_an_entry_of_a_set_that_cannot_be_read_takes_nothing_with_it(deck):
+    text = TWO_SHELLS + (
+        "*ELSET, ELSET=A, GENERATE\n7, 1\n10, 10\n*ELSET, ELSET=B, GENERATE\n1, last\n"
+        "*NSET, NSET=C\n1, , 2\n3\n*ELSET, ELSET=D\nD, 12\n"
+    )
+    target = read_target(deck(text))
+    assert numbers(target, "A") == [10] and numbers(target, "D") == [12]
+    assert numbers(target, "B") == [] and numbers(target, "C", nodes=True) == [3]
+    (note,) = target.notes
+    assert note == (
+        "entries of sets that cannot be read are left out: A (line 12: no range of numbers: 7 to 1 "
+        "by 1), B (line 15: GENERATE takes first, last and increment), C (line 17: an entry of the "
+        "set is empty), D (line 20: it lists itself)"
+    )
+
+
+def test_surfaces_that_are_no_faces_are_named(deck):
+    text = TWO_SHELLS + (
+        "*SURFACE, NAME=DRUM, TYPE=CYLINDER\n0, 0, 0, 1, 0, 0\n"
+        "*SURFACE, NAME=BOTH, COMBINE=UNION\nDRUM, DRUM\n"
+    )
+    assert read_target(deck(text)).notes == ("surfaces of the deck that are not kept: DRUM, BOTH",)
+
+
+ANGLES = "1, 2, 30, 5\n2, 2, 90, 5\n3, 1, 90, 5\n"
+
+
+@pytest.mark.parametrize(
+    ("system", "kind", "expected"),
+    [
+        ("", "C", [(3**0.5, 1, 5), (0, 2, 5), (0, 1, 5)]),
+        ("*SYSTEM\n0, 2, 3\n", "Cylindrical", [(3**0.5, 3, 8), (0, 4, 8), (0, 3, 8)]),
+        # the x axis along y of the deck, projected onto its plane of x and y
+        ("*SYSTEM\n0, 0, 0, 0, 3, 9\n", "C", [(-1, 3**0.5, 5), (-2, 0, 5), (-1, 0, 5)]),
+        # x along z, y along x, so that z is along y
+        ("*SYSTEM\n0, 0, 1, 0, 0, 4\n3, 0, 7\n", "C", [(1, 5, 1 + 3**0.5), (2, 5, 1), (1, 5, 1)]),
+        ("*SYSTEM\n0, 0, 1\n*SYSTEM\n", "R", [(2, 30, 5), (2, 90, 5), (1, 90, 5)]),
+    ],
+    ids=["cylindrical", "moved", "turned about z", "turned", "back to the deck's"],
+)  # fmt: skip
+def test_nodes_in_cylindrical_coordinates_and_local_systems(deck, system, kind, expected):
+    text = f"{system}*NODE, SYSTEM={kind}\n{ANGLES}*ELEMENT, TYPE=S3\n1, 1, 2, 3\n"
+    target = read_target(deck(text))
+    np.testing.assert_allclose(target.points, expected, atol=1e-12)
+    assert not target.notes
+
+
+def test_spherical_coordinates_count_phi_from_the_plane_of_x_and_y(deck):
+    text = (
+        "*NODE, SYSTEM=S\n1, 2, 90, 30\n2, 2, 0, 0\n3, 2, 45, 90\n*ELEMENT, TYPE=S3\n1, 1, 2, 3\n"
+    )
+    target = read_target(deck(text))
+    np.testing.assert_allclose(target.points, [(0, 3**0.5, 1), (2, 0, 0), (0, 0, 2)], atol=1e-12)
+    assert target.notes == (
+        "the nodes of line 1 are given in spherical coordinates: read as radius, angle about z "
+        "from x, and angle from the plane of x and y",
+    )
+
+
+def test_a_local_system_ends_with_its_part_and_moves_with_its_instance(deck):
+    part = (
+        "*PART, NAME={0}\n{1}*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n"
+        "*ELEMENT, TYPE=S3\n1, 1, 2, 3\n*END PART\n"
+    )
+    text = part.format("A", "*SYSTEM\n0, 0, 5, 0, 1, 5\n") + part.format("B", "") + (
+        "*ASSEMBLY, NAME=M\n*INSTANCE, NAME=a, PART=A\n100, 0, 0\n*END INSTANCE\n"
+        "*INSTANCE, NAME=b, PART=B\n*END INSTANCE\n*END ASSEMBLY\n"
+    )  # fmt: skip
+    target = read_target(deck(text))
+    expected = [(100, 0, 5), (100, 1, 5), (99, 0, 5), (0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    np.testing.assert_allclose(target.points, expected, atol=1e-12)
+
+
+def test_data_lines_of_other_files_are_read(tmp_path, deck):
+    (tmp_path / "mesh").mkdir()
+    (tmp_path / "mesh" / "nodes.txt").write_text(
+        "** nodes\n1, 1, 0, 0\n\n2, 1, 90, 0\n3, 1, 180, 0\n"
+    )
+    (tmp_path / "mesh" / "cells.txt").write_text("7, 1,\n 2, 3\n")
+    (tmp_path / "mesh" / "rim.txt").write_text("1\n3\n")
+    path = deck(
+        "*NODE, SYSTEM=C, INPUT=mesh/nodes.txt, NSET=N\n"
+        '*ELEMENT, TYPE=S3, INPUT="mesh\\cells.txt", ELSET=E\n*NSET, NSET=RIM, INPUT=mesh/rim.txt\n'
+    )
+    target = read_target(path)
+    np.testing.assert_allclose(target.points, [(1, 0, 0), (0, 1, 0), (-1, 0, 0)], atol=1e-12)
+    assert numbers(target, "E") == [7]
+    assert numbers(target, "N", nodes=True) == [1, 2, 3]
+    assert numbers(target, "RIM", nodes=True) == [1, 3]
+    (tmp_path / "mesh" / "cells.txt").write_text("\n7, 1, x, 3\n")
+    with pytest.raises(InputError, match=r"cells.txt: line 2: .*no element"):
+        read_target(path)
+    (tmp_path / "mesh" / "cells.txt").write_text("*ELEMENT, TYPE=S3\n7, 1, 2, 3\n")
+    with pytest.raises(InputError, match=r"cells.txt: line 1: .*is a keyword, .*name .*INCLUDE"):
+        read_target(path)
 
 
 def test_exponents_of_fortran_are_numbers(deck):

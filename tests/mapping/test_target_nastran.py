@@ -390,6 +390,41 @@ def test_a_set_that_cannot_be_read_takes_no_other_with_it(deck):
     assert any(n.startswith('SET 5 is left out: line 5: "X" is no number') for n in target.notes)
 
 
+def test_elements_of_every_kind_that_is_no_cell_are_counted(deck):
+    text = GRIDS + (
+        "CTRIA3,1,1,1,2,3\nCHBDYG,11,,AREA3,,,,,\n,1,2,3\nCHBDYE,12,1,1\nCHBDYP,13,9,LINE,,,1,3\n"
+        "CHBDYE,14,1,2\nCMASS2,15,1.,2,1\nPLOTEL3,16,1,2,3\nSET3,1,ELEM,11\nSET3,2,ELEM,13,15\n"
+        "CONV,11,1,,,99\nCREEP,1,1.\nCORD3G,5\n"
+    )
+    target = read_target(deck(text))
+    assert target.ignored == {
+        "CHBDYG": 1, "CHBDYE": 2, "CHBDYP": 1, "CMASS2": 1, "PLOTEL3": 1,
+    }  # fmt: skip
+    of_nodes = {n: target.node_ids[rows].tolist() for n, rows in target.node_sets.items()}
+    assert of_nodes == {"SET 1": [1, 2, 3], "SET 2": [1, 2, 3], "property 9": [1, 3]}
+    assert len(target.notes) == 2  # of the sets and of the property
+
+
+def test_entries_that_may_be_elements_are_named(deck):
+    text = GRIDS + "CTRIA3,1,1,1,2,3\nCNEW8,5,1,1,2\nCNEW8,6,1,2,3\n"
+    assert read_target(deck(text)).notes == (
+        "entries that may be elements and are not known are left out: CNEW8 (2)",
+    )
+
+
+def test_sets_of_other_things_are_named(deck):
+    text = GRIDS + (
+        'CTRIA3,1,1,1,2,3\n$HMSET       4        5 "plies"\nSET3,3,PROP,1\nSET,4,PROP,LIST\n,1\n'
+        "SET,5,ELEM,RANGE\n,1,2\nSET,6,ELEM,LIST\n,1\n"
+    )
+    target = read_target(deck(text))
+    assert list(target.cell_sets) == ["SET 6"]
+    assert target.notes == (
+        "sets of other things than nodes and elements, or not given as a list, are left out: "
+        "SET 3 (PROP), plies (PROP LIST), SET 5 (ELEM RANGE)",
+    )
+
+
 def test_included_files_are_read(tmp_path, deck):
     (tmp_path / "grids.bdf").write_text(GRIDS)
     path = deck("BEGIN BULK\nINCLUDE 'gri\nds.bdf'\nCTRIA3,1,1,1,2,3\nENDDATA\n")

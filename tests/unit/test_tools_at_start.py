@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import meshio
 import numpy as np
@@ -17,6 +18,7 @@ from lcmchain.cli import main
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
+from lcmchain.report.start import draw_initial
 from lcmchain.scene import read_scene
 from lcmchain.tools import gaps
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
@@ -228,6 +230,15 @@ def test_a_tool_that_cannot_be_used_is_left_out_of_the_picture(tmp_path):
     with pytest.raises(InputError, match="Moebius.*initial.png shows the start"):
         check_scene(scene_at(tmp_path, z=30, mesh=moebius), tmp_path)
     assert (tmp_path / "initial.png").stat().st_size > 10_000
+
+
+def test_a_tool_outside_the_picture_leaves_it_without_a_warning(tmp_path):
+    points, triangles = pyramid()
+    blank = build_blank(scene_at(tmp_path).blank, 1e-3 * TOP)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        draw_initial(tmp_path / "far.png", blank, [("far", points + 10.0, triangles)])
+    assert (tmp_path / "far.png").stat().st_size > 10_000
 
 
 def test_a_picture_that_cannot_be_written_hides_no_error(tmp_path):

@@ -1,6 +1,6 @@
 """Meshes of Abaqus and CalculiX decks (.inp), with the numbers, sets, sections and instances.
 
-Source: Abaqus Keywords Guide (*NODE, *ELEMENT, *NSET, *ELSET, *SURFACE, *PART, *INSTANCE);
+Source: Abaqus Keywords Guide (*NODE, *SYSTEM, *ELEMENT, *NSET, *ELSET, *SURFACE, *PART, *INSTANCE);
 CalculiX CrunchiX user's manual, where parts and instances do not exist.
 """
 
@@ -16,7 +16,7 @@ from lcmchain.mesh_files.readers.abaqus_numbers import motion
 from lcmchain.mesh_files.readers.abaqus_scope import Scope
 
 # Keywords that make nodes or elements out of others: a mesh read without them has holes.
-GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
+GENERATING = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")
 
 SECTIONS = ("SHELLSECTION", "SHELLGENERALSECTION", "SOLIDSECTION", "MEMBRANESECTION")
 
@@ -75,6 +75,8 @@ def _take(scope: Scope, deck: Deck, block: Block) -> None:
     """Take what belongs to the mesh from a block."""
     if block.keyword == "NODE":
         scope.read_nodes(block)
+    elif block.keyword == "SYSTEM":
+        scope.read_system(block)
     elif block.keyword == "ELEMENT":
         scope.read_elements(block)
     elif block.keyword in ("NSET", "ELSET"):

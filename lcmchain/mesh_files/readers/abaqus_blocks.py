@@ -16,6 +16,8 @@ from lcmchain.mesh_files.file_mesh import Place
 from lcmchain.mesh_files.readers.deck_text import deck_lines
 
 DEEPEST_INCLUDE = 5  # of decks that include decks, as in Abaqus
+#: Keywords of a mesh; INPUT= names a file with their data lines.
+OF_MESH = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 
 
 @dataclass
@@ -81,8 +83,27 @@ def keyword_blocks(path: Path) -> Iterator[Block]:
         if block is not None:
             yield block
         block = _block(Place(file, line), text)
+        if block.keyword in OF_MESH and "INPUT" in block.parameters:
+            _take_input(block, path.parent)
     if block is not None:
         yield block
+
+
+def _take_input(block: Block, folder: Path) -> None:
+    """Give a block the data lines of the file that it names with INPUT=."""
+    file = _included(block, folder, block.place.file)
+    for number, raw in enumerate(deck_lines(file), start=1):
+        text = raw.strip()
+        if not text or text.startswith("**"):
+            continue
+        if text.startswith("*"):
+            raise Place(file, number).error(
+                f'"{text[:40]}" is a keyword, but the file is the INPUT of a *{block.keyword} and '
+                "may hold data lines only; name a file of keywords with *INCLUDE, INPUT="
+            )
+        block.data.append(text)
+        block.files.append(file)
+        block.lines.append(number)
 
 
 def _lines(path: Path, folder: Path, within: tuple[Path, ...]) -> Iterator[tuple[Path, int, str]]:
@@ -102,7 +123,7 @@ def _lines(path: Path, folder: Path, within: tuple[Path, ...]) -> Iterator[tuple
 
 
 def _included(block: Block, folder: Path, including: Path) -> Path:
-    """File of an *INCLUDE, beside the deck or beside the file that includes it."""
+    """File that an INPUT= names, beside the deck or beside the file that names it."""
     if "PASSWORD" in block.parameters:
         raise block.error("is encrypted; export the mesh as plain text")
     name = Path(block.name("INPUT").replace("\\", "/"))

@@ -35,7 +35,7 @@ class Deck:
 
 def merged(deck: Deck) -> FileMesh:
     """Put all instances (or all parts, where none is placed) and what stands outside together."""
-    second = _settle_second_choice([*deck.parts.values(), *deck.own.values(), deck.outside])
+    second = _settle_second_choice(_scopes(deck))
     instances = [
         _placed(name, (deck.parts[part], deck.own[name.upper()]), rotation, shift)
         for name, part, rotation, shift in deck.placed
@@ -71,11 +71,21 @@ def merged(deck: Deck) -> FileMesh:
             "element numbers repeat in the instances of the deck: part and number together name an "
             "element"
         )
+    spherical = sorted(line for scope in _scopes(deck) for line in scope.spherical)
+    if spherical:
+        mesh.notes.append(
+            f"the nodes of line {spherical[0]} are given in spherical coordinates: read as radius, "
+            "angle about z from x, and angle from the plane of x and y"
+        )
     for one in everything:
         for scope in one.scopes:
             for element, count in scope.aside.items():
                 mesh.left_aside[element] = mesh.left_aside.get(element, 0) + count
     return mesh
+
+
+def _scopes(deck: Deck) -> list[Scope]:
+    return [*deck.parts.values(), *deck.own.values(), deck.outside]
 
 
 def _settle_second_choice(scopes: list[Scope]) -> list[str]:

@@ -124,16 +124,23 @@ def whole(text: str) -> int:
     return number
 
 
-def number_range(entries: list[str], place: Place) -> np.ndarray:
-    """Return the numbers of a GENERATE line: first, last, increment."""
+def number_range(entries: list[str], place: Place) -> range:
+    """Return the numbers of a GENERATE line: first, last, increment.
+
+    It may go far past the numbers that exist, so that it is not written out.
+
+    Raises
+    ------
+    InputError : it is no range.
+    """
     try:
         first, last = whole(entries[0]), whole(entries[1])
         step = whole(entries[2]) if len(entries) > 2 and entries[2] else 1
     except (ValueError, IndexError):
         raise place.error("GENERATE takes first, last and increment") from None
-    if step < 1 or last < first or (last - first) // step > 10**8:
+    if step < 1 or last < first:
         raise place.error(f"no range of numbers: {first} to {last} by {step}")
-    return np.arange(first, last + 1, step)
+    return range(first, last + 1, step)
 
 
 def motion(block: Block) -> tuple[np.ndarray, np.ndarray]:

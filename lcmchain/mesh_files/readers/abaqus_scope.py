@@ -8,8 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import NO_IDS, Cells, Place
 from lcmchain.mesh_files.readers.abaqus_blocks import Block, words
+from lcmchain.mesh_files.readers.abaqus_coordinates import (
+    SPHERICAL,
+    LocalSystem,
+    coordinate_kind,
+    local_system,
+    places,
+)
 from lcmchain.mesh_files.readers.abaqus_elements import cell_type, second_choice
 from lcmchain.mesh_files.readers.abaqus_numbers import (
     element_count,
@@ -25,10 +33,11 @@ from lcmchain.mesh_files.shapes import base_type, corner_count
 class Entry(NamedTuple):
     """What a line of a set lists: numbers or the name of another set, maybe of an instance.
 
-    ``of_elements`` marks the nodes of an element set.
+    A range stands for those of its numbers that exist. ``of_elements`` marks the nodes of an
+    element set.
     """
 
-    numbers: np.ndarray | None
+    numbers: np.ndarray | range | None
     name: str
     instance: str
     place: Place
@@ -68,6 +77,10 @@ class Scope:
     sections : element sets that a section is assigned to, in their order.
     aside : number of elements of types that are no shells or solids. left_out : number and nodes
         of each of these.
+    system : in which nodes are given from here on; None for that of the deck. spherical : lines
+        from which on they are given in spherical coordinates.
+    unread : entries of sets that cannot be read, in words. other_surfaces : names of those that are
+        made of neither element faces nor nodes.
     """
 
     name: str = ""
@@ -82,6 +95,10 @@ class Scope:
     sections: list[str] = field(default_factory=list)
     aside: dict[str, int] = field(default_factory=dict)
     left_out: list[tuple[int, Sequence[int]]] = field(default_factory=list)
+    system: LocalSystem | None = None
+    spherical: list[int] = field(default_factory=list)
+    unread: list[str] = field(default_factory=list)
+    other_surfaces: list[str] = field(default_factory=list)
 
     def node_place(self, row: int) -> Place:
         """Return the place of a node, counted over all blocks."""
@@ -99,21 +116,22 @@ class Scope:
 
     def read_nodes(self, block: Block) -> None:
         """Take a *NODE block."""
-        if block.parameters.get("SYSTEM", "R").upper() not in ("R", ""):
-            raise block.error("has cylindrical or spherical coordinates; write them as x, y, z")
-        if "INPUT" in block.parameters:
-            raise block.error("reads its nodes from another file; put them into the deck")
+        kind = coordinate_kind(block)
+        if kind == SPHERICAL:
+            self.spherical.append(block.place.line)
         ids, points = node_table(block)
         self.ids.append(ids)
-        self.points.append(points)
+        self.points.append(places(points, kind, self.system))
         self.node_blocks.append(block)
         if block.parameters.get("NSET"):
             self.node_sets.add(block.parameters["NSET"], [Entry(ids, "", "", block.place)])
 
+    def read_system(self, block: Block) -> None:
+        """Take a *SYSTEM block, which holds for the nodes behind it."""
+        self.system = local_system(block)
+
     def read_elements(self, block: Block) -> None:
         """Take an *ELEMENT block; elements that are no shells or solids are counted."""
-        if "INPUT" in block.parameters:
-            raise block.error("reads its elements from another file; put them into the deck")
         element = block.name("TYPE").upper()
         first_choice = cell_type(element)
         shape = first_choice or second_choice(element)
@@ -147,28 +165,31 @@ class Scope:
         sets = self.node_sets if block.keyword == "NSET" else self.element_sets
         name = block.name(block.keyword)
         instance = block.parameters.get("INSTANCE", "")
-        entries = [
-            entry
-            for row, text in enumerate(block.data)
-            for entry in _entries(words(text), "GENERATE" in block.parameters, instance,
-                                  block.place_of(row))
-        ]  # fmt: skip
+        generate = "GENERATE" in block.parameters
+        entries: list[Entry] = []
+        for row, text in enumerate(block.data):
+            try:
+                entries += _entries(words(text), generate, instance, block.place_of(row))
+            except InputError as error:
+                self.unread.append(f"{name} ({error.message})")
         if block.keyword == "NSET" and block.parameters.get("ELSET"):
             elements = block.parameters["ELSET"]
             entries.append(Entry(None, elements, instance, block.place, of_elements=True))
         sets.add(name, entries)
 
     def read_surface(self, block: Block) -> None:
-        """Take a *SURFACE block made of element faces or nodes."""
+        """Take a *SURFACE block made of element faces or nodes; others are named."""
         kind = block.parameters.get("TYPE", "ELEMENT").upper()
+        if kind not in ("ELEMENT", "NODE") or "COMBINE" in block.parameters:
+            name = block.parameters.get("NAME") or f"line {block.place.line}"
+            self.other_surfaces.append(name)
+            return
         sides = []
         for row, text in enumerate(block.data):
             entries = [*words(text), ""]
             sides.append(Side(entries[0], entries[1].upper(), block.place_of(row)))
         if kind == "NODE":
             sides = [Side(side.element, "NODE", side.place) for side in sides]
-        elif kind != "ELEMENT":
-            return
         self.surfaces.add(block.name("NAME"), sides)
 
 

@@ -7,7 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
-from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, LeftOut, Numbering, keep_as_nodes
+from lcmchain.mesh_files.file_mesh import (
+    NO_IDS,
+    FileMesh,
+    LeftOut,
+    Numbering,
+    Place,
+    keep_as_nodes,
+)
 from lcmchain.mesh_files.readers.abaqus_elements import FACES
 from lcmchain.mesh_files.readers.abaqus_scope import Entry, Scope, Side
 from lcmchain.mesh_files.shapes import SOLID_CORNERS, base_type, corner_count
@@ -71,10 +78,15 @@ class DeckSets:
         self.by_name = by_name
         self.missing: dict[str, int] = {}
         self.undefined: dict[str, None] = {}
+        self.past: dict[Place, str] = {}
+        self.unread: dict[str, None] = {}
         self.nodes_of_left_out: dict[str, list[np.ndarray]] = {}
 
     def fill(self) -> None:
         """Set the mesh's sets, and its notes about what they lose."""
+        for one in self.by_name.values():
+            for scope in one.scopes:
+                self.unread.update(dict.fromkeys(scope.unread))
         for one in self.by_name.values():
             for key, (spelt, _) in one.sets(of_nodes=True).items():
                 name = one.full_name(spelt)
@@ -106,6 +118,15 @@ class DeckSets:
                 "sets and surfaces are kept without what they name and the deck does not define: "
                 f"{listed(list(self.undefined))}"
             )
+        if self.past:
+            self.mesh.notes_of_sets.append(
+                "ranges of sets go past the numbers that there are, and hold those that there are: "
+                f"{listed(list(self.past.values()))}"
+            )
+        if self.unread:
+            self.mesh.notes_of_sets.append(
+                f"entries of sets that cannot be read are left out: {listed(list(self.unread))}"
+            )
 
     def rows(
         self, one: Placed, key: str, of_nodes: bool, name: str, within: tuple = ()
@@ -124,8 +145,11 @@ class DeckSets:
                 return self._left_undefined(f"instance {entry.instance}", entry)
             one = self.by_name[entry.instance.upper()]
         if entry.numbers is not None:
-            rows = self._of_numbers(one, entry.numbers, of_nodes)
-            lost = entry.numbers[rows < 0]
+            numbers = entry.numbers
+            if isinstance(numbers, range):
+                numbers = self._that_exist(one, numbers, of_nodes, name, entry.place)
+            rows = self._of_numbers(one, numbers, of_nodes)
+            lost = numbers[rows < 0]
             if len(lost) and not of_nodes:
                 nodes, found = one.left_out.nodes(lost)
                 nodes = self._of_numbers(one, nodes, of_nodes=True)
@@ -144,8 +168,26 @@ class DeckSets:
         if owner is None:
             return self._left_undefined(f"set {entry.name}", entry)
         if (owner.name, key) in within:
-            raise entry.place.error(f"the set {entry.name} lists itself")
+            self.unread[f"{entry.name} (line {entry.place.line}: it lists itself)"] = None
+            return NO_IDS
         return self.rows(owner, key, of_nodes, name, within)
+
+    def _that_exist(
+        self, one: Placed, numbers: range, of_nodes: bool, name: str, place: Place
+    ) -> np.ndarray:
+        """Numbers of a range that exist; gaps between them count as missing."""
+        ids = one.ids if of_nodes else np.concatenate([one.cell_ids, one.left_out.numbers])
+        first, last = numbers[0], numbers[-1]
+        inside = ids[(ids >= first) & (ids <= last) & ((ids - first) % numbers.step == 0)]
+        inside = np.unique(inside)
+        lowest, highest = (int(ids.min()), int(ids.max())) if len(ids) else (last + 1, first - 1)
+        if first < lowest or last > highest:
+            self.past[place] = f"{name} ({first} to {last}, line {place.line})"
+        begin = first + max(-((first - lowest) // numbers.step), 0) * numbers.step
+        gaps = len(range(begin, min(last, highest) + 1, numbers.step)) - len(inside)
+        if gaps > 0:
+            self.missing[name] = self.missing.get(name, 0) + gaps
+        return inside
 
     def _left_undefined(self, what: str, entry: Entry) -> np.ndarray:
         self.undefined[f"{what} (line {entry.place.line})"] = None
@@ -172,6 +214,7 @@ class DeckSets:
         kept, lost = [], []
         for one in self.by_name.values():
             for scope in one.scopes:
+                lost += [one.full_name(name) for name in scope.other_surfaces]
                 for key, sides in scope.surfaces.entries.items():
                     name = one.full_name(scope.surfaces.spelt[key])
                     before = len(self.undefined)

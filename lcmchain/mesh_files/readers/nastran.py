@@ -83,13 +83,29 @@ _OTHERS: dict[str, Aside] = {
     "CGAP": _LINE, "CELAS1": Aside((2, 4), 1), "CELAS2": Aside((2, 4)),
     "CDAMP1": Aside((2, 4), 1), "CDAMP2": Aside((2, 4)), "CONM1": Aside((1,)),
     "CONM2": Aside((1,)), "PLOTEL": Aside((1, 2)), "RBAR": Aside((1, 2)), "RROD": Aside((1, 2)),
-    "CSHEAR": Aside((2, 3, 4, 5), 1),
+    "CMASS1": Aside((2, 4), 1), "CMASS2": Aside((2, 4)), "CSHEAR": Aside((2, 3, 4, 5), 1),
+    "CHBDYG": Aside(tuple(range(8, 16))), "CHBDYP": Aside((5, 6), 1),
+    "PLOTEL3": Aside((1, 2, 3)), "PLOTEL4": Aside((1, 2, 3, 4)), "RBAR1": Aside((1, 2)),
     **dict.fromkeys(
-        ("CELAS3", "CELAS4", "CFAST", "CWELD", "RBE1", "RBE2", "RBE3", "CQUAD", "CTRIAX",
-         "CTRIAX6", "CQUADX", "CTRIAX3", "CQUADX4", "CHEXCZ", "CPENTCZ", "CIFHEX", "CIFPENT",
-         "CIFQUAD", "SPOINT"),
+        ("CELAS3", "CELAS4", "CDAMP3", "CDAMP4", "CDAMP5", "CMASS3", "CMASS4", "CFAST", "CWELD",
+         "CSEAM", "RBE1", "RBE2", "RBE2GS", "RBE3", "RJOINT", "RSPLINE", "RSSCON", "RTRPLT",
+         "RTRPLT1", "GENEL", "CHBDYE", "CHBDY", "CQUAD", "CQUADX", "CQUADX4", "CQUADX8", "CTRIAX",
+         "CTRIAX3", "CTRIAX6", "CTRAX3", "CTRAX6", "CPLSTN3", "CPLSTN4", "CPLSTN6", "CPLSTN8",
+         "CPLSTS3", "CPLSTS4", "CPLSTS6", "CPLSTS8", "CHEXCZ", "CPENTCZ", "CIFHEX", "CIFPENT",
+         "CIFQUAD", "CAABSF", "CACINF3", "CACINF4", "CHACAB", "CHACBR", "CCONEAX", "CRAC2D",
+         "CRAC3D", "CINTC", "CSLOT3", "CSLOT4", "CFLUID2", "CFLUID3", "CFLUID4", "CAXIF2",
+         "CAXIF3", "CAXIF4", "PLOTEL6", "PLOTEL8", "PLOTTET", "PLOTPYR", "PLOTPEN", "PLOTHEX",
+         "SPOINT"),
         Aside(()),
     ),
+}  # fmt: skip
+
+# Entries whose names begin with C as those of elements do, and that connect no nodes.
+_NO_ELEMENTS = {
+    "CAERO1", "CAERO2", "CAERO3", "CAERO4", "CAERO5", "CAMPBLL", "CASECC", "CBARAO", "CEND",
+    "CLOAD", "CMETHOD", "CNTSTB", "CONCTL", "CONTACT", "CONTPRM", "CONTRLT", "CONV", "CONVM",
+    "CREEP", "CSET", "CSET1", "CSSCHD", "CSUPER", "CSUPEXT", "CYAX", "CYJOIN", "CYSUP", "CYSYM",
+    "CORD3R", "CORD4R", "CORD1RX", "CORD2RX", "CORD3G", *SYSTEMS,
 }  # fmt: skip
 
 
@@ -132,7 +148,22 @@ def read_nastran(path: Path) -> FileMesh:
     fill_sets(mesh, deck, numbering, left_out)
     _keep_properties(mesh, of_property, said, numbering)
     _note(mesh, deck, groups)
+    _note_unknown(mesh, by_name)
     return mesh
+
+
+def _note_unknown(mesh: FileMesh, by_name: dict[str, list[Card]]) -> None:
+    """Name entries that may be elements: their names begin as those of elements do."""
+    unknown = [
+        f"{name} ({len(cards)})"
+        for name, cards in by_name.items()
+        if name[:1] == "C" and not {name} & (_ELEMENTS.keys() | _OTHERS.keys() | _NO_ELEMENTS)
+    ]
+    if unknown:
+        mesh.notes.append(
+            "entries that may be elements and are not known are left out: "
+            f"{', '.join(unknown[:8])}{', ...' if len(unknown) > 8 else ''}"
+        )
 
 
 def _left_out(by_name: dict[str, list[Card]]) -> tuple[LeftOut, dict[int, list[int]]]:

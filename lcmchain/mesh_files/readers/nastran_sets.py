@@ -39,6 +39,7 @@ _REQUEST = re.compile(r"([A-Z]+)\s*(?:\([^)]*\))?\s*=\s*(\d+)\s*$", re.IGNORECAS
 _NAMED_SET = re.compile(r"HMSET\s+(\d+)\s+(\d+)\s+\"(.*)\"")
 _ANSA_SET = re.compile(r"ANSA_NAME_COMMENT;(\d+);SET;([^;]*);")
 _HYPERMESH_KINDS = {"1": NODES, "2": ELEMENTS}
+_KINDS = {"GRID": NODES, "ELEM": ELEMENTS}
 
 _NAMED_PROPERTY = (
     re.compile(r"HMNAME\s+PROP\s+(\d+)\s*\"(.*?)\""),
@@ -73,6 +74,11 @@ def fill_sets(
     is left out.
     """
     names, kinds = _said(deck)
+    if others := _of_others(deck, names):
+        mesh.notes_of_sets.append(
+            "sets of other things than nodes and elements, or not given as a list, are left out: "
+            f"{', '.join(others[:8])}"
+        )
     cells = Numbering(mesh.cell_ids)
     doubtful, lost, moved = [], [], []
     for number, kind, words, place in [*_of_case_control(deck), *_of_bulk(deck)]:
@@ -182,15 +188,28 @@ def _of_bulk(deck: NastranDeck) -> Iterable[tuple[int, str, list[str], Place]]:
     for card in deck.cards:
         if card.name == "SET1":
             yield card.whole(0), "", _listed(card, 1), card.place
-        elif card.name == "SET3":
-            kind = {"GRID": NODES, "ELEM": ELEMENTS}.get(card.text(1).upper()[:4])
-            if kind is not None:
-                yield card.whole(0), kind, _listed(card, 2), card.place
-        elif card.name == "SET" and card.text(2).upper() in ("", "LIST"):
-            # OptiStruct; the list begins on the second line
-            kind = {"GRID": NODES, "ELEM": ELEMENTS}.get(card.text(1).upper()[:4])
-            if kind is not None:
-                yield card.whole(0), kind, _listed(card, 8), card.place
+        elif card.name in ("SET3", "SET") and _is_listed(card):
+            # that of OptiStruct begins its list on the second line
+            kind = _KINDS[card.text(1).upper()[:4]]
+            yield card.whole(0), kind, _listed(card, 2 if card.name == "SET3" else 8), card.place
+
+
+def _is_listed(card: Card) -> bool:
+    """Whether a SET3, or a SET of OptiStruct, lists nodes or elements one by one."""
+    by_list = card.name == "SET3" or card.text(2).upper() in ("", "LIST")
+    return by_list and card.text(1).upper()[:4] in _KINDS
+
+
+def _of_others(deck: NastranDeck, names: dict[int, str]) -> list[str]:
+    """Sets of the bulk data that are not kept, in words."""
+    found = []
+    for card in deck.cards:
+        if card.name in ("SET3", "SET") and not _is_listed(card):
+            number = card.text(0)
+            name = names.get(int(number)) if number.isdigit() and len(number) < 18 else None
+            how = [card.text(1), *([card.text(2)] if card.name == "SET" else [])]
+            found.append(f"{name or f'SET {number}'} ({' '.join(filter(None, how))})")
+    return found
 
 
 def _listed(card: Card, first: int) -> list[str]:

@@ -140,7 +140,8 @@ def test_a_loop_of_discrete_reals_is_named_with_what_to_do(jumpers, assembled):
     with pytest.raises(InputError) as caught:
         assembled(jumping("iqn-ils"))
     message = str(caught.value)
-    for part in ("declare discrete", "continuous = true", "a.y -> b.x_in, b.y -> a.x_in"):
+    entry = '{ link = "a.y -> b.x_in", continuous = true }'
+    for part in ("declare discrete", entry, "a.y -> b.x_in, b.y -> a.x_in"):
         assert part in message, message
     assert assembled(jumping("gauss-seidel")).remarks == []
     with pytest.raises(InputError, match="whole numbers, switches or texts"):

@@ -5,8 +5,7 @@ import pytest
 import xarray as xr
 
 from lcmchain import cli
-from lcmchain.coupling.closing.mould import closure_of
-from lcmchain.coupling.closing.textile import compaction_of
+from lcmchain.coupling.closing.mould import Mould, begin
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
@@ -21,7 +20,6 @@ from lcmchain.coupling.precice_adapter.adapter import Adapter
 from lcmchain.coupling.precice_adapter.case import read_case
 from lcmchain.coupling.precice_adapter.example import write_example
 from lcmchain.coupling.precice_adapter.parts import build_part
-from lcmchain.coupling.solids.local import LocalCompaction
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.ugrid import UgridMesh
@@ -103,8 +101,48 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_bag_over_an_infusion_is_that_of_the_system_in_process(folder):
+BAG = '[closure]\ntype = "bag"\npressure = "1.01 bar"\n'
+WETTED = '[[wetted]]\nname = "third"\nbox = ["-1 -1 -1 mm", "61 41 1 mm"]\n'
+OF_CASE = SOLID.replace('pressure = "0.05 bar"\n', "").replace(
+    'closure = { type = "bag", pressure = "1.01 bar" }', 'case = "case.toml"'
+)
+
+
+def give_closure(folder, closure=BAG, wetted=""):
+    """Let both participants begin as the case says."""
+    with open(folder / "case.toml", "a") as file:
+        file.write(wetted + closure)
+    (folder / "solid.toml").write_text(OF_CASE)
+
+
+def built(folder, name):
+    return build_part(read_case(folder / f"{name}.toml"), folder, lambda share, text: None).part
+
+
+@pytest.mark.parametrize("pressed", ["dry", "wet"])
+def test_both_participants_begin_as_the_closure_of_the_case_says(folder, pressed):
+    give_closure(folder, BAG + f'pressed = "{pressed}"\n', WETTED)
+    solid, fluid = built(folder, "solid"), built(folder, "fluid")
+    formed = read_formed_part(folder / "forming.nc")
+    setup = set_up(formed, read_infiltration(folder / "case.toml"))
+    mould = Mould(formed, setup.filling(), setup.case.closure, 1.0)
+    for one, other in ((solid, mould.solid), (fluid, FillingPart(mould.filling))):
+        for name in ("thickness", "pore_pressure", "volume"):
+            np.testing.assert_array_equal(
+                one.get_fields([name])[name], other.get_fields([name])[name]
+            )
+    np.testing.assert_array_equal(solid.thickness, fluid.filling.state.thickness)
+    wet = solid.thickness.reshape(COLUMNS, 2)[:4]  # and those that share nodes with them
+    if pressed == "wet":
+        np.testing.assert_array_equal(wet, THICKNESS)
+    else:
+        assert wet.max() < 0.9 * THICKNESS
+
+
+@pytest.mark.parametrize("wetted", ["", WETTED], ids=["dry", "wet"])
+def test_a_bag_over_an_infusion_is_that_of_the_system_in_process(folder, wetted):
     size, count = 0.25, 6
+    give_closure(folder, wetted=wetted)
     data = dict.fromkeys(FIELDS, ("Solid", 1)) | {"Pressure": ("Fluid", 1)}
     config = Configured(
         "Solid", "Fluid", {"Solid": "Solid-Mesh", "Fluid": "Fluid-Mesh"}, data, size,
@@ -130,14 +168,10 @@ def test_a_bag_over_an_infusion_is_that_of_the_system_in_process(folder):
     solid, fluid = written["solid"].part, written["fluid"].part
 
     part = read_formed_part(folder / "forming.nc")
-    case = read_case(folder / "solid.toml")
-    law = compaction_of(part)
-    filling = set_up(part, read_infiltration(folder / "case.toml")).filling()
-    outside = closure_of(case.part.closure, part.cell("thickness"), np.ones(part.target.cell_count))
-    parts = {
-        "solid": LocalCompaction(law, outside, filling.mesh.areas, pore_pressure=5e3),
-        "fluid": FillingPart(filling),
-    }
+    case = read_infiltration(folder / "case.toml")
+    filling = set_up(part, case).filling()
+    own = FillingPart(filling)
+    parts = {"solid": begin(part, own, case.closure).solid, "fluid": own}
     tight = Tolerance(1e-12)
     exchanges = [
         Exchange("solid", "fluid", "volume_rate", of_window="mean", within="held", tolerance=tight),
@@ -206,6 +240,10 @@ WRONG = {
     "an unknown key": ("substep = 2\n", r'substep is unknown; did you mean "substeps"\?'),
     "no part": ("-part", "part is missing"),
     "an unknown part": ('-type = "compaction"\n+type = "cooking"', "part: "),
+    "a window of its own": ('-"1.01 bar"+"1 bar", window = "1 s"', r"part\.closure\.window: "),
+    "a wet start": ('-"1.01 bar"+"1 bar", pressed = "wet"', r"part\.closure\.pressed: .* case"),
+    "a pressure beside a case": ('-closure = {+case = "c.toml" #', r"part\.pressure: "),
+    "two closures": ('-"forming.nc"+"f.nc"\ncase = "c.toml"', r"part\.closure: .* both"),
     "a number without a unit": ('-"1.01 bar"+3.0', r"part\.closure\.pressure"),
 }
 
@@ -227,11 +265,17 @@ def test_wrong_files_of_participants_are_refused(folder, name):
     assert "solid.toml" in str(caught.value)
 
 
-def test_a_closure_belongs_to_the_other_participant(folder):
-    with open(folder / "case.toml", "a") as file:
-        file.write('[closure]\ntype = "bag"\npressure = "1 bar"\n')
-    with pytest.raises(InputError, match="is the other participant's"):
-        build_part(read_case(folder / "fluid.toml"), folder, lambda share, text: None)
+def test_a_textile_that_begins_thinner_than_the_infiltration_does_is_told(folder):
+    with pytest.warns(UserWarning, match="begins up to .* % thinner .* name that case with case"):
+        solid = built(folder, "solid")
+    fluid = built(folder, "fluid")
+    assert solid.thickness.max() < 0.9 * fluid.filling.state.thickness.min()
+
+
+def test_the_case_of_a_textile_needs_a_closure(folder):
+    (folder / "solid.toml").write_text(OF_CASE)
+    with pytest.raises(InputError, match=r"part\.case: has no \[closure\]"):
+        built(folder, "solid")
 
 
 def test_the_command_writes_an_example_and_says_what_is_missing(tmp_path, capsys, monkeypatch):
