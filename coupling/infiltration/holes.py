@@ -25,7 +25,7 @@ from lcmchain.coupling.infiltration.state import FillingState
 
 #: So many times at most conducts an edge of which a part lies in a hole. A node almost at its rim
 #: would get the pressure of the hole, and stand for a larger one: a dome from a hole of two edges'
-#: radius fills 0.3 % earlier than a resolved one with this, 2 % earlier without a limit, 2 % later
+#: radius fills 0.6 % earlier than a resolved one with this, 2 % earlier without a limit, 2 % later
 #: with 3.
 MOST_WIDER = 5.0
 
