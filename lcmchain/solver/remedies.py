@@ -40,8 +40,8 @@ def growth(model: Model, state: State) -> float:
 def stiffer_contact(model: Model, state: State) -> str:
     """Return the contact stiffness as a scene entry that leaves little of the deepest penetration.
 
-    Pressures on faces are known until the end of the process. A stiffness that is given switches off what
-    drives depths to zero by itself, which is then asked for as well.
+    Pressures on faces are known until the end of the process. A stiffness that is given switches
+    off what drives depths to zero by itself, which is then asked for as well.
     """
     thickness = min(body.material.thickness for body in model.bodies)
     depth = float(state.penetration_max.max())
