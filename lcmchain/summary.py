@@ -24,12 +24,14 @@ from lcmchain.check.tools_without_touch import tools_never_touched
 from lcmchain.effects.mass_scaling import added_mass
 from lcmchain.results import RUNNING
 from lcmchain.scene import left_out_of, rung_of
-from lcmchain.state import HALVINGS
+from lcmchain.solver.remedies import stiffer_contact
+from lcmchain.state import HALVINGS, State
 from lcmchain.thresholds import LARGEST_KINETIC_PART_AT_END, LARGEST_PENETRATION
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from lcmchain.model import Model
     from lcmchain.scene import Scene
     from lcmchain.solver.simulation import Simulation
 
@@ -114,6 +116,7 @@ def run_summary(
         "penetration_max_m": dict(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
         ),
+        **_penalty_needed(model, state),
         **hidden_compaction(model, snapshots),
         "step_control": dict(simulation.control.history),
         "step_halvings": int(state.counters[HALVINGS]),
@@ -133,6 +136,14 @@ def run_summary(
         *fibre_strain_warnings(summary),
     ]
     return summary | {"warnings": list(dict.fromkeys(found)), "mapping": {}}
+
+
+def _penalty_needed(model: Model, state: State) -> dict[str, str]:
+    """Return the scene entry for a contact stiffness where nodes lie too deep in a tool."""
+    limit = LARGEST_PENETRATION * min(body.material.thickness for body in model.bodies)
+    if not (state.penetration_max > limit).any():
+        return {}
+    return {"contact_penalty_needed": stiffer_contact(model, state)}
 
 
 def energy_measures(energies: Sequence[Mapping[str, float]], idle: float = 0.0) -> dict[str, float]:
@@ -188,5 +199,8 @@ def run_warnings(summary: Mapping, thickness: float) -> list[str]:
         )
     for tool, depth in summary["penetration_max_m"].items():
         if depth > LARGEST_PENETRATION * thickness:
-            found.append(f"nodes reached {1e3 * depth:.2f} mm into {tool}; raise contact.penalty")
+            found.append(
+                f"nodes reached {1e3 * depth:.2f} mm into {tool}; set "
+                f"{summary.get('contact_penalty_needed', 'a larger contact.penalty')}"
+            )
     return found

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.check.quasi_static import two_digits
+from lcmchain.quantities.rounded import two_digits
 from lcmchain.scene import Scene
 from lcmchain.thresholds import LARGEST_FIBRE_STRAIN
 

@@ -22,6 +22,7 @@ from lcmchain.fields.loads import exceeded_over, has_histories
 from lcmchain.materials.law import Material
 from lcmchain.model import Model
 from lcmchain.quantities.durations import milliseconds_text
+from lcmchain.quantities.rounded import milliseconds, two_digits
 from lcmchain.scene import Scene
 from lcmchain.scene.pace import balance_remedies, entries_that_slow, is_driven, is_led
 from lcmchain.thresholds import (
@@ -294,14 +295,3 @@ def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
         "inertia will be part of forces and shape; use process.time = "
         f"{milliseconds(needed.least)} or more"
     ]
-
-
-def milliseconds(time: float) -> str:
-    """Return a time as an entry of a scene, rounded up to two digits."""
-    return f'"{-float(two_digits(-1e3 * time)):g} ms"'
-
-
-def two_digits(value: float) -> str:
-    """Return a number rounded down to two digits (up if it is negative)."""
-    unit = 10.0 ** (math.floor(math.log10(abs(value))) - 1)
-    return f"{math.floor(value / unit + 1e-6) * unit:g}"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from lcmchain.check.quasi_static import two_digits
 from lcmchain.fields.table import NO_THICKNESS
+from lcmchain.quantities.rounded import two_digits
 from lcmchain.scene import Scene, left_out_of
 from lcmchain.scene.fabrics import preset_remarks
 

@@ -10,6 +10,13 @@ from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
+from lcmchain.solver.remedies import (
+    bending_tool,
+    element_size,
+    finer_elements,
+    slower_loads,
+    stiffer_contact,
+)
 from lcmchain.solver.runaway import cause_of_runaway, energies_in_words
 from lcmchain.state import (
     EXTERNAL,
@@ -92,7 +99,7 @@ def require_outside(model: Model, state: State) -> None:
         f"nodes are {depth:.3f} mm inside {model.tool_names[tool]} at {when(state)}, more than "
         f"{DEEPEST_PENETRATION:g} of the thickness of the sheet. Likely cause: too much pressure "
         f"for a contact stiffness of {1e-9 * model.environment.penalty:.3g} N/mm^3; check gap and "
-        "stroke of the tools, or raise contact.penalty"
+        f"stroke of the tools, or set {stiffer_contact(model, state)}"
     )
 
 
@@ -135,30 +142,38 @@ def require_resolved(model: Model, state: State, energy: Mapping[str, float]) ->
         f"the hourglass energy is {part:.0%} of the strain energy at {when(state)}, more than "
         f"{LARGEST_HOURGLASS_PART:.0%}: forces and shape cannot be trusted. The most is in element "
         f"{element} at {millimetres(place)}. Likely cause: "
-        f"{_cause_of_hourglass(model, state, energy)}"
+        f"{_cause_of_hourglass(model, state, energy, element)}"
     )
 
 
-def _cause_of_hourglass(model: Model, state: State, energy: Mapping[str, float]) -> str:
-    """Say why elements cannot follow the sheet: how it was struck, or how large they are.
+def _cause_of_hourglass(
+    model: Model, state: State, energy: Mapping[str, float], element: int
+) -> str:
+    """Say why elements cannot follow the sheet: how it was struck, or how large they are, or both.
 
     A sheet that is struck bends between the tools tighter than their radii. A strip over an edge of
     5 mm, struck within 150 ms, reaches an hourglass energy of 28 % of the strain energy with
-    elements of 1.5 mm; within 600 ms it stays at 0.1 %.
+    elements of 1.5 mm; within 600 ms it stays at 0.1 %. Where a tool turns under the element by
+    more than elements of this size can follow, no slower process cures it.
     """
-    areas = np.concatenate([body.mesh.element_areas for body in model.bodies])
-    edge = 1e3 * float(np.sqrt(np.median(areas)))
+    edge = 1e3 * element_size(model)
+    finer = finer_elements(model, state, hourglass_part(model, energy))
     moved = largest_kinetic_energy(state) / energy["internal"]
-    if moved > LARGEST_KINETIC_PART:
+    if moved <= LARGEST_KINETIC_PART:
         return (
-            f"the sheet was struck, its kinetic energy reached {moved:.0%} of this strain energy "
-            f"(quasi-static: below {LARGEST_KINETIC_PART:.0%}), and it folds tighter than elements "
-            f"of {edge:.3g} mm can follow; use a longer process.time, or slower loads, before a "
-            "smaller blank.edge_length"
+            f"elements of {edge:.3g} mm are too coarse for the radii of the tools, or for folds of "
+            f"the sheet between them; use {finer}, if it grows as it did until now"
         )
+    bent = bending_tool(model, state, element)
+    also = (
+        f", and {finer}, since {bent} turns too fast for elements of {edge:.3g} mm"
+        if bent
+        else (f", before a smaller blank.edge_length than {edge:.3g} mm")
+    )
     return (
-        f"elements of {edge:.3g} mm are too coarse for the radii of the tools, or for folds of the "
-        "sheet between them; use a smaller blank.edge_length"
+        f"the sheet was struck, its kinetic energy reached {moved:.0%} of this strain energy "
+        f"(quasi-static: below {LARGEST_KINETIC_PART:.0%}), and it folds tighter than its elements "
+        f"can follow; use {slower_loads(model, moved)}{also}"
     )
 
 

@@ -24,6 +24,7 @@ from lcmchain.solver.guards import (
     energy_floor,
     when,
 )
+from lcmchain.solver.remedies import finer_elements, stiffer_contact
 from lcmchain.solver.runaway import JUMP
 from lcmchain.state import HALVINGS, State
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
@@ -63,7 +64,7 @@ def diagnosis(model: Model, state: State, energy: dict[str, float], interval: fl
         *(finding for body in model.bodies for finding in _of_elements(model, body, state)),
         *_of_contact(model, state),
         *_of_tools(model, state, interval),
-        *_of_energy(model, energy),
+        *_of_energy(model, state, energy),
         _of_speed(model, state, interval),
     ]
     worst = max(found, key=lambda finding: finding.part)
@@ -120,7 +121,7 @@ def _of_contact(model: Model, state: State) -> Iterator[Finding]:
     yield Finding(
         depth / limit,
         f"deepest penetration {1e3 * depth:.3f} mm ({model.tool_names[tool]})",
-        "check gap and stroke of the tools, or raise contact.penalty",
+        f"check gap and stroke of the tools, or set {stiffer_contact(model, state)}",
     )
 
 
@@ -147,14 +148,15 @@ def _of_tools(model: Model, state: State, interval: float) -> Iterator[Finding]:
     )
 
 
-def _of_energy(model: Model, energy: dict[str, float]) -> Iterator[Finding]:
+def _of_energy(model: Model, state: State, energy: dict[str, float]) -> Iterator[Finding]:
     if energy["internal"] <= energy_floor(model):
         return
     part = energy["hourglass"] / energy["internal"]
     yield Finding(
         part / LARGEST_HOURGLASS_PART,
         f"hourglass energy {part:.1%} of the strain energy",
-        "the elements are too coarse for the tools; use a smaller blank.edge_length",
+        "the elements are too coarse for the tools; use "
+        f"{finer_elements(model, state, max(part, 1e-9))}",
     )
 
 

@@ -53,6 +53,28 @@ def test_a_folded_element_is_named(simulation, fraction, word):
         simulation.advance_to(1e-4)
 
 
+PRESS = """
+[[tools]]
+name = "bed"
+shape = { type = "plate", side = "below" }
+[[tools]]
+name = "press"
+shape = { type = "plate", side = "above" }
+position = "0 0 1.2 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "0.1 mm" }
+"""
+BAG = """
+[[tools]]
+name = "bed"
+shape = { type = "plate", side = "below" }
+[[pressure]]
+name = "bag"
+face = "top"
+value = "0.5 MPa"
+ramp = "1 ms"
+"""
+
+
 def test_a_sheet_that_sinks_into_a_tool_stops_the_run():
     """Plates closed to half the thickness: 7 MPa are beyond the automatic contact stiffness."""
     plates = """
@@ -67,8 +89,50 @@ def test_a_sheet_that_sinks_into_a_tool_stops_the_run():
         """
     text = SCENE.replace('"1 ms"', '"10 ms"') + plates
     sim = Simulation.from_scene(scene_from_text(text, overrides=["contact.depth=free"]))
-    with pytest.raises(SimulationError, match=r"0\.1\d+ mm inside (bed|press) .* contact\.penalty"):
+    words = r'0\.1\d+ mm inside (bed|press) .* contact\.penalty = "(\d+) N/mm\^3"$'
+    with pytest.raises(SimulationError, match=words) as error:
         sim.advance_to(10e-3)
+    # what is named lets the same plates press to their end, at twice this pressure and more
+    value = str(error.value).split("set ")[1]
+    cured = text.replace('"1 mm"', '"0.4 mm"')
+    again = Simulation.from_scene(
+        scene_from_text(cured, overrides=["contact.depth=free", value.replace(" = ", "=")])
+    )
+    again.advance_to(10e-3)
+    assert again.state.penetration_max.max() < 0.1 * again.model.material.thickness
+
+
+def sunk(scene, depth, part_of_the_process):
+    """A simulation with so deep a penetration [m], and the entry that its guard names."""
+    sim = Simulation.from_scene(scene_from_text(scene))
+    sim.state.penetration_max[0] = depth
+    sim.state.clock[TIME] = part_of_the_process * sim.model.process_time
+    with pytest.raises(SimulationError, match="mm inside") as error:
+        guards.require_outside(sim.model, sim.state)
+    return sim, str(error.value).split("or set ")[1]
+
+
+def named_stiffness(entry):
+    """The contact stiffness [Pa/m] of a scene entry."""
+    return 1e9 * float(entry.split('"')[1].split()[0])
+
+
+def test_the_stiffness_that_is_named_leaves_little_depth_until_the_end_of_the_process():
+    """A tool that goes on presses with the square of its travel; a bag as its table says."""
+    thickness = 1.004e-3
+    press = SCENE + PRESS
+    for part in (0.5, 1.0):
+        sim, entry = sunk(press, 0.2e-3, part)
+        deepest = 0.2e-3 / part**2 * sim.model.environment.penalty / named_stiffness(entry)
+        assert 0.9 * 0.05 * thickness < deepest < 1.001 * 0.05 * thickness
+        assert 'contact.depth = "zero"' not in entry
+    # where depths are driven to zero by themselves, a stiffness that is given switches that off
+    _, entry = sunk(press.replace('"0.1 mm"', '"0.3 mm"'), 0.2e-3, 1.0)
+    assert entry.endswith('N/mm^3" and contact.depth = "zero"')
+    bag = SCENE + BAG
+    sim, entry = sunk(bag, 0.2e-3, 0.25)  # a quarter of the ramp: 0.104 of the pressure
+    deepest = 0.2e-3 / 0.1035 * sim.model.environment.penalty / named_stiffness(entry)
+    assert deepest == pytest.approx(0.05 * thickness, rel=0.1)
 
 
 def test_energy_from_nowhere_stops_the_run(simulation):
@@ -203,13 +267,15 @@ def test_a_mesh_that_the_hourglass_terms_carry_is_named(simulation):
         look(part - 0.01, sound)
         look(part, carried)
     look(0.17, carried)
-    words = r"16% of the strain energy at .* in element \d+ at .* of 10 mm .* radii .*edge_length"
+    # it has grown to 16 % within 0.19 of the process: 10 mm (0.05 * 0.19 / 0.16)^½
+    words = r'16% of the strain energy at .* in element \d+ at .* of 10 mm .* radii .*"2\.4 mm"'
     with pytest.raises(SimulationError, match=words):
         look(0.19, carried)
     # a sheet that was struck is to be formed slower first
     state.samples[0, SAMPLE_COLUMNS.index("kinetic")] = 11.0 * floor
     state.counters[SAMPLES] = 1
-    with pytest.raises(SimulationError, match="struck, .* reached 11% .* longer process.time"):
+    words = r'struck, .* reached 11% .* use process.time = "1\.1 ms", before a smaller blank'
+    with pytest.raises(SimulationError, match=words):
         look(0.19, carried)
     state.samples[0, SAMPLE_COLUMNS.index("kinetic")] = 9.0 * floor
     with pytest.raises(SimulationError, match="too coarse for the radii"):
@@ -262,3 +328,37 @@ def test_the_hourglass_guard_looks_at_times_of_its_own(simulation):
             state.clock[LOOKED] = state.time
     assert np.allclose(np.diff(due), guards.LOOK_INTERVAL, atol=0.0026)
     assert due[-1] == 1.0
+
+
+def struck(scene, element_at):
+    """What a guard says of a sheet that was struck, the most hourglass energy at a place [m]."""
+    sim = Simulation.from_scene(scene_from_text(scene))
+    model, state = sim.model, sim.state
+    centres = model.body.mesh.mid_surface(model.node_positions)[model.body.mesh.sheet_faces]
+    element = int(np.argmin(np.linalg.norm(centres.mean(axis=1)[:, :2] - element_at, axis=1)))
+    state.position[0, model.body.mesh.elements[element]] += 1e-5 * np.array([1, -1, 1, -1] * 2)
+    floor = guards.energy_floor(model)
+    state.samples[0, SAMPLE_COLUMNS.index("kinetic")] = 40.0 * floor
+    state.counters[SAMPLES] = 1
+    state.clock[TIME] = model.process_time
+    energy = {"internal": 100.0 * floor, "hourglass": 20.0 * floor, "kinetic": 0.0}
+    with pytest.raises(SimulationError, match="struck") as error:
+        guards.require_resolved(model, state, energy)
+    return str(error.value)
+
+
+def test_a_struck_sheet_is_told_of_its_elements_too_where_a_tool_turns_faster_than_they_can():
+    """No slower process cures elements of 10 mm on a ball of 12 mm; on one of 60 mm it does."""
+    ball = """
+        [[tools]]
+        name = "ball"
+        shape = { type = "sphere_capped_punch", radius = "%s mm" }
+        position = "0 0 1.004 mm"
+        motion = { type = "stroke", direction = [0, 0, -1], distance = "1 mm" }
+        """
+    told = struck(SCENE + ball % 12, [5e-3, 5e-3])
+    assert 'use process.time = "2 ms", and blank.edge_length = "5 mm", since ball turns' in told
+    told = struck(SCENE + ball % 60, [5e-3, 5e-3])
+    assert 'use process.time = "2 ms", before a smaller blank.edge_length' in told
+    bag = struck(SCENE + BAG, [5e-3, 5e-3])
+    assert 'process.time = "2 ms" with pressure.ramp 2 times as long, or more process.mass' in bag

@@ -1,0 +1,16 @@
+"""Values of two digits, as remedies name them for a scene."""
+
+from __future__ import annotations
+
+import math
+
+
+def milliseconds(time: float) -> str:
+    """Return a time as an entry of a scene, rounded up to two digits."""
+    return f'"{-float(two_digits(-1e3 * time)):g} ms"'
+
+
+def two_digits(value: float) -> str:
+    """Return a number rounded down to two digits (up if it is negative)."""
+    unit = 10.0 ** (math.floor(math.log10(abs(value))) - 1)
+    return f"{math.floor(value / unit + 1e-6) * unit:g}"
