@@ -205,6 +205,7 @@ class WithThickness(Known):
 @pytest.mark.parametrize(
     ("within", "budget"),
     [("3 deg shear", None), ("1 deg shear", None), (None, "20 s"), (None, "60 s"), (None, "400 s")],
+    ids=["loose-wish", "wish", "small-budget", "budget", "large-budget"],
 )
 def test_a_wish_and_a_budget_state_the_errors_of_a_run_by_one_rule(dent, tmp_path, within, budget):
     """By meshes that are fine enough, and with what its settings leave, wished for or not."""

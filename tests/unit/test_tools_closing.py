@@ -147,7 +147,7 @@ DEEP = """
 name = "punch"
 shape = {{ type = "sphere_capped_punch", radius = "75 mm" }}
 position = "0 0 1.004 mm"
-motion = {{ type = "stroke", direction = [0, 0, -1], distance = "75 mm" }}
+motion = {{ type = "stroke", direction = [0, 0, -1], distance = "90 mm" }}
 [[tools]]
 name = "floor"
 shape = {{ type = "plate", side = "below" }}
@@ -157,10 +157,10 @@ position = "0 0 {floor} mm"
 
 def test_a_gap_far_below_the_flat_sheet_is_found_by_check_and_by_the_control_of_depths():
     """The pole of a ball above a floor: from the sheet all ways lead to the sides of the ball."""
-    scene = scene_from_text(SCENE.format(tools=DEEP.format(floor=-74.796)))
+    scene = scene_from_text(SCENE.format(tools=DEEP.format(floor=-89.796)))
     (closing,) = check_scene(scene).closing
     assert closing.end.gap == pytest.approx(0.8e-3, rel=1e-3)
-    assert closing.end.place == pytest.approx([0.0, 0.0, -74.396e-3], abs=2e-3)
+    assert closing.end.place == pytest.approx([0.0, 0.0, -89.396e-3], abs=2e-3)
     model = build_model(scene)
     found = closest_gap(model.tools, places_of_sheet([model.body.mesh]), model.process_time)
     assert found == pytest.approx(closing.closest.gap, rel=1e-6)
