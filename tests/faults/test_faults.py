@@ -360,8 +360,11 @@ def disk_full_at(name):
 @pytest.mark.parametrize(
     "name",
     [
-        "summary.json", FRAME_FILE_NAME, FILE_NAME, "forming.nc", "forming.vtu", "forming.pvd",
-        "shear_angle.png", "onward.nc", "onward.vtu", "onward.png", "onward.json",
+        "summary.json", FRAME_FILE_NAME, FILE_NAME, "forming.nc", "forming.vtu", "shear_angle.png",
+        "onward.nc",
+        # written in the same way as those of their kind above
+        *(pytest.param(name, marks=pytest.mark.slow)
+          for name in ("forming.pvd", "onward.vtu", "onward.png", "onward.json")),
     ],
 )  # fmt: skip
 def test_a_full_disk_loses_nothing(scenes, complete, folder, name):
