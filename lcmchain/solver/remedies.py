@@ -56,7 +56,9 @@ def stiffer_contact(model: Model, state: State) -> str:
         )
         grows = max(grows, pressure.largest / max(now, pressure.largest / MOST_PRESSURE_GROWTH))
     left = DEPTH_LEFT * LARGEST_PENETRATION * thickness
-    needed = model.environment.penalty * grows * depth / left
+    needed = model.environment.penalty * max(grows * depth / left, 1.0)
+    if not math.isfinite(needed):
+        return "a larger contact.penalty"
     entry = f'contact.penalty = "{-float(two_digits(-1e-9 * needed)):g} N/mm^3"'
     return entry + (' and contact.depth = "zero"' if model.environment.depth_time else "")
 
@@ -67,6 +69,8 @@ def slower_loads(model: Model, moved: float) -> str:
     moved : kinetic energy over the strain energy, which falls with the square of the time.
     """
     tools = model.tools
+    if not math.isfinite(moved):
+        return "a longer process.time"
     times = math.sqrt(max(moved / LARGEST_KINETIC_PART, 1.0))
     entries = [] if model.face_pressure is None else ["pressure.ramp"]
     for tool in np.flatnonzero(tools.motion_kind == GUIDED).tolist():
@@ -86,7 +90,10 @@ def finer_elements(model: Model, state: State, part: float) -> str:
     part : hourglass energy over strain energy, which falls with the square of the edge length.
     """
     at_the_end = part * growth(model, state)
-    edge = element_size(model) * math.sqrt(min(LARGEST_HOURGLASS_PART / at_the_end, 1.0))
+    if not math.isfinite(at_the_end):
+        return "a smaller blank.edge_length"
+    coarser = max(at_the_end / LARGEST_HOURGLASS_PART, 1.0)
+    edge = element_size(model) / math.sqrt(coarser)
     return f'blank.edge_length = "{two_digits(1e3 * edge)} mm"'
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from lcmchain import state as columns
 from lcmchain.errors import SimulationError
 from lcmchain.scene import scene_from_text
-from lcmchain.solver import guards
+from lcmchain.solver import guards, remedies
+from lcmchain.solver.recovery import diagnosis
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import (
     EXTERNAL,
@@ -362,3 +365,19 @@ def test_a_struck_sheet_is_told_of_its_elements_too_where_a_tool_turns_faster_th
     assert 'use process.time = "2 ms", before a smaller blank.edge_length' in told
     bag = struck(SCENE + BAG, [5e-3, 5e-3])
     assert 'process.time = "2 ms" with pressure.ramp 2 times as long, or more process.mass' in bag
+
+
+def test_remedies_are_named_for_a_sheet_that_touches_nothing_and_for_one_without_numbers():
+    """A run that breaks in its first steps has no depth and no hourglass energy to go by."""
+    bed = '[[tools]]\nname = "bed"\nshape = { type = "plate", side = "below" }\n'
+    simulation = Simulation.from_scene(scene_from_text(SCENE + bed))
+    model, state = simulation.model, simulation.state
+    present = 1e-9 * model.environment.penalty
+    named = remedies.stiffer_contact(model, state)
+    assert float(re.search(r'penalty = "([\d.e+]+) N', named)[1]) == pytest.approx(present, rel=0.1)
+    assert remedies.finer_elements(model, state, 0.0) == 'blank.edge_length = "10 mm"'
+    assert "nothing here is near its limit" in diagnosis(model, state, simulation.energy(), 1e-4)
+    state.penetration_max[:] = np.inf
+    assert remedies.stiffer_contact(model, state) == "a larger contact.penalty"
+    assert remedies.finer_elements(model, state, np.inf) == "a smaller blank.edge_length"
+    assert remedies.slower_loads(model, np.inf) == "a longer process.time"
