@@ -90,7 +90,7 @@ def require_mesh_fits(element_count: int, memory: int, *, edge_length: float) ->
     needed = element_count * BUILDING_BYTES
     if needed <= memory:
         return
-    fitting = edge_length * math.sqrt(2.0 * needed / memory)
+    fitting = _edges_that_fit(element_count * edge_length**2, memory)
     raise InputError(
         f"{edge_length:g} m makes about {element_count:,} elements, which take about "
         f"{needed / 1e9:.3g} GB, more than the {memory / 1e9:.3g} GB of this machine; choose "
@@ -101,8 +101,12 @@ def require_mesh_fits(element_count: int, memory: int, *, edge_length: float) ->
 
 def shortest_edges(scene: Scene) -> float:
     """Return the edge length [m] whose mesh takes half of this machine's memory to build."""
-    area = polygon_area(outline_of(scene.blank)[0])
-    return math.sqrt(2.0 * BUILDING_BYTES * area / physical_memory())
+    return _edges_that_fit(polygon_area(outline_of(scene.blank)[0]), physical_memory())
+
+
+def _edges_that_fit(area: float, memory: int) -> float:
+    """Return the edge length [m] of a blank [m2] that half of a memory [bytes] holds."""
+    return math.sqrt(2.0 * BUILDING_BYTES * area / memory)
 
 
 def _can_be_meshed(blank: Blank, thickness: float) -> bool:

@@ -56,21 +56,18 @@ def test_a_folded_element_is_named(simulation, fraction, word):
         simulation.advance_to(1e-4)
 
 
-PRESS = """
+BED = """
 [[tools]]
 name = "bed"
 shape = { type = "plate", side = "below" }
-[[tools]]
+"""
+PRESS = BED + """[[tools]]
 name = "press"
 shape = { type = "plate", side = "above" }
 position = "0 0 1.2 mm"
 motion = { type = "stroke", direction = [0, 0, -1], distance = "0.1 mm" }
 """
-BAG = """
-[[tools]]
-name = "bed"
-shape = { type = "plate", side = "below" }
-[[pressure]]
+BAG = BED + """[[pressure]]
 name = "bag"
 face = "top"
 value = "0.5 MPa"
@@ -80,10 +77,7 @@ ramp = "1 ms"
 
 def test_a_sheet_that_sinks_into_a_tool_stops_the_run():
     """Plates closed to half the thickness: 7 MPa are beyond the automatic contact stiffness."""
-    plates = """
-        [[tools]]
-        name = "bed"
-        shape = { type = "plate", side = "below" }
+    plates = BED + """
         [[tools]]
         name = "press"
         shape = { type = "plate", side = "above" }
@@ -369,8 +363,7 @@ def test_a_struck_sheet_is_told_of_its_elements_too_where_a_tool_turns_faster_th
 
 def test_remedies_are_named_for_a_sheet_that_touches_nothing_and_for_one_without_numbers():
     """A run that breaks in its first steps has no depth and no hourglass energy to go by."""
-    bed = '[[tools]]\nname = "bed"\nshape = { type = "plate", side = "below" }\n'
-    simulation = Simulation.from_scene(scene_from_text(SCENE + bed))
+    simulation = Simulation.from_scene(scene_from_text(SCENE + BED))
     model, state = simulation.model, simulation.state
     present = 1e-9 * model.environment.penalty
     named = remedies.stiffer_contact(model, state)
