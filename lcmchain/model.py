@@ -20,6 +20,7 @@ from lcmchain.effects.fibre_bending import (
     frequency_bound,
 )
 from lcmchain.effects.mass_scaling import weight_per_inertia, with_added_mass
+from lcmchain.effects.pace import PaceLaw, pace_law
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
@@ -108,6 +109,7 @@ class Model:
 
     bodies : the sheets; ``placed`` the same for the loop.
     averaging : time over which the mean velocity is taken that damping leaves alone [s], or None.
+    pace : how the pace of a process without a time is found, or None.
     automatic_penalty : whether the contact stiffness was chosen by the program.
     history_interval : between two samples of the histories [s], infinite without histories.
     fibre_bending : of the fibres within the plane, or None.
@@ -130,6 +132,7 @@ class Model:
     support_names: tuple[str, ...]
     environment: Environment
     averaging: float | None
+    pace: PaceLaw | None
     automatic_penalty: bool
     process_time: float
     frame_count: int
@@ -300,6 +303,7 @@ def build_model(
         history_interval=scene.history_interval,
         face_pressures=scene.pressure,
         pore_pressure=pore_pressure,
+        finds_pace=scene.time_is_found,
     )
 
 
@@ -319,6 +323,7 @@ def assemble_bodies(
     history_interval: float = math.inf,
     face_pressures: Sequence[PressureOnFace] = (),
     pore_pressure: bool = False,
+    finds_pace: bool = False,
 ) -> Model:
     """Build the model of sheets that share tools and time, but do not touch each other.
 
@@ -330,6 +335,8 @@ def assemble_bodies(
     supports : of nodes of the model.
     history_interval : between two samples of the histories [s]; none by default.
     face_pressures : on the faces of all sheets. pore_pressure : as for :func:`build_model`.
+    finds_pace : whether the pace follows the energies; the process then takes other times than
+        ``process.time``, which is that at pace 1.
 
     Raises
     ------
@@ -406,6 +413,7 @@ def assemble_bodies(
             gravity=weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
         ),
         averaging=process.damping_average if process.mass_damping > 0.0 else None,
+        pace=pace_law(bodies, float(process.time), process.quasi_static) if finds_pace else None,
         automatic_penalty=contact.penalty is None,
         process_time=float(process.time),
         frame_count=int(process.frames),

@@ -30,12 +30,15 @@ RENEWAL = 6  # given up by elements where the curvature they share was renewed
 WORK_COLUMNS = 7
 
 # Entries of ``State.clock``.
-TIME = 0  # [s]
-LAST_STEP = 1  # size of the last step [s]
+TIME = 0  # of the process [s]
+LAST_STEP = 1  # size of the last step, in the time of the sheet [s]
 OMEGA2 = 2  # bound of the square of the highest frequency of the elements [1/s²]
 LOOKED = 3  # when the guard of the hourglass energy last looked [s]
 RESOLVED = 4  # when it last found that the mesh follows the deformation [s]
-CLOCK_ENTRIES = 5
+PACE = 5  # time of the process that passes in a time of the sheet
+SHEET_TIME = 6  # time of the sheet: the sum of its steps [s]
+MEAN_KINETIC = 7  # running mean of the kinetic energy where the pace is found [J]
+CLOCK_ENTRIES = 8
 
 # Entries of ``State.counters``.
 STEPS = 0  # made so far
@@ -62,7 +65,7 @@ SAMPLED_ENERGIES = (
     "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "damping", "external",
     "balance_error", "mass_damping",
 )  # fmt: skip
-SAMPLE_COLUMNS = ("time", "last_step", *SAMPLED_ENERGIES)
+SAMPLE_COLUMNS = ("time", "sheet_time", "last_step", *SAMPLED_ENERGIES)
 TOOL_SAMPLE_COLUMNS = (
     "travel", "work", "impulse_x", "impulse_y", "impulse_z", "peak_force", "peak_time",
 )  # fmt: skip
@@ -255,7 +258,7 @@ class State(_Arrays):
         "support", "xyz", unit="N s", meaning="integral of the support force over time"
     )
     work: np.ndarray = entry("work", unit="J", meaning="energies, see the columns above")
-    clock: np.ndarray = entry("clock", unit="s, 1/s2", meaning="times, see the entries above")
+    clock: np.ndarray = entry("clock", unit="s, 1/s2, J", meaning="times, see the entries above")
     counters: np.ndarray = entry(
         "counter", unit="1", meaning="counts, see the entries above", dtype=np.int64
     )
@@ -268,6 +271,7 @@ class State(_Arrays):
         """Return the state at time 0: reference positions, no velocity."""
         state = cls.zeros(model)
         state.position[:] = model.node_positions.T
+        state.clock[PACE] = 1.0
         return state
 
     @classmethod
@@ -314,12 +318,17 @@ class State(_Arrays):
 
     @property
     def time(self) -> float:
-        """Present time [s]."""
+        """Present time of the process [s]."""
         return float(self.clock[TIME])
 
     @property
+    def pace(self) -> float:
+        """Time of the process that passes in a time of the sheet; 1 where the scene has a time."""
+        return float(self.clock[PACE])
+
+    @property
     def last_step(self) -> float:
-        """Size of the last step [s]."""
+        """Size of the last step, in the time of the sheet [s]."""
         return float(self.clock[LAST_STEP])
 
     @property

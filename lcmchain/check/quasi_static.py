@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.fields.loads import exceeded_over, has_histories
-from lcmchain.materials.law import Material
+from lcmchain.materials.shear_waves import shear_wave_speeds
 from lcmchain.model import Model
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.quantities.rounded import milliseconds, two_digits
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 
 PERIODS = (3, 5)
 IDLE_STRAIN = 1e-6
-# Shear angle up to which the softest tangent of the law is looked for.
-LARGEST_SHEAR_ANGLE = math.radians(45.0)
 
 
 @dataclass(frozen=True)
@@ -74,16 +72,6 @@ class ProcessTime:
             "least_s": self.least,
             "sufficient_s": self.sufficient,
         }
-
-
-def shear_wave_speeds(material: Material) -> tuple[float, float]:
-    """Return the speed of shear waves in the plane [m/s], at rest and where shear is softest."""
-    angles = np.linspace(0.0, LARGEST_SHEAR_ANGLE, 91)
-    strain = np.zeros((angles.size, 6))
-    strain[:, 3] = np.sin(angles)
-    modulus = material.stress_and_tangent(strain)[1][:, 3, 3]
-    softest = modulus[modulus > 0.0].min()
-    return math.sqrt(modulus[0] / material.density), math.sqrt(softest / material.density)
 
 
 def process_time_needed(model: Model) -> ProcessTime:

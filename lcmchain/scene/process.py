@@ -10,15 +10,36 @@ from lcmchain.effects.mass_scaling import MassScaling
 from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range, Rate, Switch
 from lcmchain.quantities.scene_model import SceneModel
 
+#: What leaving out an entry means, for the table of defaulted values.
+FOUND_TIME = "found from the sheet"
+FOUND_DAMPING = "0 1/s, or found with the time"
+
 
 class Process(SceneModel):
-    """Time, frames, gravity and damping."""
+    """Time, frames, gravity and damping.
 
-    time: PositiveTime = Field(description="Simulated time.")
+    Without a time the scene fills in what it finds (:mod:`lcmchain.scene.found_time`).
+    """
+
+    time: Annotated[PositiveTime, AbsentMeans(FOUND_TIME)] = Field(
+        default=None,  # type: ignore[assignment]  # the scene fills it in before anybody reads it
+        validate_default=False,
+        description="Simulated time. Left out where a stroke leads the sheet, it is found from the "
+        "sheet, and the pace of the process follows its energies.",
+    )
+    quasi_static: Annotated[float, Number(2.0, Range(0.1, 100.0))] = Field(
+        default=1.0,
+        description="How slow a process without a time is: 2 takes twice the steps, and has a "
+        "quarter of the kinetic energy.",
+    )
     frames: Annotated[int, Number(21, Range(2, 100_000), whole=True)] = Field(
         default=21, description="Saved frames, including the start."
     )
-    mass_damping: Rate = Field(default="0 1/s", description="Mass-proportional damping.")  # type: ignore[assignment]
+    mass_damping: Annotated[Rate, AbsentMeans(FOUND_DAMPING)] = Field(
+        default="0 1/s",  # type: ignore[assignment]
+        description="Mass-proportional damping; without it 0 1/s, and found together with a time "
+        "that is left out.",
+    )
     damping_average: Annotated[PositiveTime | None, AbsentMeans("none: all motion is damped")] = (
         Field(
             default=None,

@@ -25,6 +25,12 @@ from lcmchain.mesh.blank import Blank
 from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.draping import Draping
+from lcmchain.scene.found_time import (
+    AVERAGING_PART,
+    DAMPING_TIMES_TIME,
+    found_time,
+    why_time_is_needed,
+)
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.mapping_target import MappingTarget
 from lcmchain.scene.names import with_own_names
@@ -33,6 +39,7 @@ from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.presets import fill_preset
 from lcmchain.scene.process import Process
 from lcmchain.scene.unit import Unit
+from lcmchain.tools.motion import PRESCRIBED
 from lcmchain.tools.tool import Tool
 
 #: Text that takes back an optional table, for overrides: TOML has no null.
@@ -79,7 +86,7 @@ class Scene(SceneModel):
     title: Annotated[str, Text("Hemisphere with blank holder")] = Field(
         default="untitled", description="Title of pictures and files."
     )
-    process: Process
+    process: Process = Field(default_factory=Process)
     blank: Blank
     material: AnyMaterial = Field(description="What the sheet is made of, and how it deforms.")
     element: SheetElement = Field(
@@ -131,11 +138,17 @@ class Scene(SceneModel):
     _source: SceneSource | None = PrivateAttr(default=None)
     _switched: tuple[Switched, ...] = PrivateAttr(default=())
     _before_switches: dict[str, Any] = PrivateAttr(default_factory=dict)
+    _time_is_found: bool = PrivateAttr(default=False)
 
     @property
     def source(self) -> SceneSource:
         """Where the scene came from; empty for a scene built in Python."""
         return self._source or SceneSource(None, Path.cwd(), "", "")
+
+    @property
+    def time_is_found(self) -> bool:
+        """Whether the process has no time of its own: ``process.time`` is that at pace 1."""
+        return self._time_is_found
 
     @property
     def switched(self) -> tuple[Switched, ...]:
@@ -185,13 +198,49 @@ class Scene(SceneModel):
     @classmethod
     def _complete_tools(cls, tools: tuple[Tool, ...], info: ValidationInfo) -> tuple[Tool, ...]:
         """Fill the tool entries whose default is another entry of the scene."""
-        contact, process = info.data.get("contact"), info.data.get("process")
-        if contact is None or process is None:
+        known = [info.data.get(name) for name in ("contact", "process", "blank", "material")]
+        if any(table is None for table in known):
             return tools  # their own errors are reported; nothing to fill from
+        contact, process, blank, material = known
+        keys = [f'[{index}] "{tool.name}"' for index, tool in enumerate(tools)]
+        time = process.time
+        if time is None:
+            time = found_time(process, blank.extent, material.build(), _longest_stroke(tools))
+            tools = tuple(
+                tool.without_time(time, key=key) for tool, key in zip(tools, keys, strict=True)
+            )
         return tuple(
-            tool.completed(contact.friction, process.time, key=f'[{index}] "{tool.name}"')
-            for index, tool in enumerate(tools)
+            tool.completed(contact.friction, time, key=key)
+            for tool, key in zip(tools, keys, strict=True)
         )
+
+    @model_validator(mode="after")
+    def _find_time(self) -> Self:
+        """Fill in the time and the damping of a process that has none of its own."""
+        process = self.process
+        if process.time is not None:
+            if process.quasi_static != 1.0:
+                raise wrong(
+                    f"is {process.quasi_static:g}, but process.time says how slow the process is; "
+                    "leave one of them out",
+                    field="process.quasi_static",
+                )
+            return self
+        led = any(tool.motion.kind == PRESCRIBED for tool in self.tools)
+        reason = why_time_is_needed(self, led)
+        if reason is not None:
+            raise wrong(f'is missing, and {reason}; give time = "200 ms"', field="process.time")
+        stroke = _longest_stroke(self.tools)
+        time = found_time(process, self.blank.extent, self.material.build(), stroke)
+        found = {"time": time}
+        if "mass_damping" not in process.model_fields_set:
+            found["mass_damping"] = DAMPING_TIMES_TIME / time
+        if process.damping_average is None:
+            found["damping_average"] = AVERAGING_PART * time
+        # the scene is frozen for everybody else
+        self.__dict__["process"] = process.model_copy(update=found)
+        self._time_is_found = True
+        return self
 
     @model_validator(mode="after")
     def _switch_effects(self) -> Self:
@@ -347,3 +396,8 @@ class Scene(SceneModel):
             f'is "{law}", but element = "{element}" knows the law {" and ".join(known)} only; use '
             f'element = "{self.material.families[0]}"'
         )
+
+
+def _longest_stroke(tools: tuple[Tool, ...]) -> float:
+    """Return the longest travel of a tool with a stroke [m], 0 without."""
+    return max((getattr(tool.motion, "distance", 0.0) for tool in tools), default=0.0)

@@ -15,6 +15,7 @@ from lcmchain.state import (
     SAMPLE_COLUMNS,
     SAMPLED_ENERGIES,
     SAMPLES,
+    SHEET_TIME,
     TOOL_SAMPLE_COLUMNS,
     State,
 )
@@ -30,12 +31,12 @@ def next_sample_time(model: Model, state: State) -> float:
 
 def is_due(model: Model, state: State, step: float) -> bool:
     """Tell whether no later step of this size [s] ends nearer to the time of the next sample."""
-    return next_sample_time(model, state) - state.time <= 0.5 * step
+    return next_sample_time(model, state) - state.time <= 0.5 * (state.pace * step)
 
 
 def steps_to_sample(model: Model, state: State, step: float) -> int:
     """Return the number of steps [s] after which the next sample is due, at least one."""
-    ahead = (next_sample_time(model, state) - state.time) / step
+    ahead = (next_sample_time(model, state) - state.time) / (state.pace * step)
     return max(1, math.ceil(min(ahead, 1e9) - 0.5))
 
 
@@ -47,7 +48,12 @@ def take_sample(state: State, energy: Mapping[str, float]) -> None:
     row = state.samples[state.counters[SAMPLES]]
     energies = {"inelastic": 0.0, **energy, "mass_damping": state.work[MASS_DAMPING]}
     own = len(SAMPLE_COLUMNS)
-    row[:own] = state.time, state.last_step, *(energies[name] for name in SAMPLED_ENERGIES)
+    row[:own] = (
+        state.time,
+        float(state.clock[SHEET_TIME]),
+        state.last_step,
+        *(energies[name] for name in SAMPLED_ENERGIES),
+    )
     width = len(TOOL_SAMPLE_COLUMNS)
     for tool in range(state.tool_travel.size):
         row[own + tool * width :][:width] = (

@@ -40,8 +40,10 @@ from lcmchain.state import (
     KINETIC,
     LAST_STEP,
     MASS_DAMPING,
+    PACE,
     PEAK_FORCE,
     PEAK_TIME,
+    SHEET_TIME,
     STEPS,
     TIME,
     TOOL_COLUMNS,
@@ -75,8 +77,9 @@ def advance(
     step_count,
     dt,
 ):
-    """Make ``step_count`` steps of size ``dt`` [s].
+    """Make ``step_count`` steps of size ``dt`` [s] of the sheet's time.
 
+    The process goes on by as much times its pace: tools, supports and pressures follow its time.
     ``bodies`` are those placed in the model; ``fibre_bending``, ``pore``, ``face_pressure``,
     ``tools`` and ``supports`` are tables or None; ``pressed`` is True where ``pore`` or
     ``face_pressure`` is there, or None; ``averaging`` is the time over which the mean velocity is
@@ -151,7 +154,8 @@ def advance(
         if tools is not None:
             add_tool_loads(arrays, clock[TIME], dt_last, dt)
             move_tools(arrays, tools, clock[TIME], dt_last, dt)
-        clock[TIME] += dt
+        clock[TIME] += clock[PACE] * dt
+        clock[SHEET_TIME] += dt
         clock[LAST_STEP] = dt
         arrays.counters[STEPS] += 1
 
@@ -371,12 +375,13 @@ def integrate(arrays, free, environment, averaging, first, last, dt_last, dt, su
 def move_supports(arrays, supports, environment, dt_last, dt):
     """Move held components as prescribed, and sum the forces that the supports exert [N].
 
-    Their impulses [N s] are summed over the run as well: a force averaged over an interval is the
-    difference of two impulses, free of the noise of single steps.
+    Their impulses [N s] are summed over the process as well: a force averaged over an interval is
+    the difference of two impulses, free of the noise of single steps.
     """
     position, velocity, free, mass = arrays.position, arrays.velocity, arrays.free, arrays.mass
+    pace = arrays.clock[PACE]
     interval = 0.5 * (dt_last + dt)
-    place = (arrays.clock[TIME] + dt) / supports.interval
+    place = (arrays.clock[TIME] + pace * dt) / supports.interval
     piece = min(int(place), supports.affine.shape[1] - 2)
     s = min(place - piece, 1.0)
     arrays.support_force[:] = 0.0
@@ -390,7 +395,7 @@ def move_supports(arrays, supports, environment, dt_last, dt):
             gravity = -weight_at(environment.gravity, node) if d == 2 else 0.0
             held = mass[node] * ((new - old) / interval - gravity) - arrays.force[d, node]
             arrays.support_force[group, d] += held
-            arrays.support_impulse[group, d] += held * interval
+            arrays.support_impulse[group, d] += held * (pace * interval)
             arrays.work[KINETIC] += 0.5 * mass[node] * old * new
             arrays.work[EXTERNAL] += (held + mass[node] * gravity) * 0.5 * (old + new) * interval
             velocity[d, node] = new
@@ -420,9 +425,9 @@ def add_chunk_sums(arrays):
 def add_tool_loads(arrays, time, dt_last, dt):
     """Sum the impulses [N s] of the tool forces, and keep the largest force of a step [N].
 
-    A force averaged over an interval is the difference of two impulses over its length.
+    A force averaged over an interval of the process is the difference of two impulses over it.
     """
-    interval = 0.5 * (dt_last + dt)
+    interval = arrays.clock[PACE] * 0.5 * (dt_last + dt)
     for tool in range(arrays.tool_force.shape[0]):
         squared = 0.0
         for d in range(3):
@@ -438,7 +443,7 @@ def add_tool_loads(arrays, time, dt_last, dt):
 @routine
 def move_tools(arrays, tools, time, dt_last, dt):
     """Update the travel of every tool: as prescribed, as driven, or by its equation of motion."""
-    work = arrays.work
+    work, pace = arrays.work, arrays.clock[PACE]
     for tool in range(tools.kind.size):
         old = arrays.tool_velocity[tool]
         contact = 0.0
@@ -458,9 +463,9 @@ def move_tools(arrays, tools, time, dt_last, dt):
             arrays.tool_work[tool] -= contact * mean * interval
         else:
             if arrays.driven[tool] != 0:
-                displacement = dt * arrays.tool_input[tool, 0]
+                displacement = dt * (pace * arrays.tool_input[tool, 0])
             else:
-                target, _ = prescribed_travel(tools, tool, time + dt)
+                target, _ = prescribed_travel(tools, tool, time + pace * dt)
                 displacement = target - arrays.tool_travel[tool]
             new = displacement / dt
             on_sheets = -contact * 0.5 * (old * dt_last + displacement)

@@ -11,6 +11,7 @@ import numpy as np
 
 from lcmchain.effects import fibre_bending
 from lcmchain.effects.face_pressure import face_frequencies
+from lcmchain.effects.pace import PaceLaw, next_pace
 from lcmchain.effects.pore_pressure import pore_frequencies, resistance_mobilities
 from lcmchain.elements.family import Body, Condition
 from lcmchain.elements.solid_shell.kernel import SolidShellData
@@ -33,8 +34,10 @@ from lcmchain.state import (
     KINETIC,
     LAST_STEP,
     MASS_DAMPING,
+    MEAN_KINETIC,
     MOST_HALVINGS,
     OMEGA2,
+    PACE,
     RENEWAL,
     RENEWED,
     TIME,
@@ -197,12 +200,14 @@ class Simulation:
         """
         while self.time < time:
             step = self.prepare_steps()
-            remaining = time - self.time
+            remaining = (time - self.time) / self.state.pace
             count = max(1, math.ceil(remaining / step))
             chunk = min(count, STEPS_PER_CHUNK)
             self._make_chunk(chunk, remaining / count)
             if chunk == count:
                 self.state.clock[TIME] = time
+            if self.model.pace is not None:
+                self._find_pace(self.model.pace, chunk * (remaining / count))
             if on_chunk is not None:
                 on_chunk(self)
         self.require_sound()
@@ -351,6 +356,20 @@ class Simulation:
             if histories.is_due(self.model, self.state, step):
                 histories.take_sample(self.state, self.energy())
 
+    def _find_pace(self, law: PaceLaw, duration: float) -> None:
+        """Let the process go on as fast as the sheet follows, after steps of a duration [s]."""
+        state, work = self.state, self.state.work
+        kinetic = float(work[KINETIC])
+        spent = kinetic + float(work[MASS_DAMPING] + work[CONTACT_DAMPING])
+        state.clock[PACE], state.clock[MEAN_KINETIC] = next_pace(
+            law,
+            state.pace,
+            float(state.clock[MEAN_KINETIC]),
+            kinetic,
+            float(work[EXTERNAL]) - spent,
+            duration,
+        )
+
     def _count_steps(self, count: int) -> None:
         history = self.control.history
         history[self.control.cause] = history.get(self.control.cause, 0) + count
@@ -492,12 +511,14 @@ class Simulation:
     def _coming_tool_speed(self, tool: int, interval: float) -> float:
         state, tools = self.state, self.model.tools
         if state.driven[tool]:
-            return abs(float(state.tool_input[tool, 0]))
+            return abs(state.pace * float(state.tool_input[tool, 0]))
         now = abs(float(state.tool_velocity[tool]))
         if tools.motion_kind[tool] == GUIDED:
-            load = guided_load(tools, tool, float(state.tool_input[tool, 1]), self.time + interval)
+            then = self.time + state.pace * interval
+            load = guided_load(tools, tool, float(state.tool_input[tool, 1]), then)
             return now + abs(load) / float(tools.mass[tool]) * interval
-        return max(now, abs(prescribed_travel(tools, tool, self.time + interval)[1]))
+        pace = state.pace
+        return max(now, abs(pace * prescribed_travel(tools, tool, self.time + pace * interval)[1]))
 
     def _step_of(self, omega2: float, element: int, code: int) -> tuple[float, str]:
         """Return 2/ω with the stiffness of the present contacts, and the cause.

@@ -47,6 +47,11 @@ class Tool(SceneModel):
             changes["motion"] = motion
         return self.model_copy(update=changes)
 
+    def without_time(self, process_time: float, *, key: str) -> Self:
+        """Fill the times of the motion in a process without a time; an error names the key."""
+        motion = self.motion.without_time(process_time, key=f"{key}.motion")
+        return self.model_copy(update={"motion": motion})
+
     def local_axes(self, *, key: str) -> np.ndarray:
         """Local axes of the tool as rows, shape [3, 3]; an error names the key.
 

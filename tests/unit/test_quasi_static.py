@@ -16,7 +16,6 @@ from lcmchain.check.quasi_static import (
     process_time_remarks,
     quasi_static_measures,
     quasi_static_warnings,
-    shear_wave_speeds,
 )
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text

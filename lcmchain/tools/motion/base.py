@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.quantities.entry_types import wrong
 from lcmchain.quantities.scene_model import SceneModel
 
 #: Values of ToolTable.motion_kind.
@@ -67,6 +68,23 @@ class ToolMotion(SceneModel):
     def completed(self, process_time: float, *, key: str) -> Self:
         """Fill the entries whose default is another entry of the scene; an error names the key."""
         return self
+
+    def without_time(self, process_time: float, *, key: str) -> Self:
+        """Fill the entries that are times where the process has none; an error names a given one.
+
+        process_time : that is found for it [s].
+        """
+        return self
+
+    def _require_no_time(self, key: str, *entries: str) -> None:
+        """Refuse entries that are times of a process which has none."""
+        for entry in entries:
+            if entry in self.model_fields_set and getattr(self, entry):
+                raise wrong(
+                    "is a time of the process, but process.time is left out; give process.time, "
+                    "or leave this entry out as well",
+                    field=f"{key}.{entry}",
+                )
 
     @property
     def moves(self) -> bool:

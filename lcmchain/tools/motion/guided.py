@@ -5,7 +5,7 @@ Its equation of motion is integrated by the solver; the table holds its data.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -27,6 +27,9 @@ from lcmchain.tools.motion.base import (
     unit_direction,
 )
 from lcmchain.tools.motion.smooth_step import smooth_step
+
+# Of a process without a time: over which the load of a tool comes on.
+RAMP_PART = 0.05
 
 
 @equation
@@ -54,7 +57,7 @@ class GuidedMotion(ToolMotion):
     ramp: TimeOrZero = Field(  # type: ignore[assignment]
         default="0 s",
         description="Time over which weight and force come on smoothly; without it a tool laid on "
-        "the blank bounces with twice its load.",
+        "the blank bounces with twice its load. A process without a time fills it in: a twentieth.",
     )
 
     @property
@@ -62,6 +65,12 @@ class GuidedMotion(ToolMotion):
         """Force along the direction of travel from weight and given force [N]."""
         weight = -STANDARD_GRAVITY * self.mass * self.direction[2] if self.gravity else 0.0
         return self.force + weight
+
+    def without_time(self, process_time: float, *, key: str) -> Self:
+        self._require_no_time(key, "ramp")
+        if "ramp" in self.model_fields_set:
+            return self
+        return self.model_copy(update={"ramp": RAMP_PART * process_time})
 
     def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
         direction = unit_direction(self.direction, key)

@@ -66,6 +66,10 @@ class StrokeMotion(ToolMotion):
             raise wrong(f"is {self.end:g} s, not after the start at {self.start:g} s", field="end")
         return self
 
+    def without_time(self, process_time: float, *, key: str) -> Self:
+        self._require_no_time(key, "start", "end")
+        return self
+
     def completed(self, process_time: float, *, key: str) -> Self:
         end = process_time if self.end is None else self.end
         if self.start >= process_time:

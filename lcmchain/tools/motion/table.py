@@ -68,6 +68,10 @@ class TableMotion(ToolMotion):
             )
         return self
 
+    def without_time(self, process_time: float, *, key: str) -> Self:
+        self._require_no_time(key, "times")
+        return self
+
     def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
         direction = unit_direction(self.direction, key)
         times = np.array(self.times, dtype=float)

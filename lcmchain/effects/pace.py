@@ -1,0 +1,104 @@
+"""Pace of a process that has no time of its own: found while it runs, from the sheet's energies.
+
+Adds: nothing to the equations of the sheet. The process goes on by ``pace`` times what passes for
+the sheet: tools, supports and loads slow down where inertia takes part in the motion of the sheet,
+because it is hardly strained yet, snaps or buckles. Forces of laws without a rate do not depend on
+the pace.
+Source: the measure of quasi-static explicit analyses, kinetic over internal energy (Belytschko,
+Liu, Moran, "Nonlinear Finite Elements", section 6.2; Abaqus, "Quasi-static analysis with
+Abaqus/Explicit": below 5 to 10 %); the controller: own.
+Stability limit: none; the step is that of the sheet.
+Scene: ``process.time`` (left out: the pace is found), ``process.quasi_static``.
+Fields: ``time`` is that of the process; ``history_sheet_time`` (history).
+
+The mean kinetic energy is held below a part of the energy that forming has taken until then:
+external work less what damping took and what moves. It falls with the square of the pace.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lcmchain.effects.effect import Effect
+from lcmchain.materials.shear_waves import shear_energy
+
+#: Kinetic energy in parts of the energy of forming: inertia is no part of the shape below it.
+KINETIC_PART = 0.055
+#: Slowest pace; the fastest is 1.
+SLOWEST = 0.1
+#: Parts of the process time over which the kinetic energy is averaged, and in which the pace grows
+#: and falls by a factor e at most: a tool that changes its speed faster strikes the sheet.
+AVERAGING, GROWTH, FALL = 0.06, 0.3, 0.18
+#: An energy of forming below this part of shearing all of the sheet by this angle [rad] says
+#: nothing of inertia: the sheet is only touched.
+FLOOR_PART, FLOOR_ANGLE = 0.005, 0.1
+
+
+class PaceLaw(NamedTuple):
+    """How a pace is found.
+
+    time : that the process takes at pace 1 [s].
+    quasi_static : how much slower the process is than by default.
+    kinetic_part : bound of the kinetic energy in parts of the energy of forming.
+    floor : energy of forming [J] below which the kinetic energy is compared with it.
+    """
+
+    time: float
+    quasi_static: float
+    kinetic_part: float
+    floor: float
+
+
+def pace_law(bodies: Sequence[Any], time: float, quasi_static: float) -> PaceLaw:
+    """Return how the pace of some sheets is found.
+
+    Parameters
+    ----------
+    time : of the process at pace 1 [s]. quasi_static : as for a scene; the time is in proportion to
+        it, and the kinetic energy falls with the square.
+    """
+    sheared = sum(
+        shear_energy(body.material, FLOOR_ANGLE)
+        * float(np.sum(body.mesh.element_areas))
+        * body.material.thickness
+        for body in bodies
+    )
+    part = KINETIC_PART / quasi_static**2
+    return PaceLaw(time, quasi_static, part, FLOOR_PART * sheared)
+
+
+def next_pace(
+    law: PaceLaw, pace: float, mean_kinetic: float, kinetic: float, formed: float, duration: float
+) -> tuple[float, float]:
+    """Return the pace after some steps, and the mean of the kinetic energy [J].
+
+    Parameters
+    ----------
+    mean_kinetic : before the steps [J]. kinetic, formed : energy of motion, and what forming has
+        taken, after them [J]. duration : of the steps in the time of the sheet [s].
+    """
+    passed = duration / law.time
+    mean_kinetic -= math.expm1(-passed / AVERAGING) * (kinetic - mean_kinetic)
+    excess = mean_kinetic / (law.kinetic_part * max(formed, law.floor))
+    if excess > 1.0:
+        change = -min(0.5 * math.log(excess), passed / FALL)
+    else:
+        change = passed / GROWTH
+        if excess > 0.0:
+            change = min(-0.5 * math.log(excess), change)
+    return min(max(pace * math.exp(change), SLOWEST), 1.0), mean_kinetic
+
+
+def active(model: Any) -> list[Effect]:
+    law = model.pace
+    if law is None:
+        return [Effect("pace", False, f"the process has a time, {1e3 * model.process_time:g} ms")]
+    reason = (
+        f"the kinetic energy stays about below {100 * law.kinetic_part:.2g} % of the energy of "
+        f"forming; at the fastest the process takes {1e3 * law.time:.3g} ms"
+    )
+    return [Effect("pace", True, reason)]

@@ -1,0 +1,59 @@
+"""The time of a process that gives none: from the shear waves of its sheet and its tools' ways.
+
+A process without rates takes any time. In the simulation it takes as long as inertia needs to stay
+small, and no longer. The slowest shear vibration of the sheet, where its law is softest, is the
+measure; while the process runs, its pace follows the energies (:mod:`lcmchain.effects.pace`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from lcmchain.materials.law import Material
+from lcmchain.materials.shear_waves import shear_wave_speeds
+
+#: Periods of the slowest shear vibration that the process takes at the fastest.
+PERIODS = 1.65
+#: Mean speed of a tool at most [m/s]: a stiff sheet has fast waves.
+TOOL_SPEED = 2.0
+#: Rate of the mass damping times the time of the process.
+DAMPING_TIMES_TIME = 16.0
+#: Part of the time over which the motion is averaged that the damping leaves alone.
+AVERAGING_PART = 0.036
+
+
+def found_time(
+    process: Any, extent: tuple[float, float], material: Material, travel: float
+) -> float:
+    """Return the time of a process at pace 1 [s].
+
+    Parameters
+    ----------
+    process : its table, without a time. extent : of the blank along x and y [m].
+    travel : longest stroke of a tool [m].
+    """
+    period = 2.0 * max(extent) / shear_wave_speeds(material)[1]
+    # added mass slows the waves down; what a target step adds is not known before the mesh is
+    scaling = process.mass_scaling
+    slower = 1.0 if scaling is None else math.sqrt(scaling.factor)
+    return process.quasi_static * slower * max(PERIODS * period, travel / TOOL_SPEED)
+
+
+def why_time_is_needed(scene: Any, is_led: bool) -> str | None:
+    """Return why a scene cannot leave its time out, in words that follow "is missing, and"."""
+    if not scene.element.has_forces:
+        return None
+    if scene.wet_forming is not None:
+        return "resin flows while the sheet is formed (infiltration.with_forming)"
+    if not is_led:
+        return (
+            "no tool has a stroke: weight, pressures and the loads of guided tools move the sheet "
+            "in a time of their own"
+        )
+    given: dict[str, Any] = {"output.history_interval": scene.output.history_interval}
+    for index, pressure in enumerate(scene.pressure):
+        key = f'pressure[{index}] "{pressure.name}"'
+        given |= {f"{key}.ramp": pressure.ramp, f"{key}.times": pressure.times}
+    found = [key for key, value in given.items() if value is not None]
+    return f"{found[0]} is a time of the process" if found else None
