@@ -60,7 +60,7 @@ PEAK_ENTRIES = 2
 
 # Columns of ``State.samples``, then those of every tool, one tool after the other. Energies [J] are
 # named as in :meth:`lcmchain.solver.simulation.Simulation.energy`; the mass damping is the part of
-# ``damping`` that is not contact damping.
+# ``damping`` that is not contact damping. The last step is in the time of the process.
 SAMPLED_ENERGIES = (
     "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "damping", "external",
     "balance_error", "mass_damping",

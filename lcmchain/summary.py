@@ -6,7 +6,7 @@ import os
 import socket
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,8 +24,9 @@ from lcmchain.check.tools_without_touch import tools_never_touched
 from lcmchain.effects.mass_scaling import added_mass
 from lcmchain.results import RUNNING
 from lcmchain.scene import left_out_of, rung_of
+from lcmchain.scene.pace import slowing_entry
 from lcmchain.solver.remedies import stiffer_contact
-from lcmchain.state import HALVINGS, State
+from lcmchain.state import HALVINGS, SHEET_TIME, State
 from lcmchain.thresholds import LARGEST_KINETIC_PART_AT_END, LARGEST_PENETRATION
 
 if TYPE_CHECKING:
@@ -112,6 +113,7 @@ def run_summary(
         **energy_measures([snapshot.energy for snapshot in snapshots], idle),
         **measures,
         "process_time_needed_s": needed.as_dict(),
+        **_pace(model, state),
         **field_summary(datasets),
         "penetration_max_m": dict(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
@@ -130,12 +132,20 @@ def run_summary(
         *tools_never_touched(model, state, snapshots),
         *field_warnings(datasets["/"], model.material),
         *balance_warning(summary, scene),
-        *run_warnings(summary, scene.material.thickness),
+        *run_warnings(summary, scene.material.thickness, slowing_entry(scene)),
         *hidden_compaction_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),
         *fibre_strain_warnings(summary),
     ]
     return summary | {"warnings": list(dict.fromkeys(found)), "mapping": {}}
+
+
+def _pace(model: Model, state: State) -> dict[str, Any]:
+    """Return what was found for a process without a time."""
+    if model.pace is None:
+        return {}
+    found = {"fastest_time_s": model.pace.time, "sheet_time_s": float(state.clock[SHEET_TIME])}
+    return {"pace": found}
 
 
 def _penalty_needed(model: Model, state: State) -> dict[str, str]:
@@ -186,16 +196,16 @@ def _balance_scale(energies: Sequence[Mapping[str, float]], internal: float, idl
     return largest if largest > idle else 0.0
 
 
-def run_warnings(summary: Mapping, thickness: float) -> list[str]:
+def run_warnings(summary: Mapping, thickness: float, slowing: str = "process.time") -> list[str]:
     """Say in words where the numbers of a summary make its result questionable.
 
-    thickness : of the fabric [m].
+    thickness : of the fabric [m]. slowing : scene entry that says how slow the process is.
     """
     found = []
     if summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END:
         found.append(
             f"the sheet still moves at the end (kinetic {summary['kinetic_to_internal_end']:.1%} "
-            "of the internal energy); use a longer process.time or process.mass_damping"
+            f"of the internal energy); use a larger {slowing} or process.mass_damping"
         )
     for tool, depth in summary["penetration_max_m"].items():
         if depth > LARGEST_PENETRATION * thickness:

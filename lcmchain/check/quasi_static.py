@@ -24,7 +24,14 @@ from lcmchain.model import Model
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.quantities.rounded import milliseconds, two_digits
 from lcmchain.scene import Scene
-from lcmchain.scene.pace import balance_remedies, entries_that_slow, is_driven, is_led
+from lcmchain.scene.pace import (
+    balance_remedies,
+    entries_that_slow,
+    is_driven,
+    is_led,
+    slower_process,
+    slowing_entry,
+)
 from lcmchain.thresholds import (
     LARGEST_BALANCE_ERROR,
     LARGEST_DAMPING_PART,
@@ -173,7 +180,7 @@ def _too_fast(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) 
         f"internal energy over a tenth of the stroke (quasi-static: below "
         f"{LARGEST_KINETIC_PART:.0%}) and damping takes {part:.1%} of the external work (below "
         f"{LARGEST_DAMPING_PART:.0%}), so that inertia is part of forces and shape and the tools' "
-        f"forces are too high; use process.time = {milliseconds(time)}"
+        f"forces are too high; use {slower_process(scene, time)}"
     )
 
 
@@ -229,7 +236,7 @@ def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -
     return [
         f"the kinetic energy exceeds {ratio:.0%} of the internal energy over a tenth of the stroke "
         f"(quasi-static: below {LARGEST_KINETIC_PART:.0%}), so that inertia is part of forces and "
-        f"shape; use process.time = {milliseconds(time)} or more"
+        f"shape; use {slower_process(scene, time)} or more"
     ]
 
 
@@ -251,13 +258,13 @@ def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
     )
     rate = scene.process.mass_damping
     if by_mass < 0.5 * part:
-        return [f"{text}, most of it in contacts; use a longer process.time, or a lower "
+        return [f"{text}, most of it in contacts; use a larger {slowing_entry(scene)}, or a lower "
                 "contact.damping_ratio"]  # fmt: skip
     if rate == 0.0:
         return [f"{text}, most of it in tools.motion.damping; lower it"]
     excess = _excess_of_damping(part)
     return [
-        f"{text}; use process.time = {milliseconds(scene.process.time * excess)}, or, if the sheet "
+        f"{text}; use {slower_process(scene, scene.process.time * excess)}, or, if the sheet "
         f'stays calm, process.mass_damping = "{two_digits(rate / excess)} 1/s"'
     ]
 
@@ -275,7 +282,7 @@ def _hourglass(measures: Mapping[str, float], scene: Scene) -> list[str]:
 
 def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
     """Say where the process is faster than the sheet can follow."""
-    if not is_driven(scene) or scene.process.time >= needed.least:
+    if not is_driven(scene) or scene.time_is_found or scene.process.time >= needed.least:
         return []
     return [
         f"process.time = {milliseconds(scene.process.time)} is shorter than {PERIODS[0]} periods "

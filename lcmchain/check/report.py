@@ -77,8 +77,11 @@ class CheckReport:
                 self.scene.process,
                 element_count=self.element_count,
                 node_count=self.node_count,
+                time_is_found=self.scene.time_is_found,
             ),
-            process_time_table(self.needed, self.scene.process),
+            process_time_table(
+                self.needed, self.scene.process, time_is_found=self.scene.time_is_found
+            ),
             *preview_table(self.preview),
         ]
 

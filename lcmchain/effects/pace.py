@@ -32,10 +32,10 @@ KINETIC_PART = 0.055
 SLOWEST = 0.1
 #: Parts of the process time over which the kinetic energy is averaged, and in which the pace grows
 #: and falls by a factor e at most: a tool that changes its speed faster strikes the sheet.
-AVERAGING, GROWTH, FALL = 0.06, 0.3, 0.18
+AVERAGING, GROWTH, FALL = 0.05, 0.3, 0.1
 #: An energy of forming below this part of shearing all of the sheet by this angle [rad] says
 #: nothing of inertia: the sheet is only touched.
-FLOOR_PART, FLOOR_ANGLE = 0.005, 0.1
+FLOOR_PART, FLOOR_ANGLE = 0.02, 0.1
 
 
 class PaceLaw(NamedTuple):
@@ -90,7 +90,9 @@ def next_pace(
         change = passed / GROWTH
         if excess > 0.0:
             change = min(-0.5 * math.log(excess), change)
-    return min(max(pace * math.exp(change), SLOWEST), 1.0), mean_kinetic
+    found = min(max(pace * math.exp(change), SLOWEST), 1.0)
+    # what moves with the tools follows at once: the mean would tell of it too late
+    return found, mean_kinetic * (found / pace) ** 2
 
 
 def active(model: Any) -> list[Effect]:

@@ -22,6 +22,7 @@ class Histories:
     Parameters
     ----------
     time : of the samples [s], shape (H,).
+    sheet_time : that has passed for the sheet [s], shape (H,); None where it is the same.
     tool_travel : along each tool's direction [m], shape (H, T).
     tool_force : of the sheets on each tool [N], shape (H, T, 3): the mean over the interval, its
         impulse divided by its length.
@@ -33,6 +34,7 @@ class Histories:
     """
 
     time: np.ndarray
+    sheet_time: np.ndarray | None
     tool_travel: np.ndarray
     tool_force: np.ndarray
     tool_peak_force: np.ndarray
@@ -61,6 +63,7 @@ class Histories:
             energies.discard("inelastic")
         return cls(
             time=common["time"],
+            sheet_time=None if model.pace is None else common["sheet_time"],
             tool_travel=tools["travel"],
             tool_force=np.diff(impulse, axis=0, prepend=0.0) / length,
             tool_peak_force=tools["peak_force"],

@@ -22,6 +22,14 @@ SAMPLE = "history_time"
 _HISTORY = "history"
 _FIELDS = (
     Field(
+        "history_sheet_time",
+        "s",
+        "time that has passed for the sheet",
+        _HISTORY,
+        "sum of the steps, where the scene leaves its time out; the time of the process over it is "
+        "the pace",
+    ),
+    Field(
         "history_tool_force",
         "N",
         "mean force of the sheets on the tool",
@@ -131,6 +139,9 @@ def _of_histories(histories: Histories) -> dict[str, Variable]:
         for variable, column in zip(field.variables, columns, strict=True):
             attributes = field.attributes(variable)
             variables[variable] = (SAMPLE, "tool"), np.ascontiguousarray(column), attributes
+    if histories.sheet_time is not None:
+        field = HISTORY_FIELDS["history_sheet_time"]
+        variables[field.name] = SAMPLE, histories.sheet_time, field.attributes(field.name)
     for name, values in histories.energy.items():
         variables[f"history_energy_{name}"] = SAMPLE, values, _energy_attributes(name)
     return variables

@@ -34,6 +34,7 @@ from lcmchain.scene.pace import (
     has_guided_load,
     is_driven,
     is_led,
+    slowing_entry,
 )
 from lcmchain.solver import guards
 from lcmchain.thresholds import (
@@ -72,7 +73,7 @@ def verdicts(
         *_state(summary),
         *_energy_balance(summary, scene),
         *_inertia(summary, scene),
-        *_rest(summary),
+        *_rest(summary, scene),
         *_damping(summary, scene),
         *_process_time(summary, scene),
         *_hourglass(summary),
@@ -122,7 +123,8 @@ def _energy_balance(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdic
 def _inertia(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     if "kinetic_to_internal_over_tenth_of_stroke" not in summary:
         return
-    consequence, remedy, worst = "inertia is part of forces and shape", "process.time", None
+    consequence, worst = "inertia is part of forces and shape", None
+    remedy = slowing_entry(scene)
     if not is_led(scene):
         consequence = (
             "inertia is part of the way to the shape, whose pace weight and forces set; the shape "
@@ -141,7 +143,7 @@ def _inertia(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     )
 
 
-def _rest(summary: Mapping[str, Any]) -> Iterator[Verdict]:
+def _rest(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     # a stopped run has not come to its end
     if "kinetic_to_internal_end" in summary and _has_ended(summary):
         yield share(
@@ -150,7 +152,7 @@ def _rest(summary: Mapping[str, Any]) -> Iterator[Verdict]:
             LARGEST_KINETIC_PART_AT_END,
             "in the last frame the kinetic energy is {} of the internal energy",
             "the sheet still moves, and its shape is not the final one",
-            "process.time, process.mass_damping",
+            f"{slowing_entry(scene)}, process.mass_damping",
         )
 
 
@@ -158,7 +160,7 @@ def _damping(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     if "damping_to_external" not in summary:
         return
     consequence = "the mean forces over the stroke are too high by it" + _of_punch(summary)
-    remedy, worst = "process.mass_damping, process.damping_average, process.time", None
+    remedy, worst = f"process.mass_damping, process.damping_average, {slowing_entry(scene)}", None
     if not is_led(scene):
         consequence = (
             "weight and forces work until it has brought sheet and tools to rest; the shape is "
@@ -212,6 +214,13 @@ def _process_time(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]
     if needed is None or not is_driven(scene):
         return
     time = scene.process.time
+    if scene.time_is_found:
+        pace = summary.get("pace", {})
+        text = f"left out; the process takes {milliseconds_text(time)} at the fastest"
+        if pace:
+            text += f", and took {milliseconds_text(pace['sheet_time_s'])}"
+        yield Verdict("Process time", GOOD, text)
+        return
     grade = grade_of(-time, -needed["least_s"], -needed["shear_period_s"])
     text = (
         f"{1e3 * time:.4g} ms; the sheet, whose slowest shear vibration takes "

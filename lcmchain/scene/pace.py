@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from lcmchain.quantities.rounded import milliseconds, two_digits
 from lcmchain.scene.scene import Scene
 from lcmchain.thresholds import LARGEST_KINETIC_PART
 from lcmchain.tools.motion import GUIDED
@@ -23,6 +24,19 @@ def is_led(scene: Scene) -> bool:
 def has_guided_load(scene: Scene) -> bool:
     """Tell whether a load moves a guided tool."""
     return any(tool.motion.moves and tool.motion.kind == GUIDED for tool in scene.tools)
+
+
+def slowing_entry(scene: Scene) -> str:
+    """Return the scene entry that says how slow a led process is."""
+    return "process.quasi_static" if scene.time_is_found else "process.time"
+
+
+def slower_process(scene: Scene, time: float) -> str:
+    """Return the scene entry, with its value, by which a led process takes a longer time [s]."""
+    if not scene.time_is_found:
+        return f"process.time = {milliseconds(time)}"
+    factor = scene.process.quasi_static * time / scene.process.time
+    return f"process.quasi_static = {two_digits(factor)}"
 
 
 def entries_that_slow(scene: Scene) -> list[str]:
@@ -46,5 +60,5 @@ def balance_remedies(measures: Mapping[str, Any], scene: Scene) -> list[str]:
     """
     found = ["element.cross_terms"] if getattr(scene.element, "cross_terms", False) else []
     if measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0) > LARGEST_KINETIC_PART:
-        found += ["process.time"] if is_led(scene) else entries_that_slow(scene)
+        found += [slowing_entry(scene)] if is_led(scene) else entries_that_slow(scene)
     return [*found, "process.step_safety"]

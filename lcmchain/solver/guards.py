@@ -15,6 +15,7 @@ from lcmchain.solver.remedies import (
     element_size,
     finer_elements,
     slower_loads,
+    slower_process,
     stiffer_contact,
 )
 from lcmchain.solver.runaway import cause_of_runaway, energies_in_words
@@ -213,8 +214,8 @@ def require_balanced(model: Model, state: State, energy: Mapping[str, float]) ->
         f"{abs(error):.3g} J {what} up to {when(state)}, {abs(error) / largest:.0%} of the largest "
         f"energy (at most {RUNAWAY_FRACTION:.0%}): forces and shape cannot be trusted. Likely "
         "cause: impacts on the tools that the step does not resolve; slow what strikes them "
-        "(process.time, process.mass_damping, the ramp of a load), or lower process.step_safety = "
-        f"{model.step_safety:g}"
+        f"({slower_process(model)}, process.mass_damping, the ramp of a load), or "
+        f"lower process.step_safety = {model.step_safety:g}"
     )
 
 

@@ -51,7 +51,7 @@ def take_sample(state: State, energy: Mapping[str, float]) -> None:
     row[:own] = (
         state.time,
         float(state.clock[SHEET_TIME]),
-        state.last_step,
+        state.pace * state.last_step,
         *(energies[name] for name in SAMPLED_ENERGIES),
     )
     width = len(TOOL_SAMPLE_COLUMNS)

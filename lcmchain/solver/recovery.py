@@ -24,7 +24,7 @@ from lcmchain.solver.guards import (
     energy_floor,
     when,
 )
-from lcmchain.solver.remedies import finer_elements, stiffer_contact
+from lcmchain.solver.remedies import finer_elements, slower_process, stiffer_contact
 from lcmchain.solver.runaway import JUMP
 from lcmchain.state import HALVINGS, State
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
@@ -166,5 +166,5 @@ def _of_speed(model: Model, state: State, interval: float) -> Finding:
     return Finding(
         float(speed[fastest]) * interval / length,
         f"fastest node {speed[fastest]:.3g} m/s at {millimetres(state.position[:, fastest])}",
-        "it crosses an element within a few steps; use a longer process.time",
+        f"it crosses an element within a few steps; use {slower_process(model)}",
     )

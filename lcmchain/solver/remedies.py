@@ -63,6 +63,11 @@ def stiffer_contact(model: Model, state: State) -> str:
     return entry + (' and contact.depth = "zero"' if model.environment.depth_time else "")
 
 
+def slower_process(model: Model) -> str:
+    """Name the entry that makes a process slower, where no value of it is known."""
+    return "a longer process.time" if model.pace is None else "a larger process.quasi_static"
+
+
 def slower_loads(model: Model, moved: float) -> str:
     """Return the entries that make a process slow enough whose sheet moves too much.
 
@@ -70,8 +75,10 @@ def slower_loads(model: Model, moved: float) -> str:
     """
     tools = model.tools
     if not math.isfinite(moved):
-        return "a longer process.time"
+        return slower_process(model)
     times = math.sqrt(max(moved / LARGEST_KINETIC_PART, 1.0))
+    if model.pace is not None:
+        return f"process.quasi_static = {two_digits(times * model.pace.quasi_static)}"
     entries = [] if model.face_pressure is None else ["pressure.ramp"]
     for tool in np.flatnonzero(tools.motion_kind == GUIDED).tolist():
         entries.append(f"tools.{model.tool_names[tool]}.motion.ramp")

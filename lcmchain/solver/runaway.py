@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.model import Model
+from lcmchain.solver.remedies import slower_process
 from lcmchain.state import (
     CONTACT,
     CONTACT_DAMPING,
@@ -119,8 +120,8 @@ def _contact(model: Model, state: State) -> str:
     tool = int(np.argmax(state.penetration_max))
     return (
         f"contact with {model.tool_names[tool]} (up to {1e3 * state.penetration_max[tool]:.3g} mm "
-        "deep) takes in more than the tools put out; use a longer process.time or lower "
-        f"process.step_safety = {model.step_safety:g}"
+        f"deep) takes in more than the tools put out; use {slower_process(model)} or "
+        f"lower process.step_safety = {model.step_safety:g}"
     )
 
 

@@ -123,13 +123,13 @@ def _with_times(scene: Scene) -> list[Variant]:
 def _with_time(scene: Scene, factor: float) -> Variant:
     time = factor * scene.process.time
     name = f"{_edge_text(scene.blank.edge_length)}, {_time_text(time)}"
-    return Variant(name, TIME, (_time(time),), time)
+    return Variant(name, TIME, (_time(scene, factor),), time)
 
 
 def _with_both(scene: Scene, of_edge: float, of_time: float) -> Variant:
     edge, time = of_edge * scene.blank.edge_length, of_time * scene.process.time
     name = f"{_edge_text(edge)}, {_time_text(time)}"
-    return Variant(name, BOTH, (_edge(edge), _time(time)), edge)
+    return Variant(name, BOTH, (_edge(edge), _time(scene, of_time)), edge)
 
 
 def _of_contact(text: Source, scene: Scene) -> list[Variant]:
@@ -153,7 +153,8 @@ def _with_larger_steps(text: Source, scene: Scene) -> list[Variant]:
     (``lcmchain docs larger-steps``).
     """
     variants = []
-    for of_edge in MASS_EDGES:
+    # a process without a time takes as many steps with more mass
+    for of_edge in () if scene.time_is_found else MASS_EDGES:
         edge = of_edge * scene.blank.edge_length
         for factor in MASSES:
             damping = scene.process.mass_damping / math.sqrt(factor)
@@ -168,8 +169,9 @@ def _with_larger_steps(text: Source, scene: Scene) -> list[Variant]:
     name = f"fibre modulus x {SOFTER_FIBRES:g}"
     fibres = f"process.fibre_modulus_factor={softer:g}"
     variants.append(Variant(name, FIBRES, (fibres,), softer))
-    both = f"mass x {MASSES[0]:g}, {name}"
-    variants.append(Variant(both, FIBRES, (*variants[0].overrides, fibres), softer))
+    if not scene.time_is_found:
+        both = f"mass x {MASSES[0]:g}, {name}"
+        variants.append(Variant(both, FIBRES, (*variants[0].overrides, fibres), softer))
     return [variant for variant in variants if _fits(text, variant)]
 
 
@@ -200,8 +202,10 @@ def _edge(length: float) -> str:
     return f'blank.edge_length="{1e3 * length:.9g} mm"'
 
 
-def _time(time: float) -> str:
-    return f'process.time="{1e3 * time:.9g} ms"'
+def _time(scene: Scene, factor: float) -> str:
+    if scene.time_is_found:
+        return f"process.quasi_static={factor * scene.process.quasi_static:.9g}"
+    return f'process.time="{1e3 * factor * scene.process.time:.9g} ms"'
 
 
 def _edge_text(length: float) -> str:

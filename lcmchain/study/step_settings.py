@@ -37,6 +37,13 @@ class StepSettings:
     def overrides(self, scene: Scene) -> tuple[str, ...]:
         """Return what they change of a scene."""
         process, changed = scene.process, []
+        if scene.time_is_found:
+            # more mass alone takes longer by its root, and as many steps
+            if self.speed != 1.0:
+                changed.append(f"process.quasi_static={process.quasi_static / self.speed:g}")
+            if self.fibres != 1.0:
+                changed.append(f"process.fibre_modulus_factor={self.fibres:g}")
+            return tuple(changed)
         if self.mass != 1.0:
             changed.append(f"process.mass_scaling={{factor = {self.mass:g}}}")
             damping = process.mass_damping / math.sqrt(self.mass)
@@ -88,6 +95,8 @@ def inertia_trials(scene: Scene) -> list[StepSettings]:
 
     A scene with added mass of its own keeps it, and its time where that is part of the physics.
     """
+    if scene.time_is_found:
+        return [StepSettings(time=1.0 / math.sqrt(mass)) for mass in MASSES]
     if scene.process.mass_scaling is None:
         return [StepSettings(mass=mass) for mass in MASSES]
     return [] if why_time_stays(scene) else [StepSettings(time=SHORTER)]
