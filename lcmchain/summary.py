@@ -27,7 +27,7 @@ from lcmchain.scene import left_out_of, rung_of
 from lcmchain.scene.pace import slowing_entry
 from lcmchain.solver.remedies import stiffer_contact
 from lcmchain.state import HALVINGS, SHEET_TIME, State
-from lcmchain.thresholds import LARGEST_KINETIC_PART_AT_END, LARGEST_PENETRATION
+from lcmchain.thresholds import LARGEST_KINETIC_PART_AT_END, LARGEST_PENETRATION, TOUCHED_PART
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -102,7 +102,8 @@ def run_summary(
     punch = punch_index(history) if history.sizes["tool"] else None
     needed = process_time_needed(model)
     idle = idle_energy(model)
-    measures = quasi_static_measures(history, snapshots[-1].energy, punch, idle)
+    touched = TOUCHED_PART if scene.time_is_found else 0.0
+    measures = quasi_static_measures(history, snapshots[-1].energy, punch, idle, touched)
     summary = {
         "step_count": state.step_count,
         "wall_s": wall_s,

@@ -13,6 +13,10 @@ LARGEST_KINETIC_PART_AT_END = 0.05
 LARGEST_KINETIC_PART = 0.1
 #: where it is not exceeded over more than this part of the stroke.
 LONGEST_DYNAMIC_PART = 0.1
+#: Where the pace is found: a sheet with less than this part of its largest internal energy is only
+#: touched, and the kinetic energy is compared with that part. A run of the holder's hemisphere that
+#: was seven times above the limit up to there had the same shape at its end, to 0.01 degrees.
+TOUCHED_PART = 0.01
 #: Work of damping in parts of the external work.
 LARGEST_DAMPING_PART = 0.05
 #: Hourglass in parts of the internal energy.

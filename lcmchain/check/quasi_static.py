@@ -120,7 +120,11 @@ def idle_energy(model: Model) -> float:
 
 
 def quasi_static_measures(
-    history: xr.Dataset, energy: Mapping[str, float], punch: int | None, idle: float = 0.0
+    history: xr.Dataset,
+    energy: Mapping[str, float],
+    punch: int | None,
+    idle: float = 0.0,
+    touched_part: float = 0.0,
 ) -> dict[str, float]:
     """Return what inertia, damping and hourglass terms took, under the names of ``summary.json``.
 
@@ -130,6 +134,7 @@ def quasi_static_measures(
     energy : of the last frame [J].
     punch : tool whose travel is the stroke, None for a scene without tools.
     idle : :func:`idle_energy`; the kinetic energy is compared with nothing smaller.
+    touched_part : of the largest internal energy, which the kinetic one is compared with at least.
     """
     external, internal = abs(energy["external"]), energy["internal"]
     measures = {
@@ -141,7 +146,7 @@ def quasi_static_measures(
         measures |= {
             "mass_damping_to_external": mass_damping / external if external else 0.0,
             "kinetic_to_internal_over_tenth_of_stroke": exceeded_over(
-                history, punch, LONGEST_DYNAMIC_PART, idle
+                history, punch, LONGEST_DYNAMIC_PART, idle, touched_part
             ),
         }
     return measures

@@ -11,8 +11,8 @@ Stability limit: none; the step is that of the sheet.
 Scene: ``process.time`` (left out: the pace is found), ``process.quasi_static``.
 Fields: ``time`` is that of the process; ``history_sheet_time`` (history).
 
-The mean kinetic energy is held below a part of the energy that forming has taken until then:
-external work less what damping took and what moves. It falls with the square of the pace.
+The mean kinetic energy is held below a part of the energy that is stored in the sheet: the external
+work less what moves and what damping and friction took. It falls with the square of the pace.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ import numpy as np
 from lcmchain.effects.effect import Effect
 from lcmchain.materials.shear_waves import shear_energy
 
-#: Kinetic energy in parts of the energy of forming: inertia is no part of the shape below it.
-KINETIC_PART = 0.055
+#: Kinetic energy in parts of the stored energy: inertia is no part of the shape below it.
+KINETIC_PART = 0.08
 #: Slowest pace; the fastest is 1.
 SLOWEST = 0.1
 #: Parts of the process time over which the kinetic energy is averaged, and in which the pace grows
 #: and falls by a factor e at most: a tool that changes its speed faster strikes the sheet.
 AVERAGING, GROWTH, FALL = 0.05, 0.3, 0.1
-#: An energy of forming below this part of shearing all of the sheet by this angle [rad] says
+#: A stored energy below this part of shearing all of the sheet by this angle [rad] says
 #: nothing of inertia: the sheet is only touched.
 FLOOR_PART, FLOOR_ANGLE = 0.02, 0.1
 
@@ -43,8 +43,8 @@ class PaceLaw(NamedTuple):
 
     time : that the process takes at pace 1 [s].
     quasi_static : how much slower the process is than by default.
-    kinetic_part : bound of the kinetic energy in parts of the energy of forming.
-    floor : energy of forming [J] below which the kinetic energy is compared with it.
+    kinetic_part : bound of the kinetic energy in parts of the stored energy.
+    floor : stored energy [J] below which the kinetic energy is compared with it.
     """
 
     time: float
@@ -72,18 +72,18 @@ def pace_law(bodies: Sequence[Any], time: float, quasi_static: float) -> PaceLaw
 
 
 def next_pace(
-    law: PaceLaw, pace: float, mean_kinetic: float, kinetic: float, formed: float, duration: float
+    law: PaceLaw, pace: float, mean_kinetic: float, kinetic: float, stored: float, duration: float
 ) -> tuple[float, float]:
     """Return the pace after some steps, and the mean of the kinetic energy [J].
 
     Parameters
     ----------
-    mean_kinetic : before the steps [J]. kinetic, formed : energy of motion, and what forming has
-        taken, after them [J]. duration : of the steps in the time of the sheet [s].
+    mean_kinetic : before the steps [J]. kinetic, stored : energy of motion, and what is stored in
+        the sheet, after them [J]. duration : of the steps in the time of the sheet [s].
     """
     passed = duration / law.time
     mean_kinetic -= math.expm1(-passed / AVERAGING) * (kinetic - mean_kinetic)
-    excess = mean_kinetic / (law.kinetic_part * max(formed, law.floor))
+    excess = mean_kinetic / (law.kinetic_part * max(stored, law.floor))
     if excess > 1.0:
         change = -min(0.5 * math.log(excess), passed / FALL)
     else:
@@ -100,7 +100,7 @@ def active(model: Any) -> list[Effect]:
     if law is None:
         return [Effect("pace", False, f"the process has a time, {1e3 * model.process_time:g} ms")]
     reason = (
-        f"the kinetic energy stays about below {100 * law.kinetic_part:.2g} % of the energy of "
-        f"forming; at the fastest the process takes {1e3 * law.time:.3g} ms"
+        f"the kinetic energy stays about below {100 * law.kinetic_part:.2g} % of the energy "
+        f"stored; at the fastest the process takes {1e3 * law.time:.3g} ms"
     )
     return [Effect("pace", True, reason)]

@@ -155,32 +155,43 @@ def _around(travel: np.ndarray, sample: int) -> tuple[int, int]:
     return first, last
 
 
-def kinetic_to_internal(history: xr.Dataset, idle: float = 0.0) -> np.ndarray:
+def kinetic_to_internal(
+    history: xr.Dataset, idle: float = 0.0, touched_part: float = 0.0
+) -> np.ndarray:
     """Return the kinetic over the internal energy, hourglass included, of every sample, (H,).
 
-    It is 0 where the sheet is not strained: its internal energy is at most ``idle`` [J].
+    It is 0 where the sheet is not strained: its internal energy is at most ``idle`` [J]. Below
+    ``touched_part`` of the largest internal energy it is relative to that part.
     """
     internal = (
         history["history_energy_internal"].values + history["history_energy_hourglass"].values
     )
     kinetic = history["history_energy_kinetic"].values
-    return np.divide(kinetic, internal, out=np.zeros_like(kinetic), where=internal > idle)
+    strained = internal > idle
+    internal = np.maximum(internal, touched_part * internal.max(initial=0.0))
+    return np.divide(kinetic, internal, out=np.zeros_like(kinetic), where=strained)
 
 
-def exceeded_over(history: xr.Dataset, tool: int | None, part: float, idle: float = 0.0) -> float:
+def exceeded_over(
+    history: xr.Dataset,
+    tool: int | None,
+    part: float,
+    idle: float = 0.0,
+    touched_part: float = 0.0,
+) -> float:
     """Return the ratio of kinetic to internal energy that a part of the stroke exceeds.
 
     Parameters
     ----------
     tool : whose travel is the stroke; None, or one that does not move, takes the time.
     part : of the stroke, 0 to 1.
-    idle : internal energy [J] below which the sheet counts as never strained, without any ratio.
+    idle, touched_part : as for :func:`kinetic_to_internal`.
     """
     progress = np.abs(np.diff(history["history_tool_travel"].values, axis=0, prepend=0.0))
     steps = progress[:, tool] if tool is not None else np.zeros(0)
     if not steps.any():
         steps = np.diff(history[SAMPLE].values, prepend=0.0)
-    ratio = kinetic_to_internal(history, idle)
+    ratio = kinetic_to_internal(history, idle, touched_part)
     order = np.argsort(-ratio, kind="stable")
     gone = np.cumsum(steps[order])
     return float(ratio[order][np.searchsorted(gone, part * gone[-1], side="right")])

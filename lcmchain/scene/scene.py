@@ -198,10 +198,10 @@ class Scene(SceneModel):
     @classmethod
     def _complete_tools(cls, tools: tuple[Tool, ...], info: ValidationInfo) -> tuple[Tool, ...]:
         """Fill the tool entries whose default is another entry of the scene."""
-        known = [info.data.get(name) for name in ("contact", "process", "blank", "material")]
-        if any(table is None for table in known):
+        contact, process = info.data.get("contact"), info.data.get("process")
+        blank, material = info.data.get("blank"), info.data.get("material")
+        if contact is None or process is None or blank is None or material is None:
             return tools  # their own errors are reported; nothing to fill from
-        contact, process, blank, material = known
         keys = [f'[{index}] "{tool.name}"' for index, tool in enumerate(tools)]
         time = process.time
         if time is None:

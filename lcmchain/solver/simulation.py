@@ -360,7 +360,7 @@ class Simulation:
         """Let the process go on as fast as the sheet follows, after steps of a duration [s]."""
         state, work = self.state, self.state.work
         kinetic = float(work[KINETIC])
-        spent = kinetic + float(work[MASS_DAMPING] + work[CONTACT_DAMPING])
+        spent = kinetic + float(work[MASS_DAMPING] + work[CONTACT_DAMPING] + work[FRICTION])
         state.clock[PACE], state.clock[MEAN_KINETIC] = next_pace(
             law,
             state.pace,

@@ -19,12 +19,10 @@ def coupon_scene(sheet: Sheet, file: str) -> str:
     text = sheet_text(
         sheet,
         Process(
-            travel=(1.0 - COMPACTED) * sheet.thickness,
             damping="0 1/s",
             damping_reason="None is needed between plates.",
             gravity=False,
             gravity_reason="true adds 9.81 m/s2 along -z.",
-            least_time=0.02,
         ),
         case="coupon",
         file=file,

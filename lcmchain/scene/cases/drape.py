@@ -34,7 +34,7 @@ SHAPES = {
 }
 BLANK_PER_RADIUS = 4.0
 # Long enough for a sheet of decimetres to come to rest: the fall of a heavy sheet is nearly free.
-LEAST_TIME = 1.0  # [s]
+TIME = 1.0  # [s]
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,11 @@ def drape_scene(sheet: Sheet, form: Form, scene_file: Path) -> str:
     text = sheet_text(
         sheet,
         Process(
-            travel=0.0,
             damping="20 1/s",
             damping_reason="It brings the falling sheet to rest (assumed).",
             gravity=True,
             gravity_reason="It is the only load here: 9.81 m/s2 along -z.",
-            least_time=LEAST_TIME,
+            time=TIME,
         ),
         case="drape",
         file=scene_file.name,

@@ -117,7 +117,6 @@ def moulds_scene(sheet: Sheet, moulds: Moulds, scene_file: Path) -> tuple[str, l
     text = sheet_text(
         sheet,
         Process(
-            travel=placing.stroke,
             damping="50 1/s",
             damping_reason="Less leaves more vibrations. Assumed.",
             gravity=False,

@@ -73,7 +73,6 @@ def punch_scene(sheet: Sheet, punch: Punch, file: str) -> str:
     text = sheet_text(
         sheet,
         Process(
-            travel=stroke,
             damping="50 1/s",
             damping_reason="Less leaves more vibrations. Assumed.",
             gravity=False,
@@ -92,5 +91,7 @@ def punch_scene(sheet: Sheet, punch: Punch, file: str) -> str:
     )
     text += filled("punch", values)
     if punch.holder:
-        text += filled("holder", values)
+        # a process without a time fills in its own
+        ramp = filled("ramp", {}) if sheet.time else ""
+        text += filled("holder", values | {"ramp": ramp})
     return text + filled("more", {})

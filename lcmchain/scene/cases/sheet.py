@@ -5,18 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from lcmchain.errors import InputError
 from lcmchain.scene.cases.template import filled, mm, quoted, wrapped_comment
 from lcmchain.scene.fabrics import PUBLISHED, PublishedFabric
 
-#: Mean speed of a tool that a process is made for [m/s].
-TOOL_SPEED = 0.4
-#: Periods of the slowest shear vibration, where the law is softest, that a process takes: from
-#: there on, as `check` says, nothing should change any more.
-PERIODS = 5
-SOFTEST_UP_TO = math.radians(45.0)
 #: Elements along the shorter side of a blank whose edge length nobody gives.
 ELEMENTS_ALONG_BLANK = 40
 
@@ -62,17 +54,16 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Process:
-    """How a case moves its sheet: longest travel of a tool [m], damping, weight, and the reasons.
+    """How a case moves its sheet: damping, weight, and the reasons.
 
-    ``least_time`` [s] goes before a shorter one.
+    ``time`` [s] is that of a case with a time of its own; without one the program finds the pace.
     """
 
-    travel: float
     damping: str
     damping_reason: str
     gravity: bool
     gravity_reason: str
-    least_time: float = 0.0
+    time: float | None = None
 
 
 def round_edge_length(length: float) -> float:
@@ -81,22 +72,22 @@ def round_edge_length(length: float) -> float:
     return max(step * unit for step in (1.0, 2.0, 2.5, 5.0) if step * unit <= length * (1 + 1e-9))
 
 
-def process_time(sheet: Sheet, size: tuple[float, float], travel: float) -> float:
-    """Return a process time [s], to two digits, in which sheet and tools are slow.
-
-    The slowest shear vibration of a sheet of length L has the period 2 L / sqrt(G/rho) with the
-    shear tangent G, of Eq. (21): the sum of (i + 1) s_i |E12|^i.
-    """
-    material = sheet.fabric.material
-    strain = 0.5 * np.sin(np.linspace(0.0, SOFTEST_UP_TO, 91))
-    tangent = sum((i + 1) * s * strain**i for i, s in enumerate(material.membrane.shear_polynomial))
-    period = 2.0 * max(size) / math.sqrt(np.min(tangent) / material.density)
-    return two_digits(max(PERIODS * period, travel / TOOL_SPEED))
-
-
 def two_digits(value: float) -> float:
     """Return a positive number rounded to two digits."""
     return float(f"{value:.1e}")
+
+
+def _time_lines(sheet: Sheet, process: Process, time: float | None) -> str:
+    """Return the lines of a scene that say how slow its process is."""
+    if time is None:
+        return filled("found_time", {}).rstrip("\n")
+    values = {
+        "time": f"{1e3 * time:.6g} ms",
+        "time_origin": "As given" if sheet.time else "Assumed",
+        "mass_damping": process.damping,
+        "damping_reason": process.damping_reason,
+    }
+    return filled("time", values).rstrip("\n")
 
 
 def sheet_text(
@@ -120,7 +111,7 @@ def sheet_text(
     case, file : names of case and scene file; headline, remarks : what the scene is.
     size, edge_length, height : of the blank [m]; material : table in place of the preset's name.
     """
-    time = sheet.time or max(process_time(sheet, size, process.travel), process.least_time)
+    time = sheet.time or process.time
     friction = 0.157 if sheet.friction is None else sheet.friction
     if sheet.friction is not None:
         reason = "As given."
@@ -134,10 +125,7 @@ def sheet_text(
         "file": file,
         "remarks": wrapped_comment(remarks),
         "title": quoted(headline),
-        "time": f"{1e3 * time:.6g} ms",
-        "time_origin": "As given" if sheet.time else "Assumed",
-        "mass_damping": process.damping,
-        "damping_reason": process.damping_reason,
+        "time": _time_lines(sheet, process, time),
         "gravity": str(process.gravity).lower(),
         "gravity_reason": process.gravity_reason,
         "size": ", ".join(quoted(mm(side)) for side in size),
