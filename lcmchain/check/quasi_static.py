@@ -168,14 +168,17 @@ def quasi_static_warnings(
 def _too_fast(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> str | None:
     """Say in one line that inertia and damping spoil a process, with the one entry that cures both.
 
-    None where it takes two: where the tools do not set the pace, or the damping is that of a tool.
+    None where it takes two: where the tools do not set the pace, or the damping is that of a tool
+    or of a sheet that snaps.
     """
     ratio, part = (
         measures[name]
         for name in ("kinetic_to_internal_over_tenth_of_stroke", "damping_to_external")
     )
     by_mass = measures.get("mass_damping_to_external", part) >= 0.5 * part
-    if not is_led(scene) or (by_mass and scene.process.mass_damping == 0.0):
+    if not is_led(scene) or (
+        by_mass and (scene.process.mass_damping == 0.0 or scene.time_is_found)
+    ):
         return None
     time = _time_for_inertia(ratio, scene, needed)
     if by_mass:
@@ -257,6 +260,14 @@ def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
             "kinetic_to_internal_end"
         ]
     by_mass = measures.get("mass_damping_to_external", part)
+    if scene.time_is_found and by_mass >= 0.5 * part:
+        return [
+            f"damping takes {part:.1%} of the external work (quasi-static: below "
+            f"{LARGEST_DAMPING_PART:.0%}), although it acts on vibrations alone: the sheet snaps, "
+            "and what a snap gives off damping takes, however slow the process; "
+            f"{slower_process(scene, 2.0 * scene.process.time)} shows what of forces and shape "
+            "depends on the pace"
+        ]
     text = (
         f"damping takes {part:.1%} of the external work (quasi-static: below "
         f"{LARGEST_DAMPING_PART:.0%}), which the tools' forces are too high by"

@@ -27,15 +27,15 @@ from lcmchain.effects.effect import Effect
 from lcmchain.materials.shear_waves import shear_energy
 
 #: Kinetic energy in parts of the stored energy: inertia is no part of the shape below it.
-KINETIC_PART = 0.08
+KINETIC_PART = 0.065
 #: Slowest pace; the fastest is 1.
 SLOWEST = 0.1
 #: Parts of the process time over which the kinetic energy is averaged, and in which the pace grows
 #: and falls by a factor e at most: a tool that changes its speed faster strikes the sheet.
-AVERAGING, GROWTH, FALL = 0.05, 0.3, 0.1
+AVERAGING, GROWTH, FALL = 0.04, 0.3, 0.1
 #: A stored energy below this part of shearing all of the sheet by this angle [rad] says
 #: nothing of inertia: the sheet is only touched.
-FLOOR_PART, FLOOR_ANGLE = 0.02, 0.1
+FLOOR_PART, FLOOR_ANGLE = 0.012, 0.1
 
 
 class PaceLaw(NamedTuple):

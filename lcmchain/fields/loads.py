@@ -10,6 +10,7 @@ the shape.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,7 +83,7 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
     ``parts_at_maximum`` and ``parts_over_stroke``: the force along its direction, averaged over the
     travel around its maximum and over all of it, and the parts that make it up [N]. A tool that
     bears its maximum standing, such as one that force presses against a stop, does no work there
-    and has no ``parts_at_maximum``.
+    and has no ``parts_at_maximum``; else ``force_uncertainty_N`` says how well it is known.
     """
     time = history[SAMPLE].values
     middle, force = quoted_force(history)
@@ -106,12 +107,15 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
             parts = force_parts(history, tool, first, last)
             if abs(parts["force_N"]) >= LEAST_OF_MAXIMUM * force[top, tool]:
                 loads[name]["parts_at_maximum"] = parts
+                loads[name]["force_uncertainty_N"] = force_uncertainty(parts)
             loads[name]["parts_over_stroke"] = force_parts(history, tool, -1, len(time) - 1)
     return loads
 
 
 def force_parts(history: xr.Dataset, tool: int, first: int, last: int) -> dict[str, float]:
     """Return the force of a tool along its direction and its parts [N], between two samples.
+
+    ``hourglass_N`` is a part of ``sheet_N``; the others make up the force.
 
     Parameters
     ----------
@@ -135,9 +139,25 @@ def force_parts(history: xr.Dataset, tool: int, first: int, last: int) -> dict[s
     return {
         "force_N": work / travel,
         **parts,
+        "hourglass_N": energy.get("hourglass", 0.0) / travel,
         "others_N": (work - energy["external"]) / travel,
         "balance_error_N": -energy["balance_error"] / travel,
     }
+
+
+def force_uncertainty(parts: Mapping[str, float]) -> float:
+    """Return by how much a force may be off [N], by what the run itself knows.
+
+    A slower process has neither inertia nor damping, and finer elements need no hourglass terms:
+    what they take of the force are the errors of its pace and of its mesh. Signs are left out,
+    since each of them changes the shape as well. What one run cannot know, such as how the fabric
+    folds on another mesh, is not in it.
+
+    Parameters
+    ----------
+    parts : of the force around its maximum, see :func:`force_parts`.
+    """
+    return sum(abs(parts[f"{name}_N"]) for name in ("inertia", "damping", "hourglass"))
 
 
 def _around(travel: np.ndarray, sample: int) -> tuple[int, int]:

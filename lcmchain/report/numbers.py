@@ -47,8 +47,16 @@ def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
         strain = summary["fibre_strain_max"]
         yield Number("Fibre strain", f"up to {percent(strain)}", "magnitude, of both families")
     if "punch_force_max_N" in summary:
-        value = f"{summary['punch_force_max_N']:.4g} N"
+        value = f"{summary['punch_force_max_N']:.4g} N{_uncertainty(summary)}"
         yield Number("Force of the punch", value, "".join(_punch_force(summary)))
+
+
+def _uncertainty(summary: Mapping[str, Any]) -> str:
+    """Return by how much the largest force of the punch may be off, where the run knows it."""
+    loads = summary.get("tool_loads", {}).get(summary.get("punch", ""), {})
+    if "force_uncertainty_N" not in loads or motion_in_force(loads["parts_at_maximum"]):
+        return ""
+    return f" ± {loads['force_uncertainty_N']:.1g} N"
 
 
 def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
@@ -67,6 +75,8 @@ def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
             return
         yield f"; around it damping takes {parts['damping_N'] + 0.0:.3g} N"
         yield f" and inertia {parts['inertia_N'] + 0.0:.3g} N of {parts['force_N']:.4g} N"
+        if "hourglass_N" in parts:
+            yield f", hourglass terms {parts['hourglass_N'] + 0.0:.2g} N"
 
 
 def motion_in_force(parts: Mapping[str, float]) -> str:

@@ -168,6 +168,12 @@ def _damping(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
         )
         # what falls freely gives all that it does not store to the dampers, whatever they are
         remedy, worst = "tools.motion.ramp" if has_guided_load(scene) else "", np.inf
+    elif scene.time_is_found:
+        consequence = (
+            "it acts on vibrations alone: the sheet snaps, and what a snap gives off damping "
+            "takes, however slow the process" + _of_punch(summary)
+        )
+        remedy = slowing_entry(scene)
     yield share(
         "Damping",
         summary["damping_to_external"],
