@@ -32,7 +32,7 @@ KINETIC_PART = 0.065
 SLOWEST = 0.1
 #: Parts of the process time over which the kinetic energy is averaged, and in which the pace grows
 #: and falls by a factor e at most: a tool that changes its speed faster strikes the sheet.
-AVERAGING, GROWTH, FALL = 0.04, 0.3, 0.1
+AVERAGING, GROWTH, FALL = 0.03, 0.2, 0.07
 #: A stored energy below this part of shearing all of the sheet by this angle [rad] says
 #: nothing of inertia: the sheet is only touched.
 FLOOR_PART, FLOOR_ANGLE = 0.012, 0.1
@@ -72,7 +72,13 @@ def pace_law(bodies: Sequence[Any], time: float, quasi_static: float) -> PaceLaw
 
 
 def next_pace(
-    law: PaceLaw, pace: float, mean_kinetic: float, kinetic: float, stored: float, duration: float
+    law: PaceLaw,
+    pace: float,
+    mean_kinetic: float,
+    *,
+    kinetic: float,
+    stored: float,
+    duration: float,
 ) -> tuple[float, float]:
     """Return the pace after some steps, and the mean of the kinetic energy [J].
 

@@ -14,13 +14,13 @@ from lcmchain.materials.law import Material
 from lcmchain.materials.shear_waves import shear_wave_speeds
 
 #: Periods of the slowest shear vibration that the process takes at the fastest.
-PERIODS = 1.65
+PERIODS = 2.4
 #: Mean speed of a tool at most [m/s]: a stiff sheet has fast waves.
 TOOL_SPEED = 2.0
 #: Rate of the mass damping times the time of the process.
-DAMPING_TIMES_TIME = 16.0
+DAMPING_TIMES_TIME = 10.0
 #: Part of the time over which the motion is averaged that the damping leaves alone.
-AVERAGING_PART = 0.036
+AVERAGING_PART = 0.06
 
 
 def found_time(

@@ -365,9 +365,9 @@ class Simulation:
             law,
             state.pace,
             float(state.clock[MEAN_KINETIC]),
-            kinetic,
-            float(work[EXTERNAL]) - spent,
-            duration,
+            kinetic=kinetic,
+            stored=float(work[EXTERNAL]) - spent,
+            duration=duration,
         )
 
     def _count_steps(self, count: int) -> None:
