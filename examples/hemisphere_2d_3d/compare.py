@@ -56,6 +56,7 @@ FORMATS = {"": ",.0f", "deg": ".1f", "mm": ".1f", "N": ".1f", "J": ".3f", "%": "
 LARGEST_ANGLE, LARGEST_DISTANCE = 3.0, 3.0
 HOLDER = "holder"
 PUNCH_RADIUS = 0.076  # the punch touches nothing beyond it [m]
+LIFTED = 0.02e-3  # below this a sheet lies flat between die and holder [m]
 
 
 class Formed(NamedTuple):
@@ -75,7 +76,10 @@ class Row(NamedTuple):
     format: str
 
     def __str__(self) -> str:
-        values = (f"{value:{self.format}} {self.unit}".strip() for value in self.values)
+        values = (
+            f"{value:{self.format}} {self.unit}".strip() if np.isfinite(value) else "-"
+            for value in self.values
+        )
         return f"| {self.quantity} | " + " | ".join(values) + " |"
 
 
@@ -170,14 +174,16 @@ def part_on_ring(formed: Formed) -> float:
     """Return which part of the force on the holder nodes within ``FLANGE_RADIUS`` exert.
 
     Triangles save what presses on both faces in one; there a node belongs to the holder above the
-    middle between holder and die. Not a number where the sheet lies flat between them.
+    middle between holder and die. Not a number where they lie flat between them.
     """
     sheet, radius = formed.sheet, _radii(formed.sheet)
     if "tool_pressure_top" in sheet:
         pressure = sheet["tool_pressure_top"].values[-1]
+    elif holder_lift(formed) < LIFTED:
+        return np.nan
     else:
         first = float(reference_positions(sheet)[0, 2])
-        above = sheet_positions(sheet)[:, 2] > first + 0.5 * holder_lift(formed) + 1e-6
+        above = sheet_positions(sheet)[:, 2] > first + 0.5 * holder_lift(formed)
         pressure = np.where(above, sheet["tool_pressure"].values[-1], 0.0)
     force = np.where(radius > PUNCH_RADIUS, pressure * _node_areas(sheet), 0.0)
     total = float(force.sum())
