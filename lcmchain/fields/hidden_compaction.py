@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from lcmchain.model import Model
     from lcmchain.solver.simulation import Snapshot
 
+
 def hidden_compaction(model: Model, snapshots: Sequence[Snapshot]) -> dict[str, float]:
     """Return what depths hide in the frame in which the sheet between tools is pressed most.
 

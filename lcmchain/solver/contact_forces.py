@@ -105,9 +105,7 @@ def add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, wor
 
 
 @span_part
-def find_contacts(
-    arrays, tools, environment, depth_time, span, begin, count, dt_last, work, sums
-):
+def find_contacts(arrays, tools, environment, depth_time, span, begin, count, dt_last, work, sums):
     """Find the tools that a span touches; return how many they are, and one of them.
 
     The distances to this one are in their rows, those to the others are kept.

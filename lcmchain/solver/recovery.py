@@ -155,8 +155,7 @@ def _of_energy(model: Model, state: State, energy: dict[str, float]) -> Iterator
     yield Finding(
         part / LARGEST_HOURGLASS_PART,
         f"hourglass energy {part:.1%} of the strain energy",
-        "the elements are too coarse for the tools; use "
-        f"{finer_elements(model, state, part)}",
+        f"the elements are too coarse for the tools; use {finer_elements(model, state, part)}",
     )
 
 

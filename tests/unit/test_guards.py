@@ -61,29 +61,38 @@ BED = """
 name = "bed"
 shape = { type = "plate", side = "below" }
 """
-PRESS = BED + """[[tools]]
+PRESS = (
+    BED
+    + """[[tools]]
 name = "press"
 shape = { type = "plate", side = "above" }
 position = "0 0 1.2 mm"
 motion = { type = "stroke", direction = [0, 0, -1], distance = "0.1 mm" }
 """
-BAG = BED + """[[pressure]]
+)
+BAG = (
+    BED
+    + """[[pressure]]
 name = "bag"
 face = "top"
 value = "0.5 MPa"
 ramp = "1 ms"
 """
+)
 
 
 def test_a_sheet_that_sinks_into_a_tool_stops_the_run():
     """Plates closed to half the thickness: 7 MPa are beyond the automatic contact stiffness."""
-    plates = BED + """
+    plates = (
+        BED
+        + """
         [[tools]]
         name = "press"
         shape = { type = "plate", side = "above" }
         position = "0 0 1.004 mm"
         motion = { type = "stroke", direction = [0, 0, -1], distance = "1 mm" }
         """
+    )
     text = SCENE.replace('"1 ms"', '"10 ms"') + plates
     sim = Simulation.from_scene(scene_from_text(text, overrides=["contact.depth=free"]))
     words = r'0\.1\d+ mm inside (bed|press) .* contact\.penalty = "(\d+) N/mm\^3"$'
