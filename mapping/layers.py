@@ -35,6 +35,10 @@ DECISIVE_OF_SIDES = 3.0
 # sheet has steep faces between its halves, which belong to no layer.
 TILING = 1.001
 
+# Neighbours of a cell's faces may touch it in a line or corner; rounding gives this an area, of
+# 1e-11 of the cell. Layers smaller than this part of the largest one over the cell are no rivals.
+TOUCHING = 1e-6
+
 
 class Choice(NamedTuple):
     """Which pairs count, and what could not be decided.
@@ -121,9 +125,14 @@ def _choose(first, side, area, distance, wanted, areas):
     chosen = np.zeros(len(side), dtype=np.bool_)
     ambiguous = np.zeros(len(areas), dtype=np.bool_)
     for c in range(len(areas)):
-        nearest = -1
+        nearest, largest = -1, 0.0
+        for layer in range(first[c], first[c + 1]):
+            if wanted[c] == 0 or side[layer] == wanted[c]:
+                largest = max(largest, area[layer])
         for layer in range(first[c], first[c + 1]):
             if wanted[c] != 0 and side[layer] != wanted[c]:
+                continue
+            if area[layer] < TOUCHING * largest:
                 continue
             if nearest < 0 or distance[layer] < distance[nearest]:
                 nearest = layer
@@ -139,6 +148,8 @@ def _choose(first, side, area, distance, wanted, areas):
             if side[layer] == side[nearest] and covered + area[layer] <= TILING * areas[c]:
                 chosen[layer] = True
                 covered += area[layer]
+                continue
+            if area[layer] < TOUCHING * largest:
                 continue
             decisive = DECISIVE if side[layer] == side[nearest] else DECISIVE_OF_SIDES
             if distance[layer] < decisive * distance[nearest]:

@@ -15,6 +15,7 @@ from lcmchain.mesh_files.shapes import SOLID_CORNERS, SURFACE_CORNERS, base_type
 
 KINDS = ("infiltration", "structure")
 
+
 def read_target(path: Path | str, *, kind: str = "structure", length_unit: str = "m") -> TargetMesh:
     """Read a target mesh with the numbers, sets and parts of its file.
 

@@ -5,6 +5,9 @@ import pytest
 
 from lcmchain.errors import InputError
 from lcmchain.mapping import Status, TargetMesh, compute_weights, map_file, read_sheet
+from lcmchain.mapping.intersection import Overlaps, overlaps
+from lcmchain.mapping.layers import choose_layers
+from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.transfer import transfer_average
 
 EDGE = 5e-3
@@ -137,3 +140,29 @@ def test_pieces_of_the_sheet_beside_each_other_are_no_rivals(make):
     weights = compute_weights(sheet, shell(make.lifted(other), cells))
     np.testing.assert_allclose(weights.coverage, 1.0, rtol=1e-12)
     assert set(weights.status) == {Status.INSIDE}
+
+
+@pytest.mark.parametrize("nearer", [-1e-3, 1e-3])
+@pytest.mark.parametrize(("part", "is_rival"), [(1e-11, False), (1e-2, True)])
+def test_a_face_that_touches_a_cell_at_its_edge_is_no_rival(make, nearer, part, is_rival):
+    """Rounding gives it a tiny area over the cell that a face over all of the cell fills."""
+    points, quads = make.grid(4, 4)
+    target = shell(make.lifted(points), quads)
+    cells = target.polygons(np.empty((0, 3)))
+    surface = Surface(make.lifted(points) + [0.0, 0.0, 0.02], quads)
+    found = overlaps(surface, cells, 0.1)
+    last = int(np.flatnonzero(found.cell == found.cell.max())[-1])
+    touching = Overlaps(*(values[[last]] for values in found))
+    touching = touching._replace(
+        layer=touching.layer + 1,
+        area=part * touching.area,
+        height=(1.0 + nearer) * touching.height,
+    )
+    # faces over a curved target cover a little more than the cell
+    whole = found._replace(area=1.004 * found.area)
+    both = Overlaps(*(np.append(a, b, axis=0) for a, b in zip(whole, touching, strict=True)))
+    choice = choose_layers(both, target.surface.winding, cells.areas, 0.1)
+    assert choice.ambiguous[-1] == is_rival
+    assert not choice.ambiguous[:-1].any()
+    assert choice.taken[last] or is_rival
+    assert not choice.taken[-1] or is_rival
