@@ -17,6 +17,7 @@ from lcmchain.check.quasi_static import (
     quasi_static_measures,
     quasi_static_warnings,
 )
+from lcmchain.materials.shear_waves import shear_wave_speeds
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.summary import energy_measures
