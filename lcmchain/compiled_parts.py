@@ -6,6 +6,9 @@ alone, which holds a copy of each and optimises that anew (``self_contained.py``
 code and wrappers never run, and took a quarter of the time in which the solver was compiled. A part
 keeps what callers take, its optimised intermediate code, in memory and on disk. Where Python calls
 one even so, it is compiled once more, with all that this needs.
+
+The body of a parallel loop is a function too, and numba wraps it twice before the kernel calls it:
+three times the machine code of the whole loop, of which only the kernel's own copy runs.
 """
 
 from __future__ import annotations
@@ -21,8 +24,10 @@ from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
 from numba.core.registry import CPUDispatcher
+from numba.np.ufunc import parallel
 
 PART = "part"  # kind of what is kept on disk, beside numba's own
+LOOP_BODY = "__numba_parfor_gufunc"  # how numba names the bodies of parallel loops
 
 
 class PartLibrary(JITCodeLibrary):
@@ -136,3 +141,27 @@ def know_parts() -> None:
     JITCodeLibrary._unserialize = classmethod(unserialize_part)  # type: ignore[method-assign, assignment]
     CPUContext.get_executable = executable_of_part  # type: ignore[method-assign]
     JITCPUCodegen.set_env = set_env_where_it_is  # type: ignore[method-assign]
+    _take_loops_for_parts()
+
+
+def _take_loops_for_parts() -> None:
+    """Make parts of the bodies of parallel loops and of their wrappers."""
+    create, wrap = JITCPUCodegen.create_library, parallel.build_gufunc_wrapper
+    wrapping: list[bool] = []
+
+    def create_part(self: Any, name: str, **options: Any) -> Any:
+        if wrapping or name.startswith(LOOP_BODY):
+            return PartLibrary(self, name, **options)
+        return create(self, name, **options)
+
+    def wrap_as_part(*arguments: Any, is_parfors: bool, **named: Any) -> Any:
+        if not is_parfors:  # a function of its own that Python calls
+            return wrap(*arguments, is_parfors=is_parfors, **named)
+        wrapping.append(True)
+        try:
+            return wrap(*arguments, is_parfors=is_parfors, **named)
+        finally:
+            wrapping.pop()
+
+    JITCPUCodegen.create_library = create_part  # type: ignore[method-assign]
+    parallel.build_gufunc_wrapper = wrap_as_part
