@@ -9,6 +9,7 @@ starts an empty one.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
 import platform
 import shutil
@@ -27,6 +28,9 @@ OUTER_PACKAGES = ("lcmchain.mapping", "lcmchain.coupling", "lcmchain.fmu")
 
 HASH_LENGTH = 20
 MAXIMUM_AGE_DAYS = 30
+
+#: Time to wait for another process that writes into the same folder [s].
+LONGEST_WAIT = 10.0
 
 # Set beside NUMBA_CACHE_DIR and inherited with it: tells a folder chosen here by a parent process
 # (to be chosen anew, the child may run other sources) from one that the user chose.
@@ -64,6 +68,36 @@ def key_cache_by_file(file: str | Path, module: str) -> None:
     digest = hashlib.blake2b(f"{present}\0{file}\0{module}\0".encode() + content, digest_size=5)
     numba.config.CACHE_DIR = str(present / f"with-{digest.hexdigest()}")  # type: ignore[attr-defined]
     move_cache()
+
+
+def let_processes_share() -> None:
+    """Let several processes fill a folder at once; before anything is compiled.
+
+    Numba numbers the files of a function and keeps an index of them. Two processes that compile one
+    function for two kinds of arguments may both take the next number: whoever writes the index last
+    then reads the code of the other. Here one waits for the other, and a file is complete before the
+    index names it.
+    """
+    from filelock import FileLock, Timeout
+    from numba.core.caching import IndexDataCacheFile
+
+    def save(self, key, data):
+        lock = FileLock(Path(self._cache_path) / "lock")
+        try:
+            lock.acquire(timeout=LONGEST_WAIT)
+        except (OSError, Timeout, NotImplementedError):
+            pass  # a file system without locks
+        try:
+            kept = self._load_index()
+            taken = set(kept.values())
+            names = (self._data_name(number) for number in itertools.count(1))
+            name = kept.get(key) or next(name for name in names if name not in taken)
+            self._save_data(name, data)
+            self._save_index(kept | {key: name})
+        finally:
+            lock.release()
+
+    IndexDataCacheFile.save = save
 
 
 def source_key() -> str:

@@ -9,6 +9,7 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from lcmchain.cache_lines import align_compiled_code
+from lcmchain.compile_cache import let_processes_share
 from lcmchain.compiled_parts import know_parts, part
 from lcmchain.front_end import compile_in_less_time
 from lcmchain.large_tuples import load_parts_of_tuples
@@ -23,6 +24,7 @@ keep_code_self_contained()
 load_parts_of_tuples()
 align_compiled_code()
 know_parts()
+let_processes_share()
 compile_in_less_time()
 use_widest_vectors()
 

@@ -14,6 +14,7 @@ from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_e
 from lcmchain.check.effects_of_run import later_stages
 from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
+from lcmchain.compile_beside import compile_loops
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import LcmchainError, MappingError, OutputError, UnfinishedRun
 from lcmchain.fingerprint import run_fingerprint
@@ -158,7 +159,7 @@ class _Job:
         """Form the blank and write its fields, also the frames of a run that ends before time."""
         self.tell(0.0, "compiling")
         start = time.perf_counter()
-        self.simulation.compile()
+        compile_loops(self.simulation, lambda text: self.tell(0.0, text))
         compile_s = time.perf_counter() - start
         forming = FormingRun(
             self.scene, self.fingerprint, self.simulation, self.folder, self.tell_forming,
