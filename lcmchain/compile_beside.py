@@ -1,12 +1,15 @@
 """The first run on a machine: its loops compiled by two processes, and told one by one.
 
-Numba compiles one function at a time in a process. Here a second process compiles what the first has
-not come to, into the same folder on disk, from which the first then reads it. The first begins with
-the loop over the steps, which takes about as long as all others together, and starts the second one
-when numba begins to compile that loop: a run that finds it on disk starts none. Then it works through
-the others from the end of the list, the second one from its beginning.
+Numba compiles one function at a time in a process. Here a second process compiles what the first
+has not come to, into the same folder on disk, from which the first then reads it.
+
+The first begins with the loop over the steps, which takes about as long as all others together. It
+starts the second one when numba begins to compile that loop: a run that finds it on disk starts
+none. Then it works through the others from the end of the list, the second one from its beginning.
 
 Where no second process can be started, or where it fails, the first compiles everything.
+
+Where the steps leave cores free, the second process goes on with what the stages after them call.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +34,7 @@ from numba.core import event
 
 from lcmchain.jit import move_cache
 from lcmchain.solver.simulation import Simulation
-from lcmchain.threads import use_threads
+from lcmchain.threads import thread_count, use_threads
 
 Tell = Callable[[str], None]
 
@@ -48,16 +51,24 @@ PROGRAM = (
 )
 
 
+#: What the second process says of its work, a line each; the first two with the name of a loop.
+BEGIN, END, LOOPS_DONE = "begin", "end", "loops done"
+
+#: File in the folder that both share, for what the second process says on its error stream.
+ERRORS = "errors"
+
+
 class HelperWarning(RuntimeWarning):
     """The second process could not do its part; results are the same without it."""
 
 
-def compile_loops(simulation: Simulation, tell: Tell) -> None:
+def compile_loops(simulation: Simulation, tell: Tell, helper: Helper) -> None:
     """Compile every loop that a run needs, or read it from disk, without a step.
 
     Parameters
     ----------
     tell : called now and then with what is being compiled, and how many loops are done.
+    helper : not yet started.
     """
     before = simulation.state.copy()
     calls = simulation.first_calls()
@@ -70,23 +81,21 @@ def compile_loops(simulation: Simulation, tell: Tell) -> None:
             calls[name]()
         mine.add(name)
 
-    with Helper(simulation, others, account) as helper:
+    def watch() -> None:
+        if account.present == [first]:
+            helper.start(simulation, others, account)
+        account.report()
 
-        def watch() -> None:
-            if account.present == [first]:
-                helper.start()
-            account.report()
-
-        with _whenever_numba_compiles(watch):
-            compile_here(first)
-            for name in reversed(others):
-                if helper.leaves(name):
-                    compile_here(name)
-            helper.wait()
-            for name in others:
-                if name not in mine:  # reads it from disk, unless the second process has failed
-                    compile_here(name)
-            simulation.prepare_steps()
+    with _whenever_numba_compiles(watch):
+        compile_here(first)
+        for name in reversed(others):
+            if helper.leaves(name):
+                compile_here(name)
+        helper.wait()
+        for name in others:
+            if name not in mine:  # reads it from disk, unless the second process has failed
+                compile_here(name)
+        simulation.prepare_steps()
     simulation.restore(before)
 
 
@@ -125,88 +134,97 @@ class Account:
 
 
 class Helper:
-    """The second process, if there is one.
+    """The second process, if there is one; leaving the context ends it.
 
     Parameters
     ----------
-    simulation : whose loops are wanted.
-    names : of the loops that it may compile, in its order.
-    account : told what it does.
+    later : called in it with the simulation and a folder for passing files once the loops are
+        compiled, as long as there is a core for it beside the threads of the steps.
     """
 
-    def __init__(self, simulation: Simulation, names: list[str], account: Account) -> None:
-        self._simulation, self._names, self._account = simulation, names, account
+    def __init__(self, later: Callable[[Simulation, Path], None] | None = None) -> None:
+        self._later = later
         self._process: subprocess.Popen | None = None
-        self._reader: threading.Thread | None = None
         self._folder: tempfile.TemporaryDirectory | None = None
         self._asked = False
+        self._loops_done = threading.Event()
         self._problem = ""
 
-    def start(self) -> None:
-        """Start it, unless it was started before, or cannot gain anything."""
+    def start(self, simulation: Simulation, names: list[str], account: Account) -> None:
+        """Start it with these loops, unless it was started before, or cannot gain anything."""
         if self._asked:
             return
         self._asked = True
+        self._names, self._account = names, account
         if _cores() < 2 or not Path(sys.executable or "").stem.lower().startswith("python"):
             return  # a program that holds Python within itself cannot be started as Python
         try:
-            self._start()
+            self._start(simulation)
         except Exception as error:  # whatever it is, the loops can be compiled without
             self._problem = f"{type(error).__name__}: {error}"
 
-    def _start(self) -> None:
-        simulation = self._simulation
-        content = pickle.dumps((simulation.model, simulation.state))
+    def _start(self, simulation: Simulation) -> None:
+        later = self._later if thread_count() < _cores() else None
+        content = pickle.dumps((simulation.model, simulation.state, later))
         self._folder = tempfile.TemporaryDirectory(prefix="lcmchain-", ignore_cleanup_errors=True)
         task = pickle.dumps(
             (self._folder.name, numba.config.CACHE_DIR, self._names, content)  # type: ignore[attr-defined]
         )
-        self._errors = (Path(self._folder.name) / "errors").open("w+b")
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
-            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-        )  # fmt: skip
+        with (Path(self._folder.name) / ERRORS).open("wb") as errors:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", PROGRAM],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )  # fmt: skip
         head = json.dumps([os.path.abspath(place) for place in sys.path]).encode()
-        self._reader = threading.Thread(target=self._follow, args=(head, task), daemon=True)
+        self._reader = threading.Thread(
+            target=self._follow, args=(head + b"\n" + task,), daemon=True
+        )
         self._reader.start()
 
-    def _follow(self, head: bytes, task: bytes) -> None:
+    def _follow(self, task: bytes) -> None:
         """Hand the task over, and keep the account of what the process says it does."""
         process, account = self._process, self._account
         assert process is not None and process.stdin is not None and process.stdout is not None
         try:
             with process.stdin as to_it:
-                to_it.write(head + b"\n" + task)
+                to_it.write(task)
         except OSError:
             pass  # it has ended: its exit code says so
         present = ""
-        for line in process.stdout:
-            word, _, name = line.decode(errors="replace").strip().partition(" ")
-            if word == "begin" and name in self._names:
-                present = name
-                account.present.append(name)
-            elif word == "end" and name == present:
-                account.present.remove(name)
-                account.done.add(name)
-                present = ""
+        with process.stdout as from_it:
+            for line in from_it:
+                said = line.decode(errors="replace").strip()
+                word, _, name = said.partition(" ")
+                if word == BEGIN and name in self._names:
+                    present = name
+                    account.present.append(name)
+                elif word == END and name == present:
+                    account.present.remove(name)
+                    account.done.add(name)
+                    present = ""
+                elif said == LOOPS_DONE:
+                    self._loops_done.set()
         if present:
             account.present.remove(present)
+        if process.wait() != 0 and not self._loops_done.is_set():
+            self._problem = self._last_words() or f"exit code {process.returncode}"
+        self._loops_done.set()
+
+    def _last_words(self) -> str:
+        assert self._folder is not None
+        errors = (Path(self._folder.name) / ERRORS).read_text(encoding="utf-8", errors="replace")
+        return errors.strip().rpartition("\n")[2]
 
     def leaves(self, name: str) -> bool:
         """Take a loop from the list of the second process; False where it has taken it itself."""
         return self._folder is None or _claim(Path(self._folder.name), self._names.index(name))
 
     def wait(self) -> None:
-        """Wait until it has done its part, and warn if it has failed."""
-        if self._reader is not None and self._process is not None:
-            while self._reader.is_alive():
-                self._reader.join(0.1)
+        """Wait until it has done its part of the loops, and warn if it has failed."""
+        if self._process is not None:
+            while not self._loops_done.wait(0.1):
                 self._account.report()
-            if self._process.wait() != 0:
-                self._errors.seek(0)
-                lines = self._errors.read().decode(errors="replace").strip().splitlines()
-                self._problem = lines[-1] if lines else f"exit code {self._process.returncode}"
         if self._problem:
             message = (
                 "the second process, which compiles loops beside this one, failed "
@@ -215,36 +233,45 @@ class Helper:
             self._account.tell(f"compiling alone, {message}")
             warnings.warn(message, HelperWarning, stacklevel=3)
 
+    def stop(self) -> None:
+        """End it: from here on it would compile what this process compiles itself."""
+        if self._process is not None:
+            self._process.kill()
+            self._reader.join()
+        if self._folder is not None:
+            self._folder.cleanup()
+        self._process = self._folder = None
+
     def __enter__(self) -> Helper:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._process is not None:
-            if self._process.poll() is None:
-                self._process.kill()
-            self._process.wait()
-            self._errors.close()
-        if self._reader is not None:
-            self._reader.join()
-        if self._folder is not None:
-            self._folder.cleanup()
+        self.stop()
 
 
 def compile_for_another() -> None:
     """Do the part of the second process: compile what the first one has not taken."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the first, which ends this one
     folder, cache, names, content = pickle.loads(sys.stdin.buffer.read())
-    simulation = Simulation(*pickle.loads(content))
+    model, state, later = pickle.loads(content)
     # laws in files of the user, imported just now, have a folder of their own there
     numba.config.CACHE_DIR = cache  # type: ignore[attr-defined]
     move_cache()
     use_threads(1)
-    calls = simulation.first_calls()
+    simulation = Simulation(model, state)
+    before, calls = state.copy(), simulation.first_calls()
     for index, name in enumerate(names):
         if _claim(Path(folder), index):
-            print(f"begin {name}", flush=True)
+            print(f"{BEGIN} {name}", flush=True)
             calls[name]()
-            print(f"end {name}", flush=True)
+            print(f"{END} {name}", flush=True)
+    print(LOOPS_DONE, flush=True)
+    if later is not None:
+        simulation.restore(before)
+        # What goes wrong there goes wrong in the first process as well, or not at all: the start is
+        # not what the stages are made for. What has been compiled until then is gained.
+        with suppress(Exception):
+            later(simulation, Path(folder))
 
 
 def _claim(folder: Path, index: int) -> bool:

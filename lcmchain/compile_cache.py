@@ -74,9 +74,9 @@ def let_processes_share() -> None:
     """Let several processes fill a folder at once; before anything is compiled.
 
     Numba numbers the files of a function and keeps an index of them. Two processes that compile one
-    function for two kinds of arguments may both take the next number: whoever writes the index last
-    then reads the code of the other. Here one waits for the other, and a file is complete before the
-    index names it.
+    function for two kinds of arguments may both take the next number. An index then names the code
+    of one for the arguments of the other. Here one waits for the other, and a file is complete
+    before the index names it.
     """
     from filelock import FileLock, Timeout
     from numba.core.caching import IndexDataCacheFile

@@ -66,8 +66,8 @@ STEP_HYSTERESIS = 0.98
 SEARCH_SPEED_FACTOR = 3.0
 SEARCH_THICKNESS_PART = 0.1
 
-# The search for contact looks ahead by a time that shrinks with ω: compiled with a large one, before
-# that of the elements is known, it looks ahead by little.
+# The search for contact looks ahead by a time that shrinks with ω. When it is compiled, that of the
+# elements is not known yet: with a large one it looks ahead by little.
 OMEGA2_OF_FIRST_SEARCH = 1e12
 
 
