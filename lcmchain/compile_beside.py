@@ -93,7 +93,9 @@ def compile_loops(simulation: Simulation, tell: Tell, helper: Helper) -> None:
                 compile_here(name)
         helper.wait()
         for name in others:
-            if name not in mine:  # reads it from disk, unless the second process has failed
+            if name in account.done and name not in mine:
+                calls[name]()  # reads it from disk
+            elif name not in mine:  # the second process has failed
                 compile_here(name)
         simulation.prepare_steps()
     simulation.restore(before)
