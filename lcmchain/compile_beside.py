@@ -188,11 +188,9 @@ class Helper:
         """Hand the task over, and keep the account of what the process says it does."""
         process, account = self._process, self._account
         assert process is not None and process.stdin is not None and process.stdout is not None
-        try:
-            with process.stdin as to_it:
-                to_it.write(task)
-        except OSError:
-            pass  # it has ended: its exit code says so
+        with suppress(OSError):  # it has ended: its exit code says so
+            process.stdin.write(task)
+            process.stdin.flush()
         present = ""
         with process.stdout as from_it:
             for line in from_it:
@@ -240,6 +238,8 @@ class Helper:
         if self._process is not None:
             self._process.kill()
             self._reader.join()
+            with suppress(OSError):
+                self._process.stdin.close()
         if self._folder is not None:
             self._folder.cleanup()
         self._process = self._folder = None
@@ -254,7 +254,8 @@ class Helper:
 def compile_for_another() -> None:
     """Do the part of the second process: compile what the first one has not taken."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the first, which ends this one
-    folder, cache, names, content = pickle.loads(sys.stdin.buffer.read())
+    folder, cache, names, content = pickle.load(sys.stdin.buffer)
+    threading.Thread(target=_end_with_the_first, daemon=True).start()
     model, state, later = pickle.loads(content)
     # laws in files of the user, imported just now, have a folder of their own there
     numba.config.CACHE_DIR = cache  # type: ignore[attr-defined]
@@ -274,6 +275,13 @@ def compile_for_another() -> None:
         # not what the stages are made for. What has been compiled until then is gained.
         with suppress(Exception):
             later(simulation, Path(folder))
+
+
+def _end_with_the_first() -> None:
+    """End this process as soon as the first one has ended, however that happened."""
+    while os.read(0, 1):  # it writes nothing more
+        pass
+    os._exit(1)
 
 
 def _claim(folder: Path, index: int) -> bool:

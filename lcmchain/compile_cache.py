@@ -97,7 +97,7 @@ def let_processes_share() -> None:
         finally:
             lock.release()
 
-    IndexDataCacheFile.save = save
+    IndexDataCacheFile.save = save  # type: ignore[method-assign]
 
 
 def source_key() -> str:

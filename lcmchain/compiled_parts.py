@@ -154,12 +154,14 @@ def _take_loops_for_parts() -> None:
             return PartLibrary(self, name, **options)
         return create(self, name, **options)
 
-    def wrap_as_part(*arguments: Any, is_parfors: bool, **named: Any) -> Any:
+    def wrap_as_part(
+        py_func: Any, cres: Any, sin: Any, sout: Any, cache: Any, is_parfors: bool
+    ) -> Any:
         if not is_parfors:  # a function of its own that Python calls
-            return wrap(*arguments, is_parfors=is_parfors, **named)
+            return wrap(py_func, cres, sin, sout, cache, is_parfors)
         wrapping.append(True)
         try:
-            return wrap(*arguments, is_parfors=is_parfors, **named)
+            return wrap(py_func, cres, sin, sout, cache, is_parfors)
         finally:
             wrapping.pop()
 

@@ -58,5 +58,5 @@ def _compare_options_as_they_are_set() -> None:
             found = names[type(self)] = hash(tuple(sorted(self.options)))
         return found
 
-    TargetConfig.__eq__ = equal  # type: ignore[method-assign, assignment]
-    TargetConfig.__hash__ = hashed  # type: ignore[method-assign, assignment]
+    TargetConfig.__eq__ = equal  # type: ignore[method-assign]
+    TargetConfig.__hash__ = hashed  # type: ignore[method-assign]

@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 import types
 import warnings
 
@@ -75,7 +77,7 @@ def compiled(monkeypatch):
 PROGRAM = """
 import json, pathlib, pickle, sys, time
 sys.stdin.buffer.readline()
-folder, _, names, _ = pickle.loads(sys.stdin.buffer.read())
+folder, _, names, _ = pickle.load(sys.stdin.buffer)
 for index, name in enumerate(names[:{count}]):
     (pathlib.Path(folder) / str(index)).touch(exist_ok=False)
     print("begin", name, flush=True)
@@ -181,7 +183,7 @@ def test_it_goes_on_only_where_the_steps_leave_a_core(monkeypatch, tmp_path, thr
     monkeypatch.setattr(compile_beside, "thread_count", lambda: threads)
     program = (
         "import pickle, sys; sys.stdin.buffer.readline(); "
-        "content = pickle.loads(sys.stdin.buffer.read())[3]; "
+        "content = pickle.load(sys.stdin.buffer)[3]; "
         f"open({str(tmp_path / 'later')!r}, 'w').write(repr(pickle.loads(content)[2]))"
     )
     monkeypatch.setattr(compile_beside, "PROGRAM", program)
@@ -189,3 +191,18 @@ def test_it_goes_on_only_where_the_steps_leave_a_core(monkeypatch, tmp_path, thr
         helper.start(types.SimpleNamespace(model=None, state=None), NAMES, Account(NAMES, print))
         helper.wait()
     assert ("join" in (tmp_path / "later").read_text()) is goes_on
+
+
+def test_a_first_process_that_is_killed_takes_the_second_one_along(tmp_path):
+    program = (
+        "import os, sys, threading; from lcmchain import compile_beside; "
+        "threading.Thread(target=compile_beside._end_with_the_first, daemon=True).start(); "
+        "print('alive', flush=True); threading.Event().wait(60.0); print('left behind')"
+    )
+    second = subprocess.Popen(
+        [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert second.stdout.readline() == "alive\n" and second.poll() is None
+    second.stdin.close()  # as the end of the first does
+    assert second.stdout.read() == "" and second.wait(30.0) == 1
+    second.stdout.close()
