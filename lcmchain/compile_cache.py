@@ -57,17 +57,15 @@ def key_cache_by_file(file: str | Path, module: str) -> None:
     """Keep compiled code apart that holds functions of a module outside this package.
 
     Kernels of a law that a user wrote must not be taken for those of another state of that file,
-    and no other run should have to import the file to read its cache.
+    and no other run should have to import the file to read its cache. For functions that are
+    defined from now on; :func:`lcmchain.jit.move_cache` moves those that are.
     """
     import numba
-
-    from lcmchain.jit import move_cache
 
     content = Path(file).read_bytes() if Path(file).is_file() else str(file).encode()
     present = Path(numba.config.CACHE_DIR or os.environ["NUMBA_CACHE_DIR"])  # type: ignore[attr-defined]
     digest = hashlib.blake2b(f"{present}\0{file}\0{module}\0".encode() + content, digest_size=5)
     numba.config.CACHE_DIR = str(present / f"with-{digest.hexdigest()}")  # type: ignore[attr-defined]
-    move_cache()
 
 
 def let_processes_share() -> None:
