@@ -8,7 +8,8 @@ keeps what callers take, its optimised intermediate code, in memory and on disk.
 one even so, it is compiled once more, with all that this needs.
 
 The body of a parallel loop is a function too, and numba wraps it twice before the kernel calls it:
-three times the machine code of the whole loop, of which only the kernel's own copy runs.
+three times it would optimise the whole loop and make machine code of it, of which only the kernel's
+own copy runs. They are parts that are optimised in the kernel alone.
 """
 
 from __future__ import annotations
@@ -44,6 +45,13 @@ class PartLibrary(JITCodeLibrary):
     def serialize_using_object_code(self) -> tuple[str, str, bytes]:
         self._ensure_finalized()
         return self.name, PART, self._final_module.as_bitcode()
+
+
+class LoopLibrary(PartLibrary):
+    """The body of a parallel loop, or a wrapper of it, as it comes."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to the kernel, which calls each once."""
 
 
 class PartCompiler(Compiler):
@@ -151,7 +159,7 @@ def _take_loops_for_parts() -> None:
 
     def create_part(self: Any, name: str, **options: Any) -> Any:
         if wrapping or name.startswith(LOOP_BODY):
-            return PartLibrary(self, name, **options)
+            return LoopLibrary(self, name, **options)
         return create(self, name, **options)
 
     def wrap_as_part(

@@ -100,7 +100,20 @@ def machine_code(monkeypatch):
     return names
 
 
-def test_bodies_of_parallel_loops_have_no_code_of_their_own(machine_code):
+@pytest.fixture
+def optimised(monkeypatch):
+    """Names of what is optimised from here on."""
+    names, optimise = [], JITCodeLibrary._optimize_final_module
+
+    def noting(self):
+        names.append(self.name)
+        optimise(self)
+
+    monkeypatch.setattr(JITCodeLibrary, "_optimize_final_module", noting)
+    return names
+
+
+def test_bodies_of_parallel_loops_are_compiled_in_their_kernel_alone(machine_code, optimised):
     @njit(parallel=True)
     def roots(values):
         for i in prange(values.size):
@@ -111,6 +124,7 @@ def test_bodies_of_parallel_loops_have_no_code_of_their_own(machine_code):
     assert values.tolist() == [1.0, 2.0, 3.0]
     assert [name for name in machine_code if "gufunc" in name.lower()] == []
     assert any("roots" in name for name in machine_code)
+    assert optimised and [name for name in optimised if "gufunc" in name.lower()] == []
 
 
 def test_loops_of_compiled_code_alone_are_parts():
