@@ -159,11 +159,25 @@ def test_no_process_is_started_on_one_core_or_inside_another_program(
     assert "compiling, 0 of 4 loops done, now steps" in told
 
 
-def test_loops_on_disk_start_no_process(compiled, monkeypatch):
-    monkeypatch.setattr(compile_beside.subprocess, "Popen", None)
-    monkeypatch.setattr(Loops, "_call_of", lambda self, name: lambda: self.called.append(name))
-    called, told = compiled("")
-    assert sorted(called) == sorted([*NAMES, "prepare_steps", "restore"]) and told == []
+def test_no_process_is_started_where_the_steps_are_on_disk(compiled, monkeypatch):
+    """What is left is compiled sooner than a second process begins."""
+    monkeypatch.setattr(compile_beside.subprocess, "Popen", None)  # would be told as a failure
+    call_of = Loops._call_of
+    on_disk = {"steps"}
+    monkeypatch.setattr(
+        Loops,
+        "_call_of",
+        lambda self, name: (
+            (lambda: self.called.append(name)) if name in on_disk else call_of(self, name)
+        ),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", HelperWarning)
+        called, told = compiled("")
+        assert called == ["steps", "energies", "contact", "frequency", "prepare_steps", "restore"]
+        assert told[0] == "compiling, 1 of 4 loops done, now energies"
+        on_disk.update(NAMES)
+        assert compiled("") == (called, [])
 
 
 def test_leaving_the_context_ends_the_process_and_removes_its_folder(monkeypatch):
