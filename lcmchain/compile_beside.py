@@ -238,6 +238,7 @@ class Helper:
         if self._process is not None:
             self._process.kill()
             self._reader.join()
+            assert self._process.stdin is not None
             with suppress(OSError):
                 self._process.stdin.close()
         if self._folder is not None:
