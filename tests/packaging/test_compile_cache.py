@@ -243,7 +243,7 @@ def test_a_second_scene_compiles_only_what_no_scene_had_before(tmp_path):
         return set(json.loads(done.stdout))
 
     first = compiled()
-    assert {"advance", "element_forces", "move_nodes", "find_near_nodes"} <= first
+    assert {"advance", "make_parts", "move_chunk", "find_near_nodes"} <= first
     assert compiled() == set()
     numbers = (
         'blank.size=["40 mm", "30 mm"]', "process.mass_damping=10 1/s", "process.gravity=true",
@@ -253,8 +253,8 @@ def test_a_second_scene_compiles_only_what_no_scene_had_before(tmp_path):
     assert compiled(*numbers) == set()
     published = ("element.compaction_strain=director", "element.hourglass=published")
     second = compiled(*published)
-    assert {"advance", "element_forces"} <= second
-    assert not {"move_nodes", "find_near_nodes", "centre_stretches"} & second
+    assert {"advance", "make_parts"} <= second
+    assert not {"move_chunk", "find_near_nodes", "centre_stretches"} & second
     assert compiled(*published) == compiled(*numbers) == set()
 
 

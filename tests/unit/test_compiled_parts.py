@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from numba import guvectorize, njit, prange
+from numba import float64, guvectorize, njit, prange
 from numba.core.codegen import JITCodeLibrary
 
 from lcmchain.compiled_parts import PartDispatcher, PartLibrary
@@ -75,6 +75,7 @@ def test_parts_are_linked_and_have_no_code_of_their_own():
     assert called(3.0) == 7.0
     for function in (twice, twice_and_one):
         assert isinstance(function, PartDispatcher)
+        function.compile((float64,))  # or reads it, where the caller was read from disk
         (compiled,) = function.overloads.values()
         assert isinstance(compiled.library, PartLibrary)
         with pytest.raises(RuntimeError, match="no address"):
