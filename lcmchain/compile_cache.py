@@ -9,6 +9,7 @@ starts an empty one.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
 import platform
 import shutil
@@ -27,6 +28,9 @@ OUTER_PACKAGES = ("lcmchain.mapping", "lcmchain.coupling", "lcmchain.fmu")
 
 HASH_LENGTH = 20
 MAXIMUM_AGE_DAYS = 30
+
+#: Time to wait for another process that writes into the same folder [s].
+LONGEST_WAIT = 10.0
 
 # Set beside NUMBA_CACHE_DIR and inherited with it: tells a folder chosen here by a parent process
 # (to be chosen anew, the child may run other sources) from one that the user chose.
@@ -53,17 +57,45 @@ def key_cache_by_file(file: str | Path, module: str) -> None:
     """Keep compiled code apart that holds functions of a module outside this package.
 
     Kernels of a law that a user wrote must not be taken for those of another state of that file,
-    and no other run should have to import the file to read its cache.
+    and no other run should have to import the file to read its cache. For functions that are
+    defined from now on; :func:`lcmchain.jit.move_cache` moves those that are.
     """
     import numba
-
-    from lcmchain.jit import move_cache
 
     content = Path(file).read_bytes() if Path(file).is_file() else str(file).encode()
     present = Path(numba.config.CACHE_DIR or os.environ["NUMBA_CACHE_DIR"])  # type: ignore[attr-defined]
     digest = hashlib.blake2b(f"{present}\0{file}\0{module}\0".encode() + content, digest_size=5)
     numba.config.CACHE_DIR = str(present / f"with-{digest.hexdigest()}")  # type: ignore[attr-defined]
-    move_cache()
+
+
+def let_processes_share() -> None:
+    """Let several processes fill a folder at once; before anything is compiled.
+
+    Numba numbers the files of a function and keeps an index of them. Two processes that compile one
+    function for two kinds of arguments may both take the next number. An index then names the code
+    of one for the arguments of the other. Here one waits for the other, and a file is complete
+    before the index names it.
+    """
+    from filelock import FileLock, Timeout
+    from numba.core.caching import IndexDataCacheFile
+
+    def save(self, key, data):
+        lock = FileLock(Path(self._cache_path) / "lock")
+        try:
+            lock.acquire(timeout=LONGEST_WAIT)
+        except (OSError, Timeout, NotImplementedError):
+            pass  # a file system without locks
+        try:
+            kept = self._load_index()
+            taken = set(kept.values())
+            names = (self._data_name(number) for number in itertools.count(1))
+            name = kept.get(key) or next(name for name in names if name not in taken)
+            self._save_data(name, data)
+            self._save_index(kept | {key: name})
+        finally:
+            lock.release()
+
+    IndexDataCacheFile.save = save  # type: ignore[method-assign]
 
 
 def source_key() -> str:

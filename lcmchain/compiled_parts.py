@@ -6,6 +6,10 @@ alone, which holds a copy of each and optimises that anew (``self_contained.py``
 code and wrappers never run, and took a quarter of the time in which the solver was compiled. A part
 keeps what callers take, its optimised intermediate code, in memory and on disk. Where Python calls
 one even so, it is compiled once more, with all that this needs.
+
+The body of a parallel loop is a function too, and numba wraps it twice before the kernel calls it:
+three times it would optimise the whole loop and make machine code of it, of which only the kernel's
+own copy runs. They are parts that are optimised in the kernel alone.
 """
 
 from __future__ import annotations
@@ -21,8 +25,10 @@ from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
 from numba.core.registry import CPUDispatcher
+from numba.np.ufunc import parallel
 
 PART = "part"  # kind of what is kept on disk, beside numba's own
+LOOP_BODY = "__numba_parfor_gufunc"  # how numba names the bodies of parallel loops
 
 
 class PartLibrary(JITCodeLibrary):
@@ -39,6 +45,13 @@ class PartLibrary(JITCodeLibrary):
     def serialize_using_object_code(self) -> tuple[str, str, bytes]:
         self._ensure_finalized()
         return self.name, PART, self._final_module.as_bitcode()
+
+
+class LoopLibrary(PartLibrary):
+    """The body of a parallel loop, or a wrapper of it, as it comes."""
+
+    def _optimize_final_module(self) -> None:
+        """Leave it to the kernel, which calls each once."""
 
 
 class PartCompiler(Compiler):
@@ -136,3 +149,29 @@ def know_parts() -> None:
     JITCodeLibrary._unserialize = classmethod(unserialize_part)  # type: ignore[method-assign, assignment]
     CPUContext.get_executable = executable_of_part  # type: ignore[method-assign]
     JITCPUCodegen.set_env = set_env_where_it_is  # type: ignore[method-assign]
+    _take_loops_for_parts()
+
+
+def _take_loops_for_parts() -> None:
+    """Make parts of the bodies of parallel loops and of their wrappers."""
+    create, wrap = JITCPUCodegen.create_library, parallel.build_gufunc_wrapper
+    wrapping: list[bool] = []
+
+    def create_part(self: Any, name: str, **options: Any) -> Any:
+        if wrapping or name.startswith(LOOP_BODY):
+            return LoopLibrary(self, name, **options)
+        return create(self, name, **options)
+
+    def wrap_as_part(
+        py_func: Any, cres: Any, sin: Any, sout: Any, cache: Any, is_parfors: bool
+    ) -> Any:
+        if not is_parfors:  # a function of its own that Python calls
+            return wrap(py_func, cres, sin, sout, cache, is_parfors)
+        wrapping.append(True)
+        try:
+            return wrap(py_func, cres, sin, sout, cache, is_parfors)
+        finally:
+            wrapping.pop()
+
+    JITCPUCodegen.create_library = create_part  # type: ignore[method-assign]
+    parallel.build_gufunc_wrapper = wrap_as_part

@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import overload
 
 from lcmchain.compile_cache import key_cache_by_file
-from lcmchain.jit import INLINED
+from lcmchain.jit import INLINED, move_cache
 
 # All functions that answer by class.
 _dispatched: list[Any] = []
@@ -49,6 +49,7 @@ def implements(function: Any, chosen_class: type) -> Callable[[Any], Any]:
         function.implementations[chosen_class] = dispatcher
         if not python_function.__module__.startswith("lcmchain."):
             key_cache_by_file(inspect.getfile(python_function), python_function.__module__)
+            move_cache()
         return dispatcher
 
     return register

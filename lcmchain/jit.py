@@ -9,7 +9,9 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from lcmchain.cache_lines import align_compiled_code
+from lcmchain.compile_cache import let_processes_share
 from lcmchain.compiled_parts import know_parts, part
+from lcmchain.front_end import compile_in_less_time
 from lcmchain.large_tuples import load_parts_of_tuples
 from lcmchain.self_contained import keep_code_self_contained
 from lcmchain.threads import launch_before_compiled_code_is_loaded, load_threading_library
@@ -22,6 +24,8 @@ keep_code_self_contained()
 load_parts_of_tuples()
 align_compiled_code()
 know_parts()
+let_processes_share()
+compile_in_less_time()
 use_widest_vectors()
 
 # 'nnan' and 'ninf' are left out on purpose: they let the compiler delete the guards' checks.
@@ -91,6 +95,11 @@ def kernel(function: Callable[..., Any]) -> Dispatcher:
     return _compiled(
         function, error_model="numpy", fastmath=FLOATING_POINT, parallel=True, nogil=True
     )
+
+
+def kernel_part(function: Callable[..., Any]) -> Dispatcher:
+    """Compile like :func:`kernel` a loop that compiled code alone calls."""
+    return _part(function, error_model="numpy", fastmath=FLOATING_POINT, parallel=True, nogil=True)
 
 
 def move_cache() -> None:

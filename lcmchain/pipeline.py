@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -14,6 +15,7 @@ from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_e
 from lcmchain.check.effects_of_run import later_stages
 from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
+from lcmchain.compile_beside import Helper, compile_loops
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import LcmchainError, MappingError, OutputError, UnfinishedRun
 from lcmchain.fingerprint import run_fingerprint
@@ -34,6 +36,14 @@ from lcmchain.tools import ToolTable, ToolWarning
 
 if TYPE_CHECKING:
     import xarray as xr
+
+#: Options with which a sheet is mapped onto any mesh, however badly it fits.
+ANY_MESH: dict[str, Any] = {
+    "maximum_distance": 1e3,
+    "thickness_limit": 1e9,
+    "allow_unmapped": True,
+    "allow_ambiguous": True,
+}
 
 
 @dataclass(frozen=True)
@@ -88,7 +98,7 @@ def run(
         checkpoint = job.checkpoint() if resume else None
         job.build()
         results.begin(resume=resume)
-        with account.kept(on_failure=job.write_report):
+        with account.kept(on_failure=job.write_report), job.helper:
             job.form(checkpoint)
             job.draw()
             job.map_fields()
@@ -117,6 +127,7 @@ class _Job:
         self._threads_wanted = threads
         self.account, self.tell, self.summary = account, account.tell, account.summary
         self.fingerprint = run_fingerprint(scene)
+        self.helper = Helper(later=functools.partial(rehearse_stages, scene))
         self.result: Result
 
     def checkpoint(self) -> Checkpoint | None:
@@ -158,7 +169,7 @@ class _Job:
         """Form the blank and write its fields, also the frames of a run that ends before time."""
         self.tell(0.0, "compiling")
         start = time.perf_counter()
-        self.simulation.compile()
+        compile_loops(self.simulation, lambda text: self.tell(0.0, text), self.helper)
         compile_s = time.perf_counter() - start
         forming = FormingRun(
             self.scene, self.fingerprint, self.simulation, self.folder, self.tell_forming,
@@ -200,6 +211,7 @@ class _Job:
         ------
         MappingError : after all have been tried.
         """
+        self.helper.stop()
         failures: list[str] = []
         for target in self.scene.mapping:
             with self._noting(failures, "mapping", target.name):
@@ -443,6 +455,26 @@ def _write_datasets(scene: Scene, datasets: dict[str, xr.Dataset], folder: Path)
     if scene.output.vtu:
         write_vtu(folder / "forming.vtu", datasets)
         write_pvd(folder / "forming.pvd", datasets)
+
+
+def rehearse_stages(scene: Scene, simulation: Simulation, folder: Path) -> None:
+    """Write and map the fields of the start, so that what these stages call is compiled.
+
+    Parameters
+    ----------
+    folder : for files that nobody needs.
+    """
+    from lcmchain.coupling.forming_fields import forming_datasets
+    from lcmchain.fields import write_forming_netcdf
+    from lcmchain.mapping import MappingOptions, map_forming
+
+    source = folder / "forming.nc"
+    write_forming_netcdf(source, forming_datasets(scene, simulation, [simulation.snapshot()] * 2))
+    for target in scene.mapping:
+        # a flat sheet is far from the mesh of a formed part
+        options = {**target.options(), **ANY_MESH, "picture": False}
+        mesh = scene.source.directory / target.mesh
+        map_forming(source, mesh, MappingOptions(**options), name=target.name, out_dir=folder)
 
 
 def require_readable_targets(scene: Scene) -> None:

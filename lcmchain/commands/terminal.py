@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 import warnings as warnings_module
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -26,8 +27,8 @@ WIDEST = 10_000
 def progress_bar(*, quiet: bool = False) -> Iterator:
     """Show how far the work is; yields ``update(completed, total, text)``.
 
-    A terminal gets a bar with the time left, anything else (a log file, a pipe) a line per stage
-    and one every ten seconds.
+    A terminal gets a bar with the time left, and in a stage without progress the time so far.
+    Anything else (a log file, a pipe) gets a line per stage and one every ten seconds.
     """
     if quiet:
         yield lambda completed, total, text="": None
@@ -39,6 +40,8 @@ def progress_bar(*, quiet: bool = False) -> Iterator:
         return
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+    from lcmchain.quantities.durations import duration_text
+
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -47,8 +50,15 @@ def progress_bar(*, quiet: bool = False) -> Iterator:
     )
     with Progress(*columns, console=console(stderr=True), transient=True) as bar:
         task = bar.add_task("preparing", total=None)
+        stage, began, start = "", 0.0, 0.0
 
         def update(completed: float, total: float, text: str = "forming") -> None:
+            nonlocal stage, began, start
+            if text.partition(",")[0] != stage:
+                stage, began, start = text.partition(",")[0], completed, time.monotonic()
+            passed = time.monotonic() - start
+            if completed == began and passed >= 1.0:
+                text = f"{text}, since {duration_text(passed)}"
             bar.update(task, completed=completed, total=total, description=text)
 
         yield update

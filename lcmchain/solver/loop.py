@@ -30,7 +30,7 @@ from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import forces_of_block
-from lcmchain.jit import entry, kernel, ordered_span_routine, routine, span_routine
+from lcmchain.jit import entry, kernel_part, ordered_span_routine, routine, span_routine
 from lcmchain.model import NODE_CHUNK, NodeData
 from lcmchain.solver.contact_forces import add_contact_forces, scratch_size
 from lcmchain.solver.contact_search import find_near_spans
@@ -160,7 +160,7 @@ def advance(
         arrays.counters[STEPS] += 1
 
 
-@kernel
+@kernel_part
 def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
     """Sum the forces on the nodes, and update velocities and positions."""
     for place in prange(arrays.chunk_order.size):
@@ -197,7 +197,7 @@ def move_chunk(
     integrate(arrays, arrays.free, environment, averaging, first, last, dt_last, dt, sums)
 
 
-@kernel
+@kernel_part
 def make_parts(
     arrays,
     schedule,

@@ -69,6 +69,10 @@ STEP_HYSTERESIS = 0.98
 SEARCH_SPEED_FACTOR = 3.0
 SEARCH_THICKNESS_PART = 0.1
 
+# The search for contact looks ahead by a time that shrinks with ω. When it is compiled, that of the
+# elements is not known yet: with a large one it looks ahead by little.
+OMEGA2_OF_FIRST_SEARCH = 1e12
+
 
 @dataclass(frozen=True)
 class Snapshot:
@@ -186,10 +190,35 @@ class Simulation:
     def compile(self) -> None:
         """Compile (or load from the cache) every kernel that a run needs, without a step."""
         before = self.state.copy()
+        for call in self.first_calls().values():
+            call()
         self.prepare_steps()
-        self.energy()
-        self._advance(0, 1.0)
         self.restore(before)
+
+    def first_calls(self) -> dict[str, Callable[[], Any]]:
+        """Return calls that compile what a run needs, by what they compute, the longest first.
+
+        Each can be made without the others. They change the state, which has to be restored.
+        """
+
+        def search() -> None:
+            self.state.clock[OMEGA2] = OMEGA2_OF_FIRST_SEARCH
+            self.find_contact()
+
+        calls: dict[str, Callable[[], Any]] = {
+            "steps": lambda: self._advance(0, 1.0),
+            "highest frequency": self._highest_frequency,
+            "contact search": search,
+            "shared curvature": self._renew,
+            "pressures": lambda: self._pressure_frequency(OMEGA2_OF_FIRST_SEARCH),
+            "condition of the elements": self.require_sound,
+            "energies": self.energy,
+        }
+        if not self.model.tool_names:
+            del calls["contact search"]
+        if self.model.pore is None and self.model.face_pressure is None:
+            del calls["pressures"]
+        return calls
 
     def advance_to(self, time: float, on_chunk: Callable[[Simulation], None] | None = None) -> None:
         """Advance to ``time`` [s] exactly; call ``on_chunk`` after every chunk of steps.

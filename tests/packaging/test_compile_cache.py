@@ -1,13 +1,21 @@
 """Compiled kernels are kept per state of the sources, never shared between two states."""
 
+import contextlib
 import json
 import os
 import subprocess
 import sys
+import threading
 import time
 
+import filelock
+import meshio
+import numpy as np
 import pytest
+import xarray as xr
+from numba.core import caching
 
+import lcmchain.jit  # noqa: F401  # sets how numba keeps what it compiles
 from lcmchain import compile_cache
 
 REPORT = "import lcmchain, os; print(os.environ['NUMBA_CACHE_DIR'])"
@@ -146,6 +154,56 @@ def test_caches_unused_for_a_month_are_removed(tmp_path):
     assert sorted(tmp_path.iterdir()) == sorted([present, recent, foreign])
 
 
+def test_processes_that_save_at_once_keep_what_each_has_saved(tmp_path, monkeypatch):
+    """Two kinds of arguments of one function: numba alone gives both the same file."""
+
+    def cache():
+        return caching.IndexDataCacheFile(str(tmp_path), "loop-1.py311", "stamp")
+
+    meet, save_data = threading.Barrier(2), caching.IndexDataCacheFile._save_data
+
+    def save_data_together(self, name, data):
+        with contextlib.suppress(threading.BrokenBarrierError):
+            meet.wait(
+                0.5
+            )  # both have looked for a free name by now, unless one waits for the other
+        save_data(self, name, data)
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "_save_data", save_data_together)
+    saving = [threading.Thread(target=cache().save, args=(key, f"code of {key}")) for key in "ab"]
+    for thread in saving:
+        thread.start()
+    for thread in saving:
+        thread.join()
+    assert [cache().load(key) for key in "abc"] == ["code of a", "code of b", None]
+    monkeypatch.setattr(caching.IndexDataCacheFile, "_save_data", save_data)
+    cache().save("a", "newer code of a")
+    assert [cache().load(key) for key in "ab"] == ["newer code of a", "code of b"]
+    assert len(list(tmp_path.glob("*.nbc"))) == 2
+
+
+def test_code_is_on_disk_before_the_index_names_it(tmp_path, monkeypatch):
+    cache = caching.IndexDataCacheFile(str(tmp_path), "loop-1.py311", "stamp")
+
+    def full_disk(self, name, data):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "_save_data", full_disk)
+    with pytest.raises(OSError, match="no space"):
+        cache.save("a", "code")
+    assert cache._load_index() == {}
+
+
+def test_without_locks_code_is_kept_as_well(tmp_path, monkeypatch):
+    def no_locks(self, *_, **__):
+        raise NotImplementedError("no locks on this file system")
+
+    monkeypatch.setattr(filelock.FileLock, "acquire", no_locks)
+    cache = caching.IndexDataCacheFile(str(tmp_path), "loop-1.py311", "stamp")
+    cache.save("a", "code of a")
+    assert cache.load("a") == "code of a"
+
+
 COMPILED = """
 import json, sys
 from numba.core import event
@@ -185,7 +243,7 @@ def test_a_second_scene_compiles_only_what_no_scene_had_before(tmp_path):
         return set(json.loads(done.stdout))
 
     first = compiled()
-    assert {"advance", "element_forces", "move_nodes", "find_near_nodes"} <= first
+    assert {"advance", "make_parts", "move_chunk", "find_near_nodes"} <= first
     assert compiled() == set()
     numbers = (
         'blank.size=["40 mm", "30 mm"]', "process.mass_damping=10 1/s", "process.gravity=true",
@@ -195,6 +253,80 @@ def test_a_second_scene_compiles_only_what_no_scene_had_before(tmp_path):
     assert compiled(*numbers) == set()
     published = ("element.compaction_strain=director", "element.hourglass=published")
     second = compiled(*published)
-    assert {"advance", "element_forces"} <= second
-    assert not {"move_nodes", "find_near_nodes", "centre_stretches"} & second
+    assert {"advance", "make_parts"} <= second
+    assert not {"move_chunk", "find_near_nodes", "centre_stretches"} & second
     assert compiled(*published) == compiled(*numbers) == set()
+
+
+RUN = """
+import json, sys
+from numba.core import event
+from lcmchain import compile_beside, pipeline, read_scene
+
+class Names(event.Listener):
+    names = []
+    def on_start(self, event): self.names.append(event.data["dispatcher"].py_func.__name__)
+    def on_end(self, event): pass
+
+scene, out, cores = sys.argv[1:]
+compile_beside._cores = lambda: int(cores)
+told = []
+with event.install_listener("numba:compile", Names()):
+    pipeline.run(
+        read_scene(scene), out, threads=1, progress=lambda done, of, text: told.append(text)
+    )
+print(json.dumps([sorted(set(Names.names)), told]))
+"""
+
+
+@pytest.mark.slow
+def test_two_processes_compile_what_one_does(tmp_path):
+    """All of it is on disk then, and the results have the same bits."""
+    (tmp_path / "scene.toml").write_text(
+        """
+        process = { time = "1 ms", frames = 2 }
+        output = { pictures = false, vtu = false, report = false }
+        blank = { size = ["20 mm", "20 mm"], edge_length = "5 mm", height = "0.502 mm" }
+        material = { preset = "MD600" }
+        tools = [{ name = "die", shape = { type = "plate", side = "below" } }]
+        mapping = [{ name = "part", mesh = "part.vtu", kind = "infiltration" }]
+        """,
+        encoding="utf-8",
+    )
+    corners = 1e-3 * np.array([[-5, -5, 0.502], [5, -5, 0.502], [5, 5, 0.502], [-5, 5, 0.502]])
+    meshio.write(tmp_path / "part.vtu", meshio.Mesh(corners, [("quad", [[0, 1, 2, 3]])]))
+
+    def run(name, cache, cores):
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / cache)}
+        environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
+        out = tmp_path / name
+        command = [sys.executable, "-W", "error::RuntimeWarning", "-c", RUN]
+        command += [str(tmp_path / "scene.toml"), str(out), str(cores)]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+        assert done.returncode == 0, done.stderr
+        compiled, told = json.loads(done.stdout)
+        fields = [read_groups(out / file) for file in ("forming.nc", "part.nc")]
+        return set(compiled), [text for text in told if text.startswith("compiling, ")], fields
+
+    here, told, fields = run("together", "shared", 2)
+    compiled_alone, told_alone, fields_alone = run("alone", "own", 1)
+    compiled_again, told_again, fields_again = run("again", "shared", 2)
+    assert fields == fields_alone == fields_again
+    assert compiled_again == set() and told_again == []
+    there = compiled_alone - here
+    assert {"element_frequency_bounds"} <= there and {"advance", "make_parts"} <= here
+    pairs = [text for text in told if " and " in text]
+    assert pairs and all("now steps and " in text for text in pairs)
+    assert not any(" and " in text for text in told_alone)
+    assert told_alone[0] == "compiling, 0 of 6 loops done, now steps"
+    assert "compiling, 5 of 6 loops done, now highest frequency" in told_alone
+
+
+def read_groups(path):
+    """Return the content of all variables of a file, by group and name."""
+    with xr.open_datatree(path, engine="netcdf4", decode_times=False) as tree:
+        return {
+            f"{node.path}/{name}": variable.values.tobytes()
+            for node in tree.subtree
+            for name, variable in node.to_dataset(inherit=False).variables.items()
+        }

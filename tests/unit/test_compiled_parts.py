@@ -5,10 +5,14 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+from numba import float64, guvectorize, njit, prange
+from numba.core.codegen import JITCodeLibrary
 
 from lcmchain.compiled_parts import PartDispatcher, PartLibrary
 from lcmchain.jit import entry, equation, routine
+from lcmchain.solver.loop import make_parts, move_nodes
 
 MODULE = """
 from lcmchain.jit import entry, equation, routine
@@ -71,6 +75,7 @@ def test_parts_are_linked_and_have_no_code_of_their_own():
     assert called(3.0) == 7.0
     for function in (twice, twice_and_one):
         assert isinstance(function, PartDispatcher)
+        function.compile((float64,))  # or reads it, where the caller was read from disk
         (compiled,) = function.overloads.values()
         assert isinstance(compiled.library, PartLibrary)
         with pytest.raises(RuntimeError, match="no address"):
@@ -81,6 +86,59 @@ def test_parts_are_linked_and_have_no_code_of_their_own():
 def test_python_calls_a_part_that_compiled_code_has_called():
     assert called(1.0) == twice_and_one(1.0) == 3.0
     assert twice(1) == 2.0 and twice(1j) == 2j
+
+
+@pytest.fixture
+def machine_code(monkeypatch):
+    """Names of what becomes machine code from here on."""
+    names, finalize = [], JITCodeLibrary._finalize_final_module
+
+    def noting(self):
+        names.append(self.name)
+        finalize(self)
+
+    monkeypatch.setattr(JITCodeLibrary, "_finalize_final_module", noting)
+    return names
+
+
+@pytest.fixture
+def optimised(monkeypatch):
+    """Names of what is optimised from here on."""
+    names, optimise = [], JITCodeLibrary._optimize_final_module
+
+    def noting(self):
+        names.append(self.name)
+        optimise(self)
+
+    monkeypatch.setattr(JITCodeLibrary, "_optimize_final_module", noting)
+    return names
+
+
+def test_bodies_of_parallel_loops_are_compiled_in_their_kernel_alone(machine_code, optimised):
+    @njit(parallel=True)
+    def roots(values):
+        for i in prange(values.size):
+            values[i] = np.sqrt(values[i])
+
+    values = np.array([1.0, 4.0, 9.0])
+    roots(values)
+    assert values.tolist() == [1.0, 2.0, 3.0]
+    assert [name for name in machine_code if "gufunc" in name.lower()] == []
+    assert any("roots" in name for name in machine_code)
+    assert optimised and [name for name in optimised if "gufunc" in name.lower()] == []
+
+
+def test_loops_of_compiled_code_alone_are_parts():
+    assert isinstance(make_parts, PartDispatcher) and isinstance(move_nodes, PartDispatcher)
+
+
+def test_functions_of_the_user_over_arrays_have_code_as_before(machine_code):
+    @guvectorize(["(f8[:], f8[:])"], "(n)->(n)", target="parallel", nopython=True)
+    def halved(values, result):
+        result[:] = 0.5 * values
+
+    assert halved(np.array([[1.0, 2.0], [3.0, 4.0]])).tolist() == [[0.5, 1.0], [1.5, 2.0]]
+    assert any("gufunc" in name.lower() for name in machine_code)
 
 
 @pytest.fixture

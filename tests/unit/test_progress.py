@@ -6,6 +6,7 @@ import types
 import pytest
 
 from lcmchain import __version__, cli
+from lcmchain.commands import terminal
 from lcmchain.commands.terminal import progress_bar, warn_in_groups
 from lcmchain.results import ProgressLines, RunLog
 from lcmchain.results.state import all_warnings
@@ -63,6 +64,27 @@ def test_what_is_no_terminal_gets_lines_on_the_error_stream(capsys):
     with progress_bar(quiet=True) as update:
         update(0.5, 1.0, "forming, step 3")
     assert capsys.readouterr().err == ""
+
+
+def test_a_terminal_is_told_how_long_a_stage_without_progress_takes(capsys, monkeypatch):
+    clock = Clock()
+    monkeypatch.setenv("FORCE_COLOR", "1")  # rich takes the stream for a terminal then
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(terminal.time, "monotonic", clock)
+    with progress_bar() as update:
+        update(0.0, 2.0, "compiling")
+        clock.now += 12.0
+        update(0.0, 2.0, "compiling, 2 of 6 loops done, now steps")
+    compiling = capsys.readouterr().err
+    with progress_bar() as update:
+        update(0.0, 2.0, "compiling")
+        clock.now += 12.0
+        update(0.0, 2.0, "forming, step 0")
+        clock.now += 12.0
+        update(1.0, 2.0, "forming, step 50")
+    forming = capsys.readouterr().err
+    assert "compiling, 2 of 6 loops done, now steps, since 12" in compiling
+    assert "forming, step 50" in forming and "since" not in forming
 
 
 def test_the_log_says_when(tmp_path):
