@@ -19,7 +19,7 @@ from lcmchain.effects.pace import (
 )
 from lcmchain.effects.supports import Support, translation
 from lcmchain.errors import InputError
-from lcmchain.fields import Histories
+from lcmchain.fields import FrameSeries, Histories, model_datasets
 from lcmchain.materials.shear_waves import shear_energy, shear_wave_speeds
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
@@ -245,6 +245,13 @@ def test_the_pace_falls_where_the_sheet_moves_more_than_it_is_strained(found):
     histories = Histories.from_state(found.model, found.state)
     pace = np.diff(histories.time) / np.diff(histories.sheet_time)
     assert SLOWEST <= pace.min() < 0.7 and pace.max() <= 1.0 + 1e-9
+    written = model_datasets(
+        scene(),
+        found.model,
+        FrameSeries.from_snapshots([found.snapshot()], ["punch", "die"]),
+        histories,
+    )["/history"]
+    np.testing.assert_array_equal(written["history_sheet_time"], histories.sheet_time)
     strained = histories.energy["internal"] > 0.05 * histories.energy["internal"][-1]
     ratio = histories.energy["kinetic"][strained] / histories.energy["internal"][strained]
     assert ratio.max() < 0.1

@@ -172,7 +172,6 @@ WRONG = {
         'tools[0] "punch".radius', 'belongs into "shape"',
     ),
     "missing material": (replaced((PRESET, "")), "material", 'preset = "MD600"'),
-    "missing process": (replaced(('[process]\ntime = "20 ms"\n', "")), "process", "is missing"),
     "missing blank size": (replaced(("size =", "# size =")), "blank", "needs either size"),
     "size and outline": (
         edge('"5 mm"\noutline = ["0 0 mm", "50 0 mm", "0 50 mm"]'), "blank", "not both"
