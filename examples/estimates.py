@@ -4,7 +4,8 @@
 
 Forms the scenes of this folder, at other angles and with the 2D approach too, prints a table, and
 ends with an error where the steps are off by more than 10 %. ``--quick`` takes elements of 10 mm
-and leaves out the tool from an STL file.
+and leaves out the tool from an STL file. All have the time of ``with_time.py``: where the pace is
+found, a run alone tells its steps.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
+
+from with_time import entries_with_time
 
 from lcmchain import read_scene
 from lcmchain.check import estimate_run
@@ -47,7 +50,9 @@ def main() -> None:
         if arguments.quick and name == "stl_tool":
             continue
         coarse = ["blank.edge_length=10 mm"] if arguments.quick else []
-        scene = read_scene(EXAMPLES / name / "scene.toml", [*overrides, *coarse])
+        scene = read_scene(
+            EXAMPLES / name / "scene.toml", [*entries_with_time(name), *overrides, *coarse]
+        )
         simulation = Simulation.from_scene(scene)
         expected = estimate_run(simulation.model)
         simulation.compile()

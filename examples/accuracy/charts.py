@@ -13,11 +13,15 @@ from __future__ import annotations
 
 import argparse
 import shutil
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from lcmchain.study import AccuracyStudy, Workers, read_source, study_accuracy
 from lcmchain.study.files import write_accuracy
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from with_time import entries_with_time
 
 EXAMPLES = Path(__file__).resolve().parent.parent
 
@@ -49,9 +53,11 @@ class Chart:
 
 
 STUDIES = {
-    "hemisphere_holder": Chart("hemisphere_holder/scene.toml", 5.0),
+    "hemisphere_holder": Chart(
+        "hemisphere_holder/scene.toml", 5.0, overrides=entries_with_time("hemisphere_holder"),
+    ),
     "hemisphere_free": Chart(
-        "hemisphere_free/scene.toml", 6.0,
+        "hemisphere_free/scene.toml", 6.0, overrides=entries_with_time("hemisphere_free"),
         text="Without a holder the blank is free to wrinkle: what finer meshes add is folds.",
     ),
     "closed_mould": Chart(

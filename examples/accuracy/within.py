@@ -12,6 +12,7 @@ folder already are taken from there.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from lcmchain.study.choice import mm
@@ -21,6 +22,9 @@ from lcmchain.study.runs import Study, Workers
 from lcmchain.study.scene_text import SceneText
 from lcmchain.study.variant import Variant
 from lcmchain.study.wish import read_wish
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from with_time import entries_with_time
 
 HERE = Path(__file__).resolve().parent
 FINER = 0.6  # edges of the fine run, by those that were chosen
@@ -62,7 +66,9 @@ motion = {{ type = "guided", direction = [0, 0, -1], mass = "0.8 kg", ramp = "10
 def scene(name: str) -> SceneText:
     """Return one of the scenes."""
     if name == "elongated dome (STL)":
-        return SceneText.from_file(HERE.parent / "stl_tool" / "scene.toml")
+        return SceneText.from_file(
+            HERE.parent / "stl_tool" / "scene.toml", entries_with_time("stl_tool")
+        )
     common = {"top": 1.004, "fabric": "MD600", "angle": "0 deg", "time": "200 ms"}
     if name == "small sphere, no holder":
         values = common | {"size": '["160 mm", "160 mm"]', "radius": 40, "depth": 40, "hole": 42,

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,9 @@ from lcmchain import read_scene, run
 from lcmchain.fields import read_forming
 from lcmchain.fields.sheet import face_centres
 from lcmchain.scene import RUNGS, on_rung
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from with_time import entries_with_time
 
 SCENE = Path(__file__).parents[1] / "hemisphere_holder" / "scene.toml"
 PLAIN = ("output.pictures=false", "output.report=false", "output.vtu=false", "mapping=[]")
@@ -31,7 +35,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/ladder"))
     parser.add_argument("--threads", type=int)
     arguments = parser.parse_args()
-    scene = read_scene(arguments.scene, PLAIN)
+    first = entries_with_time(arguments.scene.resolve().parent.name)
+    scene = read_scene(arguments.scene, (*first, *PLAIN))
     for model in RUNGS:
         if not (arguments.out / model / "forming.nc").exists():
             run(on_rung(scene, model), arguments.out / model, threads=arguments.threads)

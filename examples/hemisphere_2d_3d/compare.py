@@ -5,15 +5,16 @@ r"""The hemisphere with the 3D solid-shell and with the 2D approach that the pap
         --set 'blank.edge_length="3.75 mm"'
 
 Forms both hemisphere scenes with both elements, and with a solid-shell that is stiffened to what
-the 2D approach assumes. Prints the differences, and writes them as ``comparison.md`` beside one
-picture per scene (paper, Figs. 7c, 7d and 8d). With ``--from DIR`` the results of an earlier call
-are compared again without forming them anew.
+the 2D approach assumes, all of them with the time of ``with_time.py``. Prints the differences, and
+writes them as ``comparison.md`` beside one picture per scene (paper, Figs. 7c, 7d and 8d). With
+``--from DIR`` the results of an earlier call are compared again without forming them anew.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -35,6 +36,9 @@ from lcmchain.fields.measures import (
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.report.comparison import draw_comparison
 from lcmchain.report.shown import SHOWN
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from with_time import entries_with_time
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,7 +92,7 @@ def form(
 ) -> Formed:
     """Form one of the example scenes with one kind of element and further entries."""
     path = EXAMPLES / scene / "scene.toml"
-    overrides = [f"element.type={element}", *entries, *OVERRIDES]
+    overrides = [*entries_with_time(scene), f"element.type={element}", *entries, *OVERRIDES]
     result = run(read_scene(path, overrides), folder, threads=threads)
     return Formed(result.datasets["/"], result.datasets["/history"], result.summary)
 

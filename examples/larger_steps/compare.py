@@ -2,11 +2,11 @@
 
     python examples/larger_steps/compare.py [--edge 10] [--scene S.toml] [--out DIR] [--table F.md]
 
-Runs ``examples/hemisphere_holder`` as it is and with one option of ``[process]`` changed at a time,
-on one mesh, so that fields are compared face by face without mapping. Writes a table: steps, time
-step, and what each option changes in shear angle, thickness and force against the first row.
-Ends with an error where an option does not do what it states: the step, the added mass, or the
-fibre strain.
+Runs ``examples/hemisphere_holder``, with the time of ``with_time.py``, as it is and with one option
+of ``[process]`` changed at a time, on one mesh, so that fields are compared face by face without
+mapping. Writes a table: steps, time step, and what each option changes in shear angle, thickness
+and force against the first row. Ends with an error where an option does not do what it states: the
+step, the added mass, or the fibre strain.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ import numpy as np
 import xarray as xr
 
 from lcmchain import read_scene, run
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from with_time import entries_with_time
 
 SCENE = Path(__file__).parents[1] / "hemisphere_holder" / "scene.toml"
 FIRST = "as it is"
@@ -47,7 +50,8 @@ COLUMNS = (
 def results_of(scene_file: Path, overrides: tuple[str, ...], folder: Path) -> dict[str, Any]:
     """Run a case, or take it from its folder; return its summary and last fields."""
     if not (folder / "summary.json").is_file():
-        run(read_scene(scene_file, overrides=overrides), folder)
+        first = entries_with_time(scene_file.resolve().parent.name)
+        run(read_scene(scene_file, overrides=(*first, *overrides)), folder)
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     with xr.open_dataset(folder / "forming.nc", engine="netcdf4") as sheet:
         last = sheet.isel(time=-1)

@@ -10,6 +10,7 @@ one part of it after the other left out. Writes ``table.md`` and ``structure.png
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +24,9 @@ from lcmchain.mapping import TargetMesh, map_file, read_target
 from lcmchain.mapping.structure import SolverOptions, analyse
 from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
 from lcmchain.scene import structure_from_text
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from with_time import entries_with_time
 
 HERE = Path(__file__).resolve().parent
 HOLDER = HERE.parent / "hemisphere_holder"
@@ -205,7 +209,8 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     forming = arguments.forming
     if forming is None:
-        run(read_scene(HOLDER / "scene.toml"), out / "forming", threads=arguments.threads)
+        scene = read_scene(HOLDER / "scene.toml", entries_with_time(HOLDER.name))
+        run(scene, out / "forming", threads=arguments.threads)
         forming = out / "forming" / "forming.nc"
     found = study(forming, arguments.mesh, out, arguments.threads)
     text = table(found)

@@ -10,9 +10,8 @@ from lcmchain.effects.mass_scaling import MassScaling
 from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range, Rate, Switch
 from lcmchain.quantities.scene_model import SceneModel
 
-#: What leaving out an entry means, for the table of defaulted values.
+#: What leaving out the time means, for the table of defaulted values.
 FOUND_TIME = "found from the sheet"
-FOUND_DAMPING = "0 1/s, or found with the time"
 
 
 class Process(SceneModel):
@@ -35,7 +34,7 @@ class Process(SceneModel):
     frames: Annotated[int, Number(21, Range(2, 100_000), whole=True)] = Field(
         default=21, description="Saved frames, including the start."
     )
-    mass_damping: Annotated[Rate, AbsentMeans(FOUND_DAMPING)] = Field(
+    mass_damping: Rate = Field(
         default="0 1/s",  # type: ignore[assignment]
         description="Mass-proportional damping; without it 0 1/s, and found together with a time "
         "that is left out.",
