@@ -22,6 +22,7 @@ from lcmchain.scene.overrides import apply_overrides
 from lcmchain.scene.presets import PRESETS
 from lcmchain.scene.scene import Scene, SceneSource
 from lcmchain.text_files import decode_text
+from lcmchain.tools.motion import GuidedMotion
 
 #: Longest problem, and longest list of them [characters], that a message shows.
 LONGEST_PROBLEM = 400
@@ -283,7 +284,23 @@ def _resolved_text(scene: Scene, key: str, text: str) -> str:
         return f"{scene.contact.friction:g} ({text})"
     if text == "process.time":
         return f"{scene.process.time:g} s ({text})"
-    return text
+    return _found_text(scene, key) or text
+
+
+def _found_text(scene: Scene, key: str) -> str:
+    """Return the value of an entry that is found with the time of the process; empty for others."""
+    if not scene.time_is_found:
+        return ""
+    process = scene.process
+    found = {
+        "process.time": f"{process.time:.4g} s",
+        "process.mass_damping": f"{process.mass_damping:.4g} 1/s",
+        "process.damping_average": f"{process.damping_average:.4g} s",
+    }
+    for tool in scene.tools:
+        if isinstance(tool.motion, GuidedMotion):
+            found[f"tools.{tool.name}.motion.ramp"] = f"{tool.motion.ramp:.4g} s"
+    return f"{found[key]} (found from the sheet)" if key in found else ""
 
 
 _ABSENT = object()

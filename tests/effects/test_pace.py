@@ -20,10 +20,12 @@ from lcmchain.effects.pace import (
 from lcmchain.effects.supports import Support, translation
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, Histories, model_datasets
+from lcmchain.fields.loads import force_parts
 from lcmchain.materials.shear_waves import shear_energy, shear_wave_speeds
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.found_time import AVERAGING_PART, DAMPING_TIMES_TIME, PERIODS
+from lcmchain.solver import simulation as simulation_module
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import PACE, SHEET_TIME, STEPS, TIME
 from lcmchain.threads import available_threads, use_threads
@@ -112,6 +114,13 @@ def test_a_sheet_that_is_only_touched_is_compared_with_the_floor():
 def test_the_mean_of_the_kinetic_energy_follows_over_its_part_of_the_time():
     kept = step(1.0, 1.0, 0.0, 1e6, AVERAGING * LAW.time)[1]
     assert kept == pytest.approx(math.exp(-1.0))
+
+
+def test_a_change_of_the_pace_is_known_at_once():
+    """What moves with the tools slows down with them: the mean is that at the new pace."""
+    pace, mean = step(0.5, 50.0, 50.0, 10.0, 0.02)
+    assert pace < 0.5
+    assert mean == pytest.approx(50.0 * (pace / 0.5) ** 2)
 
 
 def test_the_floor_is_a_part_of_shearing_the_sheet():
@@ -252,11 +261,33 @@ def test_the_pace_falls_where_the_sheet_moves_more_than_it_is_strained(found):
         histories,
     )["/history"]
     np.testing.assert_array_equal(written["history_sheet_time"], histories.sheet_time)
+    whole = force_parts(written, 0, -1, len(histories.time) - 1)
+    hourglass = histories.energy["hourglass"][-1]
+    assert whole["hourglass_N"] == pytest.approx(hourglass / 6e-3) and hourglass > 0.0
     strained = histories.energy["internal"] > 0.05 * histories.energy["internal"][-1]
     ratio = histories.energy["kinetic"][strained] / histories.energy["internal"][strained]
     assert ratio.max() < 0.1
     assert found.state.tool_travel[0] == pytest.approx(6e-3, rel=1e-12)
     assert abs(found.energy()["balance_error"]) < 1e-3 * found.energy()["internal"]
+
+
+def test_the_energy_that_the_pace_follows_is_that_of_the_sheet(found, monkeypatch):
+    """External work less motion, damping and friction strains the sheet and its contacts."""
+    seen = {}
+
+    def noted(law, pace, mean_kinetic, **measured):
+        seen.update(measured)
+        return pace, mean_kinetic
+
+    monkeypatch.setattr(simulation_module, "next_pace", noted)
+    simulation = Simulation.from_scene(scene())
+    simulation.restore(found.state)
+    simulation._find_pace(found.model.pace, 1e-5)
+    energy = found.energy()
+    stored = energy["internal"] + energy["hourglass"] + energy["contact"]
+    assert seen["stored"] == pytest.approx(stored, rel=2e-3)
+    assert energy["friction"] > 0.02 * stored
+    assert (seen["kinetic"], seen["duration"]) == (energy["kinetic"], 1e-5)
 
 
 def test_a_pace_that_is_found_has_the_same_bits_after_a_restore_and_for_any_threads(found):
@@ -285,6 +316,21 @@ def test_the_load_of_a_guided_tool_comes_on_in_a_part_of_the_process():
     assert holder.ramp == pytest.approx(0.05 * scene().process.time)
     at_once = scene(more=HOLDER.replace("RAMP", ', ramp = "0 s"')).tools[2].motion
     assert at_once.ramp == 0.0
+
+
+def test_what_is_found_stands_among_the_values_used():
+    found = scene(more=HOLDER.replace("RAMP", ""))
+    used = dict(found.source.defaulted)
+    time = found.process.time
+    for key, value in (
+        ("process.time", f"{time:.4g} s"),
+        ("process.mass_damping", f"{DAMPING_TIMES_TIME / time:.4g} 1/s"),
+        ("process.damping_average", f"{AVERAGING_PART * time:.4g} s"),
+        ("tools.holder.motion.ramp", f"{0.05 * time:.4g} s"),
+    ):
+        assert used[key] == f"{value} (found from the sheet)"
+    given = scene('time = "5 ms"', more=HOLDER.replace("RAMP", ""))
+    assert dict(given.source.defaulted)["tools.holder.motion.ramp"] == "0 s"
 
 
 # --- where a process has a time of its own --------------------------------------------------------

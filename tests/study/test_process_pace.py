@@ -86,3 +86,39 @@ def test_a_study_of_accuracy_says_why_the_process_time_stays(dent, tmp_path, mon
     write_page(tmp_path / "report.html", study, chart)
     assert study.notes[0] in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert accuracy_module.study_accuracy(dent, tmp_path).notes == ()
+
+
+# --- where the time is found ----------------------------------------------------------------------
+
+
+@pytest.fixture
+def without_time(dent, tmp_path):
+    """The dented sheet, whose process has no time."""
+    text = dent.scene().source.text
+    line = next(line for line in text.splitlines() if line.startswith("process"))
+    path = tmp_path / "scene.toml"
+    path.write_text(text.replace(line, "process = { frames = 3 }"), encoding="utf-8")
+    return read_source(path)
+
+
+def test_a_process_whose_time_is_found_is_slowed_by_one_entry(without_time):
+    """More mass alone takes longer by its root, and as many steps: no study tries it."""
+    scene = without_time.scene()
+    assert scene.time_is_found
+    fast, slow = inertia_trials(scene)[0], slower(scene)[-1]
+    assert (fast.mass, fast.time, slow.time) == (1.0, 0.25, 4.0)
+    for settings in (fast, slow):
+        (entry,) = settings.overrides(scene)
+        changed = without_time.scene((entry,))
+        assert changed.process.time == pytest.approx(settings.time * scene.process.time)
+    both = StepSettings(mass=4.0, fibres=0.5).overrides(scene)
+    assert both == ("process.quasi_static=0.5", "process.fibre_modulus_factor=0.5")
+
+
+def test_the_ladder_of_a_process_whose_time_is_found_has_no_mass(without_time):
+    variants = ladder(without_time)
+    assert not any("mass_scaling" in entry for v in variants for entry in v.overrides)
+    times = {v.name: without_time.scene(v.overrides) for v in variants if v.axis == TIME}
+    own = without_time.scene().process.time
+    assert {round(s.process.time / own, 6) for s in times.values()} >= {0.5, 2.0}
+    assert all(s.time_is_found for s in times.values())

@@ -14,6 +14,7 @@ from lcmchain.fields.loads import (
     _around,
     exceeded_over,
     force_parts,
+    force_uncertainty,
     quoted_force,
     tool_loads,
 )
@@ -259,10 +260,18 @@ def test_parts_of_the_force_add_up_to_it(history):
     assert "parts_over_stroke" not in loads["die"]  # it does not move
     for which in ("parts_at_maximum", "parts_over_stroke"):
         parts = dict(loads["punch"][which])
-        force = parts.pop("force_N")
+        force, hourglass = parts.pop("force_N"), parts.pop("hourglass_N")
+        assert abs(hourglass) <= abs(parts["sheet_N"])  # it is a part of what strains the sheet
         assert force > 0.1
         assert sum(parts.values()) == pytest.approx(force, rel=1e-9)
         assert abs(parts["others_N"]) < 1e-9 * force
+
+
+def test_a_force_is_known_to_what_inertia_damping_and_hourglass_terms_take(history):
+    parts = {"inertia_N": -0.5, "damping_N": 0.2, "hourglass_N": 0.1, "sheet_N": 9.0}
+    assert force_uncertainty(parts) == pytest.approx(0.8)
+    punch = tool_loads(history)["punch"]
+    assert punch["force_uncertainty_N"] == force_uncertainty(punch["parts_at_maximum"])
 
 
 def test_parts_are_energies_over_the_travel(history, histories):

@@ -14,6 +14,8 @@ from lcmchain.check import estimate_run
 from lcmchain.fields import read_forming, sheet_faces, sheet_positions
 from lcmchain.fields.measures import flange_and_pole, mirror_difference
 from lcmchain.model import build_model
+from lcmchain.report.grades import GOOD, NOT_JUDGED
+from lcmchain.report.verdicts import verdicts
 
 INITIAL_THICKNESS = 1.004e-3
 SCENE = Path(__file__).parents[2] / "examples" / "hemisphere_holder" / "scene.toml"
@@ -125,8 +127,25 @@ def test_summary_has_every_promised_entry(holder_result):
     assert set(promised.split()) <= set(summary)
     parts = "kinetic internal hourglass contact friction damping external balance_error"
     assert set(parts.split()) == set(summary["energy"])
-    # inertia and damping of 200 ms are told, nothing else
-    assert all("process.time" in warning for warning in summary["warnings"])
+    assert not [warning for warning in summary["warnings"] if "structure:" not in warning]
+
+
+def test_the_program_finds_a_pace_at_which_every_verdict_is_good(holder_result):
+    scene = read_scene(SCENE)
+    found = verdicts(holder_result.summary, scene, holder_result.datasets)
+    assert {verdict.grade for verdict in found} <= {GOOD, NOT_JUDGED}, found
+    summary = holder_result.summary
+    assert scene.time_is_found
+    assert summary["pace"]["fastest_time_s"] == scene.process.time
+    assert 1.0 <= summary["pace"]["sheet_time_s"] / scene.process.time < 1.2
+    assert summary["damping_to_external"] < 0.01  # it acts on vibrations alone
+
+
+def test_the_force_is_that_of_a_slow_process(holder_result):
+    """27.21 N in a process four times as slow (examples/quasi_static/compare.py)."""
+    loads = holder_result.summary["tool_loads"]["punch"]
+    assert loads["force_max_N"] == pytest.approx(27.21, rel=0.01)
+    assert abs(loads["force_max_N"] - 27.21) < loads["force_uncertainty_N"] < 1.0
 
 
 def test_every_promised_file_is_there(holder_result):

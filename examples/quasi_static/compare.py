@@ -1,0 +1,170 @@
+"""Scenes without a time beside themselves four times as slow: force, shear angle, thickness.
+
+    python examples/quasi_static/compare.py [--cases NAME ...] [--out DIR] [--table F.md]
+
+Runs hemispheres with and without holder, other blanks, sizes and tools, and a closed mould with the
+pace that the program finds, and with ``process.quasi_static`` = 4; both on one mesh, so that fields
+are compared face by face. Writes a table: steps and time of the loop, the largest mean force with
+what the run itself says it is off by, and how far force, shear angle and thickness are from those
+of the slow run; the verdicts that are not good. Results that lie in the folder already are taken
+from there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from lcmchain import read_scene, run
+
+EXAMPLES = Path(__file__).resolve().parents[1]
+HOLDER = "hemisphere_holder/scene.toml"
+MOULD = """
+process = { frames = 13 }
+blank = { size = ["90 mm", "70 mm"], edge_length = "5 mm", height = "9.0 mm" }
+material = { preset = "MD600" }
+contact = { friction = 0.1 }
+
+[[tools]]
+name = "lower"
+shape = { type = "surface_mesh", file = "lower.stl", length_unit = "mm" }
+
+[[tools]]
+name = "upper"
+shape = { type = "surface_mesh", file = "upper.stl", length_unit = "mm" }
+position = "0 0 9.0 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "9.0 mm" }
+"""
+PUNCH = 'tools.punch.shape={{ type = "sphere_capped_punch", radius = "{:g} mm" }}'
+PLATE = (
+    'tools.{}.shape={{ type = "plate_with_hole", hole_radius = "{:g} mm", '
+    'fillet_radius = "{:g} mm", side = "{}" }}'
+)
+
+
+def scaled(factor: float, edge: float) -> tuple[str, ...]:
+    """Return what makes the hemisphere so many times as large; the holder presses as much."""
+    hole, fillet = 75.0 * factor + 2.0, 10.0 * factor
+    return (
+        f'blank.size=["{300 * factor:g} mm", "{300 * factor:g} mm"]',
+        f"blank.edge_length={edge:g} mm",
+        PUNCH.format(75.0 * factor),
+        f"tools.punch.motion.distance={75 * factor:g} mm",
+        PLATE.format("die", hole, fillet, "below"),
+        PLATE.format("holder", hole, fillet, "above"),
+        f"tools.holder.motion.mass={1.7 * factor**2:g} kg",
+        f"tools.holder.motion.damping={100 * factor**2:g} N*s/m",
+    )
+
+
+#: Scene, or None for the mould, and what differs from it.
+CASES: dict[str, tuple[str | None, tuple[str, ...]]] = {
+    "hemisphere with holder": (HOLDER, ()),
+    "the fabric's own fibre modulus": (HOLDER, ("process.fibre_modulus_factor=1",)),
+    "hemisphere without holder": ("hemisphere_free/scene.toml", ()),
+    "dome from an STL file": ("stl_tool/scene.toml", ()),
+    "closed mould": (None, ()),
+    "cone": (
+        HOLDER,
+        (
+            'tools.punch.shape={ type = "cone", half_angle = "35 deg", tip_radius = "20 mm" }',
+            "tools.punch.motion.distance=50 mm",
+        ),
+    ),
+    "fibres at 30 deg": (HOLDER, ("blank.fibre_angle=30 deg",)),
+    "1 m blank": (HOLDER, scaled(10.0 / 3.0, 15.0)),
+    "half size, 5 mm": (HOLDER, scaled(0.5, 5.0)),
+    "half size, 2.5 mm": (HOLDER, scaled(0.5, 2.5)),
+}
+ONLY_FORMING = ("mapping=[]", "permeability=none", "output.pictures=false", "output.vtu=false")
+COLUMNS = (
+    "scene", "steps", "loop [s]", "largest mean force [N]", "off by",
+    "shear angle, rms and most [°]",
+    "thickness, rms and most [%]", "not good",
+)  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
+    parser.add_argument("--slower", type=float, default=4.0)
+    parser.add_argument("--out", type=Path, default=Path("results/quasi_static"))
+    parser.add_argument("--table", type=Path, help="Markdown file to write")
+    arguments = parser.parse_args()
+    lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
+    for case in arguments.cases:
+        found, slow = (result(case, slower, arguments.out) for slower in (1.0, arguments.slower))
+        lines.append("| " + " | ".join([case, *compared(found, slow)]) + " |")
+        print(lines[-1], flush=True)
+    text = "\n".join(lines) + "\n"
+    print(text)
+    if arguments.table is not None:
+        arguments.table.write_text(text, encoding="utf-8")
+
+
+def result(case: str, slower: float, out: Path) -> dict[str, Any]:
+    """Run a case, or take it from its folder; return its summary, verdicts and last fields."""
+    folder = out / f"{case.replace(' ', '_').replace(',', '')}_{slower:g}"
+    kept = folder / "verdicts.json"
+    if not kept.is_file():
+        file, overrides = CASES[case]
+        path = mould(out) if file is None else EXAMPLES / file
+        only = ONLY_FORMING if file == HOLDER else ONLY_FORMING[2:]
+        scene = read_scene(path, (*only, *overrides, f"process.quasi_static={slower:g}"))
+        done = run(scene, folder)
+        kept.write_text(json.dumps(not_good(done, scene)), encoding="utf-8")
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    with xr.open_dataset(folder / "forming.nc", engine="netcdf4") as sheet:
+        last = sheet.isel(time=-1)
+        fields = {name: last[name].values for name in ("shear_angle", "thickness")}
+    return {"summary": summary, "not_good": json.loads(kept.read_text()), **fields}
+
+
+def not_good(done: Any, scene: Any) -> list[str]:
+    """Return the verdicts of a run that are not good, in words."""
+    from lcmchain.report.grades import GOOD
+    from lcmchain.report.verdicts import verdicts
+
+    found = verdicts(done.summary, scene, done.datasets)
+    return [f"{verdict.check} ({verdict.grade})" for verdict in found if verdict.grade != GOOD]
+
+
+def mould(out: Path) -> Path:
+    """Write the two moulds of ``closed_mould`` and a scene without a time; return its file."""
+    sys.path.insert(0, str(EXAMPLES / "closed_mould"))
+    from compare import write_moulds  # type: ignore[import-not-found]
+
+    out.mkdir(parents=True, exist_ok=True)
+    write_moulds(out)
+    path = out / "mould.toml"
+    path.write_text(MOULD, encoding="utf-8")
+    return path
+
+
+def compared(found: dict[str, Any], slow: dict[str, Any]) -> list[str]:
+    """Return the cells of a row: what a run took, and how far it is from the slow one."""
+    summary = found["summary"]
+    force, of_slow = (run["summary"]["punch_force_max_N"] for run in (found, slow))
+    loads = summary["tool_loads"][summary["punch"]]
+    stated = loads.get("force_uncertainty_N")
+    shear = np.degrees(np.abs(np.abs(found["shear_angle"]) - np.abs(slow["shear_angle"])))
+    thickness = 100.0 * np.abs(found["thickness"] / slow["thickness"] - 1.0)
+    return [
+        f"{summary['step_count']:,}",
+        f"{summary['wall_s']:.1f}",
+        f"{force:.4g}" + ("" if stated is None else f" ± {stated:.1g}"),
+        f"{force / of_slow - 1.0:+.2%}",
+        f"{np.sqrt(np.mean(shear**2)):.3f}, {shear.max():.2f}",
+        f"{np.sqrt(np.mean(thickness**2)):.3f}, {thickness.max():.2f}",
+        ", ".join(found["not_good"]) or "-",
+    ]
+
+
+if __name__ == "__main__":
+    main()
