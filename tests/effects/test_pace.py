@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -215,6 +216,9 @@ def test_a_scene_with_a_time_has_no_pace():
     assert Histories.from_state(simulation.model, simulation.state).sheet_time is None
 
 
+#: Kinetic energy in parts of the stored one, lower than that of a process: its pace falls.
+LOWER_BOUND = 0.004
+
 # --- a pace that is found -------------------------------------------------------------------------
 
 
@@ -249,11 +253,34 @@ def test_twice_as_quasi_static_takes_twice_as_long_with_a_quarter_of_the_inertia
     assert moved[0] < 0.5 * moved[1]
 
 
+def bounded():
+    """Return a simulation whose kinetic energy has a lower bound, so that its pace falls."""
+    model = build_model(scene())
+    return Simulation(replace(model, pace=model.pace._replace(kinetic_part=LOWER_BOUND)))
+
+
 def test_the_pace_falls_where_the_sheet_moves_more_than_it_is_strained(found):
     """The kinetic energy is bounded once the sheet is strained; the tools arrive all the same."""
-    histories = Histories.from_state(found.model, found.state)
+    simulation = bounded()
+    simulation.advance_to(simulation.model.process_time)
+    histories = Histories.from_state(simulation.model, simulation.state)
     pace = np.diff(histories.time) / np.diff(histories.sheet_time)
     assert SLOWEST <= pace.min() < 0.7 and pace.max() <= 1.0 + 1e-9
+    assert largest_ratio(histories) < 2.0 * LOWER_BOUND
+    assert largest_ratio(Histories.from_state(found.model, found.state)) > 2.5 * LOWER_BOUND
+    assert simulation.state.tool_travel[0] == pytest.approx(6e-3, rel=1e-12)
+    assert abs(simulation.energy()["balance_error"]) < 1e-3 * simulation.energy()["internal"]
+
+
+def largest_ratio(histories):
+    """Return the largest kinetic over internal energy of a sheet that is strained."""
+    internal = histories.energy["internal"]
+    strained = internal > 0.1 * internal[-1]
+    return (histories.energy["kinetic"][strained] / internal[strained]).max()
+
+
+def test_results_hold_the_time_of_the_sheet_and_what_hourglass_terms_take(found):
+    histories = Histories.from_state(found.model, found.state)
     written = model_datasets(
         scene(),
         found.model,
@@ -264,11 +291,6 @@ def test_the_pace_falls_where_the_sheet_moves_more_than_it_is_strained(found):
     whole = force_parts(written, 0, -1, len(histories.time) - 1)
     hourglass = histories.energy["hourglass"][-1]
     assert whole["hourglass_N"] == pytest.approx(hourglass / 6e-3) and hourglass > 0.0
-    strained = histories.energy["internal"] > 0.05 * histories.energy["internal"][-1]
-    ratio = histories.energy["kinetic"][strained] / histories.energy["internal"][strained]
-    assert ratio.max() < 0.1
-    assert found.state.tool_travel[0] == pytest.approx(6e-3, rel=1e-12)
-    assert abs(found.energy()["balance_error"]) < 1e-3 * found.energy()["internal"]
 
 
 def test_the_energy_that_the_pace_follows_is_that_of_the_sheet(found, monkeypatch):
@@ -286,7 +308,7 @@ def test_the_energy_that_the_pace_follows_is_that_of_the_sheet(found, monkeypatc
     energy = found.energy()
     stored = energy["internal"] + energy["hourglass"] + energy["contact"]
     assert seen["stored"] == pytest.approx(stored, rel=2e-3)
-    assert energy["friction"] > 0.02 * stored
+    assert energy["friction"] > 0.01 * stored
     assert (seen["kinetic"], seen["duration"]) == (energy["kinetic"], 1e-5)
 
 
@@ -294,19 +316,20 @@ def test_a_pace_that_is_found_has_the_same_bits_after_a_restore_and_for_any_thre
     time = found.model.process_time
     try:
         use_threads(2)
-        simulation = Simulation.from_scene(scene())
-        simulation.advance_to(0.5 * time, lambda s: None)
+        simulation = bounded()
+        simulation.advance_to(0.5 * time)
         kept = simulation.state.copy()
         simulation.advance_to(0.7 * time)
         simulation.restore(kept)
         simulation.advance_to(time)
         use_threads(1)
-        straight = Simulation.from_scene(scene())
+        straight = bounded()
         for until in (0.5 * time, time):
             straight.advance_to(until)
     finally:
         use_threads(available_threads())
     assert straight.state.counters[STEPS] == simulation.state.counters[STEPS]
+    assert straight.state.clock[SHEET_TIME] > 1.1 * time  # the pace fell on the way
     for name, array in straight.state.as_dict().items():
         np.testing.assert_array_equal(array, getattr(simulation.state, name), err_msg=name)
 
