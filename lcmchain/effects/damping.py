@@ -27,9 +27,9 @@ def damped_velocity(velocity, acceleration, damping, interval):
 
 
 @equation
-def averaged_velocity(average, velocity, interval, time):
-    """Return the running mean w of a velocity after an interval [s], with the time constant τ."""
-    return average + min(interval / time, 1.0) * (velocity - average)
+def averaged_velocity(average, velocity, part):
+    """Return the running mean w of a velocity after an interval, a part of the time constant τ."""
+    return average + part * (velocity - average)
 
 
 SWITCH = Switch(

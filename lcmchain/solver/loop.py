@@ -343,6 +343,9 @@ def integrate(arrays, free, environment, averaging, first, last, dt_last, dt, su
         force = arrays.force[d, first:last]
         if free is not None:
             free_part = free[d, first:last]
+        if averaging is not None:
+            average = arrays.mean_velocity[d, first:last]
+            part = min(interval / averaging, 1.0)
         kinetic, damped, weight = 0.0, 0.0, 0.0
         for i in range(last - first):
             gravity = -weight_at(weights, i) if d == 2 else 0.0
@@ -353,7 +356,7 @@ def integrate(arrays, free, environment, averaging, first, last, dt_last, dt, su
             acceleration = force[i] * inverse_mass[i] + gravity
             undamped = 0.0
             if averaging is not None:
-                undamped = arrays.mean_velocity[d, first + i]
+                undamped = average[i]
             new = undamped + damped_velocity(old - undamped, acceleration, damping, interval)
             velocity[i] = new if share > 0.0 else old
             position[i] += share * dt * new
@@ -362,9 +365,7 @@ def integrate(arrays, free, environment, averaging, first, last, dt_last, dt, su
             kinetic += 0.5 * free_mass * old * new
             damped += damping * free_mass * (mean - undamped) * mean * interval
             if averaging is not None:
-                arrays.mean_velocity[d, first + i] = averaged_velocity(
-                    undamped, mean, interval, averaging
-                )
+                average[i] = averaged_velocity(undamped, mean, part)
             weight += free_mass * gravity * mean * interval
         sums[KINETIC] += kinetic
         sums[MASS_DAMPING] += damped
