@@ -4,7 +4,7 @@
 
 Runs hemispheres with and without holder, other blanks, sizes and tools, and a closed mould with the
 pace that the program finds, and with ``process.quasi_static`` = 4; both on one mesh, so that fields
-are compared face by face. Writes a table: steps and time of the loop, the largest mean force with
+are compared face by face. Writes a table: steps, the largest mean force with
 what the run itself says it is off by, and how far force, shear angle and thickness are from those
 of the slow run; the verdicts that are not good. Results that lie in the folder already are taken
 from there.
@@ -84,7 +84,7 @@ CASES: dict[str, tuple[str | None, tuple[str, ...]]] = {
 }
 ONLY_FORMING = ("mapping=[]", "permeability=none", "output.pictures=false", "output.vtu=false")
 COLUMNS = (
-    "scene", "steps", "loop [s]", "largest mean force [N]", "off by",
+    "scene", "steps", "largest mean force [N]", "off by",
     "shear angle, rms and most [°]",
     "thickness, rms and most [%]", "not good",
 )  # fmt: skip
@@ -157,7 +157,6 @@ def compared(found: dict[str, Any], slow: dict[str, Any]) -> list[str]:
     thickness = 100.0 * np.abs(found["thickness"] / slow["thickness"] - 1.0)
     return [
         f"{summary['step_count']:,}",
-        f"{summary['wall_s']:.1f}",
         f"{force:.4g}" + ("" if stated is None else f" ± {stated:.1g}"),
         f"{force / of_slow - 1.0:+.2%}",
         f"{np.sqrt(np.mean(shear**2)):.3f}, {shear.max():.2f}",
