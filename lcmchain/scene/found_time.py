@@ -15,6 +15,9 @@ from lcmchain.materials.shear_waves import shear_wave_speeds
 
 #: Periods of the slowest shear vibration that the process takes at the fastest.
 PERIODS = 2.4
+#: Speed of the waves where the law is softest, over that at rest, at least: where a measured law is
+#: flat, waves stand still, and the pace that follows the energies is the better measure.
+LEAST_SPEED = 0.2
 #: Mean speed of a tool at most [m/s]: a stiff sheet has fast waves.
 TOOL_SPEED = 2.0
 #: Rate of the mass damping times the time of the process.
@@ -33,7 +36,8 @@ def found_time(
     process : its table, without a time. extent : of the blank along x and y [m].
     travel : longest stroke of a tool [m].
     """
-    period = 2.0 * max(extent) / shear_wave_speeds(material)[1]
+    at_rest, softest = shear_wave_speeds(material)
+    period = 2.0 * max(extent) / max(softest, LEAST_SPEED * at_rest)
     # added mass slows the waves down; what a target step adds is not known before the mesh is
     scaling = process.mass_scaling
     slower = 1.0 if scaling is None else math.sqrt(scaling.factor)

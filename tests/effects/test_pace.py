@@ -24,6 +24,7 @@ from lcmchain.fields import FrameSeries, Histories, model_datasets
 from lcmchain.fields.loads import force_parts
 from lcmchain.materials.shear_waves import shear_energy, shear_wave_speeds
 from lcmchain.model import build_model
+from lcmchain.scene import found_time as found_time_module
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.found_time import AVERAGING_PART, DAMPING_TIMES_TIME, PERIODS
 from lcmchain.solver import simulation as simulation_module
@@ -233,6 +234,11 @@ def test_the_time_is_so_many_periods_of_the_slowest_shear_wave():
     assert found.process.damping_average == pytest.approx(AVERAGING_PART * found.process.time)
     heavy = scene("mass_scaling = { factor = 9 }")
     assert heavy.process.time == pytest.approx(3.0 * found.process.time)
+
+
+def test_a_law_that_is_flat_somewhere_takes_no_endless_time(monkeypatch):
+    monkeypatch.setattr(found_time_module, "shear_wave_speeds", lambda material: (50.0, 1e-4))
+    assert scene().process.time == pytest.approx(PERIODS * 2.0 * 0.06 / 10.0)
 
 
 def test_a_stiff_sheet_is_not_struck_by_its_tools():
