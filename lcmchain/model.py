@@ -30,6 +30,7 @@ from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.scene import Contact, Element, Process
+from lcmchain.scene.found_time import refuse_fluid_without_time
 from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.span_rows import SPAN
@@ -341,10 +342,12 @@ def assemble_bodies(
     Raises
     ------
     InputError : names that cannot tell the sheets apart in a file, a mesh or material that the
-        elements do not know, or see
+        elements do not know, a fluid in a process without a time, or see
         :func:`lcmchain.effects.supports.build_supports`.
     """
     _require_names([sheet.name for sheet in sheets])
+    if finds_pace and pore_pressure:
+        refuse_fluid_without_time()
     bodies: list[Body] = []
     first_node = first_element = 0
     for name, mesh, material, element in sheets:

@@ -8,8 +8,9 @@ measure; while the process runs, its pace follows the energies (:mod:`lcmchain.e
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NoReturn
 
+from lcmchain.errors import InputError
 from lcmchain.materials.law import Material
 from lcmchain.materials.shear_waves import shear_wave_speeds
 
@@ -42,6 +43,20 @@ def found_time(
     scaling = process.mass_scaling
     slower = 1.0 if scaling is None else math.sqrt(scaling.factor)
     return process.quasi_static * slower * max(PERIODS * period, travel / TOOL_SPEED)
+
+
+def refuse_fluid_without_time() -> NoReturn:
+    """Refuse a fluid in the pores of a sheet whose process has no time.
+
+    Raises
+    ------
+    InputError : always.
+    """
+    raise InputError(
+        "is missing, but a fluid acts in the pores, and it has a time of its own; give "
+        'time = "200 ms"',
+        key="process.time",
+    )
 
 
 def why_time_is_needed(scene: Any, is_led: bool) -> str | None:

@@ -400,6 +400,13 @@ def test_times_of_a_process_without_a_time_are_named(changes, key, words):
     assert caught.value.key == key
 
 
+def test_a_fluid_in_the_pores_has_a_time_of_its_own():
+    with pytest.raises(InputError, match="a fluid acts in the pores") as caught:
+        build_model(scene(), pore_pressure=True)
+    assert caught.value.key == "process.time"
+    assert build_model(scene('time = "5 ms"'), pore_pressure=True).pace is None
+
+
 def test_weight_alone_has_a_time_of_its_own():
     text = SCENE.format(process="gravity = true", motion="", more="")
     fixed = text.replace(

@@ -21,6 +21,7 @@ from lcmchain.fmu.forming_variables import Abilities, field_names, forming_varia
 from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.status import StepOutcome
 from lcmchain.fmu.variables import DECLARED_TYPES, DISPLAY_UNITS, TYPE_OF_UNIT, UNITS
+from lcmchain.scene import read_scene
 from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED
 
 ELEMENT_COUNT = 400
@@ -56,6 +57,18 @@ vertex 0 0 15
 endloop
 endfacet
 endsolid punch
+"""
+
+#: A stroke leads the sheet: no time is needed.
+WITHOUT_TIME = """
+blank = { size = ["40 mm", "40 mm"], edge_length = "10 mm", height = "0.502 mm" }
+material = { preset = "MD600" }
+
+[[tools]]
+name = "punch"
+shape = { type = "sphere_capped_punch", radius = "15 mm" }
+position = "0 0 1.004 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "2 mm" }
 """
 
 
@@ -402,3 +415,15 @@ def test_a_tool_may_have_the_name_of_a_field(scene_file, tmp_path):
     names = {v.name for v in read_model_description(str(unit)).modelVariables}
     assert {"thickness_gauge.drive", "thickness_gauge.travel", "thickness_gauge.force"} <= names
     assert not names & {"thickness_min", "thickness_max", "thickness[1]"}
+
+
+def test_a_fluid_acts_on_no_unit_whose_scene_has_no_time(tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(WITHOUT_TIME, encoding="utf-8")
+    with pytest.raises(InputError, match="a fluid acts in the pores") as caught:
+        build_fmu(scene, tmp_path / "unit.fmu", pore_pressure=True)
+    assert caught.value.key == "process.time"
+    assert not (tmp_path / "unit.fmu").exists()
+    unit = build_fmu(scene, tmp_path / "unit.fmu")
+    experiment = read_model_description(str(unit)).defaultExperiment
+    assert float(experiment.stopTime) == pytest.approx(read_scene(scene).process.time)
