@@ -26,7 +26,7 @@ from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.scene_files import stage_scene
 from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import Scene, read_scene
-from lcmchain.scene.found_time import refuse_fluid_without_time
+from lcmchain.scene.found_time import require_time_for_fluid
 from lcmchain.tools.table import build_tool_table
 
 # Exporters whose binaries turn the C calls of a master into Python calls.
@@ -172,8 +172,7 @@ def _forming_entries(
     )
     require_no_initial_overlap(scene, blank, tools)
     pore_pressure = pore_pressure or scene.wet_forming is not None
-    if pore_pressure and scene.time_is_found:
-        refuse_fluid_without_time()
+    require_time_for_fluid(time_is_found=scene.time_is_found, pore_pressure=pore_pressure)
     known = field_names(abilities_of(scene, pore_pressure=pore_pressure))
     if fields == ["all"]:
         fields = known

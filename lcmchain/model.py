@@ -30,7 +30,7 @@ from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, history_count
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.scene import Contact, Element, Process
-from lcmchain.scene.found_time import refuse_fluid_without_time
+from lcmchain.scene.found_time import require_time_for_fluid
 from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.span_rows import SPAN
@@ -346,8 +346,7 @@ def assemble_bodies(
         :func:`lcmchain.effects.supports.build_supports`.
     """
     _require_names([sheet.name for sheet in sheets])
-    if finds_pace and pore_pressure:
-        refuse_fluid_without_time()
+    require_time_for_fluid(time_is_found=finds_pace, pore_pressure=pore_pressure)
     bodies: list[Body] = []
     first_node = first_element = 0
     for name, mesh, material, element in sheets:

@@ -8,7 +8,7 @@ measure; while the process runs, its pace follows the energies (:mod:`lcmchain.e
 from __future__ import annotations
 
 import math
-from typing import Any, NoReturn
+from typing import Any
 
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material
@@ -45,18 +45,19 @@ def found_time(
     return process.quasi_static * slower * max(PERIODS * period, travel / TOOL_SPEED)
 
 
-def refuse_fluid_without_time() -> NoReturn:
+def require_time_for_fluid(*, time_is_found: bool, pore_pressure: bool) -> None:
     """Refuse a fluid in the pores of a sheet whose process has no time.
 
     Raises
     ------
-    InputError : always.
+    InputError : there is one.
     """
-    raise InputError(
-        "is missing, but a fluid acts in the pores, and it has a time of its own; give "
-        'time = "200 ms"',
-        key="process.time",
-    )
+    if time_is_found and pore_pressure:
+        raise InputError(
+            "is missing, but a fluid acts in the pores, and it has a time of its own; give "
+            'time = "200 ms"',
+            key="process.time",
+        )
 
 
 def why_time_is_needed(scene: Any, is_led: bool) -> str | None:

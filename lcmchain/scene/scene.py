@@ -199,24 +199,18 @@ class Scene(SceneModel):
     def _complete_tools(cls, tools: tuple[Tool, ...], info: ValidationInfo) -> tuple[Tool, ...]:
         """Fill the tool entries whose default is another entry of the scene."""
         contact, process = info.data.get("contact"), info.data.get("process")
-        blank, material = info.data.get("blank"), info.data.get("material")
-        if contact is None or process is None or blank is None or material is None:
+        if contact is None or process is None:
             return tools  # their own errors are reported; nothing to fill from
-        keys = [f'[{index}] "{tool.name}"' for index, tool in enumerate(tools)]
-        time = process.time
-        if time is None:
-            time = found_time(process, blank.extent, material.build(), _longest_stroke(tools))
-            tools = tuple(
-                tool.without_time(time, key=key) for tool, key in zip(tools, keys, strict=True)
-            )
+        if process.time is None:
+            return tools  # completed with the time that is found for the whole scene
         return tuple(
-            tool.completed(contact.friction, time, key=key)
-            for tool, key in zip(tools, keys, strict=True)
+            tool.completed(contact.friction, process.time, key=f'[{index}] "{tool.name}"')
+            for index, tool in enumerate(tools)
         )
 
     @model_validator(mode="after")
     def _find_time(self) -> Self:
-        """Fill in the time and the damping of a process that has none of its own."""
+        """Fill in what a process without a time takes: its time, its damping, and its tools'."""
         process = self.process
         if process.time is not None:
             if process.quasi_static != 1.0:
@@ -230,15 +224,20 @@ class Scene(SceneModel):
         reason = why_time_is_needed(self, led)
         if reason is not None:
             raise wrong(f'is missing, and {reason}; give time = "200 ms"', field="process.time")
-        stroke = _longest_stroke(self.tools)
+        stroke = max((getattr(tool.motion, "distance", 0.0) for tool in self.tools), default=0.0)
         time = found_time(process, self.blank.extent, self.material.build(), stroke)
+        tools = []
+        for index, tool in enumerate(self.tools):
+            key = f'tools[{index}] "{tool.name}"'
+            timed = tool.without_time(time, key=key)
+            tools.append(timed.completed(self.contact.friction, time, key=key))
         found = {"time": time}
         if "mass_damping" not in process.model_fields_set:
             found["mass_damping"] = DAMPING_TIMES_TIME / time
         if process.damping_average is None:
             found["damping_average"] = AVERAGING_PART * time
         # the scene is frozen for everybody else
-        self.__dict__["process"] = process.model_copy(update=found)
+        self.__dict__.update(process=process.model_copy(update=found), tools=tuple(tools))
         self._time_is_found = True
         return self
 
@@ -396,8 +395,3 @@ class Scene(SceneModel):
             f'is "{law}", but element = "{element}" knows the law {" and ".join(known)} only; use '
             f'element = "{self.material.families[0]}"'
         )
-
-
-def _longest_stroke(tools: tuple[Tool, ...]) -> float:
-    """Return the longest travel of a tool with a stroke [m], 0 without."""
-    return max((getattr(tool.motion, "distance", 0.0) for tool in tools), default=0.0)
