@@ -46,8 +46,8 @@ shape = { type = "plate", side = "above" }
 position = "0 0 1.004 mm"
 motion = { type = "stroke", direction = [0, 0, -1], distance = "0.301 mm" }
 """
+DOMES_PROCESS = 'process = { time = "120 ms", mass_damping = "100 1/s", frames = 13 }\n'
 DOMES = """
-process = { time = "120 ms", mass_damping = "100 1/s", frames = 13 }
 blank = { size = ["90 mm", "70 mm"], edge_length = "5 mm", height = "9.0 mm" }
 material = { preset = "MD600" }
 contact = { friction = 0.1 }
@@ -89,7 +89,7 @@ def scenes(edges: list[float], folder: Path) -> Iterator[tuple[str, float, Scene
     """Yield name, gap [m] and scene of every run."""
     folder.mkdir(parents=True, exist_ok=True)
     write_moulds(folder)
-    (folder / "domes.toml").write_text(DOMES, encoding="utf-8")
+    (folder / "domes.toml").write_text(DOMES_PROCESS + DOMES, encoding="utf-8")
     for edge in edges:
         for depth in ("free", "automatic"):
             overrides = [f'blank.edge_length="{edge:g} mm"', f"contact.depth={depth}"]

@@ -4,10 +4,9 @@
 
 Runs hemispheres with and without holder, other blanks, sizes and tools, and a closed mould with the
 pace that the program finds, and with ``process.quasi_static`` = 4; both on one mesh, so that fields
-are compared face by face. Writes a table: steps, the largest mean force with
-what the run itself says it is off by, and how far force, shear angle and thickness are from those
-of the slow run; the verdicts that are not good. Results that lie in the folder already are taken
-from there.
+are compared face by face. Writes a table: steps, the largest mean force with what the run itself
+says it is off by, how far force, shear angle and thickness are from those of the slow run, and the
+verdicts that are not good. Results that lie in the folder already are taken from there.
 """
 
 from __future__ import annotations
@@ -25,22 +24,6 @@ from lcmchain import read_scene, run
 
 EXAMPLES = Path(__file__).resolve().parents[1]
 HOLDER = "hemisphere_holder/scene.toml"
-MOULD = """
-process = { frames = 13 }
-blank = { size = ["90 mm", "70 mm"], edge_length = "5 mm", height = "9.0 mm" }
-material = { preset = "MD600" }
-contact = { friction = 0.1 }
-
-[[tools]]
-name = "lower"
-shape = { type = "surface_mesh", file = "lower.stl", length_unit = "mm" }
-
-[[tools]]
-name = "upper"
-shape = { type = "surface_mesh", file = "upper.stl", length_unit = "mm" }
-position = "0 0 9.0 mm"
-motion = { type = "stroke", direction = [0, 0, -1], distance = "9.0 mm" }
-"""
 PUNCH = 'tools.punch.shape={{ type = "sphere_capped_punch", radius = "{:g} mm" }}'
 PLATE = (
     'tools.{}.shape={{ type = "plate_with_hole", hole_radius = "{:g} mm", '
@@ -82,7 +65,9 @@ CASES: dict[str, tuple[str | None, tuple[str, ...]]] = {
     "half size, 5 mm": (HOLDER, scaled(0.5, 5.0)),
     "half size, 2.5 mm": (HOLDER, scaled(0.5, 2.5)),
 }
-ONLY_FORMING = ("mapping=[]", "permeability=none", "output.pictures=false", "output.vtu=false")
+NO_FILES = ("output.pictures=false", "output.vtu=false")
+#: What the holder's scene has besides.
+NO_OTHER_STAGES = ("mapping=[]", "permeability=none")
 COLUMNS = (
     "scene", "steps", "largest mean force [N]", "off by",
     "shear angle, rms and most [°]",
@@ -115,8 +100,9 @@ def result(case: str, slower: float, out: Path) -> dict[str, Any]:
     if not kept.is_file():
         file, overrides = CASES[case]
         path = mould(out) if file is None else EXAMPLES / file
-        only = ONLY_FORMING if file == HOLDER else ONLY_FORMING[2:]
-        scene = read_scene(path, (*only, *overrides, f"process.quasi_static={slower:g}"))
+        only = NO_OTHER_STAGES if file == HOLDER else ()
+        pace = f"process.quasi_static={slower:g}"
+        scene = read_scene(path, (*NO_FILES, *only, *overrides, pace))
         done = run(scene, folder)
         kept.write_text(json.dumps(not_good(done, scene)), encoding="utf-8")
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
@@ -138,12 +124,12 @@ def not_good(done: Any, scene: Any) -> list[str]:
 def mould(out: Path) -> Path:
     """Write the two moulds of ``closed_mould`` and a scene without a time; return its file."""
     sys.path.insert(0, str(EXAMPLES / "closed_mould"))
-    from compare import write_moulds  # type: ignore[import-not-found]
+    from compare import DOMES, write_moulds  # type: ignore[import-not-found]
 
     out.mkdir(parents=True, exist_ok=True)
     write_moulds(out)
     path = out / "mould.toml"
-    path.write_text(MOULD, encoding="utf-8")
+    path.write_text("process = { frames = 13 }\n" + DOMES, encoding="utf-8")
     return path
 
 

@@ -67,28 +67,14 @@ direction = [0, 0, -1]
 mass = "{mass} kg"
 ramp = "10 ms"
 damping = "{damping} N*s/m"
-
+"""
+WIPER = """
 [[tools]]
-name = "left_wiper"
+name = "{name}"
 position = "0 0 1.004 mm"
 [tools.shape]
 type = "extruded_profile"
-points = [["-160 mm", "0 mm"], ["-61.3 mm", "0 mm"], ["-61.3 mm", "99 mm"]]
-fillet_radii = ["0 mm", "10 mm", "0 mm"]
-solid = "left"
-[tools.motion]
-type = "stroke"
-direction = [0, 0, -1]
-distance = "60 mm"
-start = "20 ms"
-end = "150 ms"
-
-[[tools]]
-name = "right_wiper"
-position = "0 0 1.004 mm"
-[tools.shape]
-type = "extruded_profile"
-points = [["61.3 mm", "99 mm"], ["61.3 mm", "0 mm"], ["160 mm", "0 mm"]]
+points = {points}
 fillet_radii = ["0 mm", "10 mm", "0 mm"]
 solid = "left"
 [tools.motion]
@@ -98,6 +84,10 @@ distance = "60 mm"
 start = "20 ms"
 end = "150 ms"
 """
+WIPERS = {
+    "left_wiper": '[["-160 mm", "0 mm"], ["-61.3 mm", "0 mm"], ["-61.3 mm", "99 mm"]]',
+    "right_wiper": '[["61.3 mm", "99 mm"], ["61.3 mm", "0 mm"], ["160 mm", "0 mm"]]',
+}
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +99,7 @@ def holder_lift(tmp_path_factory):
         if (model, edge) not in done:
             mass = 2.0 * FORCE * WIDTH / 9.81
             text = SCENE.format(edge=1e3 * edge, mass=mass, damping=60.0 * mass)
+            text += "".join(WIPER.format(name=n, points=p) for n, p in WIPERS.items())
             scene = scene_from_text(text, overrides=list(model))
             result = run(scene, tmp_path_factory.mktemp("strip"), threads=1)
             history = result.datasets["/history"]
