@@ -259,16 +259,14 @@ def process_time_table(
         f"{milliseconds_text(needed.period)} at rest, "
         f"{milliseconds_text(needed.softened_period)} where the law is softest",
     )
-    needed_text = (
-        f"at least {milliseconds_text(needed.least)} ({PERIODS[0]} periods at rest); from "
+    table.add_row(
+        "needed",
+        "the pace follows the kinetic energy; process.quasi_static = 2 takes twice as long"
+        if time_is_found
+        else f"at least {milliseconds_text(needed.least)} ({PERIODS[0]} periods at rest); from "
         f"{milliseconds_text(needed.sufficient)} on ({PERIODS[1]} periods where softest) "
-        "nothing should change any more"
+        "nothing should change any more",
     )
-    if time_is_found:
-        needed_text = (
-            "the pace follows the kinetic energy; process.quasi_static = 2 takes twice as long"
-        )
-    table.add_row("needed", needed_text)
     for name, period in needed.holder_periods.items():
         table.add_row(f"{name} on the sheet", f"vibrates with {milliseconds_text(period)}")
     return table

@@ -21,8 +21,6 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from lcmchain.effects.effect import Effect
 from lcmchain.materials.shear_waves import shear_energy
 
@@ -61,12 +59,7 @@ def pace_law(bodies: Sequence[Any], time: float, quasi_static: float) -> PaceLaw
     time : of the process at pace 1 [s]. quasi_static : as for a scene; the time is in proportion to
         it, and the kinetic energy falls with the square.
     """
-    sheared = sum(
-        shear_energy(body.material, FLOOR_ANGLE)
-        * float(np.sum(body.mesh.element_areas))
-        * body.material.thickness
-        for body in bodies
-    )
+    sheared = sum(shear_energy(body.material, FLOOR_ANGLE) * body.volume for body in bodies)
     part = KINETIC_PART / quasi_static**2
     return PaceLaw(time, quasi_static, part, FLOOR_PART * sheared)
 

@@ -109,7 +109,7 @@ def _time(summary: Mapping[str, Any]) -> Iterator[Number]:
             return
         yield Number(
             "Process time",
-            f"{1e3 * summary['process_time_s']:.6g} ms",
+            f"{1e3 * summary['process_time_s']:g} ms",
             f"the sheet needs at least {milliseconds_text(needed['least_s'])}, and "
             f"{milliseconds_text(needed['sufficient_s'])} to be safe",
         )

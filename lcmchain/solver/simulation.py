@@ -538,16 +538,15 @@ class Simulation:
         return float(np.max(state.pore_resistance * mobility))
 
     def _coming_tool_speed(self, tool: int, interval: float) -> float:
-        state, tools = self.state, self.model.tools
+        state, tools, pace = self.state, self.model.tools, self.state.pace
         if state.driven[tool]:
-            return abs(state.pace * float(state.tool_input[tool, 0]))
+            return abs(pace * float(state.tool_input[tool, 0]))
+        then = self.time + pace * interval
         now = abs(float(state.tool_velocity[tool]))
         if tools.motion_kind[tool] == GUIDED:
-            then = self.time + state.pace * interval
             load = guided_load(tools, tool, float(state.tool_input[tool, 1]), then)
             return now + abs(load) / float(tools.mass[tool]) * interval
-        pace = state.pace
-        return max(now, abs(pace * prescribed_travel(tools, tool, self.time + pace * interval)[1]))
+        return max(now, abs(pace * prescribed_travel(tools, tool, then)[1]))
 
     def _step_of(self, omega2: float, element: int, code: int) -> tuple[float, str]:
         """Return 2/ω with the stiffness of the present contacts, and the cause.

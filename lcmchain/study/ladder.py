@@ -147,14 +147,27 @@ def _of_contact(text: Source, scene: Scene) -> list[Variant]:
 
 
 def _with_larger_steps(text: Source, scene: Scene) -> list[Variant]:
-    """Return the scene with mass added, on a finer mesh as well, and with softer fibres.
+    """Return the scene with mass added, on a finer mesh as well, and with softer fibres."""
+    # a process without a time takes as many steps with more mass
+    heavier = [] if scene.time_is_found else _with_mass(scene)
+    softer = SOFTER_FIBRES * scene.process.fibre_modulus_factor
+    name = f"fibre modulus x {SOFTER_FIBRES:g}"
+    fibres = f"process.fibre_modulus_factor={softer:g}"
+    variants = [*heavier, Variant(name, FIBRES, (fibres,), softer)]
+    if heavier:
+        both = f"mass x {MASSES[0]:g}, {name}"
+        variants.append(Variant(both, FIBRES, (*heavier[0].overrides, fibres), softer))
+    return [variant for variant in variants if _fits(text, variant)]
+
+
+def _with_mass(scene: Scene) -> list[Variant]:
+    """Return the scene with mass added, on a finer mesh as well.
 
     A rate of damping drags with the inertia: n times the mass gets it divided by the root of n
     (``lcmchain docs larger-steps``).
     """
     variants = []
-    # a process without a time takes as many steps with more mass
-    for of_edge in () if scene.time_is_found else MASS_EDGES:
+    for of_edge in MASS_EDGES:
         edge = of_edge * scene.blank.edge_length
         for factor in MASSES:
             damping = scene.process.mass_damping / math.sqrt(factor)
@@ -165,14 +178,7 @@ def _with_larger_steps(text: Source, scene: Scene) -> list[Variant]:
                 overrides.append(_edge(edge))
             name = f"{_edge_text(edge)}, mass x {factor:g}"
             variants.append(Variant(name, MASS, tuple(overrides), factor))
-    softer = SOFTER_FIBRES * scene.process.fibre_modulus_factor
-    name = f"fibre modulus x {SOFTER_FIBRES:g}"
-    fibres = f"process.fibre_modulus_factor={softer:g}"
-    variants.append(Variant(name, FIBRES, (fibres,), softer))
-    if not scene.time_is_found:
-        both = f"mass x {MASSES[0]:g}, {name}"
-        variants.append(Variant(both, FIBRES, (*variants[0].overrides, fibres), softer))
-    return [variant for variant in variants if _fits(text, variant)]
+    return variants
 
 
 def _fits(text: Source, variant: Variant) -> bool:

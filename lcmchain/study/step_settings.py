@@ -37,21 +37,17 @@ class StepSettings:
     def overrides(self, scene: Scene) -> tuple[str, ...]:
         """Return what they change of a scene."""
         process, changed = scene.process, []
-        if scene.time_is_found:
+        if scene.time_is_found and self.speed != 1.0:
             # more mass alone takes longer by its root, and as many steps
-            if self.speed != 1.0:
-                changed.append(f"process.quasi_static={process.quasi_static / self.speed:g}")
-            if self.fibres != 1.0:
-                changed.append(f"process.fibre_modulus_factor={self.fibres:g}")
-            return tuple(changed)
-        if self.mass != 1.0:
+            changed.append(f"process.quasi_static={process.quasi_static / self.speed:g}")
+        if self.mass != 1.0 and not scene.time_is_found:
             changed.append(f"process.mass_scaling={{factor = {self.mass:g}}}")
             damping = process.mass_damping / math.sqrt(self.mass)
             if damping > 0.0:
                 changed.append(f'process.mass_damping="{damping:.9g} 1/s"')
         if self.fibres != 1.0:
             changed.append(f"process.fibre_modulus_factor={self.fibres:g}")
-        if self.time != 1.0:
+        if self.time != 1.0 and not scene.time_is_found:
             changed.append(f'process.time="{1e3 * self.time * process.time:.9g} ms"')
         return tuple(changed)
 

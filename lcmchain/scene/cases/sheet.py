@@ -77,8 +77,9 @@ def two_digits(value: float) -> float:
     return float(f"{value:.1e}")
 
 
-def _time_lines(sheet: Sheet, process: Process, time: float | None) -> str:
+def _time_lines(sheet: Sheet, process: Process) -> str:
     """Return the lines of a scene that say how slow its process is."""
+    time = sheet.time or process.time
     if time is None:
         return filled("found_time", {}).rstrip("\n")
     values = {
@@ -111,7 +112,6 @@ def sheet_text(
     case, file : names of case and scene file; headline, remarks : what the scene is.
     size, edge_length, height : of the blank [m]; material : table in place of the preset's name.
     """
-    time = sheet.time or process.time
     friction = 0.157 if sheet.friction is None else sheet.friction
     if sheet.friction is not None:
         reason = "As given."
@@ -125,7 +125,7 @@ def sheet_text(
         "file": file,
         "remarks": wrapped_comment(remarks),
         "title": quoted(headline),
-        "time": _time_lines(sheet, process, time),
+        "time": _time_lines(sheet, process),
         "gravity": str(process.gravity).lower(),
         "gravity_reason": process.gravity_reason,
         "size": ", ".join(quoted(mm(side)) for side in size),
