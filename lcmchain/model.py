@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from lcmchain.effects.fibre_bending import (
 )
 from lcmchain.effects.mass_scaling import weight_per_inertia, with_added_mass
 from lcmchain.effects.pace import PaceLaw, pace_law
+from lcmchain.effects.pressures import pressures_of
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
@@ -42,7 +44,8 @@ AUTOMATIC_PENALTY = 0.1
 
 # Nodes are worked on in chunks: sums over a chunk, then over the chunks in their order, have the
 # same bits for any number of threads.
-NODE_CHUNK = 8 * SPAN
+SPANS_OF_CHUNK = 8
+NODE_CHUNK = SPANS_OF_CHUNK * SPAN
 
 # Groups and meshes of result files that are not those of one sheet among several.
 RESERVED_NAMES = ("sheet", "solid", "history")
@@ -58,20 +61,31 @@ class Sheet(NamedTuple):
 
 
 class PlacedBody(NamedTuple):
-    """A body as the loop sees it: constants, and its ranges of corner forces and history values."""
+    """A body as the loop sees it: constants, and its ranges of what all bodies share.
+
+    Ranges of nodes, of chunks of nodes, of corner forces, of history values, and of the blocks of
+    the fibres' bending.
+    """
 
     data: Any
+    first_node: int
+    last_node: int
+    first_chunk: int
+    last_chunk: int
     first_force: int
     last_force: int
     first_history: int
     last_history: int
+    first_bending: int = 0
+    last_bending: int = 0
 
 
 class NodeData(NamedTuple):
     """Constants of the node kernel; every float is in SI.
 
     force_slot : (valence, node_count) where to find a node's corner forces.
-    chunk_order : (chunk_count,) int32, the chunks of nodes in the order of their elements.
+    chunk_start : (chunk_count + 1,) int32, the first node of each chunk; no chunk has nodes of two
+        bodies. chunk_order : (chunk_count,) int32, the chunks in the order of their elements.
     mass : (node_count,) [kg], with what is added for the time step; inverse_mass : (node_count,)
         [1/kg].
     area : (node_count,) reference area per face node [m²].
@@ -82,6 +96,7 @@ class NodeData(NamedTuple):
     """
 
     force_slot: np.ndarray
+    chunk_start: np.ndarray
     chunk_order: np.ndarray
     mass: np.ndarray
     inverse_mass: np.ndarray
@@ -228,10 +243,21 @@ class Model:
         """ω² of the nodes (node_count,) on the contact stiffness of one tool [1/s²]."""
         return self.contact_stiffness / self.nodes.mass
 
+    @cached_property
+    def interactions(self) -> tuple[Any, ...]:
+        """What acts on the bodies or between them, in the order in which it acts on a node.
+
+        See :mod:`lcmchain.effects.interaction`. The tools come last: what their contact takes for
+        the motion of a node has to know of all other forces.
+        """
+        tools = self.tools if self.tool_names else None
+        found = (pressures_of(self.pore, self.face_pressure), self.supports, tools)
+        return tuple(interaction for interaction in found if interaction is not None)
+
     @property
-    def pressed(self) -> bool | None:
-        """Whether any pressure loads the elements: ``True`` or ``None``, for compiled code."""
-        return None if self.pore is None and self.face_pressure is None else True
+    def pressed(self) -> bool:
+        """Whether any pressure loads the elements."""
+        return self.pore is not None or self.face_pressure is not None
 
     @property
     def remembers(self) -> bool:
@@ -355,6 +381,7 @@ def assemble_bodies(
         first_node += mesh.node_count
         first_element += mesh.element_count
     placed = _placed(bodies)
+    chunk_start = _chunk_start(placed)
     positions = np.concatenate([body.mesh.node_positions for body in bodies])
     offset = np.concatenate([np.full(b.mesh.node_count, b.contact_offset) for b in bodies])
     thickness = min(body.material.thickness for body in bodies)
@@ -370,6 +397,7 @@ def assemble_bodies(
     last_force = placed[-1].last_force
     if fibre_bending is not None:
         last_force += fibre_bending.padded_count * FORCE_ROWS
+        placed = _with_bending(placed, fibre_bending)
     mass = np.concatenate([body.inertial_mass for body in bodies])
     area = np.concatenate([body.node_area for body in bodies])
     penalty = contact.penalty
@@ -393,7 +421,8 @@ def assemble_bodies(
         corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
             force_slot=force_slot,
-            chunk_order=_chunk_order(force_slot),
+            chunk_start=chunk_start,
+            chunk_order=_chunk_order(force_slot, placed, chunk_start),
             mass=aligned(mass),
             inverse_mass=aligned(1.0 / mass),
             area=aligned(area),
@@ -450,17 +479,40 @@ def _require_names(names: Sequence[str]) -> None:
 
 
 def _placed(bodies: Sequence[Body]) -> tuple[PlacedBody, ...]:
-    """Give every body its ranges of corner forces and history values, one after the other."""
+    """Give every body its ranges of all but the fibres' bending, one after the other."""
     placed = []
-    force = history = 0
+    chunk = force = history = 0
     for body in bodies:
         element_count, corner_count = body.force_nodes.shape
         padded = LANES * -(-element_count // LANES)
+        last_node = body.first_node + body.mesh.node_count
+        last_chunk = chunk + -(-body.mesh.node_count // NODE_CHUNK)
         last_force = force + padded * 3 * corner_count
         last_history = history + padded * body.history_count
-        placed.append(PlacedBody(body.data, force, last_force, history, last_history))
-        force, history = last_force, last_history
+        nodes, chunks = (body.first_node, last_node), (chunk, last_chunk)
+        values = (force, last_force, history, last_history)
+        placed.append(PlacedBody(body.data, *nodes, *chunks, *values))
+        chunk, force, history = last_chunk, last_force, last_history
     return tuple(placed)
+
+
+def _with_bending(
+    placed: Sequence[PlacedBody], fibre_bending: FibreBending
+) -> tuple[PlacedBody, ...]:
+    """Give every body its range of blocks of the fibres' bending."""
+    counts = fibre_bending.block_counts
+    ends = np.cumsum(np.concatenate([counts, np.zeros(len(placed) - len(counts), dtype=int)]))
+    starts = np.concatenate([[0], ends[:-1]])
+    return tuple(
+        place._replace(first_bending=first, last_bending=last)
+        for place, first, last in zip(placed, starts.tolist(), ends.tolist(), strict=True)
+    )
+
+
+def _chunk_start(placed: Sequence[PlacedBody]) -> np.ndarray:
+    """Return the first node of every chunk, and the number of nodes."""
+    starts = [np.arange(place.first_node, place.last_node, NODE_CHUNK) for place in placed]
+    return np.append(np.concatenate(starts), placed[-1].last_node).astype(np.int32)
 
 
 def _force_slots(
@@ -502,15 +554,21 @@ def _force_slots(
     return force_slot
 
 
-def _chunk_order(force_slot: np.ndarray) -> np.ndarray:
-    """Return the chunks of nodes in the order in which their corner forces lie in memory.
+def _chunk_order(
+    force_slot: np.ndarray, placed: Sequence[PlacedBody], chunk_start: np.ndarray
+) -> np.ndarray:
+    """Return the chunks of every body in the order in which their corner forces lie in memory.
 
     Threads take elements and chunks from the front to the back: one that works on the nodes, of
     either face, of the elements that it has worked on finds them in its own cache.
     """
     first = force_slot[0]
-    middle = [np.median(first[i : i + NODE_CHUNK]) for i in range(0, first.size, NODE_CHUNK)]
-    return np.argsort(middle, kind="stable").astype(np.int32)
+    middle = np.array([np.median(first[i:k]) for i, k in pairwise(chunk_start)])
+    orders = [
+        place.first_chunk + np.argsort(middle[place.first_chunk : place.last_chunk], kind="stable")
+        for place in placed
+    ]
+    return np.concatenate(orders).astype(np.int32)
 
 
 def _automatic_penalty(material: Material, shortest_length: float) -> float:

@@ -16,8 +16,7 @@ import numpy as np
 from lcmchain.cache_lines import aligned, zeros
 from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.errors import InputError
-from lcmchain.model import NODE_CHUNK, Model
-from lcmchain.tools.span_rows import SPAN
+from lcmchain.model import SPANS_OF_CHUNK, Model
 
 # Columns of ``State.work``: energies [J] accumulated over the run, or of the last step.
 KINETIC = 0  # of the sheets and of guided tools, last step
@@ -110,15 +109,15 @@ def sizes(model: Model) -> dict[str, int]:
         "history": model.history_size,
         "corner force": model.corner_force_size,
         "porous element": 0 if pore is None else pore.padded_count,
-        "corner load": 0 if model.pressed is None else model.corner_force_size,
-        "loaded node": 0 if model.pressed is None else model.node_count,
+        "corner load": model.corner_force_size if model.pressed else 0,
+        "loaded node": model.node_count if model.pressed else 0,
         "bending middle": 0 if bending is None else bending.padded_count * MIDDLE_ROWS,
         "bending vector": 0 if bending is None else bending.padded_count * VECTOR_ROWS,
         "peak": PEAK_ENTRIES,
         "sample": model.sample_count,
         "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
-        "chunk": -(-model.node_count // NODE_CHUNK),
-        "span": -(-model.node_count // SPAN),
+        "chunk": model.nodes.chunk_order.size,
+        "span": model.nodes.chunk_order.size * SPANS_OF_CHUNK,
         "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
     }
 

@@ -26,6 +26,7 @@ from lcmchain.effects.fibre_bending import NEAR_ROWS, add_vectors, find_middle, 
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import element_forces
 from lcmchain.errors import SimulationError
+from lcmchain.model import SPANS_OF_CHUNK
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.contact_forces import ROWS, find_gaps, make_forces
 from lcmchain.solver.simulation import Simulation
@@ -111,8 +112,9 @@ def contact_operations(simulation: Simulation, operations: Operations) -> float:
         profile += operations.line * (pieces.size - arcs)
         travel, overlap = arrays.tool_travel[tool], table.initial_overlap[tool]
         for span in np.flatnonzero(arrays.near_span[tool]).tolist():
-            begin = span * SPAN
-            count = min(SPAN, arrays.mass.size - begin)
+            chunk, place = divmod(span, SPANS_OF_CHUNK)
+            begin = int(arrays.chunk_start[chunk]) + place * SPAN
+            count = min(SPAN, int(arrays.chunk_start[chunk + 1]) - begin)
             load_rows(arrays.position, begin, count, LOCAL_X, work)
             to_tool_frame(table, tool, travel, work)
             level = faces_level_part(table.level_part[tool], True, work)

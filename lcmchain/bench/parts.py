@@ -16,8 +16,7 @@ from lcmchain.bench.measure import Measurement, kernel_work, measure
 from lcmchain.bench.operations import contact_operations, count_operations
 from lcmchain.effects.fibre_bending import fibre_bending_forces
 from lcmchain.jit import entry
-from lcmchain.model import NODE_CHUNK
-from lcmchain.solver.contact_forces import add_contact_forces, scratch_size
+from lcmchain.solver.contact_forces import add_contact_forces, scratch_of_span
 from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.solver.loop import gather_internal_forces, integrate
 from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
@@ -57,37 +56,37 @@ class Parts(NamedTuple):
 def repeated_bending(data, position, corner_force, middle, vector, calls):
     """Evaluate the bending of the fibres so often."""
     for _ in range(calls):
-        fibre_bending_forces(data, position, corner_force, middle, vector)
+        fibre_bending_forces(data, 0, data.start.size, position, corner_force, middle, vector)
 
 
 @entry
 def repeated_gather(arrays, calls):
     """Sum the corner forces at the nodes so often."""
-    node_count = arrays.mass.size
+    start = arrays.chunk_start
     for _ in range(calls):
-        for first in range(0, node_count, NODE_CHUNK):
-            last = min(first + NODE_CHUNK, node_count)
+        for first, last in zip(start[:-1], start[1:]):
             gather_internal_forces(arrays, arrays.force_slot, first, last)
 
 
 @entry
 def repeated_contact(arrays, tools, environment, dt, calls):
     """Evaluate the contact of all nodes so often."""
-    node_count = arrays.mass.size
-    work, sums = np.empty(scratch_size(tools)), np.zeros(SUMS)
+    start = arrays.chunk_start
+    work, sums = np.empty(scratch_of_span(tools)), np.zeros(SUMS)
     for _ in range(calls):
-        for first in range(0, node_count, NODE_CHUNK):
-            last = min(first + NODE_CHUNK, node_count)
-            add_contact_forces(arrays, tools, environment, first, last, dt, dt, work, sums)
+        for chunk in range(start.size - 1):
+            add_contact_forces(
+                arrays, tools, environment, chunk, start[chunk], start[chunk + 1], dt, dt, work,
+                sums,
+            )  # fmt: skip
 
 
 @entry
 def repeated_motion(arrays, environment, dt, calls):
     """Move the nodes so often."""
-    node_count, sums = arrays.mass.size, np.zeros(SUMS)
+    start, sums = arrays.chunk_start, np.zeros(SUMS)
     for _ in range(calls):
-        for first in range(0, node_count, NODE_CHUNK):
-            last = min(first + NODE_CHUNK, node_count)
+        for first, last in zip(start[:-1], start[1:]):
             integrate(arrays, arrays.free, environment, None, first, last, dt, dt, sums)
 
 
@@ -127,7 +126,7 @@ def _loops(simulation: Simulation, dt: float) -> dict[str, Callable[[], None]]:
     model, arrays = simulation.model, simulation.arrays
     assert model.fibre_bending is not None
     bending = model.fibre_bending.data
-    find_near_spans(arrays.near, arrays.near_span)
+    find_near_spans(arrays.near, arrays.chunk_start, arrays.near_span)
     at_rest = arrays._replace(
         position=arrays.position.copy(),
         velocity=np.zeros_like(arrays.velocity),

@@ -67,7 +67,7 @@ class FibreBendingData(NamedTuple):
         fibre 1, then 2, where their middles begin, and where what they send to the node does.
     runs : of the indices of each row (``elements/lane_runs.py``).
     place : (block_count,) where the middles, vectors and forces of a block lie, in blocks.
-    first_force : where the forces begin in the corner forces.
+    first_force : where the forces of all sheets begin in the corner forces.
     """
 
     constants: np.ndarray
@@ -89,7 +89,8 @@ class FibreBending(NamedTuple):
     stiffness : (2, mid_count) D times the node's area [N m³]; 0 where a line ends.
     rest : (2, mid_count) curvature of the reference [1/m].
     per_area2 : (mid_count,) what makes s of |t₁ × t₂|² [1/m⁴].
-    data : the same for the kernel.
+    body : (mid_count,) number of the sheet among the bodies of the model.
+    data : the same for the kernel; each sheet begins with a block of its own.
     """
 
     below: np.ndarray
@@ -101,6 +102,7 @@ class FibreBending(NamedTuple):
     stiffness: np.ndarray
     rest: np.ndarray
     per_area2: np.ndarray
+    body: np.ndarray
     data: FibreBendingData | None
 
     @property
@@ -110,12 +112,25 @@ class FibreBending(NamedTuple):
     @property
     def padded_count(self) -> int:
         """Number of mid-surface nodes in full blocks."""
-        return -(-self.mid_count // LANES) * LANES
+        return LANES * int(self.block_counts.sum())
+
+    @property
+    def block_counts(self) -> np.ndarray:
+        """Blocks of each sheet, by its number among the bodies; up to the last one that bends."""
+        return -(-np.bincount(self.body) // LANES)
+
+    @property
+    def lane(self) -> np.ndarray:
+        """Where each mid-surface node stands among the lanes of all blocks (mid_count,)."""
+        count = np.bincount(self.body)
+        shift = LANES * np.cumsum(self.block_counts) - np.cumsum(count)
+        shift = np.concatenate([[0], shift[:-1]])
+        return np.arange(self.mid_count) + shift[self.body]
 
     def force_slots(self) -> np.ndarray:
         """Return where the force on each mid-surface node begins (mid_count,)."""
         assert self.data is not None
-        return self.data.first_force + _place(np.arange(self.mid_count), FORCE_ROWS)
+        return self.data.first_force + _place(self.lane, FORCE_ROWS)
 
 
 def build_fibre_bending(bodies: Sequence[Any], first_force: int) -> FibreBending | None:
@@ -127,9 +142,9 @@ def build_fibre_bending(bodies: Sequence[Any], first_force: int) -> FibreBending
     first_force : where its forces may begin in the array of corner forces.
     """
     parts, first_mid = [], 0
-    for body in bodies:
+    for number, body in enumerate(bodies):
         if max(body.material.fibre_bending) > 0.0:
-            part = _of_body(body, first_mid)
+            part = _of_body(body, number, first_mid)
             if part.stiffness.any():
                 parts.append(part)
                 first_mid += part.mid_count
@@ -145,7 +160,7 @@ def build_fibre_bending(bodies: Sequence[Any], first_force: int) -> FibreBending
 
 
 def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
-    own = np.arange(table.mid_count, dtype=np.int32)
+    own, lane = np.arange(table.mid_count, dtype=np.int32), table.lane
     along = [
         rows[family] for family in (0, 1) for rows in (table.weight_before, table.weight_after)
     ]
@@ -157,19 +172,21 @@ def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
     rows = np.array([0, 3, 6, 9])
     back = rows[[1, 0, 3, 2]]
     source = [
-        _place(end, VECTOR_ROWS) + LANES * np.where(end == own, back[k], rows[k])
+        _place(lane[end], VECTOR_ROWS) + LANES * np.where(end == own, back[k], rows[k])
         for k, end in enumerate(ends)
     ]
-    middles = [_place(end, MIDDLE_ROWS) for end in ends]
+    middles = [_place(lane[end], MIDDLE_ROWS) for end in ends]
     indices = np.column_stack([table.below, table.above, *middles, *source])
     largest = np.abs(constants).max(axis=0)
     first = np.cumsum((0, *CONSTANT_GROUPS[:-1]))
     scale = np.maximum(np.maximum.reduceat(largest, first), TINY)
-    shared = in_shared_blocks(constants, np.repeat(scale, CONSTANT_GROUPS))
+    # lanes without a node repeat the last one of their sheet, and nobody reads what they write
+    filled = np.searchsorted(lane, np.arange(table.padded_count), side="right") - 1
+    shared = in_shared_blocks(constants[filled], np.repeat(scale, CONSTANT_GROUPS))
     data = FibreBendingData(
         constants=shared.values,
         start=shared.start,
-        indices=in_blocks(indices.astype(np.int32)),
+        indices=in_blocks(indices[filled].astype(np.int32)),
         runs=np.zeros(0, dtype=np.int32),
         place=np.zeros(0, dtype=np.int32),
         first_force=first_force,
@@ -200,8 +217,8 @@ def _place(node: np.ndarray, row_count: int) -> np.ndarray:
     return block * row_count * LANES + lane
 
 
-def _of_body(body: Any, first_mid: int) -> FibreBending:
-    """Return the table of one body whose first mid-surface node gets the number ``first_mid``."""
+def _of_body(body: Any, number: int, first_mid: int) -> FibreBending:
+    """Return the table of a body; its first mid-surface node gets the number ``first_mid``."""
     mesh = body.mesh
     nodes = np.arange(mesh.node_count, dtype=np.int32)
     sides = [nodes[side] for side in mesh.sides().values()]
@@ -228,6 +245,7 @@ def _of_body(body: Any, first_mid: int) -> FibreBending:
         stiffness=np.where(inner, D * body.node_area[sides[0]], 0.0),
         rest=np.zeros((2, len(X))),
         per_area2=np.zeros(len(X)),
+        body=np.full(len(X), number),
         data=None,
     )
     shift = np.int32(first_mid)
@@ -344,30 +362,29 @@ def frequency_bound(table: FibreBending, mass: np.ndarray) -> float:
 
 
 @kernel
-def fibre_bending_forces(data, position, corner_force, middle, vector):
+def fibre_bending_forces(data, first, last, position, corner_force, middle, vector):
     """Write the internal forces of the fibres' bending behind those of the elements.
 
     Parameters
     ----------
-    data : :class:`FibreBendingData`.
+    data : :class:`FibreBendingData`. first, last : the blocks of the sheets that are meant.
     position : (3, node_count) [m]. corner_force : written from ``data.first_force`` on; a node of
         either face finds half of the force on the middle [N], the only one of a layer all of it.
     middle, vector : scratch in blocks, (padded_count * MIDDLE_ROWS,) and
         (padded_count * VECTOR_ROWS,).
     """
-    block_count = data.start.size
-    pieces = -(-block_count // PIECE)
+    pieces = -(-(last - first) // PIECE)
     for piece in prange(pieces):
         near = np.empty(NEAR_ROWS * LANES)
-        for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
+        for block in range(first + piece * PIECE, min(first + (piece + 1) * PIECE, last)):
             find_middle(data, position, middle, block, near)
     for piece in prange(pieces):
         near = np.empty(NEAR_ROWS * LANES)
-        for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
+        for block in range(first + piece * PIECE, min(first + (piece + 1) * PIECE, last)):
             find_vectors(data, middle, vector, block, near)
     for piece in prange(pieces):
         near = np.empty(NEAR_ROWS * LANES)
-        for block in range(piece * PIECE, min((piece + 1) * PIECE, block_count)):
+        for block in range(first + piece * PIECE, min(first + (piece + 1) * PIECE, last)):
             add_vectors(data, vector, corner_force, block, near)
 
 

@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import math
 
+from lcmchain.dispatch import implements
 from lcmchain.effects.contact import normal_force
 from lcmchain.effects.contact_depth import offset_change
 from lcmchain.effects.friction import friction, friction_loss
 from lcmchain.effects.gravity import weight_at
+from lcmchain.effects.interaction import add_to_nodes, on_nodes, scratch_size
 from lcmchain.elements.lane_runs import copy_lanes
 from lcmchain.elements.vectors import dot, plus, products, scaled
 from lcmchain.jit import equation, span_part, span_routine
+from lcmchain.model import SPANS_OF_CHUNK
 from lcmchain.state import CONTACT, CONTACT_DAMPING, EXTERNAL, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
 from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, NORMAL_X, span_distances
 from lcmchain.tools.span_rows import (
@@ -28,6 +31,7 @@ from lcmchain.tools.span_rows import (
     store_rows,
     vector_at,
 )
+from lcmchain.tools.table import ToolTable
 
 # Rows of the scratch array of a span, behind those of the distance; of vectors the first of three.
 # What the nodes have:
@@ -61,11 +65,15 @@ KEPT_ROWS = 5
 NONE = -1
 
 
+@implements(on_nodes, ToolTable)
 @equation
-def scratch_size(tools):
-    """Return how many numbers the scratch array of a span has."""
-    if tools is None:
-        return 0
+def the_tools(tools):
+    return tools
+
+
+@implements(scratch_size, ToolTable)
+@equation
+def scratch_of_span(tools):
     return (ROWS + KEPT_ROWS * tools.kind.size) * SPAN
 
 
@@ -75,19 +83,25 @@ def kept_place(tool):
     return (ROWS + KEPT_ROWS * tool) * SPAN
 
 
+@implements(add_to_nodes, ToolTable)
+@equation
+def contact_of_chunk(tools, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
+    add_contact_forces(arrays, tools, environment, chunk, first, last, dt_last, dt, work, sums)
+
+
 @span_routine
-def add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, work, sums):
+def add_contact_forces(arrays, tools, environment, chunk, first, last, dt_last, dt, work, sums):
     """Add the contact forces of all tools to the nodes ``first`` to ``last`` of a chunk.
 
     Energies, the forces on the tools and the deepest penetrations go to ``sums``; ``work`` has
-    :func:`scratch_size` numbers.
+    :func:`scratch_of_span` numbers.
     """
     contact_force = arrays.contact_force[first:last]
     for i in range(last - first):
         contact_force[i] = 0.0
     clear(PENDING, work)
-    for span in range(first // SPAN, -(-last // SPAN)):
-        begin = span * SPAN
+    for place in range(-(-(last - first) // SPAN)):
+        span, begin = chunk * SPANS_OF_CHUNK + place, first + place * SPAN
         count = min(SPAN, last - begin)
         touching, present = find_contacts(
             arrays, tools, environment, environment.depth_time, span, begin, count, dt_last, work,

@@ -6,7 +6,7 @@ import numpy as np
 from numba import prange
 
 from lcmchain.jit import kernel, routine, span_routine
-from lcmchain.model import NODE_CHUNK
+from lcmchain.model import SPANS_OF_CHUNK
 from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, span_distances
 from lcmchain.tools.span_rows import SPAN
 
@@ -14,11 +14,9 @@ from lcmchain.tools.span_rows import SPAN
 @kernel
 def find_near_nodes(arrays, tools, reach):
     """Mark in ``arrays.near`` the nodes nearer to a tool than ``reach`` (tool_count,) [m]."""
-    node_count = arrays.mass.size
     for place in prange(arrays.chunk_order.size):
         chunk = arrays.chunk_order[place]
-        first = chunk * NODE_CHUNK
-        last = min(first + NODE_CHUNK, node_count)
+        first, last = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
         work = np.empty(DISTANCE_ROWS * SPAN)
         for tool in range(tools.kind.size):
             mark_near_nodes(arrays, tools, tool, reach[tool], first, last, work)
@@ -36,13 +34,16 @@ def mark_near_nodes(arrays, tools, tool, reach, first, last, work):
 
 
 @routine
-def find_near_spans(near, near_span):
-    """Mark the spans of nodes of which one is near, ``near_span`` (tool_count, span_count)."""
-    node_count = near.shape[1]
+def find_near_spans(near, chunk_start, near_span):
+    """Mark the spans of nodes of which one is near, ``near_span`` (tool_count, span_count).
+
+    Every chunk of nodes has as many spans, of which the last ones may be empty.
+    """
     for tool in range(near_span.shape[0]):
         for span in range(near_span.shape[1]):
-            first = span * SPAN
+            chunk = span // SPANS_OF_CHUNK
+            first = chunk_start[chunk] + span % SPANS_OF_CHUNK * SPAN
             found = 0
-            for node in range(first, min(first + SPAN, node_count)):
+            for node in range(first, min(first + SPAN, chunk_start[chunk + 1])):
                 found |= near[tool, node]
             near_span[tool, span] = found

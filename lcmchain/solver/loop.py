@@ -9,31 +9,43 @@ Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1, with a var
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import literal_unroll, prange
 
 from lcmchain.effects.damping import averaged_velocity, damped_velocity
-from lcmchain.effects.face_pressure import face_forces, face_pressures
 from lcmchain.effects.fibre_bending import (
     NEAR_ROWS,
+    FibreBendingData,
     add_vectors,
+    at_places,
     fibre_bending_forces,
     find_middle,
     find_vectors,
 )
 from lcmchain.effects.gravity import weight_at, weights_of
-from lcmchain.effects.pore_pressure import pore_forces
-from lcmchain.effects.supports import prescribed_position
+from lcmchain.effects.interaction import (
+    add_to_nodes,
+    after_nodes,
+    before_nodes,
+    begin_steps,
+    on_nodes,
+    scratch_size,
+)
 from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW
 from lcmchain.elements.family import internal_forces
-from lcmchain.elements.solid_shell.kernel import forces_of_block
-from lcmchain.jit import entry, kernel_part, ordered_span_routine, routine, span_routine
-from lcmchain.model import NODE_CHUNK, NodeData
-from lcmchain.solver.contact_forces import add_contact_forces, scratch_size
-from lcmchain.solver.contact_search import find_near_spans
+from lcmchain.elements.solid_shell.kernel import SolidShellData, forces_of_block
+from lcmchain.jit import (
+    entry,
+    equation,
+    kernel_part,
+    ordered_span_routine,
+    routine,
+    span_routine,
+)
+from lcmchain.model import Model, NodeData, PlacedBody
+from lcmchain.solver.schedule import Schedule, build_schedule
 from lcmchain.state import (
     CONTACT,
     EXTERNAL,
@@ -41,8 +53,6 @@ from lcmchain.state import (
     LAST_STEP,
     MASS_DAMPING,
     PACE,
-    PEAK_FORCE,
-    PEAK_TIME,
     SHEET_TIME,
     STEPS,
     TIME,
@@ -51,7 +61,6 @@ from lcmchain.state import (
     Scratch,
     State,
 )
-from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 
 #: What the loop reads and writes: constants of the nodes, state, and scratch arrays.
 Arrays: Any = NamedTuple(  # type: ignore[misc]
@@ -61,140 +70,199 @@ Arrays: Any = NamedTuple(  # type: ignore[misc]
 
 
 @entry
-def advance(
-    arrays,
-    bodies,
-    fibre_bending,
-    pore,
-    face_pressure,
-    pressed,
-    tools,
-    environment,
-    supports,
-    averaging,
-    schedule,
-    unscheduled,
-    step_count,
-    dt,
-):
-    """Make ``step_count`` steps of size ``dt`` [s] of the sheet's time.
+def advance(arrays, bodies, fibre_bending, interactions, environment, averaging, step_count, dt):
+    """Make ``step_count`` steps of size ``dt`` [s] of the sheets' time.
 
     The process goes on by as much times its pace: tools, supports and pressures follow its time.
-    ``bodies`` are those placed in the model; ``fibre_bending``, ``pore``, ``face_pressure``,
-    ``tools`` and ``supports`` are tables or None; ``pressed`` is True where ``pore`` or
-    ``face_pressure`` is there, or None; ``averaging`` is the time over which the mean velocity is
-    taken that damping leaves alone [s], or None. ``schedule`` is the order of a step of one sheet
-    (:class:`lcmchain.solver.schedule.Schedule`), or None: then every loop runs through the sheets,
-    and ``unscheduled`` is True instead of None. Code is left out where an argument is None only.
+
+    Parameters
+    ----------
+    arrays : :data:`Arrays`. bodies : :class:`OrderedBody` each.
+    fibre_bending : :class:`lcmchain.effects.fibre_bending.FibreBendingData`, or None.
+    interactions : :data:`lcmchain.effects.interaction.MOST` of them, in the order in which they act
+        on a node; ``NOTHING`` stands for those that are missing.
+    environment : :class:`lcmchain.model.Environment`.
+    averaging : time over which the mean velocity is taken that damping leaves alone [s], or None.
+
+    Code is left out where an argument is None or nothing.
     """
     clock = arrays.clock
-    if tools is not None:
-        find_near_spans(arrays.near, arrays.near_span)
+    for interaction in literal_unroll(interactions):
+        begin_steps(interaction, arrays)
     for _ in range(step_count):
         dt_last = clock[LAST_STEP]
-        if unscheduled is not None:
-            for body in literal_unroll(bodies):
-                internal_forces(
-                    body.data,
-                    arrays.position,
-                    arrays.corner_force[body.first_force : body.last_force],
-                    arrays.history[body.first_history : body.last_history],
-                )
-            if fibre_bending is not None:
-                fibre_bending_forces(
-                    fibre_bending,
-                    arrays.position,
-                    arrays.corner_force,
-                    arrays.bending_middle,
-                    arrays.bending_vector,
-                )
-        if pore is not None:
-            pore_forces(
-                pore,
-                arrays.position,
-                arrays.velocity,
-                arrays.pore_pressure,
-                arrays.pore_rate,
-                arrays.pore_resistance,
+        for interaction in literal_unroll(interactions):
+            before_nodes(interaction, arrays, dt_last, dt)
+        for body in literal_unroll(bodies):
+            move_body(
+                arrays,
+                body.placed,
+                body.schedule,
+                body.unscheduled,
+                fibre_bending,
+                interactions,
+                environment,
+                averaging,
+                dt_last,
                 dt,
-                arrays.corner_load,
             )
-        if face_pressure is not None:
-            bottom, top = face_pressures(face_pressure, clock[TIME])
-            face_forces(
-                face_pressure.elements, arrays.position, bottom, top, pore, arrays.corner_load
-            )
-        if unscheduled is not None:
-            move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt)
-        if schedule is not None:
-            for phase in range(schedule.phase_start.size - 1):
-                make_parts(
-                    arrays,
-                    schedule,
-                    phase,
-                    bodies[0].data.corner_node,
-                    bodies[0].data.corner_run,
-                    bodies[0].data.element_data,
-                    bodies[0].data.law,
-                    bodies[0].data.options,
-                    bodies[0].data.quick_data,
-                    bodies[0].data.quick_options,
-                    bodies[0].data.general,
-                    fibre_bending,
-                    tools,
-                    environment,
-                    pressed,
-                    averaging,
-                    dt_last,
-                    dt,
-                )
         add_chunk_sums(arrays)
-        if supports is not None:
-            move_supports(arrays, supports, environment, dt_last, dt)
-        if tools is not None:
-            add_tool_loads(arrays, clock[TIME], dt_last, dt)
-            move_tools(arrays, tools, clock[TIME], dt_last, dt)
+        for interaction in literal_unroll(interactions):
+            after_nodes(interaction, arrays, environment, dt_last, dt)
         clock[TIME] += clock[PACE] * dt
         clock[SHEET_TIME] += dt
         clock[LAST_STEP] = dt
         arrays.counters[STEPS] += 1
 
 
-@kernel_part
-def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
-    """Sum the forces on the nodes, and update velocities and positions."""
-    for place in prange(arrays.chunk_order.size):
-        work = np.empty(scratch_size(tools))
-        chunk = arrays.chunk_order[place]
-        move_chunk(
+class OrderedBody(NamedTuple):
+    """A body and the order of a step for it.
+
+    schedule : None for a body whose loops run through all of it one after the other; then
+        ``unscheduled`` is True, else None.
+    """
+
+    placed: PlacedBody
+    schedule: Schedule | None
+    unscheduled: bool | None
+
+
+def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendingData | None]:
+    """Return the bodies of a model for :func:`advance`, and the fibres' bending.
+
+    Parameters
+    ----------
+    part_count : in so many parts at most the work of a body is divided.
+    """
+    bending = None if model.fibre_bending is None else model.fibre_bending.data
+    force_slot = model.nodes.force_slot
+    places = [np.zeros(0, dtype=np.int32)]
+    schedules: list[Schedule | None] = []
+    for placed in model.placed:
+        bending_place = np.arange(placed.last_bending - placed.first_bending, dtype=np.int32)
+        if isinstance(placed.data, SolidShellData):
+            schedule = build_schedule(placed, bending, force_slot, part_count)
+            force_slot, bending_place = schedule.force_slot, schedule.bending_place
+            schedules.append(schedule)
+        else:
+            schedules.append(None)
+        places.append(placed.first_bending + bending_place)
+    bodies = [
+        OrderedBody(placed, None, True)
+        if schedule is None
+        # a node finds its forces where the orders of all bodies have them
+        else OrderedBody(placed, schedule._replace(force_slot=force_slot), None)
+        for placed, schedule in zip(model.placed, schedules, strict=True)
+    ]
+    if bending is not None:
+        bending = at_places(bending, np.concatenate(places).astype(np.int32))
+    return tuple(bodies), bending
+
+
+@routine
+def move_body(
+    arrays,
+    placed,
+    schedule,
+    unscheduled,
+    fibre_bending,
+    interactions,
+    environment,
+    averaging,
+    dt_last,
+    dt,
+):
+    """Make the internal forces of a body, and move its nodes."""
+    corner_force = arrays.corner_force[placed.first_force : placed.last_force]
+    history = arrays.history[placed.first_history : placed.last_history]
+    if schedule is not None:
+        for phase in range(schedule.phase_start.size - 1):
+            make_parts(
+                arrays,
+                schedule,
+                phase,
+                corner_force,
+                history,
+                placed.data.corner_node,
+                placed.data.corner_run,
+                placed.data.element_data,
+                placed.data.law,
+                placed.data.options,
+                placed.data.quick_data,
+                placed.data.quick_options,
+                placed.data.general,
+                fibre_bending,
+                on_nodes(interactions[0]),
+                on_nodes(interactions[1]),
+                on_nodes(interactions[2]),
+                on_nodes(interactions[3]),
+                environment,
+                averaging,
+                dt_last,
+                dt,
+            )
+    if unscheduled is not None:
+        internal_forces(placed.data, arrays.position, corner_force, history)
+        if fibre_bending is not None:
+            fibre_bending_forces(
+                fibre_bending,
+                placed.first_bending,
+                placed.last_bending,
+                arrays.position,
+                arrays.corner_force,
+                arrays.bending_middle,
+                arrays.bending_vector,
+            )
+        move_nodes(
             arrays,
-            arrays.force_slot,
-            tools,
+            placed.first_chunk,
+            placed.last_chunk,
+            on_nodes(interactions[0]),
+            on_nodes(interactions[1]),
+            on_nodes(interactions[2]),
+            on_nodes(interactions[3]),
             environment,
-            pressed,
             averaging,
-            chunk,
             dt_last,
             dt,
-            work,
+        )
+
+
+@kernel_part
+def move_nodes(
+    arrays, first_chunk, last_chunk, first, second, third, fourth, environment, averaging, dt_last,
+    dt,
+):  # fmt: skip
+    """Sum the forces on the nodes of a body, and update velocities and positions."""
+    for k in prange(last_chunk - first_chunk):
+        acting = (first, second, third, fourth)
+        work = np.empty(scratch_of(acting))
+        chunk = arrays.chunk_order[first_chunk + k]
+        move_chunk(
+            arrays, arrays.force_slot, acting, environment, averaging, chunk, dt_last, dt, work
         )
 
 
 @routine
-def move_chunk(
-    arrays, force_slot, tools, environment, pressed, averaging, chunk, dt_last, dt, work
-):
+def move_chunk(arrays, force_slot, acting, environment, averaging, chunk, dt_last, dt, work):
     """Sum the forces on the nodes of a chunk, and update their velocities and positions."""
-    first = chunk * NODE_CHUNK
-    last = min(first + NODE_CHUNK, arrays.mass.size)
+    first, last = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
     sums = arrays.chunk_sums[chunk]
     sums[:] = 0.0
     gather_internal_forces(arrays, force_slot, first, last)
-    if pressed is not None:
-        add_pressure_loads(arrays, first, last, dt_last, sums)
-    if tools is not None:
-        add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, work, sums)
+    for one in literal_unroll(acting):
+        add_to_nodes(one, arrays, environment, chunk, first, last, dt_last, dt, work, sums)
     integrate(arrays, arrays.free, environment, averaging, first, last, dt_last, dt, sums)
+
+
+@equation
+def scratch_of(acting):
+    """Return how many numbers of scratch the interactions of a node need, one after the other."""
+    first, second, third, fourth = acting
+    return max(
+        max(scratch_size(first), scratch_size(second)),
+        max(scratch_size(third), scratch_size(fourth)),
+    )
 
 
 @kernel_part
@@ -202,6 +270,8 @@ def make_parts(
     arrays,
     schedule,
     phase,
+    corner_force,
+    history,
     corner_node,
     corner_run,
     element_data,
@@ -211,9 +281,11 @@ def make_parts(
     quick_options,
     general,
     fibre_bending,
-    tools,
+    first,
+    second,
+    third,
+    fourth,
     environment,
-    pressed,
     averaging,
     dt_last,
     dt,
@@ -221,13 +293,14 @@ def make_parts(
     """Make the parts of a phase of a step.
 
     One loop for all phases: compiled twice, a chunk of nodes might get other last digits between
-    two parts than within one. The constants of a sheet of solid-shells come one by one: a parallel
-    loop takes no tuple that holds tuples.
+    two parts than within one. What is in tuples of tuples, the constants of a sheet and the
+    interactions, comes one by one: a parallel loop takes no tuple that holds tuples.
     """
     first_part = schedule.phase_start[phase]
     for k in prange(schedule.phase_start[phase + 1] - first_part):
         part = first_part + k
-        work, near = np.empty(scratch_size(tools)), np.empty(NEAR_ROWS * LANES)
+        acting = (first, second, third, fourth)
+        work, near = np.empty(scratch_of(acting)), np.empty(NEAR_ROWS * LANES)
         for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
             for piece in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
                 block = schedule.block[piece]
@@ -236,8 +309,8 @@ def make_parts(
                     corner_node,
                     corner_run,
                     element_data,
-                    arrays.corner_force,
-                    arrays.history,
+                    corner_force,
+                    history,
                     law,
                     options,
                     quick_data,
@@ -252,9 +325,8 @@ def make_parts(
                 move_chunk(
                     arrays,
                     schedule.force_slot,
-                    tools,
+                    acting,
                     environment,
-                    pressed,
                     averaging,
                     schedule.chunk[piece],
                     dt_last,
@@ -296,36 +368,6 @@ def gather_internal_forces(arrays, force_slot, first, last):
         force_x[i] = x
         force_y[i] = y
         force_z[i] = z
-
-
-@span_routine
-def add_pressure_loads(arrays, first, last, dt_last, sums):
-    """Sum up the loads on the corners for nodes ``first`` to ``last``, and add them to the force.
-
-    The work since the last step, mean of both loads times the displacement, goes to ``sums``.
-    """
-    load, node_load, force_slot = arrays.corner_load, arrays.node_load, arrays.force_slot
-    velocity, force = arrays.velocity, arrays.force
-    work = 0.0
-    for node in range(first, last):
-        x = 0.0
-        y = 0.0
-        z = 0.0
-        for i in range(force_slot.shape[0]):
-            slot = force_slot[i, node]
-            x += load[slot]
-            y += load[slot + LANES]
-            z += load[slot + 2 * LANES]
-        work += (node_load[0, node] + x) * velocity[0, node]
-        work += (node_load[1, node] + y) * velocity[1, node]
-        work += (node_load[2, node] + z) * velocity[2, node]
-        node_load[0, node] = x
-        node_load[1, node] = y
-        node_load[2, node] = z
-        force[0, node] += x
-        force[1, node] += y
-        force[2, node] += z
-    sums[EXTERNAL] += 0.5 * dt_last * work
 
 
 @span_routine
@@ -373,37 +415,6 @@ def integrate(arrays, free, environment, averaging, first, last, dt_last, dt, su
 
 
 @routine
-def move_supports(arrays, supports, environment, dt_last, dt):
-    """Move held components as prescribed, and sum the forces that the supports exert [N].
-
-    Their impulses [N s] are summed over the process as well: a force averaged over an interval is
-    the difference of two impulses, free of the noise of single steps.
-    """
-    position, velocity, free, mass = arrays.position, arrays.velocity, arrays.free, arrays.mass
-    pace = arrays.clock[PACE]
-    interval = 0.5 * (dt_last + dt)
-    place = (arrays.clock[TIME] + pace * dt) / supports.interval
-    piece = min(int(place), supports.affine.shape[1] - 2)
-    s = min(place - piece, 1.0)
-    arrays.support_force[:] = 0.0
-    for k in range(supports.node.size):
-        node, group = supports.node[k], supports.group[k]
-        for d in range(3):
-            if free[d, node] > 0.0:
-                continue
-            old = velocity[d, node]
-            new = (prescribed_position(supports, k, d, piece, s) - position[d, node]) / dt
-            gravity = -weight_at(environment.gravity, node) if d == 2 else 0.0
-            held = mass[node] * ((new - old) / interval - gravity) - arrays.force[d, node]
-            arrays.support_force[group, d] += held
-            arrays.support_impulse[group, d] += held * (pace * interval)
-            arrays.work[KINETIC] += 0.5 * mass[node] * old * new
-            arrays.work[EXTERNAL] += (held + mass[node] * gravity) * 0.5 * (old + new) * interval
-            velocity[d, node] = new
-            position[d, node] += dt * new
-
-
-@routine
 def add_chunk_sums(arrays):
     """Reduce the sums of the chunks, in their order."""
     work, sums, tool_force = arrays.work, arrays.chunk_sums, arrays.tool_force
@@ -420,57 +431,3 @@ def add_chunk_sums(arrays):
             arrays.penetration_max[tool] = max(
                 arrays.penetration_max[tool], -sums[chunk, column + 3]
             )
-
-
-@routine
-def add_tool_loads(arrays, time, dt_last, dt):
-    """Sum the impulses [N s] of the tool forces, and keep the largest force of a step [N].
-
-    A force averaged over an interval of the process is the difference of two impulses over it.
-    """
-    interval = arrays.clock[PACE] * 0.5 * (dt_last + dt)
-    for tool in range(arrays.tool_force.shape[0]):
-        squared = 0.0
-        for d in range(3):
-            force = arrays.tool_force[tool, d]
-            arrays.tool_impulse[tool, d] += force * interval
-            squared += force * force
-        peak = arrays.tool_peak[tool]
-        if squared > peak[PEAK_FORCE] * peak[PEAK_FORCE]:
-            peak[PEAK_FORCE] = math.sqrt(squared)
-            peak[PEAK_TIME] = time
-
-
-@routine
-def move_tools(arrays, tools, time, dt_last, dt):
-    """Update the travel of every tool: as prescribed, as driven, or by its equation of motion."""
-    work, pace = arrays.work, arrays.clock[PACE]
-    for tool in range(tools.kind.size):
-        old = arrays.tool_velocity[tool]
-        contact = 0.0
-        for d in range(3):
-            contact += arrays.tool_force[tool, d] * tools.direction[tool, d]
-        if tools.motion_kind[tool] == GUIDED and arrays.driven[tool] == 0:
-            mass = tools.mass[tool]
-            applied = guided_load(tools, tool, arrays.tool_input[tool, 1], time)
-            interval = 0.5 * (dt_last + dt)
-            damping = tools.damping[tool] / mass
-            new = damped_velocity(old, (contact + applied) / mass, damping, interval)
-            displacement = dt * new
-            mean = 0.5 * (old + new)
-            work[KINETIC] += 0.5 * mass * old * new
-            work[MASS_DAMPING] += tools.damping[tool] * mean * mean * interval
-            work[EXTERNAL] += applied * mean * interval
-            arrays.tool_work[tool] -= contact * mean * interval
-        else:
-            if arrays.driven[tool] != 0:
-                displacement = dt * (pace * arrays.tool_input[tool, 0])
-            else:
-                target, _ = prescribed_travel(tools, tool, time + pace * dt)
-                displacement = target - arrays.tool_travel[tool]
-            new = displacement / dt
-            on_sheets = -contact * 0.5 * (old * dt_last + displacement)
-            work[EXTERNAL] += on_sheets
-            arrays.tool_work[tool] += on_sheets
-        arrays.tool_travel[tool] += displacement
-        arrays.tool_velocity[tool] = new

@@ -14,7 +14,7 @@ The order holds for any numbering of elements and nodes. A numbering along the s
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from lcmchain.effects.fibre_bending import (
 )
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
-from lcmchain.model import NODE_CHUNK, Model
+from lcmchain.model import NODE_CHUNK, PlacedBody
 
 #: Blocks of 16 elements in a tile, at most: few enough for what they write to stay in the nearer
 #: caches, and enough for the code of one loop to stay at hand before that of the next one follows.
@@ -46,7 +46,10 @@ class Schedule(NamedTuple):
     phase_start : (phase_count + 1,) first part of each phase. part_start : (parts + 1,) first tile
     of each part. block, middle, vector, sum, chunk : numbers of the pieces, tile by tile; those of
     the bending are empty without it. block_start and so on : (tile_count + 1,) where those of each
-    tile begin.
+    tile begin. Blocks of elements are numbered within the body, all others within the model.
+    place, bending_place : where the blocks of elements and those of the bending write, in blocks
+    from the beginning of what the body has. force_slot : as in
+    :class:`lcmchain.model.NodeData`, for these places.
     """
 
     phase_start: np.ndarray
@@ -98,14 +101,22 @@ class _Tiles(NamedTuple):
         return found
 
 
-def build_schedule(model: Model, part_count: int) -> Schedule:
-    """Return the order of a step of a model of one sheet.
+def build_schedule(
+    placed: PlacedBody,
+    bending_data: FibreBendingData | None,
+    force_slot: np.ndarray,
+    part_count: int,
+) -> Schedule:
+    """Return the order of a step of a body of solid-shells.
 
     Parameters
     ----------
+    bending_data : of the fibres of all bodies, or None.
+    force_slot : where each node of the model finds its forces.
     part_count : at most so many parts; a small sheet has fewer.
     """
-    corner_nodes = model.body.data.corner_node.reshape(-1, 8 * LANES)
+    corner_nodes = placed.data.corner_node.reshape(-1, 8 * LANES) - placed.first_node
+    node_count = placed.last_node - placed.first_node
     parts = min(part_count, -(-len(corner_nodes) // LEAST_PART))
     tiles = _tiles(len(corner_nodes), parts)
 
@@ -113,16 +124,16 @@ def build_schedule(model: Model, part_count: int) -> Schedule:
     block = np.repeat(np.arange(len(corner_nodes)), 8 * LANES)
     node, tile = corner_nodes.ravel(), tiles.of_block[block]
     chunk_needs, bending = [(node // NODE_CHUNK, tile)], NO_BENDING
-    if model.fibre_bending is not None and model.fibre_bending.data is not None:
-        first = np.full(model.node_count, tiles.last)
+    if bending_data is not None and placed.last_bending > placed.first_bending:
+        first = np.full(node_count, tiles.last)
         np.minimum.at(first, node, tile)
-        bending = _bending(model.fibre_bending.data, first, tiles)
+        bending = _bending(bending_data, placed, first, tiles)
         chunk_needs += [
             (bending.node // NODE_CHUNK, stage[bending.node_piece])
             for stage in (bending.middle, bending.sum)
         ]
     piece, needed = map(np.concatenate, zip(*chunk_needs, strict=True))
-    chunks = tiles.after(piece, needed, -(-model.node_count // NODE_CHUNK))
+    chunks = tiles.after(piece, needed, -(-node_count // NODE_CHUNK))
 
     used = tiles.after(block, chunks[node // NODE_CHUNK], len(corner_nodes))
     place = _places(tiles, tiles.of_block, used)
@@ -138,9 +149,12 @@ def build_schedule(model: Model, part_count: int) -> Schedule:
         part_start += list(tiles.last + 1 + np.arange(parts + 1))
         phase_start += [phase_start[-1] + 1, phase_start[-1] + 1 + parts]
     stages = (tiles.of_block, bending.middle, bending.vector, bending.sum, chunks)
-    queues = [_queue(of, part_start[-1]) for of in stages]
-    arrays = [phase_start, part_start, *(array for queue in queues for array in queue)]
-    force_slot = _moved(model.nodes.force_slot, 0, CORNER_ROWS, place)
+    numbers = (0, *[placed.first_bending] * 3, placed.first_chunk)
+    arrays: list[Any] = [phase_start, part_start]
+    for of, number in zip(stages, numbers, strict=True):
+        order, start = _queue(of, part_start[-1])
+        arrays += [number + order, start]
+    force_slot = _moved(force_slot, placed.first_force, CORNER_ROWS, place)
     force_slot = _moved(force_slot, bending.first_force, FORCE_ROWS, bending_place)
     arrays += [place, bending_place, force_slot]
     return Schedule(*(np.asarray(array, dtype=np.int32) for array in arrays))
@@ -206,7 +220,7 @@ def _moved(slot: np.ndarray, first: int, rows: int, place: np.ndarray) -> np.nda
 class _Bending(NamedTuple):
     """Where the stages of the fibres' bending are done.
 
-    middle, vector, sum : (piece_count,) tile of each piece. node, node_piece : nodes of the model
+    middle, vector, sum : (piece_count,) tile of each piece. node, node_piece : nodes of the body
     and the pieces that read them, and write the force on them. used_piece, used_tile : pieces, and
     tiles in which another one reads what they write. first_force : where their forces begin.
     """
@@ -224,17 +238,21 @@ class _Bending(NamedTuple):
 NO_BENDING = _Bending(0, *[np.zeros(0, dtype=np.int64)] * 7)
 
 
-def _bending(data: FibreBendingData, first_tile: np.ndarray, tiles: _Tiles) -> _Bending:
-    """Return where the stages of the fibres' bending are done.
+def _bending(
+    data: FibreBendingData, placed: PlacedBody, first_tile: np.ndarray, tiles: _Tiles
+) -> _Bending:
+    """Return where the stages of the fibres' bending are done, by blocks of the body.
 
     Parameters
     ----------
     first_tile : (node_count,) in which each node is read first.
     """
-    count = data.start.size
+    first, count = placed.first_bending, placed.last_bending - placed.first_bending
     own = np.arange(count)
-    indices = data.indices.reshape(count, INDEX_ROWS, LANES)
-    node, before_and_after, sources = indices[:, :2].ravel(), indices[:, 2:6], indices[:, 6:]
+    indices = data.indices.reshape(-1, INDEX_ROWS, LANES)[first : first + count]
+    node = indices[:, :2].ravel() - placed.first_node
+    before_and_after = indices[:, 2:6] - first * MIDDLE_ROWS * LANES
+    sources = indices[:, 6:] - first * VECTOR_ROWS * LANES
     node_piece = np.repeat(own, 2 * LANES)
     middle = _latest(node_piece, first_tile[node], count)  # any part may read the nodes
     reader = np.concatenate([own, np.repeat(own, 4 * LANES)])
@@ -245,7 +263,8 @@ def _bending(data: FibreBendingData, first_tile: np.ndarray, tiles: _Tiles) -> _
     used_piece = np.concatenate([of_middles, of_vectors])
     used_tile = np.concatenate([vector[reader], total[reader]])
     stages = (middle, vector, total)
-    return _Bending(data.first_force, *stages, node, node_piece, used_piece, used_tile)
+    first_force = data.first_force + first * FORCE_ROWS * LANES
+    return _Bending(first_force, *stages, node, node_piece, used_piece, used_tile)
 
 
 def _latest(piece: np.ndarray, tile: np.ndarray, count: int) -> np.ndarray:

@@ -10,18 +10,22 @@ from typing import Any
 import numpy as np
 
 from lcmchain.effects import fibre_bending
-from lcmchain.effects.face_pressure import face_frequencies
+from lcmchain.effects.interaction import MOST, NO_BOUND, NOTHING, bound
 from lcmchain.effects.pace import PaceLaw, next_pace
-from lcmchain.effects.pore_pressure import pore_frequencies, resistance_mobilities
 from lcmchain.elements.family import Body, Condition
-from lcmchain.elements.solid_shell.kernel import SolidShellData
 from lcmchain.errors import SimulationError
 from lcmchain.model import Model, build_model
-from lcmchain.solver import guards, histories
+from lcmchain.solver import (
+    contact_forces,
+    guards,
+    held_nodes,
+    histories,
+    pressure_loads,
+    tool_motion,
+)
 from lcmchain.solver.contact_search import find_near_nodes
-from lcmchain.solver.loop import Arrays, advance
+from lcmchain.solver.loop import Arrays, advance, in_order
 from lcmchain.solver.recovery import diagnosis, halving_warnings
-from lcmchain.solver.schedule import Schedule, build_schedule
 from lcmchain.state import (
     CHUNKS,
     CONTACT,
@@ -46,6 +50,9 @@ from lcmchain.state import (
 )
 from lcmchain.threads import thread_count
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
+
+#: Files that register what interactions do in a step; without them they would do nothing.
+ACTING = (contact_forces, held_nodes, pressure_loads, tool_motion)
 
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
 # short enough that a fabric under compaction stiffens by less than step_safety allows for.
@@ -139,7 +146,7 @@ class Simulation:
         self.model = model
         self.state = state or State.at_rest(model)
         self.control = StepControl()
-        self._schedules: dict[int, tuple[Schedule, Any]] = {}
+        self._orders: dict[int, tuple[tuple[Any, ...], Any]] = {}
         self._bind()
 
     @classmethod
@@ -210,13 +217,13 @@ class Simulation:
             "highest frequency": self._highest_frequency,
             "contact search": search,
             "shared curvature": self._renew,
-            "pressures": lambda: self._pressure_frequency(OMEGA2_OF_FIRST_SEARCH),
+            "pressures": lambda: self._step_of(OMEGA2_OF_FIRST_SEARCH, 0, 0),
             "condition of the elements": self.require_sound,
             "energies": self.energy,
         }
         if not self.model.tool_names:
             del calls["contact search"]
-        if self.model.pore is None and self.model.face_pressure is None:
+        if not self.model.pressed:
             del calls["pressures"]
         return calls
 
@@ -435,39 +442,28 @@ class Simulation:
 
     def _advance(self, step_count: int, step: float) -> None:
         model = self.model
-        schedule, bending = self._schedule()
+        bodies, bending = self._ordered()
+        missing = MOST - len(model.interactions)
         advance(
             self._arrays,
-            model.placed,
+            bodies,
             bending,
-            model.pore,
-            model.face_pressure,
-            model.pressed,
-            model.tools if model.tool_names else None,
+            (*model.interactions, *[NOTHING] * missing),
             model.environment,
-            model.supports,
             model.averaging,
-            schedule,
-            True if schedule is None else None,
             step_count,
             float(step),
         )
 
-    def _schedule(self) -> tuple[Schedule | None, Any]:
-        """Return the order of a step for the present threads, and the fibres' bending for it.
+    def _ordered(self) -> tuple[tuple[Any, ...], Any]:
+        """Return the bodies with their orders of a step for the present threads.
 
-        None is the order of what has none.
+        And the fibres' bending, whose blocks lie where these orders have them.
         """
-        model, parts = self.model, thread_count()
-        bending = None if model.fibre_bending is None else model.fibre_bending.data
-        if len(model.bodies) != 1 or not isinstance(model.body.data, SolidShellData):
-            return None, bending
-        if parts not in self._schedules:
-            schedule = build_schedule(model, parts)
-            if bending is not None:
-                bending = fibre_bending.at_places(bending, schedule.bending_place)
-            self._schedules[parts] = schedule, bending
-        return self._schedules[parts]
+        parts = thread_count()
+        if parts not in self._orders:
+            self._orders[parts] = in_order(self.model, parts)
+        return self._orders[parts]
 
     def _history(self, body: Body) -> np.ndarray:
         return self.model.history_of(body, self.state.history)
@@ -511,32 +507,6 @@ class Simulation:
         reach += model.nodes.offset.max()
         find_near_nodes(self._arrays, model.tools, reach)
 
-    def _pressure_frequency(self, omega2: float) -> float:
-        """Return the ω² bound [1/s²] of the pressures until the next look at the step; mostly 0."""
-        state, model = self.state, self.model
-        total = 0.0
-        if model.pore is not None:
-            interval = STEPS_PER_CHUNK * 2.0 / math.sqrt(omega2)
-            coming = np.abs(state.pore_pressure) + interval * np.abs(state.pore_rate)
-            bound = np.empty(model.pore.padded_count)
-            pore_frequencies(model.pore, state.position, coming, bound)
-            total += float(bound.max())
-        if model.face_pressure is not None:
-            elements = model.face_pressure.elements
-            bound = np.empty(elements.padded_count)
-            face_frequencies(elements, state.position, model.face_pressure.largest, bound)
-            total += float(bound.max())
-        return total
-
-    def _resistance_rate(self) -> float:
-        """Return the fastest rate [1/s] at which the fluid's resistance damps an element."""
-        state, model = self.state, self.model
-        if model.pore is None or not state.pore_resistance.any():
-            return 0.0
-        mobility = np.empty(model.pore.padded_count)
-        resistance_mobilities(model.pore, state.position, mobility)
-        return float(np.max(state.pore_resistance * mobility))
-
     def _coming_tool_speed(self, tool: int, interval: float) -> float:
         state, tools, pace = self.state, self.model.tools, self.state.pace
         if state.driven[tool]:
@@ -549,25 +519,17 @@ class Simulation:
         return max(now, abs(pace * prescribed_travel(tools, tool, then)[1]))
 
     def _step_of(self, omega2: float, element: int, code: int) -> tuple[float, str]:
-        """Return 2/ω with the stiffness of the present contacts, and the cause.
+        """Return 2/ω with what the present interactions add to the elements', and the cause.
 
-        The damping of a contact is averaged over the step and limits it no further, but its
-        reaction on a guided tool is not, nor the resistance of a fluid: a damping rate c/M that
-        lags half a step behind is stable for ω²dt²/4 + (c/M) dt/2 <= 1.
+        A damping rate c/M that lags half a step behind is stable for ω²dt²/4 + (c/M) dt/2 <= 1.
         """
-        state, model = self.state, self.model
-        cause = model.body_of_element(element).cause(code)
-        contact2 = rate = 0.0
-        if len(model.tool_names) and state.near.any():
-            contact2 = float(np.max(state.near.sum(axis=0) * model.contact_omega2))
-            for tool, tool_mass in enumerate(model.tools.mass):
-                if tool_mass > 0.0:
-                    near = state.near[tool] != 0
-                    contact2 += float(np.sum(model.contact_stiffness[near])) / tool_mass
-                    rate = max(rate, float(np.sum(model.contact_damping[near])) / tool_mass)
-        rate += self._resistance_rate()
-        pressure2 = self._pressure_frequency(omega2)
-        if max(contact2, pressure2) > omega2:
-            cause = "contact stiffness" if contact2 > pressure2 else "pressure of a fluid"
-        total = omega2 + contact2 + pressure2
+        model = self.model
+        ahead = STEPS_PER_CHUNK * 2.0 / math.sqrt(omega2)
+        bounds = [bound(one, model, self.state, ahead) for one in model.interactions]
+        largest = max(bounds, key=lambda one: one.omega2, default=NO_BOUND)
+        cause = largest.cause
+        if largest.omega2 <= omega2:
+            cause = model.body_of_element(element).cause(code)
+        total = sum((one.omega2 for one in reversed(bounds)), start=omega2)
+        rate = sum(one.rate for one in bounds)
         return 2.0 * (math.sqrt(0.25 * rate**2 + total) - 0.5 * rate) / total, cause

@@ -48,7 +48,9 @@ def forces_on_nodes(model, position):
     table = model.fibre_bending
     corner_force = np.zeros(model.corner_force_size)
     scratch = (np.empty(table.padded_count * rows) for rows in (MIDDLE_ROWS, VECTOR_ROWS))
-    fibre_bending_forces(table.data, np.ascontiguousarray(position), corner_force, *scratch)
+    blocks = 0, table.data.start.size
+    positions = np.ascontiguousarray(position)
+    fibre_bending_forces(table.data, *blocks, positions, corner_force, *scratch)
     slot = model.nodes.force_slot
     return np.stack([corner_force[slot + d * LANES].sum(axis=0) for d in range(3)])
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lcmchain.model import SPANS_OF_CHUNK
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.solver.simulation import Simulation
@@ -254,6 +255,16 @@ def test_a_group_of_nodes_is_looked_at_where_any_of_them_is_near():
     for node, groups in ((0, [1, 0, 0]), (15, [1, 0, 0]), (16, [0, 1, 0]), (33, [0, 0, 1])):
         near = np.zeros((2, 34), dtype=np.uint8)
         near[1, node] = 1
-        marked = np.full((2, 3), 7, dtype=np.uint8)
-        find_near_spans(near, marked)
-        np.testing.assert_array_equal(marked, [[0, 0, 0], groups])
+        marked = np.full((2, SPANS_OF_CHUNK), 7, dtype=np.uint8)
+        find_near_spans(near, np.array([0, 34], dtype=np.int32), marked)
+        rest = [0] * (SPANS_OF_CHUNK - 3)
+        np.testing.assert_array_equal(marked, [[0, 0, 0, *rest], [*groups, *rest]])
+
+
+def test_groups_of_nodes_begin_anew_with_each_chunk():
+    """The second chunk, of another body, begins with node 20."""
+    near = np.zeros((1, 30), dtype=np.uint8)
+    near[0, [19, 20]] = 1
+    marked = np.zeros((1, 2 * SPANS_OF_CHUNK), dtype=np.uint8)
+    find_near_spans(near, np.array([0, 20, 30], dtype=np.int32), marked)
+    assert np.flatnonzero(marked[0]).tolist() == [1, SPANS_OF_CHUNK]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lcmchain.effects.fibre_bending import FORCE_ROWS, INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.elements.blocks import LANES, in_blocks
 from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
-from lcmchain.model import NODE_CHUNK, build_model
+from lcmchain.model import NODE_CHUNK, PlacedBody, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.schedule import LEAST_PART, build_schedule
 from lcmchain.solver.simulation import Simulation
@@ -45,9 +45,15 @@ def is_after(later, earlier):
     return later[1] == earlier[1] and later[2] > earlier[2]
 
 
+def schedule_of(model, parts, number=0):
+    """The order of a step of one of the bodies."""
+    bending = None if model.fibre_bending is None else model.fibre_bending.data
+    return build_schedule(model.placed[number], bending, model.nodes.force_slot, parts)
+
+
 def require_order(model, schedule):
     done = performed(schedule)
-    corners = model.body.data.corner_node.reshape(-1, 8 * LANES)
+    corners = model.placed[0].data.corner_node.reshape(-1, 8 * LANES)
     chunk_of = [set((nodes // NODE_CHUNK).tolist()) for nodes in corners]
     assert sorted(done["block"]) == list(range(len(corners)))
     assert sorted(done["chunk"]) == list(range(-(-model.node_count // NODE_CHUNK)))
@@ -114,9 +120,9 @@ def test_nothing_is_done_before_what_it_needs(parts, in_plane):
     overrides = () if in_plane else ("material.bending.in_plane=0.0",)
     model = build_model(scene_from_text(SHEET, overrides=overrides))
     assert (model.fibre_bending is not None) == in_plane
-    schedule = build_schedule(model, parts)
+    schedule = schedule_of(model, parts)
     require_order(model, schedule)
-    blocks = model.body.data.corner_node.size // (8 * LANES)
+    blocks = model.placed[0].data.corner_node.size // (8 * LANES)
     assert schedule.phase_start[1] == min(parts, -(-blocks // LEAST_PART))
     if parts == 1:
         assert schedule.phase_start.tolist() == [0, 1]
@@ -129,12 +135,12 @@ def test_rows_of_any_length_in_tiles_of_any_size(edge, parts, monkeypatch):
     model = build_model(scene_from_text(SHEET, overrides=overrides))
     for tile in (1, 2, 4):
         monkeypatch.setattr("lcmchain.solver.schedule.TILE", tile)
-        require_order(model, build_schedule(model, parts))
+        require_order(model, schedule_of(model, parts))
 
 
 def test_forces_lie_where_others_have_been_summed_up():
     model = build_model(scene_from_text(SHEET, overrides=("blank.edge_length=1 mm",)))
-    schedule = build_schedule(model, 2)
+    schedule = schedule_of(model, 2)
     # two parts, and in each of them little more than the tiles at work
     assert schedule.place.max() < 0.25 * schedule.place.size
     assert schedule.bending_place.max() < 0.25 * schedule.bending_place.size
@@ -143,7 +149,7 @@ def test_forces_lie_where_others_have_been_summed_up():
 def test_in_the_second_round_parts_complete_what_lies_between_them():
     overrides = ("blank.edge_length=2.5 mm", "blank.fibre_angle=0 deg")
     model = build_model(scene_from_text(SHEET, overrides=overrides))
-    schedule = build_schedule(model, 2)
+    schedule = schedule_of(model, 2)
     require_order(model, schedule)
     assert schedule.phase_start.tolist() == [0, 2, 4]
 
@@ -170,15 +176,19 @@ def test_any_numbering_of_elements_and_nodes_will_do(seed, parts, element_count,
     data = SimpleNamespace(
         indices=indices, start=np.zeros(-(-mid_count // LANES)), first_force=size
     )
+    placed = PlacedBody(
+        SimpleNamespace(corner_node=in_blocks(nodes)), 0, node_count, 0, 0, 0, size, 0, 0,
+        0, data.start.size,
+    )  # fmt: skip
     model = SimpleNamespace(
-        body=SimpleNamespace(data=SimpleNamespace(corner_node=in_blocks(nodes))),
+        placed=(placed,),
         fibre_bending=SimpleNamespace(data=data),
         node_count=node_count,
         nodes=SimpleNamespace(force_slot=random.integers(0, 2 * size, (3, node_count))),
     )
     # tiles of a block or two: many turns for so few elements
     with patch("lcmchain.solver.schedule.TILE", int(random.integers(1, 3))):
-        schedule = build_schedule(model, parts)
+        schedule = schedule_of(model, parts)
     require_order(model, schedule)
 
 
@@ -209,8 +219,8 @@ def test_the_number_of_parts_changes_no_bit(monkeypatch, angle):
         simulation = Simulation.from_scene(scene)
         assert (simulation.model.body.data.general is None) == (angle == "0 deg")
         monkeypatch.setattr(
-            "lcmchain.solver.simulation.build_schedule",
-            lambda model, _: build_schedule(model, parts),
+            "lcmchain.solver.loop.build_schedule",
+            lambda placed, bending, slot, _: build_schedule(placed, bending, slot, parts),
         )
         simulation.advance_to(2e-3)
         return {name: array.tobytes() for name, array in simulation.state.as_dict().items()}

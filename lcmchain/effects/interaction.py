@@ -1,0 +1,97 @@
+"""What acts on bodies or between them, as the time loop sees it.
+
+An interaction is a NamedTuple of constant arrays: the tools, the pressures in and on a sheet, the
+supports. It registers (:mod:`lcmchain.dispatch`) what it does in a step; what it does not register
+is left out of the compiled loop, as is an interaction that a model does not have. What it registers
+is compiled with the options of an equation: a loop over nodes that wants options of its own, and a
+parallel loop, stand in a routine that is called there. The order of a step is that of
+:func:`lcmchain.solver.loop.advance`:
+
+1. :func:`before_nodes`: forces that need the positions of all nodes;
+2. :func:`add_to_nodes`: forces on the nodes of a chunk, which move at once afterwards;
+3. :func:`after_nodes`: what moves by itself, tools and held nodes, with the forces summed up.
+
+In Python it registers with :func:`bound` how it limits the step.
+"""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import Any, NamedTuple
+
+from lcmchain.dispatch import optional
+
+#: Most interactions that act on single nodes. A parallel loop takes each of them by itself.
+ON_NODES = 4
+#: Most interactions of a model.
+MOST = 6
+
+
+class Nothing(NamedTuple):
+    """Stands where a model has no interaction."""
+
+    nothing: int = 0
+
+
+NOTHING = Nothing()
+
+
+class Bound(NamedTuple):
+    """What an interaction adds to the highest frequency.
+
+    omega2 : [1/s²], added to the bound of the elements.
+    rate : of a damping that lags half a step behind, c/m [1/s].
+    cause : in words, for a step that it limits.
+    """
+
+    omega2: float
+    rate: float
+    cause: str
+
+
+NO_BOUND = Bound(0.0, 0.0, "")
+
+
+@singledispatch
+def bound(interaction: Any, model: Any, state: Any, ahead: float) -> Bound:
+    """Return what an interaction adds to the highest frequency until the next look at it.
+
+    ahead : time until that look [s].
+    """
+    return NO_BOUND
+
+
+@optional
+def begin_steps(interaction, arrays):
+    """Prepare what holds for all steps until the next search."""
+
+
+@optional
+def before_nodes(interaction, arrays, dt_last, dt):
+    """Make the forces that need the positions of all nodes; parallel loops may run here."""
+
+
+@optional
+def on_nodes(interaction):
+    """Return what :func:`add_to_nodes` takes: a NamedTuple of arrays and numbers alone."""
+    return NOTHING
+
+
+@optional
+def scratch_size(acting):
+    """Return how many numbers of scratch :func:`add_to_nodes` needs."""
+    return 0
+
+
+@optional
+def add_to_nodes(acting, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
+    """Add forces to ``arrays.force`` of the nodes ``first`` to ``last`` of a chunk.
+
+    Energies go to the columns of ``sums``. The forces of those interactions that stand before this
+    one are in ``arrays.force`` by then.
+    """
+
+
+@optional
+def after_nodes(interaction, arrays, environment, dt_last, dt):
+    """Move what moves by itself: the nodes have moved, and the sums of the step are complete."""

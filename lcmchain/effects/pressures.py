@@ -1,0 +1,42 @@
+"""Pressures in and on a sheet, as one interaction of the time loop.
+
+The pressure of a fluid in the pores (:mod:`lcmchain.effects.pore_pressure`) and those on the faces
+(:mod:`lcmchain.effects.face_pressure`) write to one array of loads on the corners of the elements;
+the nodes sum them up once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from lcmchain.effects.face_pressure import FacePressure
+from lcmchain.elements.pressed_elements import PressedElements
+
+
+class PorePressures(NamedTuple):
+    """Pressures in the pores alone."""
+
+    pore: PressedElements
+
+
+class FacePressures(NamedTuple):
+    """Pressures on the faces alone."""
+
+    face: FacePressure
+
+
+class BothPressures(NamedTuple):
+    """Pressures in the pores and on the faces."""
+
+    pore: PressedElements
+    face: FacePressure
+
+
+Pressures = PorePressures | FacePressures | BothPressures
+
+
+def pressures_of(pore: PressedElements | None, face: FacePressure | None) -> Pressures | None:
+    """Return the interaction of a model's pressures, or None without any."""
+    if pore is not None:
+        return PorePressures(pore) if face is None else BothPressures(pore, face)
+    return None if face is None else FacePressures(face)

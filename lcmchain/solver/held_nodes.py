@@ -1,0 +1,47 @@
+"""Supports within a step: held nodes follow their motions, and the forces that this takes."""
+
+from __future__ import annotations
+
+from lcmchain.dispatch import implements
+from lcmchain.effects.gravity import weight_at
+from lcmchain.effects.interaction import after_nodes
+from lcmchain.effects.supports import SupportTable, prescribed_position
+from lcmchain.jit import equation, routine
+from lcmchain.state import EXTERNAL, KINETIC, PACE, TIME
+
+
+@implements(after_nodes, SupportTable)
+@equation
+def hold(supports, arrays, environment, dt_last, dt):
+    move_supports(arrays, supports, environment, dt_last, dt)
+
+
+@routine
+def move_supports(arrays, supports, environment, dt_last, dt):
+    """Move held components as prescribed, and sum the forces that the supports exert [N].
+
+    Their impulses [N s] are summed over the process as well: a force averaged over an interval is
+    the difference of two impulses, free of the noise of single steps.
+    """
+    position, velocity, free, mass = arrays.position, arrays.velocity, arrays.free, arrays.mass
+    pace = arrays.clock[PACE]
+    interval = 0.5 * (dt_last + dt)
+    place = (arrays.clock[TIME] + pace * dt) / supports.interval
+    piece = min(int(place), supports.affine.shape[1] - 2)
+    s = min(place - piece, 1.0)
+    arrays.support_force[:] = 0.0
+    for k in range(supports.node.size):
+        node, group = supports.node[k], supports.group[k]
+        for d in range(3):
+            if free[d, node] > 0.0:
+                continue
+            old = velocity[d, node]
+            new = (prescribed_position(supports, k, d, piece, s) - position[d, node]) / dt
+            gravity = -weight_at(environment.gravity, node) if d == 2 else 0.0
+            held = mass[node] * ((new - old) / interval - gravity) - arrays.force[d, node]
+            arrays.support_force[group, d] += held
+            arrays.support_impulse[group, d] += held * (pace * interval)
+            arrays.work[KINETIC] += 0.5 * mass[node] * old * new
+            arrays.work[EXTERNAL] += (held + mass[node] * gravity) * 0.5 * (old + new) * interval
+            velocity[d, node] = new
+            position[d, node] += dt * new

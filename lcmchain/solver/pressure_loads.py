@@ -1,0 +1,156 @@
+"""Pressures in and on a sheet within a step: loads on the corners, summed up by nodes."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lcmchain.dispatch import implements
+from lcmchain.effects.face_pressure import (
+    FacePressure,
+    face_forces,
+    face_frequencies,
+    face_pressures,
+)
+from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, bound, on_nodes
+from lcmchain.effects.pore_pressure import pore_forces, pore_frequencies, resistance_mobilities
+from lcmchain.effects.pressures import BothPressures, FacePressures, PorePressures
+from lcmchain.elements.blocks import LANES
+from lcmchain.elements.pressed_elements import PressedElements
+from lcmchain.jit import equation, routine, span_routine
+from lcmchain.state import EXTERNAL, TIME, State
+
+
+class PressureLoads(NamedTuple):
+    """The loads of all pressures, as they lie on the corners of the elements."""
+
+    nothing: int
+
+
+@implements(before_nodes, PorePressures)
+@equation
+def make_pore_loads(pressures, arrays, dt_last, dt):
+    add_pore_loads(pressures.pore, arrays, dt)
+
+
+@implements(before_nodes, FacePressures)
+@equation
+def make_face_loads(pressures, arrays, dt_last, dt):
+    add_face_loads(pressures.face, arrays, None)
+
+
+@implements(before_nodes, BothPressures)
+@equation
+def make_both_loads(pressures, arrays, dt_last, dt):
+    add_pore_loads(pressures.pore, arrays, dt)
+    add_face_loads(pressures.face, arrays, True)
+
+
+@routine
+def add_pore_loads(pore, arrays, dt):
+    """Write the loads of the pressures in the pores, and move these on."""
+    pore_forces(
+        pore,
+        arrays.position,
+        arrays.velocity,
+        arrays.pore_pressure,
+        arrays.pore_rate,
+        arrays.pore_resistance,
+        dt,
+        arrays.corner_load,
+    )
+
+
+@routine
+def add_face_loads(face, arrays, added):
+    """Write the loads of the pressures on the faces; ``added`` is True where others lie there."""
+    bottom, top = face_pressures(face, arrays.clock[TIME])
+    face_forces(face.elements, arrays.position, bottom, top, added, arrays.corner_load)
+
+
+@equation
+def their_loads(pressures):
+    return PressureLoads(0)
+
+
+for kind in (PorePressures, FacePressures, BothPressures):
+    implements(on_nodes, kind)(their_loads)
+
+
+@implements(add_to_nodes, PressureLoads)
+@equation
+def loads_of_chunk(loads, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
+    add_pressure_loads(arrays, first, last, dt_last, sums)
+
+
+@span_routine
+def add_pressure_loads(arrays, first, last, dt_last, sums):
+    """Sum up the loads on the corners for nodes ``first`` to ``last``, and add them to the force.
+
+    The work since the last step, mean of both loads times the displacement, goes to ``sums``.
+    """
+    load, node_load, force_slot = arrays.corner_load, arrays.node_load, arrays.force_slot
+    velocity, force = arrays.velocity, arrays.force
+    work = 0.0
+    for node in range(first, last):
+        x = 0.0
+        y = 0.0
+        z = 0.0
+        for i in range(force_slot.shape[0]):
+            slot = force_slot[i, node]
+            x += load[slot]
+            y += load[slot + LANES]
+            z += load[slot + 2 * LANES]
+        work += (node_load[0, node] + x) * velocity[0, node]
+        work += (node_load[1, node] + y) * velocity[1, node]
+        work += (node_load[2, node] + z) * velocity[2, node]
+        node_load[0, node] = x
+        node_load[1, node] = y
+        node_load[2, node] = z
+        force[0, node] += x
+        force[1, node] += y
+        force[2, node] += z
+    sums[EXTERNAL] += 0.5 * dt_last * work
+
+
+@bound.register(PorePressures)
+def _bound_of_pore(pressures: PorePressures, model: Any, state: State, ahead: float) -> Bound:
+    return _with_cause(*_of_pore(pressures.pore, state, ahead))
+
+
+@bound.register(FacePressures)
+def _bound_of_face(pressures: FacePressures, model: Any, state: State, ahead: float) -> Bound:
+    return _with_cause(_of_face(pressures.face, state), 0.0)
+
+
+@bound.register(BothPressures)
+def _bound_of_both(pressures: BothPressures, model: Any, state: State, ahead: float) -> Bound:
+    pore, rate = _of_pore(pressures.pore, state, ahead)
+    return _with_cause(pore + _of_face(pressures.face, state), rate)
+
+
+def _with_cause(omega2: float, rate: float) -> Bound:
+    return Bound(omega2, rate, "pressure of a fluid")
+
+
+def _of_pore(pore: PressedElements, state: State, ahead: float) -> tuple[float, float]:
+    """Return ω² [1/s²] of the pressures until the next look, and the rate of the damping [1/s].
+
+    The resistance of the fluid damps with the velocity of half a step before.
+    """
+    coming = np.abs(state.pore_pressure) + ahead * np.abs(state.pore_rate)
+    found = np.empty(pore.padded_count)
+    pore_frequencies(pore, state.position, coming, found)
+    if not state.pore_resistance.any():
+        return float(found.max()), 0.0
+    mobility = np.empty(pore.padded_count)
+    resistance_mobilities(pore, state.position, mobility)
+    return float(found.max()), float(np.max(state.pore_resistance * mobility))
+
+
+def _of_face(face: FacePressure, state: State) -> float:
+    """Return ω² of the largest pressures on the faces [1/s²]."""
+    found = np.empty(face.elements.padded_count)
+    face_frequencies(face.elements, state.position, face.largest, found)
+    return float(found.max())

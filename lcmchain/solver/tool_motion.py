@@ -1,0 +1,110 @@
+"""Tools within a step: forces and impulses on them, their travel, and how they limit the step."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from lcmchain.dispatch import implements
+from lcmchain.effects.damping import damped_velocity
+from lcmchain.effects.interaction import Bound, after_nodes, begin_steps, bound
+from lcmchain.jit import equation, routine
+from lcmchain.solver.contact_search import find_near_spans
+from lcmchain.state import (
+    EXTERNAL,
+    KINETIC,
+    MASS_DAMPING,
+    PACE,
+    PEAK_FORCE,
+    PEAK_TIME,
+    TIME,
+    State,
+)
+from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
+from lcmchain.tools.table import ToolTable
+
+
+@implements(begin_steps, ToolTable)
+@equation
+def mark_near_spans(tools, arrays):
+    find_near_spans(arrays.near, arrays.chunk_start, arrays.near_span)
+
+
+@implements(after_nodes, ToolTable)
+@equation
+def load_and_move_tools(tools, arrays, environment, dt_last, dt):
+    add_tool_loads(arrays, arrays.clock[TIME], dt_last, dt)
+    move_tools(arrays, tools, arrays.clock[TIME], dt_last, dt)
+
+
+@routine
+def add_tool_loads(arrays, time, dt_last, dt):
+    """Sum the impulses [N s] of the tool forces, and keep the largest force of a step [N].
+
+    A force averaged over an interval of the process is the difference of two impulses over it.
+    """
+    interval = arrays.clock[PACE] * 0.5 * (dt_last + dt)
+    for tool in range(arrays.tool_force.shape[0]):
+        squared = 0.0
+        for d in range(3):
+            force = arrays.tool_force[tool, d]
+            arrays.tool_impulse[tool, d] += force * interval
+            squared += force * force
+        peak = arrays.tool_peak[tool]
+        if squared > peak[PEAK_FORCE] * peak[PEAK_FORCE]:
+            peak[PEAK_FORCE] = math.sqrt(squared)
+            peak[PEAK_TIME] = time
+
+
+@routine
+def move_tools(arrays, tools, time, dt_last, dt):
+    """Update the travel of every tool: as prescribed, as driven, or by its equation of motion."""
+    work, pace = arrays.work, arrays.clock[PACE]
+    for tool in range(tools.kind.size):
+        old = arrays.tool_velocity[tool]
+        contact = 0.0
+        for d in range(3):
+            contact += arrays.tool_force[tool, d] * tools.direction[tool, d]
+        if tools.motion_kind[tool] == GUIDED and arrays.driven[tool] == 0:
+            mass = tools.mass[tool]
+            applied = guided_load(tools, tool, arrays.tool_input[tool, 1], time)
+            interval = 0.5 * (dt_last + dt)
+            damping = tools.damping[tool] / mass
+            new = damped_velocity(old, (contact + applied) / mass, damping, interval)
+            displacement = dt * new
+            mean = 0.5 * (old + new)
+            work[KINETIC] += 0.5 * mass * old * new
+            work[MASS_DAMPING] += tools.damping[tool] * mean * mean * interval
+            work[EXTERNAL] += applied * mean * interval
+            arrays.tool_work[tool] -= contact * mean * interval
+        else:
+            if arrays.driven[tool] != 0:
+                displacement = dt * (pace * arrays.tool_input[tool, 0])
+            else:
+                target, _ = prescribed_travel(tools, tool, time + pace * dt)
+                displacement = target - arrays.tool_travel[tool]
+            new = displacement / dt
+            on_sheets = -contact * 0.5 * (old * dt_last + displacement)
+            work[EXTERNAL] += on_sheets
+            arrays.tool_work[tool] += on_sheets
+        arrays.tool_travel[tool] += displacement
+        arrays.tool_velocity[tool] = new
+
+
+@bound.register(ToolTable)
+def _bound_of_contact(tools: ToolTable, model: Any, state: State, ahead: float) -> Bound:
+    """Contact stiffness of the nodes near tools; the damping of a contact limits no step.
+
+    It is averaged over the step, but its reaction on a guided tool is not.
+    """
+    contact2 = rate = 0.0
+    if state.near.any():
+        contact2 = float(np.max(state.near.sum(axis=0) * model.contact_omega2))
+        for tool, tool_mass in enumerate(tools.mass):
+            if tool_mass > 0.0:
+                near = state.near[tool] != 0
+                contact2 += float(np.sum(model.contact_stiffness[near])) / tool_mass
+                rate = max(rate, float(np.sum(model.contact_damping[near])) / tool_mass)
+    return Bound(contact2, rate, "contact stiffness")
