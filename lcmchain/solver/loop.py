@@ -30,6 +30,13 @@ from lcmchain.effects.supports import prescribed_position
 from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import forces_of_block
+from lcmchain.interfaces.forces import (
+    STEPS_LEFT,
+    add_ply_forces,
+    forces_of_points,
+    list_points,
+)
+from lcmchain.interfaces.refresh import refresh
 from lcmchain.jit import entry, kernel_part, ordered_span_routine, routine, span_routine
 from lcmchain.model import NODE_CHUNK, NodeData
 from lcmchain.solver.contact_forces import add_contact_forces, scratch_size
@@ -37,12 +44,14 @@ from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.state import (
     CONTACT,
     EXTERNAL,
+    FRICTION,
     KINETIC,
     LAST_STEP,
     MASS_DAMPING,
     PACE,
     PEAK_FORCE,
     PEAK_TIME,
+    PLY_REFRESH,
     SHEET_TIME,
     STEPS,
     TIME,
@@ -68,6 +77,7 @@ def advance(
     pore,
     face_pressure,
     pressed,
+    plies,
     tools,
     environment,
     supports,
@@ -82,7 +92,8 @@ def advance(
     The process goes on by as much times its pace: tools, supports and pressures follow its time.
     ``bodies`` are those placed in the model; ``fibre_bending``, ``pore``, ``face_pressure``,
     ``tools`` and ``supports`` are tables or None; ``pressed`` is True where ``pore`` or
-    ``face_pressure`` is there, or None; ``averaging`` is the time over which the mean velocity is
+    ``face_pressure`` is there, or None; ``plies`` are the constants of contact between sheets, or
+    None; ``averaging`` is the time over which the mean velocity is
     taken that damping leaves alone [s], or None. ``schedule`` is the order of a step of one sheet
     (:class:`lcmchain.solver.schedule.Schedule`), or None: then every loop runs through the sheets,
     and ``unscheduled`` is True instead of None. Code is left out where an argument is None only.
@@ -90,6 +101,8 @@ def advance(
     clock = arrays.clock
     if tools is not None:
         find_near_spans(arrays.near, arrays.near_span)
+    if plies is not None:
+        list_points(plies, arrays)
     for _ in range(step_count):
         dt_last = clock[LAST_STEP]
         if unscheduled is not None:
@@ -125,7 +138,9 @@ def advance(
                 face_pressure.elements, arrays.position, bottom, top, pore, arrays.corner_load
             )
         if unscheduled is not None:
-            move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt)
+            if plies is not None:
+                move_plies(plies, arrays, dt_last, dt)
+            move_nodes(arrays, plies, tools, environment, pressed, averaging, dt_last, dt)
         if schedule is not None:
             for phase in range(schedule.phase_start.size - 1):
                 make_parts(
@@ -160,8 +175,17 @@ def advance(
         arrays.counters[STEPS] += 1
 
 
+@routine
+def move_plies(plies, arrays, dt_last, dt):
+    """Make the forces of all points between sheets, on springs that are renewed when it is time."""
+    if arrays.ply_counters[STEPS_LEFT] <= 0:
+        arrays.work[PLY_REFRESH] -= refresh(plies, arrays, dt_last, dt)
+    forces_of_points(plies, arrays)
+    arrays.ply_counters[STEPS_LEFT] -= 1
+
+
 @kernel_part
-def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
+def move_nodes(arrays, plies, tools, environment, pressed, averaging, dt_last, dt):
     """Sum the forces on the nodes, and update velocities and positions."""
     for place in prange(arrays.chunk_order.size):
         work = np.empty(scratch_size(tools))
@@ -169,6 +193,7 @@ def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
         move_chunk(
             arrays,
             arrays.force_slot,
+            plies,
             tools,
             environment,
             pressed,
@@ -182,7 +207,7 @@ def move_nodes(arrays, tools, environment, pressed, averaging, dt_last, dt):
 
 @routine
 def move_chunk(
-    arrays, force_slot, tools, environment, pressed, averaging, chunk, dt_last, dt, work
+    arrays, force_slot, plies, tools, environment, pressed, averaging, chunk, dt_last, dt, work
 ):
     """Sum the forces on the nodes of a chunk, and update their velocities and positions."""
     first = chunk * NODE_CHUNK
@@ -192,6 +217,10 @@ def move_chunk(
     gather_internal_forces(arrays, force_slot, first, last)
     if pressed is not None:
         add_pressure_loads(arrays, first, last, dt_last, sums)
+    if plies is not None:
+        stored, lost = add_ply_forces(plies, arrays, first, last)
+        sums[CONTACT] += stored
+        sums[FRICTION] += lost
     if tools is not None:
         add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, work, sums)
     integrate(arrays, arrays.free, environment, averaging, first, last, dt_last, dt, sums)
@@ -252,6 +281,7 @@ def make_parts(
                 move_chunk(
                     arrays,
                     schedule.force_slot,
+                    None,
                     tools,
                     environment,
                     pressed,

@@ -16,6 +16,7 @@ from lcmchain.effects.pore_pressure import pore_frequencies, resistance_mobiliti
 from lcmchain.elements.family import Body, Condition
 from lcmchain.elements.solid_shell.kernel import SolidShellData
 from lcmchain.errors import SimulationError
+from lcmchain.interfaces import limits as ply_limits
 from lcmchain.model import Model, build_model
 from lcmchain.solver import guards, histories
 from lcmchain.solver.contact_search import find_near_nodes
@@ -38,6 +39,7 @@ from lcmchain.state import (
     MOST_HALVINGS,
     OMEGA2,
     PACE,
+    PLY_REFRESH,
     RENEWAL,
     RENEWED,
     TIME,
@@ -286,8 +288,8 @@ class Simulation:
             "friction": work[FRICTION],
             **({"inelastic": inelastic} if self.model.remembers else {}),
             "damping": work[CONTACT_DAMPING] + work[MASS_DAMPING],
-            # what renewals of the shared curvature put in comes from outside the elements
-            "external": work[EXTERNAL] - work[RENEWAL],
+            # what renewals of shared curvature and of springs put in comes from outside of them
+            "external": work[EXTERNAL] - work[RENEWAL] - work[PLY_REFRESH],
         }
         energy = {name: float(value) for name, value in energy.items()}
         spent = sum(value for name, value in energy.items() if name != "external")
@@ -420,6 +422,8 @@ class Simulation:
         for body, condition in zip(self.model.bodies, conditions, strict=True):
             guards.require_sound(self.model, self.state, body, condition)
         guards.require_outside(self.model, self.state)
+        if self.model.ply_contact is not None:
+            ply_limits.require_on_the_face(self.model, self.state)
         guards.require_passive(self.model, self.state)
         return conditions
 
@@ -443,6 +447,7 @@ class Simulation:
             model.pore,
             model.face_pressure,
             model.pressed,
+            model.ply_contact,
             model.tools if model.tool_names else None,
             model.environment,
             model.supports,
@@ -567,7 +572,15 @@ class Simulation:
                     rate = max(rate, float(np.sum(model.contact_damping[near])) / tool_mass)
         rate += self._resistance_rate()
         pressure2 = self._pressure_frequency(omega2)
-        if max(contact2, pressure2) > omega2:
-            cause = "contact stiffness" if contact2 > pressure2 else "pressure of a fluid"
-        total = omega2 + contact2 + pressure2
+        plies2 = 0.0
+        if model.ply_contact is not None:
+            plies2 = ply_limits.omega2_bound(model, state)
+        if max(contact2, pressure2, plies2) > omega2:
+            causes = {
+                "contact stiffness": contact2,
+                "pressure of a fluid": pressure2,
+                "contact between plies": plies2,
+            }
+            cause = max(causes, key=causes.__getitem__)
+        total = omega2 + contact2 + pressure2 + plies2
         return 2.0 * (math.sqrt(0.25 * rate**2 + total) - 0.5 * rate) / total, cause
