@@ -128,29 +128,34 @@ def force_on_point(data, position, facet, spring, rim, stick, anchor, force, poi
 @kernel_part
 def forces_of_points(data, arrays):
     """Write the force on every point, and the energies of every piece of points."""
-    node_count = arrays.mass.size
     for piece in prange(arrays.ply_sums.shape[0]):
-        stored, lost = 0.0, 0.0
-        first = piece * data.piece
-        for point in range(first, min(first + data.piece, node_count)):
-            facet = arrays.ply_facet[point]
-            if facet >= 0:
-                row = point if data.slides is not None else 0
-                a, b = force_on_point(
-                    data,
-                    arrays.position,
-                    facet,
-                    arrays.ply_spring[point],
-                    arrays.ply_rim[point],
-                    arrays.ply_stick[row],
-                    arrays.ply_anchor[row],
-                    arrays.ply_force[point],
-                    point,
-                )
-                stored += a
-                lost += b
-        arrays.ply_sums[piece, STORED] = stored
-        arrays.ply_sums[piece, LOST] = lost
+        forces_of_piece(data, arrays, piece)
+
+
+@routine
+def forces_of_piece(data, arrays, piece):
+    """Write the force on every point of a piece, and its energies."""
+    stored, lost = 0.0, 0.0
+    first = piece * data.piece
+    for point in range(first, min(first + data.piece, arrays.mass.size)):
+        facet = arrays.ply_facet[point]
+        if facet >= 0:
+            row = point if data.slides is not None else 0
+            own_stored, own_lost = force_on_point(
+                data,
+                arrays.position,
+                facet,
+                arrays.ply_spring[point],
+                arrays.ply_rim[point],
+                arrays.ply_stick[row],
+                arrays.ply_anchor[row],
+                arrays.ply_force[point],
+                point,
+            )
+            stored += own_stored
+            lost += own_lost
+    arrays.ply_sums[piece, STORED] = stored
+    arrays.ply_sums[piece, LOST] = lost
 
 
 @routine

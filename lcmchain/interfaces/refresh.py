@@ -134,18 +134,25 @@ def renew_slopes(data, arrays):
 @kernel_part
 def renew_points(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt):
     """Renew the springs of all points; booked energy, allowed steps and depths go to the sums."""
-    node_count = arrays.mass.size
     for piece in prange(arrays.ply_sums.shape[0]):
-        sums = arrays.ply_sums[piece]
-        sums[BOOKED], sums[FASTEST], sums[DEEPEST] = 0.0, 0.0, 0.0
-        sums[STEPS_ALLOWED] = float(MOST_STEPS)
-        first = piece * data.piece
-        for point in range(first, min(first + data.piece, node_count)):
-            v = vector_of(arrays.velocity, point)
-            sums[FASTEST] = max(sums[FASTEST], math.sqrt(dot(v, v)))
-            renew_point(
-                data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, point, sums
-            )
+        renew_piece(
+            data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, piece
+        )
+
+
+@routine
+def renew_piece(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, piece):
+    """Renew the springs of a piece of points."""
+    sums = arrays.ply_sums[piece]
+    sums[BOOKED], sums[FASTEST], sums[DEEPEST] = 0.0, 0.0, 0.0
+    sums[STEPS_ALLOWED] = float(MOST_STEPS)
+    first = piece * data.piece
+    for point in range(first, min(first + data.piece, arrays.mass.size)):
+        v = vector_of(arrays.velocity, point)
+        sums[FASTEST] = max(sums[FASTEST], math.sqrt(dot(v, v)))
+        renew_point(
+            data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, point, sums
+        )
 
 
 @routine
