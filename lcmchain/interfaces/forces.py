@@ -22,7 +22,9 @@ NORMAL = 4
 OFFSET = 7  # [m]
 STIFFNESS = 8  # of the whole area of the point [N/m]
 SHARE = 9  # of the area at r = 0; 1 exactly where no rim is near
-SPRING_ENTRIES = 10
+HELD = 10  # further depth that the spring feels, see refresh.py [m]
+LAST_DEPTH = 11  # depth without the one held, at the last refresh [m]
+SPRING_ENTRIES = 12
 
 # Columns of the sums of a piece of points.
 STORED = 0  # in the springs [J]
@@ -83,15 +85,15 @@ def gap_at(spring, r):
 def normal_force(spring, rim, r):
     """Return force on the point [N], its size along the normal, stiffness [N/m] and energy [J]."""
     gap, normal = gap_at(spring, r)
-    if gap >= 0.0:
-        return (0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+    depth, held = max(-gap, 0.0), spring[HELD]
     stiffness = spring[STIFFNESS] * share_at(spring, rim, r)
-    pressure = -stiffness * gap
+    # the depth held before costs nothing: without any depth of its own a spring has no energy
+    squares = 0.5 * (depth * depth - held * held)
+    pressure = stiffness * depth
     force = scaled(pressure, normal)
     if spring[SHARE] != 1.0 and stiffness > 0.0:
-        outwards = -0.5 * spring[STIFFNESS] * gap * gap
-        force = plus(outwards, (rim[0], rim[1], rim[2]), force)
-    return force, pressure, stiffness, 0.5 * stiffness * gap * gap
+        force = plus(-spring[STIFFNESS] * squares, (rim[0], rim[1], rim[2]), force)
+    return force, pressure, stiffness, stiffness * squares
 
 
 @routine

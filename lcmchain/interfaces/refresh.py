@@ -5,6 +5,11 @@ an edge. What that changes in the energy they store is booked. It is taken half 
 energy ½ v₋·M v₊ + U that central differences conserve changes by ΔU - ½ dt v₋·Δf, which is ΔU
 there.
 
+The depth of a point that presses goes to zero: at each refresh a part of it is added to an offset
+that the spring feels as further depth (augmented Lagrange multipliers, as for tools in
+:mod:`lcmchain.effects.contact_depth`). Without it a stack under pressure is thinner by the depth of
+each interface, a tenth of a ply at 0.5 MPa.
+
 The slopes of the facets' corners, which say how the smooth surface curves, follow more slowly.
 Taken anew at each refresh they answer vibrations of the plies with a delay of a part of a period,
 and feed them.
@@ -24,6 +29,8 @@ from lcmchain.interfaces.forces import (
     DEEPEST,
     DEEPEST_POINT,
     FASTEST,
+    HELD,
+    LAST_DEPTH,
     LAST_STEPS,
     NORMAL,
     NORMAL_STEPS_LEFT,
@@ -52,21 +59,17 @@ from lcmchain.interfaces.search import (
     nearest_facet,
     walk,
 )
-from lcmchain.interfaces.springs import facet_slopes, minus, spring_at, vector_of
+from lcmchain.interfaces.springs import facet_slopes, minus, spring_at, unit, vector_of
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.jit import equation, kernel_part, routine
 
-# A point slides by this part of an edge of its facet until the next refresh, at most.
-SLIDE = 0.04
 # Steps between two refreshes: at most, and by how much they may grow from one to the next.
 MOST_STEPS, GROWTH = 100, 2
 # Refreshes between two searches among all facets, at most; and the way of the fastest node, as a
 # part of the reach of the search, after which it is due.
 REFRESHES_PER_SEARCH, SEARCH_WAY = 20, 0.5
-# Steps between two renewals of the slopes: some periods of the slowest vibration of the mesh's own
-# wavelength, which is an element's bending and lasts some tens of steps, and short beside the time
-# in which a sheet takes its shape.
-STEPS_PER_NORMALS = 250
+# The largest part of a depth that goes at a refresh.
+LARGEST_PART = 0.2
 
 
 @routine
@@ -75,7 +78,7 @@ def refresh(data, arrays, dt_last, dt):
     counters, clock = arrays.ply_counters, arrays.ply_clock
     if counters[NORMAL_STEPS_LEFT] <= 0:
         renew_slopes(data, arrays)
-        counters[NORMAL_STEPS_LEFT] = STEPS_PER_NORMALS
+        counters[NORMAL_STEPS_LEFT] = data.slope_steps
     everywhere = counters[REFRESHES_LEFT] <= 0 or clock[WAY] > SEARCH_WAY * data.reach
     if everywhere:
         low, size, count, start, entry = build_grid(arrays.position, data)
@@ -110,6 +113,7 @@ def refresh(data, arrays, dt_last, dt):
 def renew_slopes(data, arrays):
     """Take the normals of the nodes, and the slopes of the facets' corners from them."""
     position, normals = arrays.position, arrays.ply_normal
+    rim_normals = np.empty_like(normals)
     for node in range(normals.shape[0]):
         x = vector_of(position, node)
         total = (0.0, 0.0, 0.0)
@@ -126,9 +130,23 @@ def renew_slopes(data, arrays):
             a = minus(vector_of(position, data.facet_node[facet, following]), x)
             b = minus(vector_of(position, data.facet_node[facet, before]), x)
             total = plus(1.0, cross(a, b), total)
+        total = unit(total)
         normals[node, 0], normals[node, 1], normals[node, 2] = total[0], total[1], total[2]
+    # at a rim this is the normal half way to the nodes inside: on from theirs, as far again
+    for node in range(normals.shape[0]):
+        count = 0
+        total = (0.0, 0.0, 0.0)
+        for k in range(data.inner.shape[1]):
+            other = data.inner[node, k]
+            if other >= 0:
+                count += 1
+                total = plus(1.0, (normals[other, 0], normals[other, 1], normals[other, 2]), total)
+        for d in range(3):
+            rim_normals[node, d] = normals[node, d]
+            if count > 0:
+                rim_normals[node, d] += normals[node, d] - total[d] / count
     for facet in range(data.facet_node.shape[0]):
-        facet_slopes(position, data.facet_node, normals, facet, arrays.ply_slope)
+        facet_slopes(position, data.facet_node, rim_normals, facet, arrays.ply_slope)
 
 
 @kernel_part
@@ -179,7 +197,9 @@ def renew_point(
             before = (stick[0], stick[1], stick[2])
             trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), tangential(r, normal))
 
-    facet, xi, eta = find_facet(data, arrays, everywhere, low, size, count, start, entry, point)
+    facet, xi, eta = find_facet(
+        data, arrays, everywhere, presses, low, size, count, start, entry, point
+    )
     share, slope = 1.0, (0.0, 0.0, 0.0)
     if facet >= 0:
         share, slope = share_over(position, data, point, facet)
@@ -208,7 +228,20 @@ def renew_point(
         spring[WEIGHT + k] = w[k]
     for d in range(3):
         spring[NORMAL + d], rim[d] = normal[d], slope[d]
-    spring[OFFSET] = offset + baseline
+    depth, offset_held = -(gap + baseline), 0.0
+    if presses and not fresh:
+        part = min(arrays.ply_counters[LAST_STEPS] / data.depth_steps, LARGEST_PART)
+        # the smaller of two depths: an offset that follows each of them would feed a vibration
+        lasting = min(depth, spring[LAST_DEPTH]) - data.depth_left * data.depth[ply, other]
+        if depth < 0.0 or lasting > 0.0:
+            # neither the offset nor the pressure may become negative
+            change = part * (depth if depth < 0.0 else lasting)
+            offset_held = max(spring[HELD] + max(change, -(depth + spring[HELD])), 0.0)
+        else:
+            offset_held = spring[HELD]
+    spring[LAST_DEPTH] = depth
+    spring[HELD] = offset_held
+    spring[OFFSET] = offset + baseline - offset_held
     spring[STIFFNESS] = 0.5 * data.penalty[law] * data.area[point]
     r = way_to_facet(position, data, facet, spring, point)
     spring[SHARE] = 1.0 if share == 1.0 else share - dot(slope, r)
@@ -224,16 +257,16 @@ def renew_point(
     # how long the spring may stay: until the point has slid far enough, while it presses
     relative = way_to_facet(arrays.velocity, data, facet, spring, point)
     speed = tangential(relative, normal)
-    allowed = SLIDE * data.facet_edge[facet] / max(math.sqrt(dot(speed, speed)), 1e-30)
+    allowed = data.slide * data.facet_edge[facet] / max(math.sqrt(dot(speed, speed)), 1e-30)
     closing = -dot(relative, normal)
-    apart = gap + baseline
+    apart = -(depth + offset_held)
     if apart > 0.0:
         allowed = max(allowed, apart / max(closing, 1e-30))
     sums[STEPS_ALLOWED] = min(sums[STEPS_ALLOWED], allowed / dt)
 
 
 @routine
-def find_facet(data, arrays, everywhere, low, size, count, start, entry, point):
+def find_facet(data, arrays, everywhere, presses, low, size, count, start, entry, point):
     """Return the facet that a point faces, or -1, and its coordinates on it."""
     position, slopes = arrays.position, arrays.ply_slope
     x, ply = vector_of(position, point), data.ply[point]
@@ -251,7 +284,7 @@ def find_facet(data, arrays, everywhere, low, size, count, start, entry, point):
         if most > limit or gap > reach or not facing:
             facet = NONE
         else:
-            inside = most <= 0.0 and gap - arrays.ply_baseline[point] < 0.0
+            inside = presses and most <= 0.0
             cost = abs(gap) / data.reach + 4.0 * max(most, 0.0)
     if everywhere and not inside:
         other, other_xi, other_eta, other_cost = nearest_facet(

@@ -23,6 +23,16 @@ NONE = -1
 # largest edge of all facets can cover points that face it.
 RIM_RADIUS = 1.5
 
+# A point slides by this part of an edge of its facet until the next refresh, at most.
+SLIDE = 0.04
+# Steps between two renewals of the slopes: some periods of the slowest vibration of the mesh's own
+# wavelength, which is an element's bending and lasts some tens of steps, and short beside the time
+# in which a sheet takes its shape.
+STEPS_PER_SLOPES = 250
+# Steps over which the depth of a point goes to zero, up to what is left of it, in parts of half the
+# thickness: thickness is then right within 0.1 %, and plies that only lie on each other are left.
+STEPS_PER_DEPTH, DEPTH_LEFT = 500.0, 1e-3
+
 # An overlap at the start deeper than this part of the thinner ply is an error.
 DEEPEST_START = 0.5
 
@@ -46,6 +56,10 @@ class InterfaceData(NamedTuple):
     reach : largest of ``depth`` [m]. widest : longest edge of all facets [m].
     slides : True where any law has friction, else None.
     piece : nodes that are worked on together.
+    inner : (node_count, n) int32, nodes inside of a node at a rim, -1 where there are fewer.
+    slide : part of an edge by which points slide until their springs are renewed.
+    slope_steps : between two renewals of the facets' slopes.
+    depth_steps : over which depths go to zero, but for ``depth_left``, a part of the thickness.
     """
 
     ply: np.ndarray
@@ -69,6 +83,12 @@ class InterfaceData(NamedTuple):
     widest: float
     slides: bool | None
     piece: int
+    inner: np.ndarray
+    slide: float
+    slope_steps: int
+    depth_steps: float
+    depth_left: float
+
 
 
 def build_interfaces(
@@ -142,6 +162,11 @@ def build_interfaces(
         widest=float(edges.max()),
         slides=True if friction.any() else None,
         piece=piece,
+        inner=_inner_nodes(facet_node, neighbour, node_count),
+        slide=SLIDE,
+        slope_steps=STEPS_PER_SLOPES,
+        depth_steps=STEPS_PER_DEPTH,
+        depth_left=DEPTH_LEFT,
     )
     return data
 
@@ -222,6 +247,38 @@ def _rings(facet_node: np.ndarray, node_count: int) -> tuple[np.ndarray, np.ndar
     which = np.full_like(ring, NONE)
     ring[node, rank], which[node, rank] = corner // 4, corner % 4
     return ring, which
+
+
+def _inner_nodes(facet_node: np.ndarray, neighbour: np.ndarray, node_count: int) -> np.ndarray:
+    """Return the nodes inside of each node at a rim (node_count, n), -1 where there are fewer.
+
+    They are the other ends of its edges between two facets, and of a corner with one facet alone
+    the node across.
+    """
+    following = np.roll(facet_node, -1, axis=1)
+    real = facet_node != following
+    free = (neighbour == NONE) & real
+    rim = np.zeros(node_count, dtype=bool)
+    rim[facet_node[free]] = rim[following[free]] = True
+    between = (neighbour != NONE) & real
+    node, other = facet_node[between], following[between]  # each edge from both of its facets
+    at_rim = rim[node]
+    pairs = [np.stack([node[at_rim], other[at_rim]], axis=1)]
+    has_one = np.zeros(node_count, dtype=bool)
+    has_one[node] = True
+    is_quadrilateral = facet_node[:, 2] != facet_node[:, 3]
+    for k in range(4):
+        corner = facet_node[is_quadrilateral, k]
+        alone = rim[corner] & ~has_one[corner]
+        across = facet_node[is_quadrilateral, (k + 2) % 4]
+        pairs.append(np.stack([corner[alone], across[alone]], axis=1))
+    first, second = np.concatenate(pairs).T
+    order = np.lexsort((second, first))
+    first, second = first[order], second[order]
+    rank = np.arange(first.size) - np.searchsorted(first, first)
+    inner = np.full((node_count, int(rank.max(initial=0)) + 1), NONE, dtype=np.int32)
+    inner[first, rank] = second
+    return inner
 
 
 def _rims(
