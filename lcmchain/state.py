@@ -121,7 +121,6 @@ def sizes(model: Model) -> dict[str, int]:
         "bending vector": 0 if bending is None else bending.padded_count * VECTOR_ROWS,
         "peak": PEAK_ENTRIES,
         "ply point": 0 if plies is None else model.node_count,
-        "sliding ply point": 0 if plies is None else model.node_count if plies.slides else 1,
         "ply facet": 0 if plies is None else len(plies.facet_node),
         "ply piece": 0 if plies is None else -(-model.node_count // NODE_CHUNK),
         "ply list": 0 if plies is None else model.node_count + 1,
@@ -282,10 +281,10 @@ class State(_Arrays):
         "ply point", unit="m", meaning="depth in another ply at which its spring has no force"
     )
     ply_stick: np.ndarray = entry(
-        "sliding ply point", "xyz", unit="m", meaning="elastic slip on the other ply"
+        "ply point", "xyz", unit="m", meaning="elastic slip on the other ply"
     )
     ply_anchor: np.ndarray = entry(
-        "sliding ply point", "xyz", unit="m", meaning="from which the slip is measured"
+        "ply point", "xyz", unit="m", meaning="from which the slip is measured"
     )
     ply_slope: np.ndarray = entry(
         "ply facet", "slope", unit="1", meaning="of the smooth surface at the corners of a facet"

@@ -24,17 +24,20 @@ STIFFNESS = 8  # of the whole area of the point [N/m]
 SHARE = 9  # of the area at r = 0; 1 exactly where no rim is near
 HELD = 10  # further depth that the spring feels, see refresh.py [m]
 LAST_DEPTH = 11  # depth without the one held, at the last refresh [m]
-SPRING_ENTRIES = 12
+LAST_GAP = 12  # at the last step [m]
+LAST_DAMPING = 13  # force at the last step [N]
+SPRING_ENTRIES = 14
 
 # Columns of the sums of a piece of points.
 STORED = 0  # in the springs [J]
 LOST = 1  # by sliding in this step [J]
-BOOKED = 2  # what the last refresh put into the springs [J]
-STEPS_ALLOWED = 3  # until the next refresh
-FASTEST = 4  # speed of a node [m/s]
-DEEPEST = 5  # gap over the largest one allowed, of the deepest point
-DEEPEST_POINT = 6
-SUM_COLUMNS = 7
+DAMPED = 2  # by damping in this step [J]
+BOOKED = 3  # what the last refresh put into the springs [J]
+STEPS_ALLOWED = 4  # until the next refresh
+FASTEST = 5  # speed of a node [m/s]
+DEEPEST = 6  # gap over the largest one allowed, of the deepest point
+DEEPEST_POINT = 7
+SUM_COLUMNS = 8
 
 # Entries of ``State.ply_counters``.
 STEPS_LEFT = 0  # until the next refresh
@@ -97,17 +100,29 @@ def normal_force(spring, rim, r):
 
 
 @routine
-def force_on_point(data, position, facet, spring, rim, stick, anchor, force, point):
-    """Write the force on a point (3,) [N]; return the energy of its spring and what sliding took.
+def force_on_point(data, position, facet, spring, rim, stick, anchor, force, point, rate):
+    """Write the force on a point (3,) [N].
 
+    Return the energy of its spring, and what sliding and damping took in this step [J].
+
+    Parameters
+    ----------
+    spring : its last gap and damping are moved on.
     stick, anchor : (3,) elastic slip and its anchor [m], moved on; not read without friction.
+    rate : damping over stiffness and last step, 0 at the start.
     """
     r = away_from_facet(position, data.facet_node, facet, spring, point)
     total, pressure, stiffness, stored = normal_force(spring, rim, r)
+    gap, normal = gap_at(spring, r)
+    closed = spring[LAST_GAP] - gap
+    # no adhesion: damping takes no more than the pressure there is
+    resists = max(rate * stiffness * closed, -pressure) if pressure > 0.0 else 0.0
+    damped = 0.5 * (spring[LAST_DAMPING] + resists) * closed
+    spring[LAST_GAP], spring[LAST_DAMPING] = gap, resists
+    total = plus(resists, normal, total)
+    law = data.law[data.ply[point], data.facet_ply[facet]]
     lost = 0.0
-    if data.slides is not None:
-        law = data.law[data.ply[point], data.facet_ply[facet]]
-        normal = (spring[NORMAL], spring[NORMAL + 1], spring[NORMAL + 2])
+    if data.friction[law] > 0.0:
         way = tangential(r, normal)
         before = (stick[0], stick[1], stick[2])
         trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), way)
@@ -124,40 +139,43 @@ def force_on_point(data, position, facet, spring, rim, stick, anchor, force, poi
             stick[d] = after[d]
             anchor[d] = after[d] - way[d]
     force[0], force[1], force[2] = total[0], total[1], total[2]
-    return stored, lost
+    return stored, lost, damped
 
 
 @kernel_part
-def forces_of_points(data, arrays):
+def forces_of_points(data, arrays, dt_last):
     """Write the force on every point, and the energies of every piece of points."""
     for piece in prange(arrays.ply_sums.shape[0]):
-        forces_of_piece(data, arrays, piece)
+        forces_of_piece(data, arrays, piece, dt_last)
 
 
 @routine
-def forces_of_piece(data, arrays, piece):
+def forces_of_piece(data, arrays, piece, dt_last):
     """Write the force on every point of a piece, and its energies."""
-    stored, lost = 0.0, 0.0
+    stored, lost, damped = 0.0, 0.0, 0.0
+    rate = data.damping_time / dt_last if dt_last > 0.0 else 0.0
     first = piece * data.piece
     for point in range(first, min(first + data.piece, arrays.mass.size)):
         facet = arrays.ply_facet[point]
         if facet >= 0:
-            row = point if data.slides is not None else 0
-            own_stored, own_lost = force_on_point(
+            own_stored, own_lost, own_damped = force_on_point(
                 data,
                 arrays.position,
                 facet,
                 arrays.ply_spring[point],
                 arrays.ply_rim[point],
-                arrays.ply_stick[row],
-                arrays.ply_anchor[row],
+                arrays.ply_stick[point],
+                arrays.ply_anchor[point],
                 arrays.ply_force[point],
                 point,
+                rate,
             )
             stored += own_stored
             lost += own_lost
+            damped += own_damped
     arrays.ply_sums[piece, STORED] = stored
     arrays.ply_sums[piece, LOST] = lost
+    arrays.ply_sums[piece, DAMPED] = damped
 
 
 @routine
@@ -195,7 +213,7 @@ def list_points(data, arrays):
 def add_ply_forces(data, arrays, first, last):
     """Add the contact forces between plies to the nodes ``first`` to ``last``.
 
-    Return the energy of the springs of these points and what sliding took [J].
+    Return the energy of the springs of these points, and what sliding and damping took [J].
     """
     start, item, weight = arrays.ply_start, arrays.ply_item, arrays.ply_weight
     ply_force, force = arrays.ply_force, arrays.force
@@ -211,5 +229,5 @@ def add_ply_forces(data, arrays, first, last):
         force[0, node] += x
         force[1, node] += y
         force[2, node] += z
-    piece = first // data.piece
-    return arrays.ply_sums[piece, STORED], arrays.ply_sums[piece, LOST]
+    sums = arrays.ply_sums[first // data.piece]
+    return sums[STORED], sums[LOST], sums[DAMPED]

@@ -30,7 +30,9 @@ from lcmchain.interfaces.forces import (
     DEEPEST_POINT,
     FASTEST,
     HELD,
+    LAST_DAMPING,
     LAST_DEPTH,
+    LAST_GAP,
     LAST_STEPS,
     NORMAL,
     NORMAL_STEPS_LEFT,
@@ -183,9 +185,7 @@ def renew_point(
     if held < 0 and not everywhere:
         return
     x = vector_of(position, point)
-    slides = data.slides is not None
-    row = point if slides else 0
-    stick, anchor = arrays.ply_stick[row], arrays.ply_anchor[row]
+    stick, anchor = arrays.ply_stick[point], arrays.ply_anchor[point]
     before = trial = (0.0, 0.0, 0.0)
     presses = False
     if held >= 0:
@@ -193,7 +193,7 @@ def renew_point(
         r = way_to_facet(position, data, held, spring, point)
         gap, normal = gap_at(spring, r)
         presses = gap < 0.0
-        if slides and presses:
+        if presses:
             before = (stick[0], stick[1], stick[2])
             trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), tangential(r, normal))
 
@@ -245,13 +245,13 @@ def renew_point(
     spring[STIFFNESS] = 0.5 * data.penalty[law] * data.area[point]
     r = way_to_facet(position, data, facet, spring, point)
     spring[SHARE] = 1.0 if share == 1.0 else share - dot(slope, r)
-    if slides:
-        way = tangential(r, normal)
-        carried, old = turned(trial, normal), turned(before, normal)
-        if not presses or fresh:
-            carried = old = (0.0, 0.0, 0.0)
-        for d in range(3):
-            stick[d], anchor[d] = old[d], carried[d] - way[d]
+    way = tangential(r, normal)
+    carried, old = turned(trial, normal), turned(before, normal)
+    if not presses or fresh:
+        carried = old = (0.0, 0.0, 0.0)
+        spring[LAST_DAMPING] = 0.0
+    for d in range(3):
+        stick[d], anchor[d] = old[d], carried[d] - way[d]
     sums[BOOKED] += energy_before(data, arrays, facet, dt_last, point)
 
     # how long the spring may stay: until the point has slid far enough, while it presses
@@ -260,6 +260,7 @@ def renew_point(
     allowed = data.slide * data.facet_edge[facet] / max(math.sqrt(dot(speed, speed)), 1e-30)
     closing = -dot(relative, normal)
     apart = -(depth + offset_held)
+    spring[LAST_GAP] = apart + dt_last * closing
     if apart > 0.0:
         allowed = max(allowed, apart / max(closing, 1e-30))
     sums[STEPS_ALLOWED] = min(sums[STEPS_ALLOWED], allowed / dt)
@@ -320,8 +321,8 @@ def energy_before(data, arrays, facet, dt_last, point):
     v = way_to_facet(arrays.velocity, data, facet, spring, point)
     r = plus(-0.5 * dt_last, v, r)
     _, pressure, stiffness, stored = normal_force(spring, rim, r)
-    if data.slides is not None and pressure > 0.0:
-        law = data.law[data.ply[point], data.facet_ply[facet]]
+    law = data.law[data.ply[point], data.facet_ply[facet]]
+    if data.friction[law] > 0.0 and pressure > 0.0:
         normal = (spring[NORMAL], spring[NORMAL + 1], spring[NORMAL + 2])
         anchor = arrays.ply_anchor[point]
         trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), tangential(r, normal))

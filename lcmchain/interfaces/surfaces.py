@@ -23,6 +23,11 @@ NONE = -1
 # largest edge of all facets can cover points that face it.
 RIM_RADIUS = 1.5
 
+# Damping of the springs, as a part of critical, where two plies of equal meshes vibrate on them.
+# Surfaces that are taken anew now and then feed vibrations by parts of their energy, each time; this
+# takes it away again. It costs a hundredth of the step.
+DAMPING_RATIO = 0.03
+
 # A point slides by this part of an edge of its facet until the next refresh, at most.
 SLIDE = 0.04
 # Steps between two renewals of the slopes: some periods of the slowest vibration of the mesh's own
@@ -54,9 +59,9 @@ class InterfaceData(NamedTuple):
     depth : (ply_count, ply_count) half the thickness of the thinner of two plies [m].
     area : (node_count,) of the points [m²].
     reach : largest of ``depth`` [m]. widest : longest edge of all facets [m].
-    slides : True where any law has friction, else None.
     piece : nodes that are worked on together.
     inner : (node_count, n) int32, nodes inside of a node at a rim, -1 where there are fewer.
+    damping_time : damping over stiffness of the springs along their normals [s].
     slide : part of an edge by which points slide until their springs are renewed.
     slope_steps : between two renewals of the facets' slopes.
     depth_steps : over which depths go to zero, but for ``depth_left``, a part of the thickness.
@@ -81,9 +86,9 @@ class InterfaceData(NamedTuple):
     area: np.ndarray
     reach: float
     widest: float
-    slides: bool | None
     piece: int
     inner: np.ndarray
+    damping_time: float
     slide: float
     slope_steps: int
     depth_steps: float
@@ -160,15 +165,21 @@ def build_interfaces(
         area=aligned(np.concatenate([body.node_area for body in bodies])),
         reach=float(depth.max()),
         widest=float(edges.max()),
-        slides=True if friction.any() else None,
         piece=piece,
         inner=_inner_nodes(facet_node, neighbour, node_count),
+        damping_time=2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies)),
         slide=SLIDE,
         slope_steps=STEPS_PER_SLOPES,
         depth_steps=STEPS_PER_DEPTH,
         depth_left=DEPTH_LEFT,
     )
     return data
+
+
+def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Any]) -> float:
+    """Return ω² [1/s²] of plies of equal meshes in full contact, on the stiffest law at most."""
+    lightest = max(float(np.max(body.node_area / body.inertial_mass)) for body in bodies)
+    return 2.0 * float(penalties.max()) * lightest
 
 
 def _laws(

@@ -43,6 +43,7 @@ from lcmchain.solver.contact_forces import add_contact_forces, scratch_size
 from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.state import (
     CONTACT,
+    CONTACT_DAMPING,
     EXTERNAL,
     FRICTION,
     KINETIC,
@@ -180,7 +181,7 @@ def move_plies(plies, arrays, dt_last, dt):
     """Make the forces of all points between sheets, on springs that are renewed when it is time."""
     if arrays.ply_counters[STEPS_LEFT] <= 0:
         arrays.work[PLY_REFRESH] -= refresh(plies, arrays, dt_last, dt)
-    forces_of_points(plies, arrays)
+    forces_of_points(plies, arrays, dt_last)
     arrays.ply_counters[STEPS_LEFT] -= 1
 
 
@@ -218,9 +219,10 @@ def move_chunk(
     if pressed is not None:
         add_pressure_loads(arrays, first, last, dt_last, sums)
     if plies is not None:
-        stored, lost = add_ply_forces(plies, arrays, first, last)
+        stored, lost, damped = add_ply_forces(plies, arrays, first, last)
         sums[CONTACT] += stored
         sums[FRICTION] += lost
+        sums[CONTACT_DAMPING] += damped
     if tools is not None:
         add_contact_forces(arrays, tools, environment, first, last, dt_last, dt, work, sums)
     integrate(arrays, arrays.free, environment, averaging, first, last, dt_last, dt, sums)

@@ -575,6 +575,7 @@ class Simulation:
         plies2 = 0.0
         if model.ply_contact is not None:
             plies2 = ply_limits.omega2_bound(model, state)
+            rate += model.ply_contact.damping_time * plies2
         if max(contact2, pressure2, plies2) > omega2:
             causes = {
                 "contact stiffness": contact2,
