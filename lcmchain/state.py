@@ -417,6 +417,9 @@ class Scratch(_Arrays):
     ply_force: np.ndarray = entry(
         "ply point", "xyz", unit="N", meaning="of the other ply on a point"
     )
+    ply_ahead: np.ndarray = entry(
+        "xyz", "ply point", unit="m", meaning="positions in the middle of the time of a spring"
+    )
     ply_normal: np.ndarray = entry(
         "ply point", "xyz", unit="m2", meaning="sum of the normals of the facets around a node"
     )

@@ -1,5 +1,9 @@
 """What happens to the springs between plies now and then: facets, springs and slips anew.
 
+Springs are frozen at the middle of their time: at the positions that the nodes will have half an
+interval later. Taken where the nodes are, the normals of a curved interface would lag behind the
+sliding by half of it, and push it or brake it.
+
 Springs are renewed when the fastest of the points that press, or soon will, has slid by a part of
 an edge. What that changes in the energy they store is booked. It is taken half a step before: the
 energy ½ v₋·M v₊ + U that central differences conserve changes by ΔU - ½ dt v₋·Δf, which is ΔU
@@ -81,9 +85,10 @@ def refresh(data, arrays, dt_last, dt):
     if counters[NORMAL_STEPS_LEFT] <= 0:
         renew_slopes(data, arrays)
         counters[NORMAL_STEPS_LEFT] = data.slope_steps
+    look_ahead(arrays, 0.5 * counters[LAST_STEPS] * dt)
     everywhere = counters[REFRESHES_LEFT] <= 0 or clock[WAY] > SEARCH_WAY * data.reach
     if everywhere:
-        low, size, count, start, entry = build_grid(arrays.position, data)
+        low, size, count, start, entry = build_grid(arrays.ply_ahead, data)
         counters[REFRESHES_LEFT] = REFRESHES_PER_SEARCH
         clock[WAY] = 0.0
     else:
@@ -109,6 +114,15 @@ def refresh(data, arrays, dt_last, dt):
     counters[REFRESHES] += 1
     clock[WAY] += fastest * counters[LAST_STEPS] * dt
     return booked
+
+
+@routine
+def look_ahead(arrays, time):
+    """Write where the nodes will be after a time [s]."""
+    for d in range(3):
+        for node in range(arrays.mass.size):
+            way = time * arrays.velocity[d, node]
+            arrays.ply_ahead[d, node] = arrays.position[d, node] + way
 
 
 @routine
@@ -180,7 +194,7 @@ def renew_point(
     data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, point, sums
 ):
     """Find the facet of a point, freeze its spring, and carry its slip over."""
-    position, held = arrays.position, arrays.ply_facet[point]
+    position, held = arrays.ply_ahead, arrays.ply_facet[point]
     spring, rim = arrays.ply_spring[point], arrays.ply_rim[point]
     if held < 0 and not everywhere:
         return
@@ -190,7 +204,7 @@ def renew_point(
     presses = False
     if held >= 0:
         sums[BOOKED] -= energy_before(data, arrays, held, dt_last, point)
-        r = way_to_facet(position, data, held, spring, point)
+        r = way_to_facet(arrays.position, data, held, spring, point)
         gap, normal = gap_at(spring, r)
         presses = gap < 0.0
         if presses:
@@ -212,9 +226,18 @@ def renew_point(
 
     ply, other = data.ply[point], data.facet_ply[facet]
     law = data.law[ply, other]
-    w, normal, offset, gap = spring_at(
+    w, normal, offset, _ = spring_at(
         position, data.facet_node, arrays.ply_slope, facet, xi, eta, x
     )
+    for k in range(4):
+        spring[WEIGHT + k] = w[k]
+    for d in range(3):
+        spring[NORMAL + d], rim[d] = normal[d], slope[d]
+    spring[SHARE] = 1.0
+    if share != 1.0:
+        spring[SHARE] = share - dot(slope, way_to_facet(position, data, facet, spring, point))
+    r = way_to_facet(arrays.position, data, facet, spring, point)
+    gap = dot(normal, r) + offset
     sums[DEEPEST], sums[DEEPEST_POINT] = deeper(
         sums[DEEPEST], sums[DEEPEST_POINT], -gap / data.depth[ply, other], point
     )
@@ -224,10 +247,6 @@ def renew_point(
     fresh = held < 0 or data.facet_ply[held] != other
     baseline = lies if fresh else min(kept, lies)
     arrays.ply_baseline[point] = baseline
-    for k in range(4):
-        spring[WEIGHT + k] = w[k]
-    for d in range(3):
-        spring[NORMAL + d], rim[d] = normal[d], slope[d]
     depth, offset_held = -(gap + baseline), 0.0
     if presses and not fresh:
         part = min(arrays.ply_counters[LAST_STEPS] / data.depth_steps, LARGEST_PART)
@@ -243,8 +262,6 @@ def renew_point(
     spring[HELD] = offset_held
     spring[OFFSET] = offset + baseline - offset_held
     spring[STIFFNESS] = 0.5 * data.penalty[law] * data.area[point]
-    r = way_to_facet(position, data, facet, spring, point)
-    spring[SHARE] = 1.0 if share == 1.0 else share - dot(slope, r)
     way = tangential(r, normal)
     carried, old = turned(trial, normal), turned(before, normal)
     if not presses or fresh:
@@ -269,7 +286,7 @@ def renew_point(
 @routine
 def find_facet(data, arrays, everywhere, presses, low, size, count, start, entry, point):
     """Return the facet that a point faces, or -1, and its coordinates on it."""
-    position, slopes = arrays.position, arrays.ply_slope
+    position, slopes = arrays.ply_ahead, arrays.ply_slope
     x, ply = vector_of(position, point), data.ply[point]
     facet, xi, eta, cost = arrays.ply_facet[point], 0.0, 0.0, math.inf
     inside = False
