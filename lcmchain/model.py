@@ -29,6 +29,8 @@ from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
 from lcmchain.elements.pressed_elements import PressedElements, pressed_elements
 from lcmchain.errors import InputError
+from lcmchain.interfaces.surfaces import InterfaceData, build_interfaces
+from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, history_count
 from lcmchain.mesh.blank import BlankMesh, build_blank
 from lcmchain.scene import Contact, Element, Process
@@ -131,6 +133,7 @@ class Model:
     fibre_bending : of the fibres within the plane, or None.
     pore : the elements whose pores may hold fluid under pressure, all of them, or None.
     face_pressure : on the faces of the sheets, or None.
+    ply_contact : which sheets touch each other and how, or None.
     corner_force_size : corner forces of all bodies, those of the fibres' bending, then zeros for
         nodes with fewer elements.
     """
@@ -140,6 +143,7 @@ class Model:
     fibre_bending: FibreBending | None
     pore: PressedElements | None
     face_pressure: FacePressure | None
+    ply_contact: InterfaceData | None
     corner_force_size: int
     nodes: NodeData
     tools: ToolTable
@@ -251,7 +255,8 @@ class Model:
         the motion of a node has to know of all other forces.
         """
         tools = self.tools if self.tool_names else None
-        found = (pressures_of(self.pore, self.face_pressure), self.supports, tools)
+        pressures = pressures_of(self.pore, self.face_pressure)
+        found = (pressures, self.ply_contact, self.supports, tools)
         return tuple(interaction for interaction in found if interaction is not None)
 
     @property
@@ -349,10 +354,11 @@ def assemble_bodies(
     supports: Sequence[Support] = (),
     history_interval: float = math.inf,
     face_pressures: Sequence[PressureOnFace] = (),
+    interfaces: Sequence[Interface] = (),
     pore_pressure: bool = False,
     finds_pace: bool = False,
 ) -> Model:
-    """Build the model of sheets that share tools and time, but do not touch each other.
+    """Build the model of sheets that share tools and time, and touch where interfaces say so.
 
     Their nodes and elements are numbered one sheet after the other.
 
@@ -361,7 +367,9 @@ def assemble_bodies(
     contact, process : tables of a scene, or the like.
     supports : of nodes of the model.
     history_interval : between two samples of the histories [s]; none by default.
-    face_pressures : on the faces of all sheets. pore_pressure : as for :func:`build_model`.
+    face_pressures : on the faces of all sheets.
+    interfaces : between sheets that touch; without any they pass through each other.
+    pore_pressure : as for :func:`build_model`.
     finds_pace : whether the pace follows the energies; the process then takes other times than
         ``process.time``, which is that at pace 1.
 
@@ -401,8 +409,9 @@ def assemble_bodies(
     mass = np.concatenate([body.inertial_mass for body in bodies])
     area = np.concatenate([body.node_area for body in bodies])
     penalty = contact.penalty
+    penalties = [_automatic_penalty(b.material, b.shortest_length) for b in bodies]
     if penalty is None:
-        penalty = min(_automatic_penalty(b.material, b.shortest_length) for b in bodies)
+        penalty = min(penalties)
     depth_time, depth_stiffening = depth_control(
         contact,
         tools,
@@ -418,6 +427,7 @@ def assemble_bodies(
         fibre_bending=fibre_bending,
         pore=pressed_elements(bodies, key="pore pressure") if pore_pressure else None,
         face_pressure=build_face_pressure(face_pressures, bodies, float(process.time)),
+        ply_contact=build_interfaces(interfaces, bodies, penalties),
         corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
             force_slot=force_slot,

@@ -16,6 +16,9 @@ import numpy as np
 from lcmchain.cache_lines import aligned, zeros
 from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.errors import InputError
+from lcmchain.interfaces.forces import PLY_CLOCK, PLY_COUNTERS, SPRING_ENTRIES, SUM_COLUMNS
+from lcmchain.interfaces.springs import SLOPES
+from lcmchain.interfaces.surfaces import NONE
 from lcmchain.model import SPANS_OF_CHUNK, Model
 
 # Columns of ``State.work``: energies [J] accumulated over the run, or of the last step.
@@ -26,7 +29,8 @@ CONTACT_DAMPING = 3  # dissipated by contact damping
 MASS_DAMPING = 4  # dissipated by mass-proportional damping and by dampers of guided tools
 EXTERNAL = 5  # work of prescribed tools, of forces on guided tools, of gravity and of pressures
 RENEWAL = 6  # given up by elements where the curvature they share was renewed
-WORK_COLUMNS = 7
+PLY_REFRESH = 7  # given up by the springs between plies where they were renewed
+WORK_COLUMNS = 8
 
 # Entries of ``State.clock``.
 TIME = 0  # of the process [s]
@@ -92,6 +96,7 @@ def sizes(model: Model) -> dict[str, int]:
     """Return the sizes that declarations name."""
     tool_count = len(model.tool_names)
     bending, pore = model.fibre_bending, model.pore
+    plies = model.ply_contact
     return {
         "xyz": 3,
         "node": model.node_count,
@@ -114,6 +119,16 @@ def sizes(model: Model) -> dict[str, int]:
         "bending middle": 0 if bending is None else bending.padded_count * MIDDLE_ROWS,
         "bending vector": 0 if bending is None else bending.padded_count * VECTOR_ROWS,
         "peak": PEAK_ENTRIES,
+        "ply point": 0 if plies is None else model.node_count,
+        "ply facet": 0 if plies is None else len(plies.facet_node),
+        "ply chunk": 0 if plies is None else model.nodes.chunk_order.size,
+        "ply list": 0 if plies is None else model.node_count + 1,
+        "ply list entry": 0 if plies is None else 4 * model.node_count,
+        "spring entry": SPRING_ENTRIES,
+        "slope": SLOPES,
+        "ply counter": 0 if plies is None else PLY_COUNTERS,
+        "ply clock entry": 0 if plies is None else PLY_CLOCK,
+        "ply sum": SUM_COLUMNS,
         "sample": model.sample_count,
         "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
         "chunk": model.nodes.chunk_order.size,
@@ -249,6 +264,39 @@ class State(_Arrays):
         unit="N",
         meaning="of pressures in and on the sheet on each node at the last step",
     )
+    ply_facet: np.ndarray = entry(
+        "ply point",
+        unit="1",
+        meaning="facet of another ply that a point faces; -1 without",
+        dtype=np.int32,
+    )
+    ply_spring: np.ndarray = entry(
+        "ply point", "spring entry", unit="1, m, N/m", meaning="of a point on another ply, frozen"
+    )
+    ply_rim: np.ndarray = entry(
+        "ply point", "xyz", unit="1/m", meaning="gradient of the share over the other ply"
+    )
+    ply_baseline: np.ndarray = entry(
+        "ply point", unit="m", meaning="depth in another ply at which its spring has no force"
+    )
+    ply_stick: np.ndarray = entry(
+        "ply point", "xyz", unit="m", meaning="elastic slip on the other ply"
+    )
+    ply_anchor: np.ndarray = entry(
+        "ply point", "xyz", unit="m", meaning="from which the slip is measured"
+    )
+    ply_slope: np.ndarray = entry(
+        "ply facet", "slope", unit="1", meaning="of the smooth surface at the corners of a facet"
+    )
+    ply_counters: np.ndarray = entry(
+        "ply counter",
+        unit="1",
+        meaning="counts, see lcmchain.interfaces.forces",
+        dtype=np.int64,
+    )
+    ply_clock: np.ndarray = entry(
+        "ply clock entry", unit="m", meaning="see lcmchain.interfaces.forces"
+    )
     penetration_max: np.ndarray = entry("tool", unit="m", meaning="deepest so far")
     support_force: np.ndarray = entry(
         "support", "xyz", unit="N", meaning="of the support on the sheet at the last step"
@@ -271,6 +319,7 @@ class State(_Arrays):
         state = cls.zeros(model)
         state.position[:] = model.node_positions.T
         state.clock[PACE] = 1.0
+        state.ply_facet[:] = NONE
         return state
 
     @classmethod
@@ -364,6 +413,28 @@ class Scratch(_Arrays):
     bending_vector: np.ndarray = entry(
         "bending vector", unit="N", meaning="what they send to their neighbours, in blocks"
     )
+    ply_force: np.ndarray = entry(
+        "ply point", "xyz", unit="N", meaning="of the other ply on a point"
+    )
+    ply_ahead: np.ndarray = entry(
+        "xyz", "ply point", unit="m", meaning="positions in the middle of the time of a spring"
+    )
+    ply_normal: np.ndarray = entry(
+        "ply point", "xyz", unit="m2", meaning="sum of the normals of the facets around a node"
+    )
+    ply_sums: np.ndarray = entry(
+        "ply chunk", "ply sum", unit="J, 1", meaning="of points, see lcmchain.interfaces.forces"
+    )
+    ply_start: np.ndarray = entry(
+        "ply list",
+        unit="1",
+        meaning="where the points of a node begin in the lists",
+        dtype=np.int32,
+    )
+    ply_item: np.ndarray = entry(
+        "ply list entry", unit="1", meaning="points that press on a node", dtype=np.int32
+    )
+    ply_weight: np.ndarray = entry("ply list entry", unit="1", meaning="and how much of each")
     chunk_sums: np.ndarray = entry(
         "chunk", "chunk sum", unit="J, N, m", meaning="energies, tool forces, gaps by chunk"
     )

@@ -12,6 +12,7 @@ from lcmchain.state import (
     FRICTION,
     KINETIC,
     MASS_DAMPING,
+    PLY_REFRESH,
     RENEWAL,
     State,
 )
@@ -31,6 +32,7 @@ WORDS = {
     CONTACT_DAMPING: "contact damping",
     MASS_DAMPING: "mass damping",
     RENEWAL: "renewed curvature",
+    PLY_REFRESH: "renewed springs between plies",
 }
 
 

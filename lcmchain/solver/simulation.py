@@ -14,12 +14,14 @@ from lcmchain.effects.interaction import MOST, NO_BOUND, NOTHING, bound
 from lcmchain.effects.pace import PaceLaw, next_pace
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
+from lcmchain.interfaces.limits import require_on_the_face
 from lcmchain.model import Model, build_model
 from lcmchain.solver import (
     contact_forces,
     guards,
     held_nodes,
     histories,
+    ply_contact,
     pressure_loads,
     tool_motion,
 )
@@ -42,6 +44,7 @@ from lcmchain.state import (
     MOST_HALVINGS,
     OMEGA2,
     PACE,
+    PLY_REFRESH,
     RENEWAL,
     RENEWED,
     TIME,
@@ -52,7 +55,7 @@ from lcmchain.threads import thread_count
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 
 #: Files that register what interactions do in a step; without them they would do nothing.
-ACTING = (contact_forces, held_nodes, pressure_loads, tool_motion)
+ACTING = (contact_forces, held_nodes, ply_contact, pressure_loads, tool_motion)
 
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
 # short enough that a fabric under compaction stiffens by less than step_safety allows for.
@@ -293,8 +296,8 @@ class Simulation:
             "friction": work[FRICTION],
             **({"inelastic": inelastic} if self.model.remembers else {}),
             "damping": work[CONTACT_DAMPING] + work[MASS_DAMPING],
-            # what renewals of the shared curvature put in comes from outside the elements
-            "external": work[EXTERNAL] - work[RENEWAL],
+            # what renewals of shared curvature and of springs put in comes from outside of them
+            "external": work[EXTERNAL] - work[RENEWAL] - work[PLY_REFRESH],
         }
         energy = {name: float(value) for name, value in energy.items()}
         spent = sum(value for name, value in energy.items() if name != "external")
@@ -427,6 +430,8 @@ class Simulation:
         for body, condition in zip(self.model.bodies, conditions, strict=True):
             guards.require_sound(self.model, self.state, body, condition)
         guards.require_outside(self.model, self.state)
+        if self.model.ply_contact is not None:
+            require_on_the_face(self.model, self.state)
         guards.require_passive(self.model, self.state)
         return conditions
 

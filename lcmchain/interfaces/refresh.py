@@ -1,0 +1,342 @@
+"""What happens to the springs between plies now and then: facets, springs and slips anew.
+
+Springs are frozen at the middle of their time: at the positions that the nodes will have half an
+interval later. Taken where the nodes are, the normals of a curved interface would lag behind the
+sliding by half of it, and push it or brake it.
+
+Springs are renewed when the fastest of the points that press, or soon will, has slid by a part of
+an edge. What that changes in the energy they store is booked. It is taken half a step before: the
+energy ½ v₋·M v₊ + U that central differences conserve changes by ΔU - ½ dt v₋·Δf, which is ΔU
+there.
+
+The depth of a point that presses goes to zero: at each refresh a part of it is added to an offset
+that the spring feels as further depth (augmented Lagrange multipliers, as for tools in
+:mod:`lcmchain.effects.contact_depth`). Without it a stack under pressure is thinner by the depth of
+each interface, a tenth of a ply at 0.5 MPa.
+
+The slopes of the facets' corners, which say how the smooth surface curves, follow more slowly.
+Taken anew at each refresh they answer vibrations of the plies with a delay of a part of a period,
+and feed them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import prange
+
+from lcmchain.elements.vectors import cross, dot, plus
+from lcmchain.interfaces.coulomb import cut_slip, tangential, turned
+from lcmchain.interfaces.forces import (
+    BOOKED,
+    DEEPEST,
+    DEEPEST_POINT,
+    FASTEST,
+    HELD,
+    LAST_DAMPING,
+    LAST_DEPTH,
+    LAST_GAP,
+    LAST_STEPS,
+    NORMAL,
+    NORMAL_STEPS_LEFT,
+    OFFSET,
+    REFRESHES,
+    REFRESHES_LEFT,
+    SHARE,
+    STEPS_ALLOWED,
+    STEPS_LEFT,
+    STIFFNESS,
+    TOO_DEEP,
+    WAY,
+    WEIGHT,
+    gap_at,
+    list_points,
+    normal_force,
+)
+from lcmchain.interfaces.rims import share_over
+from lcmchain.interfaces.search import (
+    GIVEN_UP,
+    HELD_FACING,
+    build_grid,
+    furthest_outside,
+    largest_outside,
+    looks_at,
+    nearest_facet,
+    walk,
+)
+from lcmchain.interfaces.springs import facet_slopes, minus, spring_at, unit, vector_of
+from lcmchain.interfaces.surfaces import NONE
+from lcmchain.jit import equation, kernel_part, routine
+
+# Steps between two refreshes: at most, and by how much they may grow from one to the next.
+MOST_STEPS, GROWTH = 100, 2
+# Refreshes between two searches among all facets, at most; and the way of the fastest node, as a
+# part of the reach of the search, after which it is due.
+REFRESHES_PER_SEARCH, SEARCH_WAY = 20, 0.5
+# The largest part of a depth that goes at a refresh.
+LARGEST_PART = 0.2
+
+
+@routine
+def refresh(data, arrays, dt_last, dt):
+    """Renew all springs, and return what that puts into them [J]."""
+    counters, clock = arrays.ply_counters, arrays.ply_clock
+    if counters[NORMAL_STEPS_LEFT] <= 0:
+        renew_slopes(data, arrays)
+        counters[NORMAL_STEPS_LEFT] = data.slope_steps
+    look_ahead(arrays, 0.5 * counters[LAST_STEPS] * dt)
+    everywhere = counters[REFRESHES_LEFT] <= 0 or clock[WAY] > SEARCH_WAY * data.reach
+    if everywhere:
+        low, size, count, start, entry = build_grid(arrays.ply_ahead, data)
+        counters[REFRESHES_LEFT] = REFRESHES_PER_SEARCH
+        clock[WAY] = 0.0
+    else:
+        low, size, count = np.zeros(3), 1.0, np.ones(3, dtype=np.int64)
+        start, entry = np.zeros(2, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    renew_points(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt)
+    list_points(data, arrays)
+
+    booked, steps, fastest, deepest = 0.0, float(MOST_STEPS), 0.0, 0.0
+    for chunk in range(arrays.ply_sums.shape[0]):
+        sums = arrays.ply_sums[chunk]
+        booked += sums[BOOKED]
+        steps = min(steps, sums[STEPS_ALLOWED])
+        fastest = max(fastest, sums[FASTEST])
+        if sums[DEEPEST] > max(deepest, 1.0):
+            deepest = sums[DEEPEST]
+            counters[TOO_DEEP] = int(sums[DEEPEST_POINT]) + 1
+    steps = min(steps, GROWTH * counters[LAST_STEPS] + 1.0)
+    counters[LAST_STEPS] = max(int(steps), 1)
+    counters[STEPS_LEFT] = counters[LAST_STEPS]
+    counters[REFRESHES_LEFT] -= 1
+    counters[NORMAL_STEPS_LEFT] -= counters[LAST_STEPS]
+    counters[REFRESHES] += 1
+    clock[WAY] += fastest * counters[LAST_STEPS] * dt
+    return booked
+
+
+@routine
+def look_ahead(arrays, time):
+    """Write where the nodes will be after a time [s]."""
+    for d in range(3):
+        for node in range(arrays.mass.size):
+            way = time * arrays.velocity[d, node]
+            arrays.ply_ahead[d, node] = arrays.position[d, node] + way
+
+
+@routine
+def renew_slopes(data, arrays):
+    """Take the normals of the nodes, and the slopes of the facets' corners from them."""
+    position, normals = arrays.position, arrays.ply_normal
+    rim_normals = np.empty_like(normals)
+    for node in range(normals.shape[0]):
+        x = vector_of(position, node)
+        total = (0.0, 0.0, 0.0)
+        for k in range(data.ring.shape[1]):
+            facet = data.ring[node, k]
+            if facet < 0:
+                continue
+            corner = data.ring_corner[node, k]
+            following, before = (corner + 1) % 4, (corner + 3) % 4
+            if data.facet_node[facet, following] == data.facet_node[facet, corner]:
+                following = (corner + 2) % 4  # the repeated node of a triangle
+            if data.facet_node[facet, before] == data.facet_node[facet, corner]:
+                before = (corner + 2) % 4
+            a = minus(vector_of(position, data.facet_node[facet, following]), x)
+            b = minus(vector_of(position, data.facet_node[facet, before]), x)
+            total = plus(1.0, cross(a, b), total)
+        total = unit(total)
+        normals[node, 0], normals[node, 1], normals[node, 2] = total[0], total[1], total[2]
+    # at a rim this is the normal half way to the nodes inside: on from theirs, as far again
+    for node in range(normals.shape[0]):
+        count = 0
+        total = (0.0, 0.0, 0.0)
+        for k in range(data.inner.shape[1]):
+            other = data.inner[node, k]
+            if other >= 0:
+                count += 1
+                total = plus(1.0, (normals[other, 0], normals[other, 1], normals[other, 2]), total)
+        for d in range(3):
+            rim_normals[node, d] = normals[node, d]
+            if count > 0:
+                rim_normals[node, d] += normals[node, d] - total[d] / count
+    for facet in range(data.facet_node.shape[0]):
+        facet_slopes(position, data.facet_node, rim_normals, facet, arrays.ply_slope)
+
+
+@kernel_part
+def renew_points(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt):
+    """Renew the springs of all points; booked energy, allowed steps and depths go to the sums."""
+    for chunk in prange(arrays.ply_sums.shape[0]):
+        renew_chunk(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, chunk)
+
+
+@routine
+def renew_chunk(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, chunk):
+    """Renew the springs of a chunk of nodes."""
+    sums = arrays.ply_sums[chunk]
+    sums[BOOKED], sums[FASTEST], sums[DEEPEST] = 0.0, 0.0, 0.0
+    sums[STEPS_ALLOWED] = float(MOST_STEPS)
+    for point in range(arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]):
+        v = vector_of(arrays.velocity, point)
+        sums[FASTEST] = max(sums[FASTEST], math.sqrt(dot(v, v)))
+        renew_point(
+            data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, point, sums
+        )
+
+
+@routine
+def renew_point(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, point, sums):
+    """Find the facet of a point, freeze its spring, and carry its slip over."""
+    position, held = arrays.ply_ahead, arrays.ply_facet[point]
+    spring, rim = arrays.ply_spring[point], arrays.ply_rim[point]
+    if held < 0 and not everywhere:
+        return
+    x = vector_of(position, point)
+    stick, anchor = arrays.ply_stick[point], arrays.ply_anchor[point]
+    before = trial = (0.0, 0.0, 0.0)
+    presses = False
+    if held >= 0:
+        sums[BOOKED] -= energy_before(data, arrays, held, dt_last, point)
+        r = way_to_facet(arrays.position, data, held, spring, point)
+        gap, normal = gap_at(spring, r)
+        presses = gap < 0.0
+        if presses:
+            before = (stick[0], stick[1], stick[2])
+            trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), tangential(r, normal))
+
+    facet, xi, eta = find_facet(
+        data, arrays, everywhere, presses, low, size, count, start, entry, point
+    )
+    share, slope = 1.0, (0.0, 0.0, 0.0)
+    if facet >= 0:
+        share, slope = share_over(position, data, point, facet)
+        most, _ = largest_outside(data, facet, xi, eta)
+        if share <= 0.0 and most > 0.0:
+            facet = NONE
+    arrays.ply_facet[point] = facet
+    if facet < 0:
+        return
+
+    ply, other = data.ply[point], data.facet_ply[facet]
+    law = data.law[ply, other]
+    w, normal, offset, _ = spring_at(position, data.facet_node, arrays.ply_slope, facet, xi, eta, x)
+    for k in range(4):
+        spring[WEIGHT + k] = w[k]
+    for d in range(3):
+        spring[NORMAL + d], rim[d] = normal[d], slope[d]
+    spring[SHARE] = 1.0
+    if share != 1.0:
+        spring[SHARE] = share - dot(slope, way_to_facet(position, data, facet, spring, point))
+    r = way_to_facet(arrays.position, data, facet, spring, point)
+    gap = dot(normal, r) + offset
+    sums[DEEPEST], sums[DEEPEST_POINT] = deeper(
+        sums[DEEPEST], sums[DEEPEST_POINT], -gap / data.depth[ply, other], point
+    )
+    # what is found inside another ply starts there without force, and only comes out of it
+    lies = max(-gap, 0.0)
+    kept = arrays.ply_baseline[point]
+    fresh = held < 0 or data.facet_ply[held] != other
+    baseline = lies if fresh else min(kept, lies)
+    arrays.ply_baseline[point] = baseline
+    depth, offset_held = -(gap + baseline), 0.0
+    if presses and not fresh:
+        part = min(arrays.ply_counters[LAST_STEPS] / data.depth_steps, LARGEST_PART)
+        # the smaller of two depths: an offset that follows each of them would feed a vibration
+        lasting = min(depth, spring[LAST_DEPTH]) - data.depth_left * data.depth[ply, other]
+        if depth < 0.0 or lasting > 0.0:
+            # neither the offset nor the pressure may become negative
+            change = part * (depth if depth < 0.0 else lasting)
+            offset_held = max(spring[HELD] + max(change, -(depth + spring[HELD])), 0.0)
+        else:
+            offset_held = spring[HELD]
+    spring[LAST_DEPTH] = depth
+    spring[HELD] = offset_held
+    spring[OFFSET] = offset + baseline - offset_held
+    spring[STIFFNESS] = 0.5 * data.penalty[law] * data.area[point]
+    way = tangential(r, normal)
+    carried, old = turned(trial, normal), turned(before, normal)
+    if not presses or fresh:
+        carried = old = (0.0, 0.0, 0.0)
+        spring[LAST_DAMPING] = 0.0
+    for d in range(3):
+        stick[d], anchor[d] = old[d], carried[d] - way[d]
+    sums[BOOKED] += energy_before(data, arrays, facet, dt_last, point)
+
+    # how long the spring may stay: until the point has slid far enough, while it presses
+    relative = way_to_facet(arrays.velocity, data, facet, spring, point)
+    speed = tangential(relative, normal)
+    allowed = data.slide * data.facet_edge[facet] / max(math.sqrt(dot(speed, speed)), 1e-30)
+    closing = -dot(relative, normal)
+    apart = -(depth + offset_held)
+    spring[LAST_GAP] = apart + dt_last * closing
+    if apart > 0.0:
+        allowed = max(allowed, apart / max(closing, 1e-30))
+    sums[STEPS_ALLOWED] = min(sums[STEPS_ALLOWED], allowed / dt)
+
+
+@routine
+def find_facet(data, arrays, everywhere, presses, low, size, count, start, entry, point):
+    """Return the facet that a point faces, or -1, and its coordinates on it."""
+    position, slopes = arrays.ply_ahead, arrays.ply_slope
+    x, ply = vector_of(position, point), data.ply[point]
+    facet, xi, eta, cost = arrays.ply_facet[point], 0.0, 0.0, math.inf
+    inside = False
+    if facet >= 0:
+        facet, xi, eta = walk(position, data, slopes, facet, x)
+        most, edge = largest_outside(data, facet, xi, eta)
+        limit = furthest_outside(data, point, facet)
+        if data.neighbour[facet, edge] >= 0:
+            limit = 0.2
+        _, normal, _, gap = spring_at(position, data.facet_node, slopes, facet, xi, eta, x)
+        reach = GIVEN_UP * data.depth[ply, data.facet_ply[facet]]
+        facing = looks_at(position, data, point, normal, HELD_FACING)
+        if most > limit or gap > reach or not facing:
+            facet = NONE
+        else:
+            inside = presses and most <= 0.0
+            cost = abs(gap) / data.reach + 4.0 * max(most, 0.0)
+    if everywhere and not inside:
+        other, other_xi, other_eta, other_cost = nearest_facet(
+            position, data, slopes, point, low, size, count, start, entry
+        )
+        if other_cost < cost:
+            facet, xi, eta = other, other_xi, other_eta
+    return facet, xi, eta
+
+
+@equation
+def deeper(deepest, deepest_point, depth, point):
+    """Return the deeper of two points."""
+    if depth > deepest:
+        return depth, float(point)
+    return deepest, deepest_point
+
+
+@routine
+def way_to_facet(vectors, data, facet, spring, point):
+    """Return a vector (3, node_count) at a point, less the weighted ones of its facet's corners."""
+    total = vector_of(vectors, point)
+    for k in range(4):
+        total = plus(-spring[WEIGHT + k], vector_of(vectors, data.facet_node[facet, k]), total)
+    return total
+
+
+@routine
+def energy_before(data, arrays, facet, dt_last, point):
+    """Return the energy of the spring of a point half a step before [J]."""
+    spring, rim = arrays.ply_spring[point], arrays.ply_rim[point]
+    r = way_to_facet(arrays.position, data, facet, spring, point)
+    v = way_to_facet(arrays.velocity, data, facet, spring, point)
+    r = plus(-0.5 * dt_last, v, r)
+    _, pressure, stiffness, stored = normal_force(spring, rim, r)
+    law = data.law[data.ply[point], data.facet_ply[facet]]
+    if data.friction[law] > 0.0 and pressure > 0.0:
+        normal = (spring[NORMAL], spring[NORMAL + 1], spring[NORMAL + 2])
+        anchor = arrays.ply_anchor[point]
+        trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), tangential(r, normal))
+        along = data.tangential_ratio[law] * stiffness
+        slip = cut_slip(trial, along, data.friction[law] * pressure)
+        stored += 0.5 * along * dot(slip, slip)
+    return stored

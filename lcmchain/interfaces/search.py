@@ -1,0 +1,180 @@
+"""Which facet a point faces: a walk from the last one, and a search among all facets in a grid."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lcmchain.elements.vectors import dot
+from lcmchain.interfaces.springs import minus, outside, project, spring_at, vector_of
+from lcmchain.interfaces.surfaces import NONE
+from lcmchain.jit import routine
+
+# A point lies on a facet up to this far beyond its edge, in half edges: rounding.
+ON_EDGE = 1e-7
+# Facets that a walk may cross, until the next search.
+LONGEST_WALK = 16
+# Facet normal and the way from the point's other face to the point look at each other: -cos of at
+# most 66 degrees to take up a facet. A facet that is held turns away at 90 degrees.
+FACING, HELD_FACING = 0.4, 0.0
+# A facet that is held is given up at this multiple of the distance at which it is taken up.
+GIVEN_UP = 1.3
+# Cells of the grid for each facet, at most.
+CELLS_PER_FACET = 4
+# Distance outside a facet, in half edges, that outweighs a gap of the whole reach.
+OUTSIDE_COST = 4.0
+
+
+@routine
+def largest_outside(data, facet, xi, eta):
+    """Return how far beyond its edges facet coordinates lie [half edges], and over which edge."""
+    is_triangle = data.facet_node[facet, 2] == data.facet_node[facet, 3]
+    beyond = outside(is_triangle, xi, eta)
+    most, edge = beyond[0], 0
+    for k in range(1, 4):
+        if beyond[k] > most:
+            most, edge = beyond[k], k
+    return most, edge
+
+
+@routine
+def walk(position, data, slopes, facet, point):
+    """Follow a point [m] over the edges of facets; return facet and facet coordinates."""
+    last = NONE
+    xi, eta = project(position, data.facet_node, slopes, facet, point)
+    for _ in range(LONGEST_WALK):
+        is_triangle = data.facet_node[facet, 2] == data.facet_node[facet, 3]
+        beyond = outside(is_triangle, xi, eta)
+        most, following = ON_EDGE, NONE
+        for k in range(4):
+            across = data.neighbour[facet, k]
+            if across >= 0 and across != last and beyond[k] > most:
+                most, following = beyond[k], across
+        if following < 0:
+            break
+        last, facet = facet, following
+        xi, eta = project(position, data.facet_node, slopes, facet, point)
+    return facet, xi, eta
+
+
+@routine
+def furthest_outside(data, point, facet):
+    """Return how far outside a rim a point can still lie with a part of its area over the facet."""
+    return ON_EDGE + 1.5 * data.spacing[point] / data.facet_edge[facet]
+
+
+@routine
+def looks_at(position, data, point, normal, facing):
+    """Tell whether a point's side of its ply looks at a surface of this normal."""
+    across = minus(vector_of(position, point), vector_of(position, data.partner[point]))
+    return dot(across, normal) < -facing * math.sqrt(dot(across, across))
+
+
+@routine
+def build_grid(position, data):
+    """Sort the facets into cells; return lower corner, size and counts of the cells, and lists.
+
+    A facet stands in all cells that points can lie in which face it.
+    """
+    low = np.full(3, math.inf)
+    high = np.full(3, -math.inf)
+    widest = 0.0
+    margin = data.reach + 0.8 * data.widest
+    for facet in range(data.facet_node.shape[0]):
+        for d in range(3):
+            least, most = math.inf, -math.inf
+            for k in range(4):
+                x = position[d, data.facet_node[facet, k]]
+                least, most = min(least, x), max(most, x)
+            low[d], high[d] = min(low[d], least - margin), max(high[d], most + margin)
+            widest = max(widest, most - least)
+    size = widest + margin
+    count = np.empty(3, dtype=np.int64)
+    limit = max(CELLS_PER_FACET * data.facet_node.shape[0], 8)
+    while True:
+        total = 1.0
+        for d in range(3):
+            count[d] = int((high[d] - low[d]) / size) + 1
+            total *= count[d]
+        if total <= limit:
+            break
+        size *= 1.3
+    start = np.zeros(count[0] * count[1] * count[2] + 1, dtype=np.int64)
+    first = np.empty(3, dtype=np.int64)
+    last = np.empty(3, dtype=np.int64)
+    entry = np.empty(0, dtype=np.int64)
+    for turn in range(2):  # count, then write
+        for facet in range(data.facet_node.shape[0]):
+            for d in range(3):
+                least, most = math.inf, -math.inf
+                for k in range(4):
+                    x = position[d, data.facet_node[facet, k]]
+                    least, most = min(least, x), max(most, x)
+                first[d] = int((least - margin - low[d]) / size)
+                last[d] = min(int((most + margin - low[d]) / size), count[d] - 1)
+                first[d] = max(first[d], 0)
+            for i in range(first[0], last[0] + 1):
+                for j in range(first[1], last[1] + 1):
+                    for k in range(first[2], last[2] + 1):
+                        cell = (i * count[1] + j) * count[2] + k
+                        if turn == 0:
+                            start[cell + 1] += 1
+                        else:
+                            start[cell] -= 1
+                            entry[start[cell]] = facet
+        if turn == 0:
+            for cell in range(start.size - 1):
+                start[cell + 1] += start[cell]
+            entry = np.empty(start[start.size - 1], dtype=np.int64)
+            # each cell is filled from its end, and its start ends where it belongs
+            for cell in range(start.size - 1):
+                start[cell] = start[cell + 1]
+    return low, size, count, start, entry
+
+
+@routine
+def nearest_facet(position, data, slopes, point, low, size, count, start, entry):
+    """Return the facet that a point faces, or -1, its coordinates and its cost.
+
+    The cost is the gap over the reach, and much more for a point beside the facet; the same cost
+    goes to the first facet.
+    """
+    x = vector_of(position, point)
+    cell = 0
+    for d in range(3):
+        i = int((x[d] - low[d]) / size)
+        i = max(0, min(i, count[d] - 1))
+        cell = cell * count[d] + i
+    found, found_xi, found_eta, least = NONE, 0.0, 0.0, math.inf
+    ply = data.ply[point]
+    for k in range(start[cell + 1] - 1, start[cell] - 1, -1):
+        facet = entry[k]
+        other = data.facet_ply[facet]
+        if other == ply or data.law[ply, other] < 0:
+            continue
+        near = 0.0
+        for d in range(3):
+            middle = 0.0
+            for c in range(4):
+                middle += 0.25 * position[d, data.facet_node[facet, c]]
+            near += (x[d] - middle) ** 2
+        if near > (2.0 * data.widest + data.reach) ** 2:
+            continue
+        xi, eta = project(position, data.facet_node, slopes, facet, x)
+        most, edge = largest_outside(data, facet, xi, eta)
+        beside = max(most, 0.0)
+        if most > ON_EDGE:
+            # beside an edge with a neighbour, that one is faced, up to what gapes between them
+            allowed = 0.05
+            if data.neighbour[facet, edge] < 0:
+                allowed = furthest_outside(data, point, facet)
+            if most > allowed:
+                continue
+        _, normal, _, gap = spring_at(position, data.facet_node, slopes, facet, xi, eta, x)
+        if abs(gap) > data.depth[ply, other]:
+            continue
+        cost = abs(gap) / data.reach + OUTSIDE_COST * beside
+        if cost < least and looks_at(position, data, point, normal, FACING):
+            found, found_xi, found_eta, least = facet, xi, eta, cost
+    return found, found_xi, found_eta, least

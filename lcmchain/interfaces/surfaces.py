@@ -1,0 +1,336 @@
+"""Faces of the plies as points and facets, and which plies may touch: all that stays constant.
+
+Every node of a ply of solid-shells lies on one of its two faces and is a point of contact; every
+element has a facet on either face. A point carries half the contact stiffness of its area, since
+the points of both faces that meet press on each other's facets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lcmchain.cache_lines import aligned
+from lcmchain.errors import InputError
+from lcmchain.interfaces.table import Interface
+
+#: No facet, no neighbour, no law.
+NONE = -1
+
+# Rim edges nearer to the middle of a facet than this multiple of its own half diagonal and of the
+# largest edge of all facets can cover points that face it.
+RIM_RADIUS = 1.5
+
+# Damping of the springs, as a part of critical, where two plies of equal meshes vibrate on them.
+# Surfaces that are taken anew now and then feed vibrations by parts of their energy, each time; this
+# takes it away again. It costs a hundredth of the step.
+DAMPING_RATIO = 0.03
+
+# A point slides by this part of an edge of its facet until the next refresh, at most.
+SLIDE = 0.04
+# Steps between two renewals of the slopes: some periods of the slowest vibration of the mesh's own
+# wavelength, which is an element's bending and lasts some tens of steps, and short beside the time
+# in which a sheet takes its shape.
+STEPS_PER_SLOPES = 250
+# Steps over which the depth of a point goes to zero, up to what is left of it, in parts of half the
+# thickness: thickness is then right within 0.1 %, and plies that only lie on each other are left.
+STEPS_PER_DEPTH, DEPTH_LEFT = 500.0, 1e-3
+
+# An overlap at the start deeper than this part of the thinner ply is an error.
+DEEPEST_START = 0.5
+
+
+class InterfaceData(NamedTuple):
+    """Constants of the contact between plies; lengths are those of the undeformed plies.
+
+    ply : (node_count,) int32, body of every node, which is a point. partner : (node_count,) int32
+        node on the other face of the ply. spacing : (node_count,) edge length around it [m].
+    ring, ring_corner : (node_count, valence) int32, facets that have the node as a corner, and
+        which one; -1 where there are fewer.
+    facet_node : (facet_count, 4) int32, counterclockwise seen from outside; a triangle repeats its
+        last node. facet_ply : (facet_count,) int32. facet_edge : (facet_count,) its shortest [m].
+    neighbour : (facet_count, 4) int32, facet across the edge from corner k to the next one.
+    rim_start : (facet_count + 1,) int32, entries of ``rim`` near each facet.
+    rim : (n, 2) int32, nodes of edges without a neighbour, the facet on the left seen from outside.
+    law : (ply_count, ply_count) int32, entry of the laws below, -1 where two plies do not touch.
+    penalty : of each law [Pa/m]. friction, tangential_ratio : of each law.
+    depth : (ply_count, ply_count) half the thickness of the thinner of two plies [m].
+    area : (node_count,) of the points [m²].
+    reach : largest of ``depth`` [m]. widest : longest edge of all facets [m].
+    inner : (node_count, n) int32, nodes inside of a node at a rim, -1 where there are fewer.
+    damping_time : damping over stiffness of the springs along their normals [s].
+    slide : part of an edge by which points slide until their springs are renewed.
+    slope_steps : between two renewals of the facets' slopes.
+    depth_steps : over which depths go to zero, but for ``depth_left``, a part of the thickness.
+    """
+
+    ply: np.ndarray
+    partner: np.ndarray
+    spacing: np.ndarray
+    ring: np.ndarray
+    ring_corner: np.ndarray
+    facet_node: np.ndarray
+    facet_ply: np.ndarray
+    facet_edge: np.ndarray
+    neighbour: np.ndarray
+    rim_start: np.ndarray
+    rim: np.ndarray
+    law: np.ndarray
+    penalty: np.ndarray
+    friction: np.ndarray
+    tangential_ratio: np.ndarray
+    depth: np.ndarray
+    area: np.ndarray
+    reach: float
+    widest: float
+    inner: np.ndarray
+    damping_time: float
+    slide: float
+    slope_steps: int
+    depth_steps: float
+    depth_left: float
+
+
+def build_interfaces(
+    interfaces: Sequence[Interface],
+    bodies: Sequence[Any],
+    automatic_penalty: Sequence[float],
+) -> InterfaceData | None:
+    """Return the constants of the contact between plies; None where none touch.
+
+    Parameters
+    ----------
+    interfaces : tables of a scene; of two that name the same plies the last one holds.
+    bodies : the plies. automatic_penalty : contact stiffness of each of them [Pa/m].
+
+    Raises
+    ------
+    InputError : an unknown ply, an interface of a ply with itself, elements without two faces, or
+        plies that overlap at the start by more than half a thickness.
+    """
+    if not interfaces:
+        return None
+    for body in bodies:
+        if not body.mesh.has_thickness or body.contact_offset != 0.0:
+            raise InputError(
+                f'the ply {body.name} has elements "{body.type}", which have no faces that could '
+                'touch; use element = "solid-shell", or leave out the interfaces',
+                key="interfaces",
+            )
+    law, entries = _laws(interfaces, [body.name for body in bodies])
+    penalties = np.array(
+        [
+            min(automatic_penalty[a], automatic_penalty[b]) if it.penalty is None else it.penalty
+            for it, a, b in entries
+        ]
+    )
+    friction = np.array([float(it.friction) for it, _, _ in entries])
+    faces = [_faces_of(body) for body in bodies]
+    facet_node = np.concatenate([face for pair in faces for face in pair])
+    facet_ply = np.repeat(np.arange(len(bodies)), [2 * body.mesh.element_count for body in bodies])
+    position = np.concatenate([body.mesh.node_positions for body in bodies])
+    edges = _edge_lengths(position[facet_node])
+    neighbour = _neighbours(facet_node)
+    node_count = len(position)
+    ring, ring_corner = _rings(facet_node, node_count)
+    shortest = np.where(edges > 0.0, edges, np.inf).min(axis=1)
+    spacing = edges.max(axis=1)[ring[:, 0]]
+    rim_start, rim = _rims(position, facet_node, neighbour, facet_ply, edges.max())
+    thickness = np.array([body.mesh.thickness for body in bodies])
+    depth = 0.5 * np.minimum(thickness, thickness[:, np.newaxis])
+    data = InterfaceData(
+        ply=np.repeat(np.arange(len(bodies)), [b.mesh.node_count for b in bodies]).astype(np.int32),
+        partner=np.concatenate([_partners(body) for body in bodies]).astype(np.int32),
+        spacing=aligned(spacing),
+        ring=ring,
+        ring_corner=ring_corner,
+        facet_node=facet_node.astype(np.int32),
+        facet_ply=facet_ply.astype(np.int32),
+        facet_edge=aligned(shortest),
+        neighbour=neighbour,
+        rim_start=rim_start,
+        rim=rim,
+        law=law,
+        penalty=penalties.astype(float),
+        friction=friction,
+        tangential_ratio=np.array([float(it.tangential_ratio) for it, _, _ in entries]),
+        depth=depth,
+        area=aligned(np.concatenate([body.node_area for body in bodies])),
+        reach=float(depth.max()),
+        widest=float(edges.max()),
+        inner=_inner_nodes(facet_node, neighbour, node_count),
+        damping_time=2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies)),
+        slide=SLIDE,
+        slope_steps=STEPS_PER_SLOPES,
+        depth_steps=STEPS_PER_DEPTH,
+        depth_left=DEPTH_LEFT,
+    )
+    return data
+
+
+def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Any]) -> float:
+    """Return ω² [1/s²] of plies of equal meshes in full contact, on the stiffest law at most."""
+    lightest = max(float(np.max(body.node_area / body.inertial_mass)) for body in bodies)
+    return 2.0 * float(penalties.max()) * lightest
+
+
+def _laws(
+    interfaces: Sequence[Interface], names: Sequence[str]
+) -> tuple[np.ndarray, list[tuple[Interface, int, int]]]:
+    """Return the law of every pair of plies, and the laws: a table and the two plies it is for."""
+    law = np.full((len(names), len(names)), NONE, dtype=np.int32)
+    entries: list[tuple[Interface, int, int]] = []
+    for index, interface in enumerate(interfaces):
+        key = f"interfaces[{index}].between"
+        if interface.between is None:
+            pairs = [(a, b) for a in range(len(names)) for b in range(a)]
+        else:
+            for name in interface.between:
+                if name not in names:
+                    raise InputError(
+                        f'there is no ply "{name}"; the plies are {", ".join(names)}', key=key
+                    )
+            first, second = (list(names).index(name) for name in interface.between)
+            if first == second:
+                raise InputError(
+                    f"the ply {interface.between[0]} cannot touch itself; name two plies", key=key
+                )
+            pairs = [(first, second)]
+        for a, b in pairs:
+            law[a, b] = law[b, a] = len(entries)
+            entries.append((interface, a, b))
+    return law, entries
+
+
+def _faces_of(body: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return the facets of the lower and the upper face in nodes of the model."""
+    lower, upper = body.mesh.elements[:, :4], body.mesh.elements[:, 4:]
+    turned = lower[:, [1, 0, 3, 2]]
+    is_triangle = lower[:, 2] == lower[:, 3]
+    turned[is_triangle] = lower[is_triangle][:, [1, 0, 2, 2]]
+    return turned + body.first_node, upper + body.first_node
+
+
+def _partners(body: Any) -> np.ndarray:
+    """Return the node on the other face of each node, in nodes of the model."""
+    partner = np.empty(body.mesh.node_count, dtype=np.int64)
+    lower, upper = body.mesh.elements[:, :4], body.mesh.elements[:, 4:]
+    partner[lower], partner[upper] = upper, lower
+    return partner + body.first_node
+
+
+def _edge_lengths(corner: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
+
+
+def _neighbours(facet_node: np.ndarray) -> np.ndarray:
+    """Return the facet across each edge (facet_count, 4); -1 at a rim and a triangle's point."""
+    count = len(facet_node)
+    start, end = facet_node.ravel(), np.roll(facet_node, -1, axis=1).ravel()
+    there = np.flatnonzero(start != end)
+    low, high = np.minimum(start, end)[there], np.maximum(start, end)[there]
+    order = np.lexsort((there, high, low))
+    same = (low[order][1:] == low[order][:-1]) & (high[order][1:] == high[order][:-1])
+    first, second = there[order][:-1][same], there[order][1:][same]
+    found = np.full(4 * count, NONE, dtype=np.int32)
+    found[first], found[second] = second // 4, first // 4
+    return found.reshape(count, 4)
+
+
+def _rings(facet_node: np.ndarray, node_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the facets around each node and which of their corners it is; -1 where none."""
+    corner = np.arange(facet_node.size)
+    node = facet_node.ravel()
+    repeated = (corner % 4 == 3) & (np.roll(node, 1) == node)
+    corner, node = corner[~repeated], node[~repeated]
+    order = np.argsort(node, kind="stable")
+    corner, node = corner[order], node[order]
+    rank = np.arange(node.size) - np.searchsorted(node, node)
+    ring = np.full((node_count, rank.max() + 1), NONE, dtype=np.int32)
+    which = np.full_like(ring, NONE)
+    ring[node, rank], which[node, rank] = corner // 4, corner % 4
+    return ring, which
+
+
+def _inner_nodes(facet_node: np.ndarray, neighbour: np.ndarray, node_count: int) -> np.ndarray:
+    """Return the nodes inside of each node at a rim (node_count, n), -1 where there are fewer.
+
+    They are the other ends of its edges between two facets, and of a corner with one facet alone
+    the node across.
+    """
+    following = np.roll(facet_node, -1, axis=1)
+    real = facet_node != following
+    free = (neighbour == NONE) & real
+    rim = np.zeros(node_count, dtype=bool)
+    rim[facet_node[free]] = rim[following[free]] = True
+    between = (neighbour != NONE) & real
+    node, other = facet_node[between], following[between]  # each edge from both of its facets
+    at_rim = rim[node]
+    pairs = [np.stack([node[at_rim], other[at_rim]], axis=1)]
+    has_one = np.zeros(node_count, dtype=bool)
+    has_one[node] = True
+    is_quadrilateral = facet_node[:, 2] != facet_node[:, 3]
+    for k in range(4):
+        corner = facet_node[is_quadrilateral, k]
+        alone = rim[corner] & ~has_one[corner]
+        across = facet_node[is_quadrilateral, (k + 2) % 4]
+        pairs.append(np.stack([corner[alone], across[alone]], axis=1))
+    first, second = np.concatenate(pairs).T
+    order = np.lexsort((second, first))
+    first, second = first[order], second[order]
+    rank = np.arange(first.size) - np.searchsorted(first, first)
+    inner = np.full((node_count, int(rank.max(initial=0)) + 1), NONE, dtype=np.int32)
+    inner[first, rank] = second
+    return inner
+
+
+def _rims(
+    position: np.ndarray,
+    facet_node: np.ndarray,
+    neighbour: np.ndarray,
+    facet_ply: np.ndarray,
+    widest: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rim edges near each facet: where its entries begin, and the nodes of the edges."""
+    facet, edge = np.nonzero((neighbour == NONE) & (facet_node != np.roll(facet_node, -1, axis=1)))
+    ends = np.stack([facet_node[facet, edge], facet_node[facet, (edge + 1) % 4]], axis=1)
+    # the two faces of a ply have rims of their own: told apart by what they hang together with
+    surface = _surfaces(facet_node)
+    corner = position[facet_node]
+    middle = corner.mean(axis=1)
+    size = np.linalg.norm(corner - middle[:, np.newaxis], axis=2).max(axis=1)
+    near_facet, near_edge = [], []
+    for number in np.unique(surface[facet]):
+        own = np.flatnonzero(surface == number)
+        rim = np.flatnonzero(surface[facet] == number)
+        for chunk in np.array_split(own, max(1, own.size * rim.size // 2_000_000)):
+            distance = _distance_to_edges(middle[chunk], position[ends[rim]])
+            i, j = np.nonzero(distance < RIM_RADIUS * (size[chunk, np.newaxis] + widest))
+            near_facet.append(chunk[i])
+            near_edge.append(rim[j])
+    found, edges = np.concatenate(near_facet), np.concatenate(near_edge)
+    order = np.lexsort((edges, found))
+    start = np.searchsorted(found[order], np.arange(len(facet_node) + 1))
+    return start.astype(np.int32), ends[edges[order]].astype(np.int32)
+
+
+def _distance_to_edges(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Return the distance [m] of points (n, 3) to edges (m, 2, 3), shape (n, m)."""
+    along = ends[:, 1] - ends[:, 0]
+    away = points[:, np.newaxis] - ends[:, 0]
+    part = np.einsum("nmi,mi->nm", away, along) / np.einsum("mi,mi->m", along, along)
+    foot = ends[:, 0] + np.clip(part, 0.0, 1.0)[..., np.newaxis] * along
+    return np.linalg.norm(points[:, np.newaxis] - foot, axis=2)
+
+
+def _surfaces(facet_node: np.ndarray) -> np.ndarray:
+    """Return a number for each facet, the same for facets that hang together over nodes."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count, node_count = len(facet_node), int(facet_node.max()) + 1
+    entries = (np.ones(facet_node.size), (np.repeat(np.arange(count), 4), facet_node.ravel()))
+    shared = coo_array(entries, shape=(count, node_count)).tocsr()
+    return connected_components(shared @ shared.T, directed=False)[1]

@@ -1,0 +1,144 @@
+"""Springs of points on facets: potential, momentum, smooth surface, shares, lists."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from stacks import T, ply, scene_of, stack
+from test_sliding import slid
+
+from lcmchain.interfaces import forces
+from lcmchain.interfaces.forces import SHARE, add_ply_forces, forces_of_points, list_points
+from lcmchain.interfaces.refresh import refresh, renew_slopes
+from lcmchain.interfaces.rims import share_over
+from lcmchain.interfaces.springs import project, spring_at
+
+
+@pytest.fixture(scope="module")
+def sim():
+    """Two plies with cut rims, one drawn over the other: shares of all kinds."""
+    plies = [
+        ply("a", width=30.0, height=15.0, z=0.5 * T),
+        ply("b", width=30.0, height=15.0, z=1.5 * T, angle=30.0, edge=4.0),
+    ]
+    sim = slid(plies, 2 * T, 0.2 * T, 8e-3, 1)
+    sim.advance_to(3e-3)
+    return sim
+
+
+def without_friction(sim):
+    data = sim.model.ply_contact
+    return data._replace(friction=np.zeros_like(data.friction))
+
+
+def forces_at(sim, position):
+    """Forces of the frozen springs on all nodes (3, node_count) [N], and their energy [J]."""
+    data, arrays = without_friction(sim), sim.arrays
+    kept, springs = arrays.position.copy(), arrays.ply_spring.copy()
+    arrays.position[:] = position
+    list_points(data, arrays)
+    forces_of_points(data, arrays, 0.0)
+    arrays.force[:] = 0.0
+    stored = 0.0
+    for chunk, (first, last) in enumerate(pairwise(arrays.chunk_start.tolist())):
+        stored += add_ply_forces(data, arrays, chunk, first, last)[0]
+    arrays.position[:] = kept
+    arrays.ply_spring[:] = springs
+    return arrays.force.copy(), stored
+
+
+def test_forces_are_the_slope_of_the_energy(sim):
+    """Also those by which the share at a rim changes."""
+    position = sim.state.position
+    shares = sim.state.ply_spring[sim.state.ply_facet >= 0, SHARE]
+    assert (shares != 1.0).sum() > 10
+    force, _ = forces_at(sim, position)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        way = rng.normal(size=position.shape) * 1e-9
+        slope = forces_at(sim, position + way)[1] - forces_at(sim, position - way)[1]
+        assert -0.5 * slope == pytest.approx(np.sum(force * way), rel=1e-5)
+
+
+def test_forces_have_no_sum_and_no_moment(sim):
+    """The moment up to what a point has slid since its spring was made."""
+    force, _ = forces_at(sim, sim.state.position)
+    size = np.abs(force).sum()
+    assert size > 1.0
+    assert np.abs(force.sum(axis=1)).max() < 1e-12 * size
+    moment = np.cross(sim.state.position.T, force.T).sum(axis=0)
+    assert np.abs(moment).max() < 1e-2 * size * 1e-3 * T
+
+
+def test_the_surface_is_smooth_and_exact_for_a_parabola():
+    """z = x²/2R between facets of 5 mm: the sagitta of a facet is 78 µm, what is left below 1."""
+    radius = 0.04
+    sheet = ply("a", width=30.0, height=15.0)
+    sim = stack([sheet, ply("b", z=50.0)], scene_of())
+    data, arrays = sim.model.ply_contact, sim.arrays
+    count = sheet.mesh.node_count
+    x = arrays.position[0, :count]
+    arrays.position[2, :count] += x**2 / (2.0 * radius)
+    renew_slopes(data, arrays)
+    for place in np.linspace(-0.0145, 0.0145, 30):
+        # a point over the upper face, beside the middle line
+        point = (place, 1e-3, place**2 / (2.0 * radius) + 0.5e-3 * T)
+        upper = np.flatnonzero(data.facet_ply == 0)[sheet.mesh.element_count :]
+        corner = arrays.position[:2, data.facet_node[upper]]
+        near = (np.abs(corner.mean(axis=2) - np.array(point[:2])[:, None]) <= 2.5e-3).all(axis=0)
+        facet = upper[np.flatnonzero(near)[0]]
+        xi, eta = project(arrays.position, data.facet_node, arrays.ply_slope, facet, point)
+        _, normal, _, gap = spring_at(
+            arrays.position, data.facet_node, arrays.ply_slope, facet, xi, eta, point
+        )
+        assert abs(gap) < 1e-6
+        slope = -normal[0] / normal[2]
+        assert slope == pytest.approx(place / radius, abs=2e-3)
+
+
+def test_the_share_of_a_rim_point_is_that_of_its_area():
+    """The upper ply stands over by a part of an edge: what lies outside does not count."""
+    step = 5.0
+    for part, wanted in [(0.0, 1.0), (0.1, 0.8), (0.25, 0.5), (0.5, 0.0)]:
+        plies = [ply("a", z=0.5 * T), ply("b", shift=(part * step, 0.0, 0.0), z=1.5 * T)]
+        sim = stack(plies, scene_of())
+        data, position = sim.model.ply_contact, sim.state.position
+        first = sim.model.bodies[1].first_node
+        place = plies[1].mesh.node_positions
+        here = (place[:, 0] > place[:, 0].max() - 1e-9) & (place[:, 2] < 1.1e-3 * T)
+        point = first + np.flatnonzero(here & (np.abs(place[:, 1]) < 1e-6))[0]
+        nodes = data.facet_node
+        over = (position[2, nodes] > 0.9e-3 * T).all(axis=1) & (data.facet_ply == 0)
+        corner = position[:2, nodes].mean(axis=2)
+        at_rim = over & (corner[0] > 7e-3) & (corner[1] > 0.0) & (corner[1] < 5e-3)
+        share, slope = share_over(position, data, point, np.flatnonzero(at_rim)[0])
+        assert share == pytest.approx(wanted, abs=1e-9)
+        if 0.0 < wanted < 1.0:
+            assert slope == pytest.approx((-2.0 / (1e-3 * step), 0.0, 0.0), abs=1e-6)
+
+
+def test_points_stand_in_the_list_of_their_facets_corners_in_order(sim):
+    data, arrays = sim.model.ply_contact, sim.arrays
+    list_points(data, arrays)
+    for node in range(0, sim.model.node_count, 7):
+        found = arrays.ply_item[arrays.ply_start[node] : arrays.ply_start[node + 1]]
+        facets = sim.state.ply_facet
+        held = np.flatnonzero(facets >= 0)
+        wanted = held[(data.facet_node[facets[held]] == node).any(axis=1)]
+        assert list(dict.fromkeys(found.tolist())) == wanted.tolist()
+        assert (np.diff(found) >= 0).all()
+
+
+def test_a_refresh_at_rest_changes_nothing(sim):
+    """Made again where they are, springs have the same energy."""
+    data, arrays = sim.model.ply_contact, sim.arrays
+    before = sim.state.copy()
+    sim.state.velocity[:] = 0.0
+    refresh(data, arrays, 0.0, 1e-6)
+    stored = forces_at(sim, sim.state.position)[1]
+    arrays.ply_counters[forces.LAST_STEPS] = 0
+    again = refresh(data, arrays, 0.0, 1e-6)
+    assert abs(again) < 1e-9 * stored
+    sim.restore(before)

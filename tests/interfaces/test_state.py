@@ -1,0 +1,84 @@
+"""What a stack remembers, for any number of threads, and what stops it."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+from stacks import T, ply, scene_of, stack
+from test_sliding import sled
+
+from lcmchain.errors import SimulationError
+from lcmchain.interfaces.limits import omega2_bound
+from lcmchain.interfaces.table import Interface
+from lcmchain.model import NODE_CHUNK
+from lcmchain.solver.simulation import Simulation
+
+
+def assert_identical(a, b):
+    for name, array in a.as_dict().items():
+        np.testing.assert_array_equal(array, getattr(b, name), err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def halfway():
+    """A sled on its way, and where it comes to without a stop."""
+    sim = sled()
+    sim.advance_to(3e-3)
+    before = sim.state.copy()
+    sim.make_steps(333, 1e-6)
+    return before, sim
+
+
+def test_a_saved_stack_goes_on_as_if_nothing_had_happened(halfway):
+    before, sim = halfway
+    again = Simulation(sim.model)
+    again.restore(before)
+    again.make_steps(100, 1e-6)
+    state = again.state.copy()
+    again = Simulation(sim.model)
+    again.restore(state)
+    again.make_steps(233, 1e-6)
+    assert_identical(again.state, sim.state)
+    assert (sim.state.ply_stick != 0.0).any()
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
+def test_threads_do_not_change_a_bit(halfway):
+    before, sim = halfway
+    threads = numba.get_num_threads()
+    for count in (1, 2):
+        numba.set_num_threads(count)
+        again = Simulation(sim.model)
+        again.restore(before)
+        again.make_steps(333, 1e-6)
+        assert_identical(again.state, sim.state)
+    numba.set_num_threads(threads)
+    assert sim.model.node_count > NODE_CHUNK
+
+
+def test_a_ply_that_goes_through_another_one_stops_the_run():
+    """Springs that are far too soft: it names both plies, the element and what to do."""
+    plies = [ply("lower", z=0.5 * T), ply("upper", z=1.5 * T)]
+    plates = scene_of(time=2.0, bottom=0.0, top=2 * T, travel=0.9 * T, stop=2.0)
+    sim = stack(plies, plates, Interface(penalty="0.001 N/mm^3"))
+    with pytest.raises(SimulationError, match="half a thickness") as error:
+        sim.advance_to(2e-3)
+    for words in ("lower", "upper", "element", "ms (step", "interfaces.penalty"):
+        assert words in str(error.value)
+
+
+def test_the_springs_count_in_the_step(halfway):
+    """Σ |K| / m of the whole matrix of springs, by one force for each displacement."""
+    before, sim = halfway
+    sim.restore(before)
+    stiff = stack(
+        [ply("lower", z=0.5 * T), ply("upper", z=1.5 * T)],
+        scene_of(),
+        Interface(penalty="10000 N/mm^3"),
+    )
+    assert omega2_bound(stiff.model, stiff.state) > 1e2 * omega2_bound(sim.model, sim.state)
+    stiff.prepare_steps()
+    assert stiff.control.cause == "contact between plies"
+    sim.prepare_steps()
+    assert stiff.control.step < 0.2 * sim.control.step

@@ -1,0 +1,92 @@
+"""Facets, neighbours, rims and laws of interfaces, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from stacks import T, ply, scene_of, stack
+
+from lcmchain.errors import InputError
+from lcmchain.interfaces.surfaces import NONE
+from lcmchain.interfaces.table import Interface
+
+PAIR = [ply("a", z=0.5 * T), ply("b", z=1.5 * T, angle=30.0, edge=4.0)]
+
+
+def data_of(*interfaces):
+    return stack(PAIR, scene_of(), *interfaces).model.ply_contact
+
+
+@pytest.fixture(scope="module")
+def data():
+    return data_of()
+
+
+@pytest.fixture(scope="module")
+def position():
+    return np.concatenate([sheet.mesh.node_positions for sheet in PAIR])
+
+
+def test_facets_look_outwards_from_their_ply(data, position):
+    corner = position[data.facet_node]
+    normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+    outwards = corner[:, 0] - position[data.partner[data.facet_node[:, 0]]]
+    assert (np.einsum("ij,ij->i", normal, outwards) > 0.0).all()
+
+
+def test_neighbours_share_the_edge(data):
+    nodes = data.facet_node
+    assert any(nodes[:, 2] == nodes[:, 3])  # triangles at the cut edges
+    for facet, edge in np.argwhere(data.neighbour != NONE):
+        ends = {nodes[facet, edge], nodes[facet, (edge + 1) % 4]}
+        other = data.neighbour[facet, edge]
+        assert ends <= set(nodes[other])
+        assert facet in data.neighbour[other]
+
+
+def test_the_rim_runs_once_around_each_face(data, position):
+    edges = np.unique(data.rim, axis=0)
+    length = np.linalg.norm(position[edges[:, 1]] - position[edges[:, 0]], axis=1).sum()
+    assert length == pytest.approx(4 * 4 * 20e-3, rel=1e-2)
+    # the facet lies on the left, seen from outside: a rim turns once to the left
+    assert sorted(np.unique(edges[:, 0])) == sorted(np.unique(edges[:, 1]))
+
+
+def test_every_node_has_its_partner_on_the_other_face(data, position):
+    assert (data.partner[data.partner] == np.arange(data.partner.size)).all()
+    assert np.abs(position[data.partner] - position)[:, 2] == pytest.approx(1e-3 * T)
+
+
+def test_the_law_named_last_holds():
+    data = data_of(Interface(friction=0.1), Interface(between=("b", "a"), friction=0.3))
+    assert data.friction[data.law[0, 1]] == data.friction[data.law[1, 0]] == 0.3
+    assert data.law[0, 0] == data.law[1, 1] == NONE
+
+
+def test_the_automatic_stiffness_is_that_of_the_softer_ply():
+    data = data_of()
+    alone = [stack([sheet], scene_of()).model.environment.penalty for sheet in PAIR]
+    assert data.penalty == pytest.approx([min(alone)])
+    assert data_of(Interface(penalty="5 N/mm^3")).penalty == pytest.approx([5e9])
+
+
+@pytest.mark.parametrize(
+    ("between", "words"),
+    [(("a", "c"), 'no ply "c"; the plies are a, b'), (("a", "a"), "cannot touch itself")],
+)
+def test_plies_that_cannot_touch_are_refused(between, words):
+    with pytest.raises(InputError, match=words) as error:
+        data_of(Interface(between=between))
+    assert error.value.key == "interfaces[0].between"
+
+
+def test_negative_friction_is_refused():
+    with pytest.raises(ValidationError):
+        Interface(friction=-0.1)
+
+
+def test_plies_that_overlap_at_the_start_are_refused():
+    deep = [PAIR[0], ply("b", z=0.9 * T)]
+    with pytest.raises(InputError, match=r"b.*overlap.*0\.6"):
+        stack(deep, scene_of())
