@@ -63,7 +63,7 @@ def corners_of(position, facet_node, facet):
 
 @equation
 def frame_of(corners):
-    """Return the unit vectors e1, e2, n of a facet: two in its plane at the middle, and outwards."""
+    """Return unit vectors e1, e2, n of a facet: two in its plane at the middle, and outwards."""
     p0, p1, p2, p3 = corners
     a1 = minus(plus(1.0, p1, p2), plus(1.0, p0, p3))
     a2 = minus(plus(1.0, p2, p3), plus(1.0, p0, p1))
