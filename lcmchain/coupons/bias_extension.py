@@ -80,7 +80,7 @@ material = {{ preset = "MD600" }}
 
     def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
         """Return what holds the strip: its short sides, each pulled by half the travel."""
-        pull, half_length = self.pull(scene), 0.5 * scene.blank.extent[0]
+        pull, half_length = self.pull(scene), 0.5 * scene.only_ply("a coupon").blank.extent[0]
 
         def clamps(blank: BlankMesh) -> list[Support]:
             x = blank.node_positions[:, 0]

@@ -34,6 +34,7 @@ from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
+from lcmchain.scene.plies import PlySettings
 
 # Slow enough that inertia and damping add less than half a percent to the force.
 DURATION = 0.5  # [s]
@@ -72,7 +73,7 @@ material = {{ preset = "MD600" }}
 
     def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
         """Return what holds the square: its sides, which turn about its corners."""
-        net, pull, half_side = _net(scene), self.pull(scene), 0.5 * scene.blank.extent[0]
+        net, pull, half_side = _net(scene), self.pull(scene), 0.5 * _square(scene).blank.extent[0]
 
         def hinged(time: float) -> np.ndarray:
             half = 0.5 * float(net.shear_angle(pull.travel(time)))
@@ -96,7 +97,11 @@ material = {{ preset = "MD600" }}
 
 
 def _net(scene: Scene) -> PictureFrame:
-    return PictureFrame(scene.blank.extent[0], scene.material.thickness)
+    return PictureFrame(_square(scene).blank.extent[0], _square(scene).thickness)
+
+
+def _square(scene: Scene) -> PlySettings:
+    return scene.only_ply("a coupon")
 
 
 def picture_frame(

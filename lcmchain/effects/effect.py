@@ -60,6 +60,50 @@ def of_table(table: str, **entries: Any) -> Callable[[Any], dict[str, Any]]:
     return change
 
 
+def of_materials(attribute: str, without: str) -> dict[str, Callable[[Any], Any]]:
+    """Return ``called`` and ``off`` of a switch for what the materials of plies state.
+
+    attribute : of a material's table, whether it states it. without : its method that takes it out.
+    """
+
+    def called(scene: Any) -> bool:
+        return any(getattr(material, attribute) for material in scene.stack.materials.values())
+
+    def off(scene: Any) -> dict[str, Any]:
+        def changed(material: Any) -> Any:
+            states = material is not None and getattr(material, attribute)
+            return getattr(material, without)() if states else material
+
+        changes = {"material": changed(scene.material)}
+        if scene.materials:
+            changes["materials"] = {key: changed(own) for key, own in scene.materials.items()}
+        return changes
+
+    return {"called": called, "off": off}
+
+
+def of_elements(change: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
+    """Return the answer of a switch that changes the elements of every ply.
+
+    change : returns the changed table of one element, or raises :class:`Refusal`.
+    """
+
+    def changed(scene: Any) -> dict[str, Any]:
+        changes: dict[str, Any] = {}
+        if "element" in scene.stack.elements:
+            changes["element"] = change(scene.element)
+        if scene.plies:
+            changes["plies"] = tuple(
+                ply
+                if ply.element is None
+                else ply.model_copy(update={"element": change(ply.element)})
+                for ply in scene.plies
+            )
+        return changes
+
+    return changed
+
+
 def of_the_elements(name: str) -> Callable[[Any], list[Effect]]:
     """Return the function ``active(model)`` of an effect that the elements themselves compute.
 

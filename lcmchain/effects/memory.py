@@ -9,13 +9,12 @@ Fields: one per number, named by the law; ``energy_inelastic`` (history).
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import Switch, of_the_elements, refused
+from lcmchain.effects.effect import Switch, of_materials, of_the_elements, refused
 
 SWITCH = Switch(
     entry="material.law",
     without="what remains of a compaction that is taken back",
-    called=lambda scene: scene.material.remembers,
-    off=lambda scene: {"material": scene.material.without_memory()},
+    **of_materials("remembers", "without_memory"),
     on=refused('the law remembers nothing; use law = "fabric-with-set"'),
 )
 

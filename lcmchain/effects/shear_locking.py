@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Effect, Switch, refused
+from lcmchain.effects.effect import Effect, Switch, of_materials, refused
 
 SWITCH = Switch(
     entry="material.membrane.locking_angle",
     without="what stops the shear at the locking angle",
-    called=lambda scene: scene.material.locks,
-    off=lambda scene: {"material": scene.material.without_locking()},
+    **of_materials("locks", "without_locking"),
     on=refused(
         "the material states no locking; give material.membrane.locking_angle and locking_stiffness"
     ),

@@ -176,8 +176,9 @@ def build_datasets(
     -------
     Datasets by group name. Face variables have the dimensions ``time`` and ``sheet_face``.
     """
-    own: Any = scene.built_material() if material is None else material
-    body = family_of(scene.element).build("sheet", blank, own, scene.element, 0, 0)
+    ply = scene.only_ply("build_datasets")
+    own: Any = ply.built_material() if material is None else material
+    body = family_of(ply.element).build("sheet", blank, own, ply.element, 0, 0)
     past = []
     for positions in frames.positions:
         past.append(body.no_history())

@@ -39,11 +39,13 @@ def scene_page() -> str:
         if not forms:
             continue
         is_list = get_origin(_bare(model_field.annotation)) is tuple
-        path = f"[[{key}]]" if is_list else f"[{key}]"
+        is_named = get_origin(_bare(model_field.annotation)) is dict
+        path = f"[[{key}]]" if is_list else f"[{key}.NAME]" if is_named else f"[{key}]"
         parts.append(f"## {path}\n")
         if forms[0] in places:
             parts.append(f"The same entries as in {places[forms[0]]}.\n")
             continue
+        places.setdefault(forms[0], f"[{key}]")
         for inner_key, inner in (e for form in forms for e in form.model_fields.items()):
             for model in _models_of(inner.annotation):
                 places.setdefault(model, f"[{key}.{inner_key}]")
@@ -132,6 +134,8 @@ def _value(annotation: Any, field: FieldInfo | None = None) -> str:
             each = ", each " + " or ".join(code(f'"{choice}"') for choice in single)
             inner = each if single else _inner_range(bare)
             return f"{_count(extra)}{_inner_unit(bare)}, as {code(extra.example_text)}{inner}"
+    if get_origin(bare) is dict:
+        return "tables by their names"
     if models:
         return "table" if len(models) == 1 else _forms_text(models, field)
     for extra in extras:
@@ -261,6 +265,8 @@ def _models_of(annotation: Any) -> list[type[BaseModel]]:
     bare = _bare(annotation)
     if isinstance(bare, type) and issubclass(bare, BaseModel):
         return [bare]
+    if get_origin(bare) is dict:
+        return _models_of(get_args(bare)[1])
     if get_origin(bare) in (tuple, Union, types.UnionType):
         return [model for part in get_args(bare) for model in _models_of(part)]
     return []

@@ -96,6 +96,11 @@ def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[
     if scene.element.type != element.type:
         left_out = [f"element.{name}" for name in sorted(scene.element.model_fields_set - {"type"})]
     overrides = [f"element={ENTRIES[model]}"]
+    own = [index for index, ply in enumerate(scene.plies) if ply.element is not None]
+    if own:
+        changes["plies"] = tuple(ply.model_copy(update={"element": None}) for ply in scene.plies)
+        left_out += [f"plies.{scene.plies[index].name}.element" for index in own]
+        overrides += [f"plies[{index}].element={ENTRIES[model]}" for index in own]
     unknown = []
     if not element.has_thickness:
         unknown = [name for name in ("permeability", "infiltration") if getattr(scene, name)]

@@ -156,7 +156,7 @@ def _require_pullable(scene: Scene) -> None:
     ------
     InputError : no rectangle, tools beside the clamps, or a net that knows no forces.
     """
-    if scene.blank.size is None:
+    if scene.only_ply("a coupon").blank.size is None:
         raise InputError("a coupon is a rectangle: give its size", key="blank.size")
     if scene.tools:
         raise InputError("a coupon is held by clamps, not by tools", key="tools")

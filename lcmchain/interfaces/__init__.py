@@ -1,0 +1,1 @@
+"""What lies between the plies of a stack."""
