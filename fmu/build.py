@@ -169,7 +169,7 @@ def _forming_entries(
     tools = build_tool_table(
         scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
     )
-    require_no_initial_overlap(scene, blank, tools)
+    require_no_initial_overlap(scene, tools, [blank])
     pore_pressure = pore_pressure or scene.wet_forming is not None
     require_time_for_fluid(time_is_found=scene.time_is_found, pore_pressure=pore_pressure)
     known = field_names(abilities_of(scene, pore_pressure=pore_pressure))

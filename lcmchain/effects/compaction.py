@@ -10,7 +10,7 @@ Fields: ``thickness``, ``compaction_pressure``.
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import Switch, of_materials, of_the_elements, refused
+from lcmchain.effects.effect import Switch, of_the_elements, out_of_materials, refused
 
 SWITCH = Switch(
     entry="material.compaction.c1",
@@ -19,7 +19,7 @@ SWITCH = Switch(
     called=lambda scene: any(
         ply.element.has_thickness and ply.material.compacts for ply in scene.stack
     ),
-    off=of_materials("compacts", "without_compaction")["off"],
+    off=out_of_materials("compacts", "without_compaction"),
     on=refused(
         "the material states no growth of its stiffness over the thickness, or the elements have "
         'no thickness; give material.compaction.c1 > 0 and element = "solid-shell"'

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
 from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, with_fibre_modulus
-from lcmchain.materials.table import MaterialTable
+from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
 from lcmchain.mesh.outline import outline_of
 from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, wrong
@@ -93,7 +94,7 @@ class PlySettings:
     name: str
     blank: Blank
     center: tuple[float, float]
-    material: MaterialTable
+    material: AnyMaterial
     element: Any
     fibre_modulus_factor: float
     key: str
@@ -103,7 +104,7 @@ class PlySettings:
     @property
     def thickness(self) -> float:
         """Initial thickness [m]."""
-        return self.material.thickness  # type: ignore[attr-defined]
+        return self.material.thickness
 
     @property
     def bottom(self) -> float:
@@ -177,7 +178,7 @@ class Stack(Sequence[PlySettings]):
         return len(self.plies)
 
     @property
-    def materials(self) -> dict[str, MaterialTable]:
+    def materials(self) -> dict[str, AnyMaterial]:
         """Tables of the materials that plies are made of, by their scene entry."""
         return {ply.material_key: ply.material for ply in self.plies}
 
@@ -231,6 +232,26 @@ class Stack(Sequence[PlySettings]):
         width, height = np.ptp(corners, axis=0)
         return float(width), float(height)
 
+    def thickness_at(self, x: float, y: float) -> float:
+        """Thickness of all plies over a place of the plane [m]; that of the stack beside them."""
+        if len(self.plies) == 1:
+            return self.plies[0].thickness
+        place = shapely.Point(x, y)
+        here = sum(p.thickness for p in self.plies if shapely.Polygon(p.outline).covers(place))
+        return here or self.thickness
+
+    @property
+    def edge_entry(self) -> str:
+        """Scene entry of the edge length, in words."""
+        return "blank.edge_length" if self.plies[0].key == "blank" else "edge_length of [[plies]]"
+
+    def in_own_words(self, text: str) -> str:
+        """Return a text about entries of ``[blank]`` as one about those of the plies."""
+        if self.plies[0].key == "blank":
+            return text
+        text = re.sub(r'blank\.edge_length = "[^"]*"', "a smaller edge_length of [[plies]]", text)
+        return re.sub(r"\bblank\.(\w+)", r"\1 of [[plies]]", text)
+
     @property
     def has_thickness(self) -> bool:
         """Whether the elements of every ply predict its thickness."""
@@ -258,7 +279,7 @@ class Stack(Sequence[PlySettings]):
         names = {ply.name for ply in self.plies}
         by_rank = sorted(
             (entry for entry in entries if entry.between is not None),
-            key=lambda entry: set(entry.between) <= names,
+            key=lambda entry: set(entry.between or ()) <= names,
         )
         for index, lower in enumerate(self.plies):
             for upper in self.plies[index + 1 :]:
@@ -292,16 +313,16 @@ def stack_of(scene: Scene) -> Stack:
     laid: list[PlySettings] = []
     for index, entry in enumerate(scene.plies or _plies_of_layup(scene)):
         key = f'plies[{index}] "{entry.name}"' if scene.plies else "blank"
-        own = entry.material is not None
+        own = entry.material
         ply = PlySettings(
             name=str(entry.name),
             blank=entry,
             center=entry.center,
-            material=scene.materials[entry.material] if own else _required(scene.material),
+            material=_required(scene.material) if own is None else scene.materials[own],
             element=entry.element or scene.element,
             fibre_modulus_factor=factor,
             key=key,
-            material_key=f"materials.{entry.material}" if own else "material",
+            material_key="material" if own is None else f"materials.{own}",
             element_key="element" if entry.element is None else f"{key}.element",
         )
         height = entry.height if entry.height is not None else _height_on(laid, ply)
@@ -394,9 +415,9 @@ def check_stack(scene: Scene) -> None:
                 'of plies that touch; use element = "solid-shell"',
                 field=entry,
             )
-    for index, ply in enumerate(stack):
+    for index, upper in enumerate(stack):
         for under in stack[:index]:
-            _check_overlap(under, ply)
+            _check_overlap(under, upper)
     _check_interfaces(scene, stack)
 
 

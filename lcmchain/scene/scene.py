@@ -215,6 +215,31 @@ class Scene(SceneModel):
         """The plies from the bottom up, with all that each is built from; one where it is alone."""
         return stack_of(self)
 
+    def with_longer_edges(self, factor: float) -> Scene:
+        """Return the scene with the edges of all elements longer by a factor."""
+
+        def longer(blank: Any) -> Any:
+            return blank.model_copy(update={"edge_length": factor * blank.edge_length})
+
+        plies = tuple(longer(ply) for ply in self.plies)
+        blank = None if self.blank is None else longer(self.blank)
+        return self.model_copy(update={"blank": blank, "plies": plies})
+
+    def alone(self, ply: PlySettings) -> Scene:
+        """Return the scene with one of its plies and no other, as far as one sheet can be it."""
+        blank = ply.blank
+        if any(ply.center):
+            blank = Blank.model_construct(
+                outline=tuple(map(tuple, ply.outline.tolist())), size=None,
+                edge_length=blank.edge_length, fibre_angle=blank.fibre_angle, height=blank.height,
+            )  # fmt: skip
+        return self.model_copy(
+            update={
+                "blank": blank, "material": ply.material, "element": ply.element, "plies": (),
+                "layup": None, "interfaces": (),
+            }
+        )  # fmt: skip
+
     def only_ply(self, asker: str) -> PlySettings:
         """Return the one sheet of a scene, for what knows one.
 
@@ -552,7 +577,7 @@ class Scene(SceneModel):
 
 def _law_of_no_use(ply: PlySettings) -> str:
     """Say that the elements of a ply do not know the law of its material, and what does."""
-    element, law = ply.element.type, ply.material.law  # type: ignore[attr-defined]
+    element, law = ply.element.type, ply.material.law
     known = [f'"{table.law_name()}"' for table in TABLES if element in table.families]
     return (
         f'is "{law}", but element = "{element}" knows the law {" and ".join(known)} only; use '
