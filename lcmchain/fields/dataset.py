@@ -209,6 +209,21 @@ def model_datasets(
     attributes : further global attributes of the file, such as the state of the run.
     """
     sheets = {b.name: SheetFrames.of_body(scene, model, b, frames) for b in model.bodies}
+    return sheets_datasets(scene, sheets, frames, histories, attributes=attributes)
+
+
+def sheets_datasets(
+    scene: Scene,
+    sheets: Mapping[str, SheetFrames],
+    frames: FrameSeries,
+    histories: Histories | None = None,
+    *,
+    attributes: Mapping[str, str] | None = None,
+) -> dict[str, xr.Dataset]:
+    """Turn the frames of sheets by their names, bottom first, into the groups of ``forming.nc``.
+
+    As :func:`model_datasets`, for sheets that need not have forces.
+    """
     if len(sheets) == 1:
         groups = _one_sheet(scene, next(iter(sheets.values())), frames)
     else:

@@ -157,7 +157,7 @@ WRONG = {
     ),
     "layers": (SCENE + "[[layers]]\n", "layers", "plies that lie on each other stand in"),
     "plies of the material": (
-        replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies", "it belongs into the top level"
+        replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies", "it belongs into the top"
     ),
     "holes": (
         replaced(("edge_length", "holes = []\nedge_length")), "blank.holes", "no holes within it"
