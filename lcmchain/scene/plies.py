@@ -36,7 +36,23 @@ if TYPE_CHECKING:
 #: Name of the sheet of a scene with one.
 ONE_SHEET = "sheet"
 #: Groups, meshes and variables of result files that are not those of one ply.
-RESERVED_NAMES = ("sheet", "solid", "history", "time", "body", "stack")
+RESERVED_NAMES = (
+    "sheet", "solid", "history", "time", "body", "stack", "thickness", "fibre_volume_fraction",
+    "areal_fibre_mass", "shear_angle", "fibre_strain_1", "fibre_strain_2", "compaction_pressure",
+    "bending_pressure", "pore_pressure", "tool_pressure_top", "tool_pressure_bottom",
+    "tool_pressure", "wrinkle_height", "stack_thickness", "stack_areal_fibre_mass",
+    "stack_fibre_volume_fraction", "stack_ply_count",
+    *(f"permeability_{number}" for number in (1, 2, 3)),
+    *(
+        f"{vector}_{axis}"
+        for vector in (
+            "fibre_direction_1", "fibre_direction_2", "permeability_direction_1",
+            "permeability_direction_2", "permeability_direction_3", "displacement",
+            "reference_position",
+        )
+        for axis in "xyz"
+    ),
+)  # fmt: skip
 #: How deep two plies may lie in each other at the start, in parts of the thinner one's thickness.
 DEEPEST_OVERLAP = 0.5
 

@@ -35,10 +35,14 @@ ENTRIES: Final = {
 
 
 def rung_of(scene: Scene) -> str:
-    """Return the rung that a scene stands on."""
-    if scene.element.type == "membrane-shell" and not scene.element.bending:
+    """Return the rung that a scene stands on; several where plies have elements of their own."""
+    return " and ".join(dict.fromkeys(map(_rung_of_element, scene.stack.elements.values())))
+
+
+def _rung_of_element(element: Any) -> str:
+    if element.type == "membrane-shell" and not element.bending:
         return "membrane"
-    return scene.element.type
+    return element.type
 
 
 def on_rung(scene: Scene, model: str) -> Scene:
@@ -90,7 +94,7 @@ def left_out_of(scene: Scene) -> list[str]:
 
 def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[str]]:
     """Return the entries that change, the keys of what is dropped, and the changes as overrides."""
-    element = RUNGS[model]
+    element = scene.element if _rung_of_element(scene.element) == model else RUNGS[model]
     changes: dict[str, Any] = {"element": element}
     left_out = []
     if scene.element.type != element.type:
