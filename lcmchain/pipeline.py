@@ -185,6 +185,10 @@ class _Job:
             error.result = self.result
             last = 1e3 * forming.snapshots[-1].time
             error.where = f"The frames up to {last:.4g} ms are in {self.folder / 'forming.nc'}"
+            error.args = tuple(
+                self.scene.stack.in_own_words(part) if isinstance(part, str) else part
+                for part in error.args
+            )
             raise
         self.tell(self.scene.process.time, "writing fields")
         self._write_fields(forming, compile_s, COMPLETE)

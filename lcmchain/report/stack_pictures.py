@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -296,12 +296,12 @@ def draw_stack_sections(
                 [(own, PLY_COLOURS[n % 2]) for n, (_, own) in enumerate(strips)], tools, travel,
             )  # fmt: skip
             _draw_unrolled(across, plane, strips, tools, travel)
-        handles = [
-            matplotlib.patches.Patch(fc=PLY_COLOURS[n % 2], ec=INK, lw=0.5, label=name)
-            for n, name in enumerate(list(plies)[:2])
+        names = list(plies)
+        labels = [names[0], names[1] if len(names) == 2 else f"{names[1]}, and so on"]
+        handles: list[Any] = [
+            matplotlib.patches.Patch(fc=colour, ec=INK, lw=0.5, label=label)
+            for colour, label in zip(PLY_COLOURS, labels, strict=True)
         ]
-        handles[-1].set_label(f"{handles[-1].get_label()}, and so on" if len(plies) > 2 else
-                              handles[-1].get_label())  # fmt: skip
         if tools is not None:
             handles += [
                 matplotlib.lines.Line2D([], [], color=colour, lw=1.6, label=name)

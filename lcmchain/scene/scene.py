@@ -100,6 +100,10 @@ class Scene(SceneModel):
         default="untitled", description="Title of pictures and files."
     )
     process: Process = Field(default_factory=Process)
+    element: SheetElement = Field(
+        default_factory=Element,
+        description="Kind of element and its options; a name alone takes the defaults.",
+    )
     plies: Annotated[
         tuple[Ply, ...],
         Row(
@@ -139,10 +143,6 @@ class Scene(SceneModel):
         ),
         AbsentMeans(""),
     ] = Field(default=(), description="How plies press and slide on each other.")
-    element: SheetElement = Field(
-        default_factory=Element,
-        description="Kind of element and its options; a name alone takes the defaults.",
-    )
     contact: Contact = Field(default_factory=Contact)
     effects: EffectSettings = Field(
         default_factory=EffectSettings,
