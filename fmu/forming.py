@@ -326,8 +326,8 @@ class FormingPart(Part):
         }
 
     def _fields_at(self, position: np.ndarray) -> dict[str, np.ndarray]:
-        model = self.simulation.model
-        return derive_fields(model.blank, model.material, np.ascontiguousarray(position.T))
+        (body,) = self.simulation.model.bodies
+        return derive_fields(body.mesh, body.material, np.ascontiguousarray(position.T))
 
     def _field_outputs(self) -> dict[str, float | np.ndarray]:
         position = self.simulation.state.position
@@ -343,7 +343,8 @@ class FormingPart(Part):
                 values |= {name: field, f"{name}_min": field.min(), f"{name}_max": field.max()}
         if "position_x" not in self.values.layout.slots:
             return values
-        centres = position[:, self.simulation.model.blank.elements].mean(axis=2)
+        (body,) = self.simulation.model.bodies
+        centres = position[:, body.mesh.elements].mean(axis=2)
         return values | {f"position_{axis}": x for axis, x in zip("xyz", centres)}
 
     def _rate_outputs(self) -> dict[str, np.ndarray]:

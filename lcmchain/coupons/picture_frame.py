@@ -144,7 +144,8 @@ def picture_frame(
     edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
     measured = mean_field(simulation, recording.snapshots[1::2], "shear_angle", everywhere)
 
-    shear_stress = shear_stress_of(simulation.model.material)
+    (body,) = simulation.model.bodies
+    shear_stress = shear_stress_of(body.material)
     curves = {
         "displacement [mm]": 1e3 * d[1::2],
         "force [N]": force,
@@ -177,9 +178,7 @@ def picture_frame(
             if angle <= angles[-1]
         ),
         draw=lambda path: _draw(path, curves, scene.title),
-        datasets=build_datasets(
-            scene, simulation.model.blank, frames, material=simulation.model.material
-        ),
+        datasets=build_datasets(scene, body.mesh, frames, material=body.material),
         shown="shear_angle",
         figures={
             "steps": simulation.state.step_count,

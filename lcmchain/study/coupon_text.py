@@ -56,7 +56,8 @@ class CouponJob:
     def _outcome(self, simulation: Simulation, recording: Recording) -> Outcome:
         model = simulation.model
         frames = FrameSeries.from_snapshots(recording.snapshots[:: FRAMES - 1], ())
-        datasets = build_datasets(self.scene, model.blank, frames, material=model.material)
+        (body,) = model.bodies
+        datasets = build_datasets(self.scene, body.mesh, frames, material=body.material)
         force = self.test.force(self.scene, recording)
         numbers = {
             "element_count": model.element_count,

@@ -110,4 +110,5 @@ def outline_nodes(X: np.ndarray) -> np.ndarray:
 
 def fields(sim: Simulation) -> dict[str, np.ndarray]:
     """Return the face fields of the present state, each (element_count,)."""
-    return derive_fields(sim.model.blank, sim.model.material, sim.state.position.T)
+    (body,) = sim.model.bodies
+    return derive_fields(body.mesh, body.material, sim.state.position.T)
