@@ -147,6 +147,7 @@ def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[st
     """Return where the fields of each sheet leave the range of the model, with its name."""
     from lcmchain.fields.stack import plies_of
     from lcmchain.fields.summary import field_warnings
+    from lcmchain.fields.table import NO_THICKNESS
 
     if len(model.bodies) == 1:
         return field_warnings(datasets["/"], model.bodies[0].material)
@@ -154,6 +155,7 @@ def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[st
         f"{name}: {text}"
         for body, (name, groups) in zip(model.bodies, plies_of(datasets), strict=True)
         for text in field_warnings(groups["/"], body.material)
+        if text != NO_THICKNESS  # told of the scene's elements
     ]
 
 
