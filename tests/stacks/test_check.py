@@ -15,9 +15,11 @@ from lcmchain.effects.audit import effects_of
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.report.field_verdicts import field_verdicts
+from lcmchain.scene.infiltration_file import is_scene_file
 from lcmchain.scene.origin import formed_material, formed_permeability
 from lcmchain.study.ladder import ladder
 from lcmchain.study.scene_text import SceneText
+from lcmchain.study.sensitivity import default_inputs
 
 PLY = '[[plies]]\nsize = ["40 mm", "40 mm"]\nedge_length = "10 mm"\n'
 MD600 = 'material = { preset = "MD600" }\n'
@@ -164,6 +166,22 @@ def test_a_study_of_fields_names_its_command(scene_of, tmp_path):
     )
     with pytest.raises(InputError, match="plies: names 2 plies .* lcmchain study accuracy takes"):
         ladder(SceneText.from_file(tmp_path / "scene.toml"))
+
+
+def test_numbers_of_every_material_and_interface_are_inputs_of_a_sensitivity(scene_of):
+    scene = scene_of(
+        PLY + 'material = "a"\n' + PLY + 'material = "b"\n[materials.a]\npreset = "MD600"\n'
+        '[materials.b]\npreset = "glass-plain-600"\n[[interfaces]]\nfriction = 0.25\n'
+    )
+    inputs = default_inputs(scene)
+    assert inputs["interfaces.0.friction"] == "0.25"
+    assert {"materials.a.compaction.c0", "materials.b.compaction.c0"} <= set(inputs)
+
+
+def test_a_file_with_plies_is_a_scene(tmp_path):
+    for number, text in enumerate((PLY, 'layup = "[0]2"\n', "plies = []\n", "# plies\n")):
+        (tmp_path / f"{number}.toml").write_text(text, encoding="utf-8")
+        assert is_scene_file(tmp_path / f"{number}.toml") == (number < 3)
 
 
 def test_a_result_of_a_stack_has_no_one_material_but_its_permeability():
