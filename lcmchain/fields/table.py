@@ -249,6 +249,9 @@ FIELD_OF_VARIABLE: dict[str, Field] = {
     variable: field for field in _FIELDS for variable in field.variables
 }
 
+#: Fields that are sums over the plies of a stack: what is mapped ply by ply adds them up itself.
+OF_STACK = tuple(name for name in FIELDS if name.startswith("stack_"))
+
 #: What a result of the 2D approach says about the thickness, in the file and in its summary.
 NO_THICKNESS = (
     'element = "membrane-shell" predicts no thickness, and therefore no fibre volume fraction, no '

@@ -139,15 +139,24 @@ def test_what_holds_for_all_plies_is_told_once(scene_of):
 
 
 def test_each_fabric_is_judged_by_its_own_law(scene_of, laid):
-    """The lower fabric is sheared beyond its range, the upper one's is never reached."""
-    scene = scene_of(
-        PLY + 'material = "a"\n' + PLY + 'material = "b"\n[materials.a]\npreset = "MD600"\n'
-        'membrane.shear_range = "0.01 deg"\n[materials.b]\nname = "other"\npreset = "MD600"\n'
-    )
-    found = {v.check: v for v in field_verdicts(laid(scene)["/"], scene)}
-    assert found["Shear angle of MD600"].grade != "good"
-    assert "materials.a.membrane.shear_range" in found["Shear angle of MD600"].remedy_key
-    assert found["Shear angle of other"].grade == "good"
+    """The wide lower ply is sheared by 15 degrees, the small upper one by one."""
+
+    def found(lower, upper):
+        scene = scene_of(
+            PLY.replace('"40 mm"', '"160 mm"') + 'material = "a"\n' + PLY + 'material = "b"\n'
+            f'[materials.a]\npreset = "MD600"\nmembrane.shear_range = "{lower} deg"\n'
+            '[materials.b]\nname = "other"\npreset = "MD600"\n'
+            f'membrane.shear_range = "{upper} deg"\n'
+        )
+        verdicts = {v.check: v for v in field_verdicts(laid(scene)["/"], scene)}
+        return verdicts["Shear angle of MD600"], verdicts["Shear angle of other"]
+
+    wide, small = found(60, 5)
+    assert (wide.grade, small.grade) == ("good", "good")
+    wide, small = found(5, 0.1)
+    assert "good" not in (wide.grade, small.grade)
+    assert "materials.a.membrane.shear_range" in wide.remedy_key
+    assert "materials.b.membrane.shear_range" in small.remedy_key
 
 
 def test_words_about_the_blank_become_words_about_plies(scene_of):
