@@ -376,7 +376,10 @@ def _height_on(laid: Sequence[PlySettings], ply: PlySettings) -> float:
 
 def _meet(one: PlySettings, other: PlySettings) -> bool:
     """Whether two plies cover a common part of the plane."""
-    if one.blank.size == other.blank.size is not None and one.center == other.center:
+    if (
+        all(getattr(one.blank, name) == getattr(other.blank, name) for name in ("size", "outline"))
+        and one.center == other.center
+    ):
         return True
     area = shapely.Polygon(one.outline).intersection(shapely.Polygon(other.outline)).area
     return bool(area > 1e-9 * math.prod(one.blank.extent))

@@ -105,7 +105,7 @@ class Chooser:
         self.text, self.wish, self.progress = text, wish, progress
         self.announce = announce or (lambda _: None)
         self.scene = text.scene()
-        self.sheet = self.scene.only_ply("lcmchain run --within and --budget")
+        self.sheet = self.scene.only_ply("lcmchain run with --within or --budget")
         self.is_laid = self.scene.element.type == "kinematic"
         self.time_stays = why_time_stays(self.scene)
         self.threads, self.study = threads, Study(text, folder, Workers(1, threads))

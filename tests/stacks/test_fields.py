@@ -9,6 +9,7 @@ from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.sheet import sheet_areas, sheet_positions
 from lcmchain.fields.stack import PLY, StackedPly, columns_of, plies_of, ply_names, ply_sheet
 from lcmchain.fields.summary import field_summary, stack_summary
+from lcmchain.report.numbers import key_numbers, ply_numbers
 
 SCENE = """
 material = { preset = "MD600" }
@@ -169,3 +170,17 @@ def test_vtu_holds_all_plies_with_their_numbers(groups, tmp_path):
         is_triangle[:, None], corners[:, :3].mean(axis=1), corners.mean(axis=1)
     )[order]  # fmt: skip
     np.testing.assert_allclose(np.concatenate(middles), expected, atol=1e-12)
+
+
+def test_terminal_and_report_say_each_ply_and_the_stack(groups):
+    summary = field_summary(groups) | stack_summary(groups)
+    numbers = {number.name: number.in_words for number in key_numbers(summary)}
+    assert numbers["Thickness of the stack"].startswith(f"{2e3 * PRESSED * T:.3f} to ")
+    assert "Thickness of a ply" in numbers
+    rows = {number.name: number.in_words for number in ply_numbers(summary)}
+    assert list(rows) == ["Ply ply_1", "Ply patch", "Ply ply_3"]
+    angle = np.degrees(summary["plies"]["patch"]["shear_angle_max_rad"])
+    assert f"up to {angle:.1f} deg" in rows["Ply patch"]
+    alone = field_summary({SHEET: ply_sheet(groups, "patch"), "/history": groups["/history"]})
+    assert ply_numbers(alone) == []
+    assert "Thickness" in [number.name for number in key_numbers(alone)]
