@@ -24,7 +24,6 @@ from lcmchain.fmu.instances import UNIT_FILE, define
 from lcmchain.fmu.library.link import LinkError, guarded
 from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.scene_files import stage_scene
-from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.found_time import require_time_for_fluid
 from lcmchain.tools.table import build_tool_table
@@ -162,15 +161,15 @@ def _forming_entries(
     interface: int = 0,
 ) -> dict[str, Any]:
     """Check a scene for forming, write its interface, and return what its unit holds about it."""
-    from lcmchain.fmu.forming import abilities_of, sheet_mesh
+    from lcmchain.fmu.forming import ASKER, abilities_of, sheet_mesh
     from lcmchain.fmu.forming_variables import FIELDS_OF_FMI2, FLUID_FIELDS_OF_FMI2, field_names
     from lcmchain.fmu.interface_fields import INTERFACE_FILE, interface_of
 
-    blank = build_blank(scene.blank, scene.material.thickness)
+    blank = scene.only_ply(ASKER).build_blank()
     tools = build_tool_table(
         scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
     )
-    require_no_initial_overlap(scene, blank, tools)
+    require_no_initial_overlap(scene, tools, [blank])
     pore_pressure = pore_pressure or scene.wet_forming is not None
     require_time_for_fluid(time_is_found=scene.time_is_found, pore_pressure=pore_pressure)
     known = field_names(abilities_of(scene, pore_pressure=pore_pressure))

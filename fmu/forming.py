@@ -40,7 +40,6 @@ from lcmchain.fmu.saved_state import PartState
 from lcmchain.fmu.scene_parameters import SceneParameter, overrides, scene_parameters
 from lcmchain.fmu.variables import Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
-from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene, read_scene
@@ -51,9 +50,14 @@ from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 TRAVEL_TOLERANCE = 1e-6
 
 
+#: Who asks for the one sheet of a scene.
+ASKER = "lcmchain fmu build"
+
+
 def sheet_mesh(scene: Scene) -> SheetMesh:
     """Return the mesh whose elements a unit counts: that of the model of the scene."""
-    return family_of(scene.element).mesh_of(build_blank(scene.blank, scene.material.thickness))
+    ply = scene.only_ply(ASKER)
+    return family_of(ply.element).mesh_of(ply.build_blank())
 
 
 def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int = 0) -> Abilities:
@@ -63,20 +67,21 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int 
     ------
     InputError : a pore pressure is asked for, but the elements have no thickness.
     """
-    has_thickness = scene.element.type == "solid-shell"
+    ply = scene.only_ply(ASKER)
+    has_thickness = ply.element.type == "solid-shell"
     if pore_pressure and not has_thickness:
         raise InputError(
-            f'a fluid acts in the thickness of the sheet, which element = "{scene.element.type}" '
+            f'a fluid acts in the thickness of the sheet, which element = "{ply.element.type}" '
             'does not predict; use element = "solid-shell"',
             key="element",
         )
     return Abilities(
         tools=[(tool.name, tool.motion.kind) for tool in scene.tools],
         element_count=sheet_mesh(scene).element_count,
-        edge_length=scene.blank.edge_length,
+        edge_length=ply.blank.edge_length,
         title=scene.title,
         has_thickness=has_thickness,
-        has_fibre_volume_fraction=has_thickness and scene.material.fibre_density is not None,
+        has_fibre_volume_fraction=has_thickness and ply.material.fibre_density is not None,
         takes_pore_pressure=pore_pressure,
         surroundings=surroundings_of(scene),
         patch_count=patch_count,
@@ -321,8 +326,8 @@ class FormingPart(Part):
         }
 
     def _fields_at(self, position: np.ndarray) -> dict[str, np.ndarray]:
-        model = self.simulation.model
-        return derive_fields(model.blank, model.material, np.ascontiguousarray(position.T))
+        (body,) = self.simulation.model.bodies
+        return derive_fields(body.mesh, body.material, np.ascontiguousarray(position.T))
 
     def _field_outputs(self) -> dict[str, float | np.ndarray]:
         position = self.simulation.state.position
@@ -338,7 +343,8 @@ class FormingPart(Part):
                 values |= {name: field, f"{name}_min": field.min(), f"{name}_max": field.max()}
         if "position_x" not in self.values.layout.slots:
             return values
-        centres = position[:, self.simulation.model.blank.elements].mean(axis=2)
+        (body,) = self.simulation.model.bodies
+        centres = position[:, body.mesh.elements].mean(axis=2)
         return values | {f"position_{axis}": x for axis, x in zip("xyz", centres)}
 
     def _rate_outputs(self) -> dict[str, np.ndarray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -32,9 +32,10 @@ from lcmchain.errors import InputError
 from lcmchain.interfaces.surfaces import InterfaceData, build_interfaces
 from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, history_count
-from lcmchain.mesh.blank import BlankMesh, build_blank
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.scene import Contact, Element, Process
 from lcmchain.scene.found_time import require_time_for_fluid
+from lcmchain.scene.plies import RESERVED_NAMES
 from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.span_rows import SPAN
@@ -48,9 +49,6 @@ AUTOMATIC_PENALTY = 0.1
 # same bits for any number of threads.
 SPANS_OF_CHUNK = 8
 NODE_CHUNK = SPANS_OF_CHUNK * SPAN
-
-# Groups and meshes of result files that are not those of one sheet among several.
-RESERVED_NAMES = ("sheet", "solid", "history")
 
 
 class Sheet(NamedTuple):
@@ -125,7 +123,8 @@ class Environment(NamedTuple):
 class Model:
     """Constants of one forming simulation (see the classes above for the arrays).
 
-    bodies : the sheets; ``placed`` the same for the loop.
+    bodies : the sheets, bottom first; ``placed`` the same for the loop.
+    interfaces : what lies between them, by their names.
     averaging : time over which the mean velocity is taken that damping leaves alone [s], or None.
     pace : how the pace of a process without a time is found, or None.
     automatic_penalty : whether the contact stiffness was chosen by the program.
@@ -139,6 +138,7 @@ class Model:
     """
 
     bodies: tuple[Body, ...]
+    interfaces: tuple[Interface, ...]
     placed: tuple[PlacedBody, ...]
     fibre_bending: FibreBending | None
     pore: PressedElements | None
@@ -308,35 +308,60 @@ def build_model(
     *,
     pore_pressure: bool = False,
 ) -> Model:
-    """Build the model of a scene.
+    """Build the model of a scene: a body for every ply, and what lies between them.
 
     Parameters
     ----------
-    supports : chooses nodes of the sheet's mesh whose motion is prescribed.
+    supports : chooses nodes of a ply's mesh whose motion is prescribed; asked for every ply.
     pore_pressure : whether a fluid is coupled, whose pressures the state then holds.
 
     Raises
     ------
     InputError : a blank, tool or material that cannot be used; names the scene key.
     """
-    material = scene.built_material()
-    mesh = family_of(scene.element).mesh_of(build_blank(scene.blank, material.thickness))
-    return assemble_model(
-        mesh,
-        material,
-        scene.element,
+    stack = scene.stack
+    sheets = [sheet_of(ply) for ply in stack]
+    nodes = np.concatenate([sheet.mesh.node_positions for sheet in sheets])
+    return assemble_bodies(
+        sheets,
         tools=build_tool_table(
-            scene.tools, scene.source.directory, scene.process.time, blank=mesh.node_positions
+            scene.tools, scene.source.directory, scene.process.time, blank=nodes
         ),
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,
-        supports=supports(mesh),
+        interfaces=stack.interfaces(scene.interfaces),
+        supports=_supports_of(sheets, supports),
         history_interval=scene.history_interval,
         face_pressures=scene.pressure,
         pore_pressure=pore_pressure,
         finds_pace=scene.time_is_found,
     )
+
+
+def sheet_of(ply: Any) -> Sheet:
+    """Return what the body of a ply of a scene (``Scene.stack``) is built from.
+
+    Raises
+    ------
+    InputError : the ply cannot be meshed; names its entry.
+    """
+    mesh = family_of(ply.element).mesh_of(ply.build_blank())
+    return Sheet(ply.name, mesh, ply.built_material(), ply.element)
+
+
+def _supports_of(
+    sheets: Sequence[Sheet], supports: Callable[[Any], Sequence[Support]]
+) -> list[Support]:
+    """Return the supports of all sheets by the nodes of the model."""
+    found = []
+    first_node = 0
+    for sheet in sheets:
+        found += [
+            replace(support, nodes=support.nodes + first_node) for support in supports(sheet.mesh)
+        ]
+        first_node += sheet.mesh.node_count
+    return found
 
 
 def assemble_model(mesh: Any, material: Material, element: Any, **others: Any) -> Model:
@@ -423,6 +448,7 @@ def assemble_bodies(
     force_slot = _force_slots(bodies, placed, fibre_bending, last_force)
     return Model(
         bodies=tuple(bodies),
+        interfaces=tuple(interfaces),
         placed=placed,
         fibre_bending=fibre_bending,
         pore=pressed_elements(bodies, key="pore pressure") if pore_pressure else None,

@@ -20,7 +20,6 @@ from lcmchain.effects.effect import Effect
 from lcmchain.errors import LcmchainError, MappingError, OutputError, UnfinishedRun
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
-from lcmchain.mesh.blank import build_blank
 from lcmchain.provenance import provenance
 from lcmchain.results import COMPLETE, RUNNING, ResultsFolder
 from lcmchain.run_account import RunAccount, state_after
@@ -150,16 +149,20 @@ class _Job:
         model = self.simulation.model
         self.threads = use_threads(self._threads_wanted, model.element_count)
         require_frames_fit(self.scene.process.frames, model.element_count, model.node_count)
-        blank = model.blank
-        if not blank.has_thickness:  # the tools meet the faces of the sheet, whatever its elements
-            blank = build_blank(self.scene.blank, self.scene.material.thickness)
-        require_no_initial_overlap(self.scene, blank, model.tools)
+        # the tools meet the faces of the plies, whatever their elements
+        blanks = [ply.build_blank() for ply in self.scene.stack]
+        require_no_initial_overlap(self.scene, model.tools, blanks)
         self.wet = self._wet_forming()
-        self.warnings = [*scene_warnings(self.scene), *blank.remarks(), *tool_warnings]
+        of_meshes = [
+            text
+            for ply, blank in zip(self.scene.stack, blanks, strict=True)
+            for text in ply.remarks(blank)
+        ]
+        self.warnings = [*scene_warnings(self.scene), *of_meshes, *tool_warnings]
         if self.scene.output.animation != NO_FILM:
             from lcmchain.report.run_pictures import require_film
 
-            require_film(self.scene.output, model.blank, model.material)
+            require_film(self.scene.output, [(b.mesh, b.material) for b in model.bodies])
         self.summary |= run_head(self.scene, self.simulation, self.fingerprint.sha256)
         self.summary["provenance"] = provenance(
             self.scene, run_fingerprint=self.fingerprint.sha256, threads=self.threads
@@ -182,6 +185,10 @@ class _Job:
             error.result = self.result
             last = 1e3 * forming.snapshots[-1].time
             error.where = f"The frames up to {last:.4g} ms are in {self.folder / 'forming.nc'}"
+            error.args = tuple(
+                self.scene.stack.in_own_words(part) if isinstance(part, str) else part
+                for part in error.args
+            )
             raise
         self.tell(self.scene.process.time, "writing fields")
         self._write_fields(forming, compile_s, COMPLETE)
@@ -406,7 +413,8 @@ class _DrapingJob(_Job):
         if self.scene.output.animation != NO_FILM:
             from lcmchain.report.run_pictures import require_film
 
-            require_film(self.scene.output, mesh, self.scene.material.build())
+            material = self.scene.only_ply("kinematic draping").material.build()
+            require_film(self.scene.output, [(mesh, material)])
         self.warnings = [*scene_warnings(self.scene), *noted]
         fingerprint = self.fingerprint.sha256
         self.summary |= scene_head(self.scene, fingerprint, mesh.element_count, mesh.node_count)

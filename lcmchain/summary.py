@@ -95,7 +95,7 @@ def run_summary(
     # Imported when there are fields: a run need not wait for xarray before its first step.
     from lcmchain.fields.dataset import HISTORY
     from lcmchain.fields.hidden_compaction import hidden_compaction, hidden_compaction_warnings
-    from lcmchain.fields.summary import field_summary, field_warnings, punch_index
+    from lcmchain.fields.summary import field_summary, punch_index, stack_summary
 
     model, state = simulation.model, simulation.state
     history = datasets[HISTORY]
@@ -116,6 +116,7 @@ def run_summary(
         "process_time_needed_s": needed.as_dict(),
         **_pace(model, state),
         **field_summary(datasets),
+        **stack_summary(datasets),
         "penetration_max_m": dict(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
         ),
@@ -131,14 +132,31 @@ def run_summary(
     found = [
         *warnings,
         *tools_never_touched(model, state, snapshots),
-        *field_warnings(datasets["/"], model.material),
+        *_field_warnings(datasets, model),
         *balance_warning(summary, scene),
-        *run_warnings(summary, scene.material.thickness, slowing_entry(scene)),
+        *run_warnings(summary, scene.stack.least_thickness, slowing_entry(scene)),
         *hidden_compaction_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),
         *fibre_strain_warnings(summary),
     ]
-    return summary | {"warnings": list(dict.fromkeys(found)), "mapping": {}}
+    in_own_words = [scene.stack.in_own_words(text) for text in found]
+    return summary | {"warnings": list(dict.fromkeys(in_own_words)), "mapping": {}}
+
+
+def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[str]:
+    """Return where the fields of each sheet leave the range of the model, with its name."""
+    from lcmchain.fields.stack import plies_of
+    from lcmchain.fields.summary import field_warnings
+    from lcmchain.fields.table import NO_THICKNESS
+
+    if len(model.bodies) == 1:
+        return field_warnings(datasets["/"], model.bodies[0].material)
+    return [
+        f"{name}: {text}"
+        for body, (name, groups) in zip(model.bodies, plies_of(datasets), strict=True)
+        for text in field_warnings(groups["/"], body.material)
+        if text != NO_THICKNESS  # told of the scene's elements
+    ]
 
 
 def _pace(model: Model, state: State) -> dict[str, Any]:

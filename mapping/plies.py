@@ -152,7 +152,8 @@ def _weights_of(
     local[faces] = np.arange(len(faces))
     chosen = sheet.plies[weights.face] == number
     cell = weights.cell[chosen]
-    held = np.bincount(cell, minlength=weights.cell_count) > 0
+    # faces that lie too far off to be mapped have no share, though they are listed
+    held = (np.bincount(cell, minlength=weights.cell_count) > 0) & (shares[number] > 0.0)
     share = np.where(held, shares[number], 1.0)
     own = replace(
         weights,

@@ -14,6 +14,7 @@ import xarray as xr
 
 from lcmchain.errors import InputError, shortened
 from lcmchain.fields.netcdf_file import open_netcdf
+from lcmchain.fields.table import OF_STACK
 from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.bodies import holes_of, plies_of
 from lcmchain.mapping.source_checks import (
@@ -212,6 +213,8 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     permeability = _take_permeability(fields, name)
 
     ply, ply_names = plies_of(dataset, connectivity.dims[0], name)
+    if ply_names:
+        fields = {key: values for key, values in fields.items() if key not in OF_STACK}
 
     holes = {key: holes_of(values, ply) for key, values in fields.items()}
     for key, bad in holes.items():

@@ -95,6 +95,7 @@ class ExplicitForming:
             raise InputError(
                 f"the model has {len(model.bodies)} sheets; a fluid is coupled with one"
             )
+        (self._body,) = model.bodies
         self.simulation = simulation
         self.surroundings, self.ramped = float(surroundings), ramped
         self._lanes = model.pore
@@ -120,22 +121,22 @@ class ExplicitForming:
 
     def points(self) -> np.ndarray:
         """Return the present positions of the mid-surface's nodes (pair_count, 3) [m]."""
-        return self.simulation.model.blank.mid_surface(self.node_positions())
+        return self._body.mesh.mid_surface(self.node_positions())
 
     @property
     def cells(self) -> np.ndarray:
         """Cells of the mid-surface (element_count, 4), the elements in their order; -1 is none."""
-        return self.simulation.model.blank.sheet_faces
+        return self._body.mesh.sheet_faces
 
     def normals(self) -> np.ndarray:
         """Return the unit normals of the mid-surface at the element centres (element_count, 3)."""
-        base = self.simulation.model.blank.base_vectors(self.node_positions())
+        base = self._body.mesh.base_vectors(self.node_positions())
         normal = np.cross(base[:, 0], base[:, 1])
         return normal / np.linalg.norm(normal, axis=1)[:, None]
 
     def area(self) -> np.ndarray:
         """Return the areas of the mid-surface (element_count,) [m²], as meshes have them."""
-        return self.simulation.model.blank.areas(self.node_positions())
+        return self._body.mesh.areas(self.node_positions())
 
     def volume(self) -> np.ndarray:
         """Return the volumes of the elements (element_count,) [m³]."""
@@ -143,7 +144,7 @@ class ExplicitForming:
 
     def normal_thickness(self) -> np.ndarray:
         """Return the thickness that the law of compaction sees (element_count,) [m]."""
-        body = self.simulation.model.body
+        body = self._body
         history = self.simulation.model.history_of(body, self.simulation.state.history)
         condition = body.condition(self.simulation.state.position, history)
         return condition.thickness_stretch * 2.0 * body.geometry.height
@@ -173,7 +174,7 @@ class ExplicitForming:
     def _contact_stiffness(self, area: np.ndarray) -> np.ndarray:
         """Return by how much contact on both faces stiffens a thickness (element_count,) [N/m]."""
         model = self.simulation.model
-        touched = self.simulation.state.contact_force[model.blank.elements] > 0.0
+        touched = self.simulation.state.contact_force[self._body.mesh.elements] > 0.0
         below, above = touched[:, :4].mean(axis=1), touched[:, 4:].mean(axis=1)
         both = below + above
         series = np.divide(below * above, both, out=np.zeros_like(both), where=both > 0.0)
@@ -200,7 +201,7 @@ class ExplicitForming:
     def _static_compliance(self) -> np.ndarray:
         """Return V0 (A/A0)² / (λ² C33 + S33): dV/dp of the law of compaction alone (C,)."""
         model = self.simulation.model
-        body = model.body
+        body = self._body
         history = model.history_of(body, self.simulation.state.history)
         condition = body.condition(self.simulation.state.position, history)
         stretch = condition.thickness_stretch
@@ -323,5 +324,5 @@ class ExplicitForming:
 
     def places(self, name: str) -> np.ndarray | None:
         """Return the centres of the elements (element_count, 3) [m]."""
-        positions = self.node_positions()[self.simulation.model.blank.elements]
+        positions = self.node_positions()[self._body.mesh.elements]
         return positions.mean(axis=1)

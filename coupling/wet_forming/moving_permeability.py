@@ -54,9 +54,9 @@ class MovingPermeability:
 
     def _principal(self, fraction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tensors in space (C, 3, 3) and values through the thickness (C,) [m2]."""
-        model, state = self.simulation.model, self.simulation.state
-        positions = np.ascontiguousarray(state.position.T)
-        now = derive_fields(model.blank, model.material, positions)
+        (body,) = self.simulation.model.bodies
+        positions = np.ascontiguousarray(self.simulation.state.position.T)
+        now = derive_fields(body.mesh, body.material, positions)
         families = [
             np.stack([now[f"fibre_direction_{family}_{axis}"] for axis in "xyz"], axis=1)
             for family in (1, 2)

@@ -23,7 +23,8 @@ def part_of_sheet(
     ----------
     snapshots : the start, and any later ones. points : of its mid-surface then (N, 3) [m].
     """
-    cells = np.asarray(simulation.model.blank.sheet_faces, dtype=np.int64)
+    (body,) = simulation.model.bodies
+    cells = np.asarray(body.mesh.sheet_faces, dtype=np.int64)
     target = TargetMesh(points, blocks_of(cells), {})
     fields = forming_datasets(scene, simulation, snapshots)["/"].isel({TIME: -1})
     return FormedPart(target, fields.drop_vars(TIME), str(scene.source.path or "the scene"))
@@ -32,5 +33,6 @@ def part_of_sheet(
 def blank_of_scene(scene: Scene) -> FormedPart:
     """Return the blank of a scene, before it is formed."""
     simulation = Simulation.from_scene(scene)
-    points = simulation.model.blank.mid_surface(simulation.model.node_positions)
+    (body,) = simulation.model.bodies
+    points = body.mesh.mid_surface(simulation.model.node_positions)
     return part_of_sheet(scene, simulation, [simulation.snapshot()], points)

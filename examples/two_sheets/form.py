@@ -1,7 +1,8 @@
 """Two sheets of different laws in one model: pressed between the same plates, and released.
 
-A scene file makes one sheet. In Python a model takes several; they share tools, time and files, and
-do not touch each other. Usage: python examples/two_sheets/form.py [FOLDER]
+A scene file makes plies that lie on each other. In Python a model takes sheets of any place and
+mesh; these two lie beside each other and share tools, time and files. Usage:
+python examples/two_sheets/form.py [FOLDER]
 """
 
 from __future__ import annotations

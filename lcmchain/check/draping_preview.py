@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +22,10 @@ from lcmchain.tools.table import ToolTable
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+
+#: Rows that differ between plies that are draped alike.
+SEED, LAID_IN = "seed", "laid in"
 
 
 @dataclass(frozen=True)
@@ -76,15 +80,36 @@ def check_draping(
     )
 
 
-def draping_preview(scene: Scene, blank: BlankMesh, tools: ToolTable) -> list[tuple[str, str]]:
+def draping_preview(
+    scene: Scene, blanks: Sequence[BlankMesh], tools: ToolTable
+) -> list[tuple[str, str]]:
     """Return what the net says of a scene on any rung; empty where there is nothing to drape.
+
+    Of a stack every ply is draped as if it were alone; plies that are laid alike stand together.
 
     Raises
     ------
     InputError : the scene's own ``[draping]`` cannot be followed.
     """
-    if not (scene.material.has_fibres and is_drapable(scene, tools)):
+    if not is_drapable(scene, tools):
         return []
+    stack = scene.stack
+    drapable = [(p, b) for p, b in zip(stack, blanks, strict=True) if p.material.has_fibres]
+    each = [(ply.name, _preview_of_one(scene.alone(ply), b, tools)) for ply, b in drapable]
+    if len(stack) == 1:
+        return [row for _, rows in each for row in rows]
+    alike: dict[tuple, list[str]] = {}
+    for name, rows in each:
+        told = tuple(row for row in rows if row[0] not in (SEED, LAID_IN))
+        alike.setdefault(told, []).append(name)
+    return [
+        (f"{', '.join(names)}: {what}", value)
+        for told, names in alike.items()
+        for what, value in told
+    ]
+
+
+def _preview_of_one(scene: Scene, blank: BlankMesh, tools: ToolTable) -> list[tuple[str, str]]:
     try:
         return list(_rows(drape(scene, tools=tools, blank=blank)))
     except InputError as error:
@@ -96,7 +121,7 @@ def draping_preview(scene: Scene, blank: BlankMesh, tools: ToolTable) -> list[tu
 def _rows(draped: Draped) -> Iterator[tuple[str, str]]:
     yield "surface", draped.surface
     seed = [*draped.seed, draped.mesh.node_positions[0, 2]]
-    yield "seed", f"{millimetres(seed, 1)} of the flat blank, at {millimetres(draped.place, 1)}"
+    yield SEED, f"{millimetres(seed, 1)} of the flat blank, at {millimetres(draped.place, 1)}"
     missing, unplaced = draped.missing(), draped.unplaced_part()
     of_laid = "" if missing is None else f", of the {1.0 - unplaced:.1%} of the area that it covers"
     if unplaced < 1.0:
@@ -112,4 +137,4 @@ def _rows(draped: Draped) -> Iterator[tuple[str, str]]:
     yield f"beyond {locking:.3g} deg", f"{part:.1%} of the area" if part > 1e-12 else "nothing"
     if missing is not None:
         yield "not laid", f"{unplaced:.1%} of the area: {missing}"
-    yield "laid in", f"{1e3 * draped.wall_s:.0f} ms"
+    yield LAID_IN, f"{1e3 * draped.wall_s:.0f} ms"

@@ -29,10 +29,10 @@ def fibre_strain_measures(sheet: xr.Dataset, scene: Scene) -> dict[str, Any]:
     if the forces in the fibres stayed the same: an estimate, which holds for small strains. Nothing
     for a material without fibres.
     """
-    if not scene.material.has_fibres:
+    if not scene.stack.has_fibres:
         return {}
     process = scene.process
-    largest = max(float(np.abs(sheet[f"fibre_strain_{i}"].values).max()) for i in (1, 2))
+    largest = max(float(np.nanmax(np.abs(sheet[f"fibre_strain_{i}"].values))) for i in (1, 2))
     possible = process.fibre_modulus_factor * largest / process.fibre_strain_allowed
     possible = min(max(possible, LEAST_FACTOR), 1.0)
     return {

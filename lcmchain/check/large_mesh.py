@@ -7,12 +7,13 @@ counts with the area, the step with the length of the edges. Nothing large is bu
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lcmchain.check.saved_frames import physical_memory
 from lcmchain.errors import InputError
-from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
-from lcmchain.mesh.outline import check_element_count, outline_of, polygon_area
+from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.outline import check_element_count, polygon_area
 from lcmchain.scene import Scene
 
 #: Elements from which on a mesh is not built for a check, and about how many it has in its place.
@@ -46,15 +47,18 @@ class CheckedMesh:
         """Return how many elements or nodes a run has, for those that the check has built."""
         return round(count * self.refinement**2)
 
-    def remarks(self, blank: BlankMesh) -> list[str]:
-        """Return the remarks on the blank that a check has built, or what it stands in for."""
+    def remarks(self, blanks: Sequence[BlankMesh]) -> list[str]:
+        """Return the remarks on the plies that a check has built, or what they stand in for."""
+        stack = self.scene.stack
         if not self.stands_in:
-            return blank.remarks()
+            each = zip(stack, blanks, strict=True)
+            return list(dict.fromkeys(text for ply, mesh in each for text in ply.remarks(mesh)))
+        count = sum(blank.element_count for blank in blanks)
         return [
-            f"the mesh of {1e3 * self.given.blank.edge_length:.3g} mm, about "
-            f"{self.in_run(blank.element_count):,} elements, was not built for this check: cost, "
-            f"gaps and effects are those of {blank.element_count:,} elements of "
-            f"{1e3 * self.scene.blank.edge_length:.3g} mm, carried over to it"
+            f"the mesh of {1e3 * self.given.stack.shortest_edge:.3g} mm, about "
+            f"{self.in_run(count):,} elements, was not built for this check: cost, "
+            f"gaps and effects are those of {count:,} elements of "
+            f"{1e3 * stack.shortest_edge:.3g} mm, carried over to it"
         ]
 
 
@@ -65,22 +69,29 @@ def checked_mesh(scene: Scene) -> CheckedMesh:
     ------
     InputError : the blank has too many elements, or more than the memory of this machine holds.
     """
-    blank = scene.blank
-    outline, _ = outline_of(blank)
-    area = polygon_area(outline)
-    count = area / float(blank.edge_length) ** 2
+    stack = scene.stack
+    count = 0.0
+    for ply in stack:
+        area, edge_length = polygon_area(ply.outline), float(ply.blank.edge_length)
+        if area / edge_length**2 > LARGE:
+            with ply.own_keys():
+                check_element_count(ply.outline, area, edge_length)
+        count += area / edge_length**2
     if not count > LARGE:
         return CheckedMesh(scene, scene)
-    check_element_count(outline, area, float(blank.edge_length))
-    require_mesh_fits(round(count), physical_memory(), edge_length=float(blank.edge_length))
+    require_mesh_fits(
+        round(count), physical_memory(), edge_length=stack.shortest_edge, key=stack.edge_entry
+    )
     refinement = math.sqrt(count / ENOUGH)
-    longer = blank.model_copy(update={"edge_length": refinement * blank.edge_length})
-    if not _can_be_meshed(longer, scene.material.thickness):
+    longer = scene.with_longer_edges(refinement)
+    if not _can_be_meshed(longer):
         return CheckedMesh(scene, scene)  # details that only short elements can follow
-    return CheckedMesh(scene, scene.model_copy(update={"blank": longer}), refinement)
+    return CheckedMesh(scene, longer, refinement)
 
 
-def require_mesh_fits(element_count: int, memory: int, *, edge_length: float) -> None:
+def require_mesh_fits(
+    element_count: int, memory: int, *, edge_length: float, key: str = "blank.edge_length"
+) -> None:
     """Stop where building the mesh takes more than a memory [bytes].
 
     Raises
@@ -95,13 +106,14 @@ def require_mesh_fits(element_count: int, memory: int, *, edge_length: float) ->
         f"{edge_length:g} m makes about {element_count:,} elements, which take about "
         f"{needed / 1e9:.3g} GB, more than the {memory / 1e9:.3g} GB of this machine; choose "
         f"{fitting:.2g} m or more",
-        key="blank.edge_length",
+        key=key,
     )
 
 
 def shortest_edges(scene: Scene) -> float:
     """Return the edge length [m] whose mesh takes half of this machine's memory to build."""
-    return _edges_that_fit(polygon_area(outline_of(scene.blank)[0]), physical_memory())
+    area = sum(polygon_area(ply.outline) for ply in scene.stack)
+    return _edges_that_fit(area, physical_memory())
 
 
 def _edges_that_fit(area: float, memory: int) -> float:
@@ -109,9 +121,10 @@ def _edges_that_fit(area: float, memory: int) -> float:
     return math.sqrt(2.0 * BUILDING_BYTES * area / memory)
 
 
-def _can_be_meshed(blank: Blank, thickness: float) -> bool:
+def _can_be_meshed(scene: Scene) -> bool:
     try:
-        build_blank(blank, thickness)
+        for ply in scene.stack:
+            ply.build_blank()
     except InputError:
         return False
     return True

@@ -95,11 +95,13 @@ def process_time_needed(model: Model) -> ProcessTime:
 
 
 def _holder_periods(model: Model) -> dict[str, float]:
-    """Return 2π sqrt(m/k), k from the thickness stiffness of the whole blank."""
+    """Return 2π sqrt(m/k), k from the thickness stiffness of all sheets, one on the other."""
     found = {}
-    body = model.bodies[0]
-    area = float(np.sum(body.mesh.element_areas))
-    stiffness = body.material.wave_stiffness()[1] * area / body.material.thickness
+    stiffness = 1.0 / sum(
+        body.material.thickness
+        / (body.material.wave_stiffness()[1] * float(np.sum(body.mesh.element_areas)))
+        for body in model.bodies
+    )
     for tool, name in enumerate(model.tool_names):
         if model.tools.motion_kind[tool] == GUIDED:
             mass = float(model.tools.mass[tool])
@@ -289,7 +291,7 @@ def _hourglass(measures: Mapping[str, float], scene: Scene) -> list[str]:
     part = measures["hourglass_to_internal"]
     if part <= LARGEST_HOURGLASS_PART:
         return []
-    edge = 1e3 * scene.blank.edge_length * math.sqrt(LARGEST_HOURGLASS_PART / part)
+    edge = 1e3 * scene.stack.shortest_edge * math.sqrt(LARGEST_HOURGLASS_PART / part)
     return [
         f"the hourglass energy is {part:.1%} of the internal energy (resolved: below "
         f'{LARGEST_HOURGLASS_PART:.0%}); use blank.edge_length = "{two_digits(edge)} mm"'

@@ -12,17 +12,24 @@ from lcmchain.scene.fabrics import preset_remarks
 
 def scene_warnings(scene: Scene) -> list[str]:
     """Say what is allowed but probably not meant."""
-    found = [] if scene.element.has_thickness else [NO_THICKNESS]
-    found += scene.element.remarks
+    stack = scene.stack
+    found = [] if stack.has_thickness else [NO_THICKNESS]
+    for element in stack.elements.values():
+        found += [remark for remark in element.remarks if remark not in found]
+    found += _unused_materials(scene)
     left_out = left_out_of(scene)
     if left_out:
         found.append(f"left out, as this model knows nothing of them: {', '.join(left_out)}")
     found += [
         switched.warning for switched in scene.switched if f"effects.{switched.key}" not in left_out
     ]
-    found += scene.material.remarks() + preset_remarks(scene.material)
-    director = getattr(scene.element, "compaction_strain", None) == "director"
-    if director and scene.tools and scene.material.has_fibres:
+    for material in stack.materials.values():
+        found += material.remarks() + preset_remarks(material)
+    director = any(
+        getattr(ply.element, "compaction_strain", None) == "director" and ply.material.has_fibres
+        for ply in stack
+    )
+    if director and scene.tools:
         found.append(
             'element.compaction_strain = "director" (as published) lets elements fold over on '
             'small radii under pressure; "normal" does not'
@@ -39,8 +46,21 @@ def scene_warnings(scene: Scene) -> list[str]:
     found += _drag_of_added_mass(scene)
     for tool in scene.tools:
         found += tool.motion.remarks(tool.name, process.time)
-        found += tool.shape.remarks(tool.name, scene.blank.edge_length)
+        found += tool.shape.remarks(tool.name, stack.shortest_edge)
     return found
+
+
+def _unused_materials(scene: Scene) -> list[str]:
+    """Say which materials stand in the scene, but in no ply."""
+    used = scene.stack.materials
+    given = [f"materials.{name}" for name in scene.materials]
+    if scene.material is not None:
+        given.insert(0, "material")
+    return [
+        f"{key} is the material of no ply; plies name one by their entry material"
+        for key in given
+        if key not in used
+    ]
 
 
 def _drag_of_added_mass(scene: Scene) -> list[str]:

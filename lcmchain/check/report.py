@@ -26,12 +26,12 @@ from lcmchain.check.tables import (
     preview_table,
     process_time_table,
     scene_tables,
+    stack_tables,
     surface_table,
 )
 from lcmchain.check.tools_at_start import (
     InitialGap,
-    contact_offset,
-    initial_gaps,
+    gaps_of_stack,
     overlapping,
     require_gaps,
 )
@@ -39,7 +39,7 @@ from lcmchain.check.tools_closing import Closing, closing_tools, tools_that_clos
 from lcmchain.check.tools_without_touch import tools_out_of_reach
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
-from lcmchain.mesh.blank import BlankMesh, build_blank
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, build_model
 from lcmchain.report.captions import START_PICTURE
 from lcmchain.scene import Scene
@@ -56,6 +56,7 @@ class CheckReport:
     scene: Scene
     element_count: int
     node_count: int
+    ply_counts: list[int]
     effects: list[Effect]
     effect_parts: dict[str, float]
     estimate: Estimate
@@ -70,7 +71,8 @@ class CheckReport:
     def first_tables(self) -> list[Table]:
         """Lay out for a terminal what decides whether to start: gaps, cost, pace, preview."""
         return [
-            *gap_table(self.gaps, self.scene.material.thickness, self.initial_overlap),
+            *stack_tables(self.scene, self.ply_counts),
+            *gap_table(self.gaps, self.scene.stack.least_thickness, self.initial_overlap),
             *closing_table(self.closing, self.scene),
             cost_table(
                 self.estimate,
@@ -119,7 +121,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
     mesh = checked_mesh(scene)
     scene = mesh.scene
     # the tools meet the faces of the sheet, whatever its elements
-    blank = build_blank(scene.blank, scene.material.thickness)
+    blanks = [ply.build_blank() for ply in scene.stack]
     picture = None if out is None else Path(out) / START_PICTURE
     marks: list[tuple[float, float, float]] = []
     model = None
@@ -129,24 +131,22 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
             if scene.element.has_forces:
                 model = build_model(scene)
             else:
-                tools = _tools(scene, blank)
+                tools = _tools(scene, blanks[0])
         if model is not None:
-            gaps = initial_gaps(
-                scene.tools, blank, model.tools, scene.source.directory, contact_offset(scene)
-            )
+            gaps = gaps_of_stack(scene, blanks, model.tools)
             marks = [gap.position for gap in overlapping(gaps, scene)]
             require_gaps(gaps, scene)
     except InputError as error:
-        raise _with_picture(error, picture, scene, blank, marks) from None
+        raise _with_picture(error, picture, scene, blanks, marks) from None
     noted = [str(entry.message) for entry in tool_warnings]
-    noted = mesh.remarks(blank) + noted
+    noted = mesh.remarks(blanks) + noted
     report: CheckReport | DrapingReport
     if model is None:
-        report = check_draping(scene, blank, tools, noted, picture)
+        report = check_draping(scene, blanks[0], tools, noted, picture)
     else:
-        report = _report(mesh, blank, model, gaps, noted, picture)
+        report = _report(mesh, blanks, model, gaps, noted, picture)
     if picture is not None:
-        draw_start(picture, scene, blank)
+        draw_start(picture, scene, blanks)
     return report
 
 
@@ -158,7 +158,7 @@ def _tools(scene: Scene, blank: BlankMesh) -> ToolTable:
 
 def _report(
     mesh: CheckedMesh,
-    blank: BlankMesh,
+    blanks: Sequence[BlankMesh],
     model: Model,
     gaps: list[InitialGap],
     noted: list[str],
@@ -170,12 +170,13 @@ def _report(
     require_frames_fit(scene.process.frames, *counts)
     needed = process_time_needed(model)
     found = scene_warnings(mesh.given) + process_time_remarks(scene, needed)
-    closing = closing_tools(scene, blank, model)
+    closing = closing_tools(scene, blanks, model)
     found += tools_out_of_reach(scene, model) + tools_that_close(scene, model, closing)
     return CheckReport(
         scene=scene,
         element_count=counts[0],
         node_count=counts[1],
+        ply_counts=[mesh.in_run(body.mesh.element_count) for body in model.bodies],
         effects=run_effects(scene, model),
         effect_parts=effect_parts(model),
         estimate=estimate_run(model, mesh.refinement),
@@ -183,7 +184,7 @@ def _report(
         gaps=gaps,
         initial_overlap=model.tools.initial_overlap.tolist(),
         closing=closing,
-        preview=draping_preview(scene, blank, model.tools),
+        preview=draping_preview(scene, blanks, model.tools),
         warnings=found + noted,
         picture=picture,
     )
@@ -193,14 +194,14 @@ def _with_picture(
     error: InputError,
     picture: Path | None,
     scene: Scene,
-    blank: BlankMesh,
+    blanks: Sequence[BlankMesh],
     marks: Sequence[tuple[float, float, float]],
 ) -> InputError:
     """Return an error of the tools that names the picture of the start."""
     if picture is None:
         return error
     try:
-        draw_start(picture, scene, blank, marks)
+        draw_start(picture, scene, blanks, marks)
     except InputError:
         return error  # of the scene; that no picture can be written here is not what was asked
     return InputError(f"{error.message}. {picture} shows the start", key=error.key, file=error.file)
@@ -209,19 +210,20 @@ def _with_picture(
 def draw_start(
     path: Path,
     scene: Scene,
-    blank: BlankMesh,
+    blanks: Sequence[BlankMesh],
     marks: Sequence[tuple[float, float, float]] = (),
 ) -> None:
-    """Draw blank, tools and initial fibre directions, and mark places [m] of an overlap.
+    """Draw the plies, tools and initial fibre directions, and mark places [m] of an overlap.
 
     A tool whose surface cannot be had is left out.
     """
-    from lcmchain.report import draw_initial
+    from lcmchain.report import draw_initial, draw_stack
     from lcmchain.tools.drawing import tool_surface
     from lcmchain.tools.surfaces.surface import ToolWarning
 
     # Infinite tools are shown a little beyond the blank, and as high as the blank is long.
-    lowest, highest = blank.node_positions.min(axis=0), blank.node_positions.max(axis=0)
+    nodes = np.concatenate([blank.node_positions for blank in blanks])
+    lowest, highest = nodes.min(axis=0), nodes.max(axis=0)
     size = float(max(highest - lowest))
     margin = np.array([0.1, 0.1, 0.5]) * size
     box = np.array([lowest - margin, highest + margin])
@@ -233,4 +235,9 @@ def draw_start(
                 surfaces.append((tool.name, *tool_surface(tool, scene.source.directory, box)))
         except InputError:
             continue  # what is wrong with it is the error that the picture goes with
-    draw_initial(path, blank, surfaces, marks=marks)
+    names = [ply.name for ply in scene.stack]
+    if len(blanks) > 1:
+        plies = list(zip(names, blanks, strict=True))
+        draw_stack(path, plies, surfaces, title=scene.title, marks=marks)
+    else:
+        draw_initial(path, blanks[0], surfaces, marks=marks)

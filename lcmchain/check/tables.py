@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -65,13 +65,50 @@ def basis_table(preset: str, rows: list[tuple[str, str, Basis]]) -> Table:
 
 def scene_tables(scene: Scene) -> list[Table]:
     """Entries of a scene, given and defaulted, and what those of a preset rest on."""
-    material = scene.material
-    name = getattr(material, "preset", "")
+    of_presets = {
+        getattr(material, "preset", ""): preset_basis(material)
+        for material in scene.stack.materials.values()
+    }
     return [
         entry_table("Given in the scene", scene.source.given),
         entry_table("Defaulted", scene.source.defaulted),
-        *([basis_table(name, basis)] if (basis := preset_basis(material)) else []),
+        *(basis_table(name, basis) for name, basis in of_presets.items() if basis),
     ]
+
+
+def stack_tables(scene: Scene, element_counts: Sequence[int]) -> list[Table]:
+    """Plies of a stack from the top down, as they lie, and what lies between them."""
+    stack = scene.stack
+    if len(stack) == 1:
+        return []
+    plies = _table(
+        f"Stack of {len(stack)} plies, {1e3 * stack.thickness:.4g} mm thick, top first",
+        "ply", "material", "fibres 1", "thickness", "middle at z", "edge", "elements", "size",
+    )  # fmt: skip
+    for ply, count in reversed(list(zip(stack, element_counts, strict=True))):
+        width, height = ply.blank.extent
+        shift = ", ".join(f"{1e3 * way:.4g}" for way in ply.center)
+        plies.add_row(
+            _text(ply.name),
+            _text(str(ply.material.name)),
+            f"{np.degrees(ply.blank.fibre_angle) + 0.0:.4g} deg",
+            f"{1e3 * ply.thickness:.4g} mm",
+            f"{1e3 * ply.blank.height + 0.0:.4g} mm",
+            f"{1e3 * ply.blank.edge_length:.4g} mm",
+            f"{count:,}",
+            f"{1e3 * width:.4g} x {1e3 * height:.4g} mm"
+            + (f", shifted by ({shift}) mm" if any(ply.center) else ""),
+        )
+    between = _table("Between plies", "plies", "friction", "stiffness")
+    for entry in stack.interfaces(scene.interfaces):
+        names = (
+            "all that no other entry names"
+            if entry.between is None
+            else " and ".join(entry.between)
+        )
+        stiffness = "automatic" if entry.penalty is None else f"{1e-9 * entry.penalty:.4g} MPa/mm"
+        between.add_row(_text(names), f"{entry.friction:g}", stiffness)
+    return [plies, between]
 
 
 def active_in_words(effects: list[Effect]) -> str:
@@ -142,7 +179,7 @@ def closing_table(closing: list[Closing], scene: Scene) -> list[Table]:
     """Gaps between the tools that have the sheet between them, against its thickness."""
     if not closing:
         return []
-    thickness = scene.material.thickness
+    thickness = scene.stack.thickness
     table = _table(
         f"Gaps between tools; the sheet is {1e3 * thickness:.4g} mm thick",
         "tools", "at the end of the process", "closest on the way", "there at, mm",

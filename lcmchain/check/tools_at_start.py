@@ -6,14 +6,14 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lcmchain.check.smallest_gap import Distance, smallest_gap
 from lcmchain.errors import InputError
-from lcmchain.mesh.blank import BlankMesh, build_blank
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.scene import Scene, Tool
+from lcmchain.scene.plies import PlySettings
 from lcmchain.tools.distance import gaps as node_gaps
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.surfaces.exact_distance import ExactDistance
@@ -43,13 +43,13 @@ class InitialGap:
     surface: Surface | None = None
 
 
-def contact_offset(scene: Scene) -> float:
+def contact_offset(ply: PlySettings) -> float:
     """Return how far the sheet's surface lies from the nodes that the tools meet [m].
 
     Elements without a thickness have nodes on the mid-surface, and contact keeps these half the
     thickness away, along the normal of the tool: farther than the faces on a slope.
     """
-    return 0.0 if scene.element.has_thickness else 0.5 * scene.material.thickness
+    return 0.0 if ply.element.has_thickness else 0.5 * ply.thickness
 
 
 def initial_gaps(
@@ -67,13 +67,35 @@ def initial_gaps(
     offset : 0 for the distance to the blank's faces; else the part of that to the mid-surface [m]
         which belongs to the sheet, see :func:`contact_offset`.
     """
-    return [
-        _initial_gap(t, tool, blank, tool_table, directory, offset) for t, tool in enumerate(tools)
-    ]
+    return _gaps_of_sheets(tools, [(blank, offset)], tool_table, directory)
+
+
+def gaps_of_stack(
+    scene: Scene, blanks: Sequence[BlankMesh], tool_table: ToolTable
+) -> list[InitialGap]:
+    """Measure the smallest distance of every tool to any ply of a scene.
+
+    blanks : of the plies, as :meth:`lcmchain.scene.plies.PlySettings.build_blank` makes them.
+    """
+    sheets = [(blank, contact_offset(ply)) for blank, ply in zip(blanks, scene.stack, strict=True)]
+    return _gaps_of_sheets(scene.tools, sheets, tool_table, scene.source.directory)
+
+
+def _gaps_of_sheets(
+    tools: Sequence[Tool],
+    sheets: Sequence[tuple[BlankMesh, float]],
+    tool_table: ToolTable,
+    directory: Path,
+) -> list[InitialGap]:
+    return [_initial_gap(t, tool, sheets, tool_table, directory) for t, tool in enumerate(tools)]
 
 
 def _initial_gap(
-    index: int, tool: Tool, blank: BlankMesh, table: ToolTable, directory: Path, offset: float
+    index: int,
+    tool: Tool,
+    sheets: Sequence[tuple[BlankMesh, float]],
+    table: ToolTable,
+    directory: Path,
 ) -> InitialGap:
     def in_field(points: np.ndarray) -> np.ndarray:
         return node_gaps(table, index, np.ascontiguousarray(points, dtype=np.float64), 0.0)
@@ -81,7 +103,8 @@ def _initial_gap(
     axes = tool.local_axes(key=f'tools[{index}] "{tool.name}".axis')
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ToolWarning)  # said when the table was built
-        surface = tool.shape.surface_mesh(directory, in_frame_of(tool, axes, blank.node_positions))
+        every_node = np.concatenate([blank.node_positions for blank, _ in sheets])
+    surface = tool.shape.surface_mesh(directory, in_frame_of(tool, axes, every_node))
     distance: Distance = in_field
     vertices = None
     if surface is not None:
@@ -92,13 +115,19 @@ def _initial_gap(
         def distance(points: np.ndarray) -> np.ndarray:
             return exact(in_frame_of(tool, axes, points), in_field(points), spacing)
 
-    gap, place = smallest_gap(distance, blank, vertices, offset)
-    nodes = blank.mid_surface_positions if offset else blank.node_positions
-    at_nodes = float(in_field(nodes).min()) - offset
+    found = [smallest_gap(distance, blank, vertices, offset) for blank, offset in sheets]
+    gap, place = min(found, key=lambda least: least[0])
+    at_nodes = min(
+        float(in_field(blank.mid_surface_positions if offset else blank.node_positions).min())
+        - offset
+        for blank, offset in sheets
+    )
     return InitialGap(tool.name, gap, tuple(place.tolist()), at_nodes, surface)
 
 
-def require_no_initial_overlap(scene: Scene, blank: Any, tool_table: ToolTable) -> list[InitialGap]:
+def require_no_initial_overlap(
+    scene: Scene, tool_table: ToolTable, blanks: Sequence[BlankMesh] | None = None
+) -> list[InitialGap]:
     """Stop when a tool reaches into the blank at the start, deeper than 1 % of the thickness.
 
     Such a tool would push the blank away with a jump of contact force that no process has.
@@ -106,8 +135,8 @@ def require_no_initial_overlap(scene: Scene, blank: Any, tool_table: ToolTable) 
     Parameters
     ----------
     scene : validated scene.
-    blank : its mesh, of any elements.
     tool_table : its tools, in the order of ``scene.tools``.
+    blanks : of its plies, with thickness, where they are built already.
 
     Returns
     -------
@@ -117,18 +146,16 @@ def require_no_initial_overlap(scene: Scene, blank: Any, tool_table: ToolTable) 
     ------
     InputError : names every tool that overlaps, the depth and the place.
     """
-    if not blank.has_thickness:
-        blank = build_blank(scene.blank, scene.material.thickness)
-    gaps = initial_gaps(
-        scene.tools, blank, tool_table, scene.source.directory, contact_offset(scene)
-    )
+    if blanks is None:
+        blanks = [ply.build_blank() for ply in scene.stack]
+    gaps = gaps_of_stack(scene, blanks, tool_table)
     require_gaps(gaps, scene)
     return gaps
 
 
 def overlapping(gaps: Sequence[InitialGap], scene: Scene) -> list[InitialGap]:
     """Return the gaps of the tools that reach into the blank deeper than counts as a touch."""
-    tolerance = OVERLAP_TOLERANCE * scene.material.thickness
+    tolerance = OVERLAP_TOLERANCE * scene.stack.least_thickness
     return [gap for gap in gaps if not min(gap.gap, gap.at_nodes) >= -tolerance]
 
 
@@ -149,18 +176,18 @@ def require_gaps(gaps: Sequence[InitialGap], scene: Scene) -> None:
 
 def _sentence(gap: InitialGap, scene: Scene) -> str:
     x, y, z = (round(1e3 * c, 9) + 0.0 for c in gap.position)  # no rounding errors, no minus zero
-    if gap.gap >= -OVERLAP_TOLERANCE * scene.material.thickness:
+    stack = scene.stack
+    if gap.gap >= -OVERLAP_TOLERANCE * stack.least_thickness:
         return (
             f"the distance field of the tool reaches {-1e3 * gap.at_nodes:.3g} mm into the blank, "
             "where its grid rounds an inner corner; give its shape a smaller spacing, or move the "
             "tool away by as much"
         )
     of_slopes = ", and its mid-surface keeps half the thickness away from a slope"
-    kept = of_slopes if contact_offset(scene) else ""
+    kept = of_slopes if any(contact_offset(ply) for ply in stack) else ""
     return (
         f"the tool reaches {-1e3 * gap.gap:.3g} mm into the blank at the start, deepest at "
         f"({x:.4g}, {y:.4g}, {z:.4g}) mm; the blank lies between z = "
-        f"{1e3 * (scene.blank.height - scene.material.thickness / 2):.4g} mm and "
-        f"{1e3 * (scene.blank.height + scene.material.thickness / 2):.4g} mm{kept}. Move the "
-        "tool, or set blank.height"
+        f"{1e3 * stack.bottom:.4g} mm and {1e3 * stack.top:.4g} mm{kept}. Move the tool, or set "
+        f"{stack[0].key}.height"
     )

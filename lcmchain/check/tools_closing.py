@@ -7,6 +7,7 @@ that is too small, a stroke that is too long, a tool in the way of another one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -46,7 +47,7 @@ class Closing(NamedTuple):
         return min(self.course, key=lambda closest: closest.gap)
 
 
-def closing_tools(scene: Scene, blank: BlankMesh, model: Model) -> list[Closing]:
+def closing_tools(scene: Scene, blanks: Sequence[BlankMesh], model: Model) -> list[Closing]:
     """Return the pairs of tools that have the sheet between them, with their gaps over the process.
 
     Only over the blank as it lies at the start, and of tools that a stroke or a table drives: how
@@ -55,8 +56,8 @@ def closing_tools(scene: Scene, blank: BlankMesh, model: Model) -> list[Closing]
     """
     tools = model.tools
     led = [k for k in range(len(scene.tools)) if tools.motion_kind[k] != GUIDED]
-    sides = {k: _side(model, k, blank) for k in led}
-    places, times = places_of_sheet([blank]), times_of_motion(tools, model.process_time, TIMES)
+    sides = {k: _side(model, k, blanks) for k in led}
+    places, times = places_of_sheet(blanks), times_of_motion(tools, model.process_time, TIMES)
     found = []
     for one, other in combinations(led, 2):
         moves = scene.tools[one].motion.moves or scene.tools[other].motion.moves
@@ -69,23 +70,28 @@ def closing_tools(scene: Scene, blank: BlankMesh, model: Model) -> list[Closing]
 
 def tools_that_close(scene: Scene, model: Model, closing: list[Closing]) -> list[str]:
     """Say which tools leave no space for the sheet between them on their way."""
-    least = LEAST_GAP * scene.material.thickness
+    stack = scene.stack
+
+    def leaves_none(near: ClosestGap) -> bool:
+        return near.gap < LEAST_GAP * stack.thickness_at(near.place[0], near.place[1])
+
     found = []
     for tools in closing:
-        if tools.closest.gap < least <= tools.start.gap:
-            first = next(near for near in tools.course if near.gap < least)
+        if leaves_none(tools.closest) and not leaves_none(tools.start):
+            first = next(near for near in tools.course if leaves_none(near))
             found.append(_sentence(scene, model, tools.pair, first, tools.closest))
     return found
 
 
-def _side(model: Model, tool: int, blank: BlankMesh) -> int:
+def _side(model: Model, tool: int, blanks: Sequence[BlankMesh]) -> int:
     """Return 1 for a tool above the blank, -1 for one below, 0 where it is beside it."""
-    nodes = np.ascontiguousarray(blank.mid_surface_positions)
+    nodes = np.concatenate([blank.mid_surface_positions for blank in blanks])
+    thickness = sum(blank.thickness for blank in blanks)
     nearest = nodes[[np.argmin(gaps(model.tools, tool, nodes, 0.0))]]
-    step = np.array([0.0, 0.0, 0.5 * blank.thickness])
+    step = np.array([0.0, 0.0, 0.5 * thickness])
     below = gaps(model.tools, tool, nearest - step, 0.0)[0]
     above = gaps(model.tools, tool, nearest + step, 0.0)[0]
-    rise = (below - above) / blank.thickness
+    rise = (below - above) / thickness
     return 0 if abs(rise) < 0.5 else int(np.sign(rise))
 
 
@@ -94,6 +100,7 @@ def _sentence(
 ) -> str:
     """Name tools, gap, place and travel where two tools are closest, and when it begins."""
     moving = [k for k in pair if scene.tools[k].motion.moves]
+    thickness = scene.stack.thickness_at(closest.place[0], closest.place[1])
     way = " and ".join(
         f"{model.tool_names[k]} at a travel of "
         f"{1e3 * prescribed_travel(model.tools, k, closest.time)[0]:.4g} mm"
@@ -109,6 +116,6 @@ def _sentence(
     return (
         f"{one} and {other} {what} at {millimetres(closest.place)} at "
         f"{1e3 * closest.time:.4g} ms, {way}: no space for the sheet, which is "
-        f"{1e3 * scene.material.thickness:.4g} mm thick, from {1e3 * first.time:.4g} ms on; check "
+        f"{1e3 * thickness:.4g} mm thick, from {1e3 * first.time:.4g} ms on; check "
         f"{keys}, position and size of both"
     )

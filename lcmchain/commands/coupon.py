@@ -113,7 +113,8 @@ def _run_coupon(
 
         simulate = getattr(import_module(f"lcmchain.coupons.{name}"), name)
         with progress_bar() as progress:
-            result = simulate(the_scene.material, the_scene.element, progress=progress, **values)
+            ply = the_scene.only_ply("lcmchain coupon")
+            result = simulate(ply.material, ply.element, progress=progress, **values)
         write_coupon(folder, result)
     console().print(result.table())
     say(f"Results in {folder}")

@@ -43,13 +43,14 @@ def _print_table(summary: Mapping) -> None:
 def summary_rows(summary: Mapping) -> Iterator[Number]:
     """Yield what matters first in a ``summary.json``, in words."""
     from lcmchain.report.fillings import filling_in_words
-    from lcmchain.report.numbers import Number, key_numbers
+    from lcmchain.report.numbers import Number, key_numbers, ply_numbers
 
     if summary.get("state", COMPLETE) != COMPLETE:
         reached, total = 1e3 * summary["time_reached_s"], 1e3 * summary["process_time_s"]
         value = f"{reached:.4g} of {total:.4g} ms"
         yield Number("Reached", value, "the fields are of the last saved frame")
     yield from key_numbers(summary)
+    yield from ply_numbers(summary)
     for name, report in summary["mapping"].items():
         yield Number(f"Mapping {name}", *_mapping_text(report))
     for name, report in summary.get("structure", {}).items():

@@ -80,7 +80,7 @@ material = {{ preset = "MD600" }}
 
     def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
         """Return what holds the strip: its short sides, each pulled by half the travel."""
-        pull, half_length = self.pull(scene), 0.5 * scene.blank.extent[0]
+        pull, half_length = self.pull(scene), 0.5 * scene.only_ply("a coupon").blank.extent[0]
 
         def clamps(blank: BlankMesh) -> list[Support]:
             x = blank.node_positions[:, 0]
@@ -136,14 +136,15 @@ def bias_extension(
     )
 
     simulation, recording = record(scene, test.supports(scene), progress=progress)
-    centre = element_centres(simulation.model.blank)[:, :2]
+    (body,) = simulation.model.bodies
+    centre = element_centres(body.mesh)[:, :2]
     inside = (np.abs(centre) < 0.5 * CENTRE).all(axis=1)
     angle = mean_field(simulation, recording.snapshots[1::2], "shear_angle", inside)
     force, pull = test.force(scene, recording), test.pull(scene)
     u = np.array([pull.travel(t) for t in recording.time[1::2]])
 
     expected_angle = analytic.shear_angle(u)
-    expected_force = analytic.force(expected_angle, shear_stress_of(simulation.model.material))
+    expected_force = analytic.force(expected_angle, shear_stress_of(body.material))
     curves = {
         "displacement [mm]": 1e3 * u,
         "force [N]": force,
@@ -168,9 +169,7 @@ def bias_extension(
             for name, unit in (("shear angle", "deg"), ("force", "N"))
         ),
         draw=lambda path: _draw(path, curves, scene.title),
-        datasets=build_datasets(
-            scene, simulation.model.blank, frames, material=simulation.model.material
-        ),
+        datasets=build_datasets(scene, body.mesh, frames, material=body.material),
         shown="shear_angle",
         figures={
             "steps": simulation.state.step_count,

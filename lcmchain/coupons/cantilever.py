@@ -151,12 +151,13 @@ def bent_strip(
         blank={"size": (overhang, width), "edge_length": edge_length, "fibre_angle": orientation},
     )
     model = build_model(scene)
-    X = model.blank.node_positions
+    (body,) = model.bodies
+    X = body.mesh.node_positions
     held = np.tile(X[:, 0] < -0.5 * overhang + 1e-9, (3, 1))
     problem = StaticProblem(model=model, held=held, gravity=(0.0, 0.0, -gravity))
     displacement = solve(problem, [1.0], first_step=LOAD_STEP)[-1].displacement
 
-    n = model.blank.pair_count
+    n = body.mesh.pair_count
     arc = X[:n, 0] + 0.5 * overhang
     reach = arc + 0.5 * (displacement[0, :n] + displacement[0, n:])
     drop = -0.5 * (displacement[2, :n] + displacement[2, n:])

@@ -81,13 +81,14 @@ def compaction(
         tools=plates,
     )
     simulation = Simulation(build_model(scene))
-    model, state = simulation.model, simulation.state
+    state = simulation.state
+    (body,) = simulation.model.bodies
     rows = []
     for time in np.linspace(0.0, DURATION, SAMPLES + 1)[1:]:
         simulation.advance_to(float(time))
         # forces are those of the last step, whose positions were these
         position = (state.position - state.last_step * state.velocity).T
-        measured = derive_fields(model.blank, model.material, position)["thickness"]
+        measured = derive_fields(body.mesh, body.material, position)["thickness"]
         rows.append((measured.mean(), np.ptp(measured), state.tool_force[1, 2] / size**2))
         if progress is not None:
             progress(simulation.time, DURATION, scene.title)
@@ -124,7 +125,7 @@ def compaction(
         name="compaction",
         settings={
             "specimen": f"{1e3 * size:g} mm x {1e3 * size:g} mm",
-            "elements": f"{model.element_count} elements of {1e3 * edge_length:g} mm",
+            "elements": f"{simulation.model.element_count} elements of {1e3 * edge_length:g} mm",
             "duration": f"{1e3 * DURATION:g} ms",
         },
         curves=curves,

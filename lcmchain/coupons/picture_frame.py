@@ -34,6 +34,7 @@ from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
+from lcmchain.scene.plies import PlySettings
 
 # Slow enough that inertia and damping add less than half a percent to the force.
 DURATION = 0.5  # [s]
@@ -72,7 +73,7 @@ material = {{ preset = "MD600" }}
 
     def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
         """Return what holds the square: its sides, which turn about its corners."""
-        net, pull, half_side = _net(scene), self.pull(scene), 0.5 * scene.blank.extent[0]
+        net, pull, half_side = _net(scene), self.pull(scene), 0.5 * _square(scene).blank.extent[0]
 
         def hinged(time: float) -> np.ndarray:
             half = 0.5 * float(net.shear_angle(pull.travel(time)))
@@ -96,7 +97,11 @@ material = {{ preset = "MD600" }}
 
 
 def _net(scene: Scene) -> PictureFrame:
-    return PictureFrame(scene.blank.extent[0], scene.material.thickness)
+    return PictureFrame(_square(scene).blank.extent[0], _square(scene).thickness)
+
+
+def _square(scene: Scene) -> PlySettings:
+    return scene.only_ply("a coupon")
 
 
 def picture_frame(
@@ -139,7 +144,8 @@ def picture_frame(
     edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
     measured = mean_field(simulation, recording.snapshots[1::2], "shear_angle", everywhere)
 
-    shear_stress = shear_stress_of(simulation.model.material)
+    (body,) = simulation.model.bodies
+    shear_stress = shear_stress_of(body.material)
     curves = {
         "displacement [mm]": 1e3 * d[1::2],
         "force [N]": force,
@@ -172,9 +178,7 @@ def picture_frame(
             if angle <= angles[-1]
         ),
         draw=lambda path: _draw(path, curves, scene.title),
-        datasets=build_datasets(
-            scene, simulation.model.blank, frames, material=simulation.model.material
-        ),
+        datasets=build_datasets(scene, body.mesh, frames, material=body.material),
         shown="shear_angle",
         figures={
             "steps": simulation.state.step_count,

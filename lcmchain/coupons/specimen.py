@@ -130,10 +130,10 @@ def mean_field(
     simulation: Simulation, snapshots: Sequence[Snapshot], name: str, mask: np.ndarray
 ) -> np.ndarray:
     """Return the mean of the size of a face field over the elements in ``mask``, (T,)."""
-    model = simulation.model
+    (body,) = simulation.model.bodies
     return np.array(
         [
-            np.abs(derive_fields(model.blank, model.material, s.position)[name][mask]).mean()
+            np.abs(derive_fields(body.mesh, body.material, s.position)[name][mask]).mean()
             for s in snapshots
         ]
     )

@@ -20,6 +20,7 @@ from lcmchain.draping.net import (
     unit_normal,
 )
 from lcmchain.draping.surface import (
+    ASKER,
     DrapedSurface,
     draped_surface,
     level,
@@ -28,7 +29,7 @@ from lcmchain.draping.surface import (
     touching_tool,
 )
 from lcmchain.errors import InputError, SimulationError
-from lcmchain.mesh.blank import BlankMesh, build_blank
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.fibres import shear_angles
 from lcmchain.mesh.mid_surface import MidSurfaceMesh
 from lcmchain.quantities.places import millimetres
@@ -158,8 +159,9 @@ def drape(
     ------
     InputError : there is no surface, or the seed has no place on it.
     """
+    ply = scene.only_ply(ASKER)
     if blank is None:
-        blank = build_blank(scene.blank, scene.material.thickness)
+        blank = ply.build_blank()
     if tools is None:
         tools = build_tool_table(
             scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
@@ -169,7 +171,7 @@ def drape(
     seed = _seed(scene, blank, tools)
     place = _place(scene, surface, tools, seed)
     side, direction_1, direction_2 = _frame(scene, surface, blank, place)
-    edge_length = scene.blank.edge_length
+    edge_length = ply.blank.edge_length
     coordinates = fibre_coordinates(blank, seed)
     lines = net_lines(blank, coordinates, edge_length)
     accuracy = ACCURACY * edge_length
@@ -199,7 +201,7 @@ def drape(
 def _locking_angle(scene: Scene) -> float:
     if scene.draping.locking_angle is not None:
         return scene.draping.locking_angle
-    membrane = getattr(scene.material, "membrane", None)
+    membrane = getattr(scene.only_ply(ASKER).material, "membrane", None)
     return getattr(membrane, "locking_angle", None) or USUAL_LOCKING
 
 
@@ -212,7 +214,7 @@ def _seed(scene: Scene, blank: BlankMesh, tools: ToolTable) -> np.ndarray:
     if tool is None:
         return 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))[:2]
     distance = gaps(tools, tool, np.ascontiguousarray(nodes), 0.0)
-    least = distance.min() + FIRST_TOUCH * scene.material.thickness
+    least = distance.min() + FIRST_TOUCH * scene.only_ply(ASKER).thickness
     first = nodes[distance < least]
     middle = first.mean(axis=0)
     if gaps(tools, tool, middle[None], 0.0)[0] < least:
@@ -229,7 +231,7 @@ def _nearest(nodes: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 def _place(scene: Scene, surface: DrapedSurface, tools: ToolTable, seed: np.ndarray) -> np.ndarray:
     """Return the place of the seed on the surface [m] (3,)."""
-    accuracy = ACCURACY * scene.blank.edge_length
+    accuracy = ACCURACY * scene.only_ply(ASKER).blank.edge_length
     if scene.draping.place is not None:
         point = np.array([scene.draping.place])
         project_all(surface, point, accuracy)
@@ -239,7 +241,7 @@ def _place(scene: Scene, surface: DrapedSurface, tools: ToolTable, seed: np.ndar
                 key="draping.place",
             )
         return point[0]
-    start = np.append(seed, scene.blank.height)
+    start = np.append(seed, scene.only_ply(ASKER).blank.height)
     ahead = stroke_direction(scene, tools)
     for direction in (ahead, -ahead):
         point = _along(surface, start, direction, scene)[None]
@@ -262,9 +264,10 @@ def _along(
         return level(surface, *(start + way * direction))[0]
 
     way, found = 0.0, level_at(0.0)
-    longest = LONGEST_WAY * max(scene.blank.extent) + abs(surface.travel)
+    blank = scene.only_ply(ASKER).blank
+    longest = LONGEST_WAY * max(blank.extent) + abs(surface.travel)
     for _ in range(MOST_WAYPOINTS):
-        if abs(found) < ARRIVED * scene.blank.edge_length:
+        if abs(found) < ARRIVED * blank.edge_length:
             return start + way * direction
         step = abs(found)
         ahead = level_at(way + step)

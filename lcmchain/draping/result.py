@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.draping.drape import Draped
-from lcmchain.draping.surface import end_travel
+from lcmchain.draping.surface import ASKER, end_travel
 from lcmchain.effects.effect import Effect
 from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
 from lcmchain.fields.summary import field_warnings
@@ -35,7 +35,7 @@ def draped_datasets(scene: Scene, draped: Draped) -> dict[str, xr.Dataset]:
     SimulationError : the net could not be laid to its end.
     """
     draped.require_whole()
-    mesh, material = draped.mesh, scene.material.build()
+    mesh, material = draped.mesh, scene.only_ply(ASKER).material.build()
     positions = np.stack([mesh.node_positions, draped.positions])
     areas = mesh.areas(positions)
     given = {"thickness": material.thickness * areas[0] / areas}
@@ -65,7 +65,7 @@ def draping_summary(scene: Scene, draped: Draped, datasets: dict[str, xr.Dataset
         "step_count": 0,
         "wall_s": draped.wall_s,
         "draping": draped_in_numbers(draped),
-        "warnings": field_warnings(datasets["/"], scene.material.build()),
+        "warnings": field_warnings(datasets["/"], scene.only_ply(ASKER).material.build()),
         "mapping": {},
     }
 

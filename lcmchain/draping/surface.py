@@ -26,6 +26,8 @@ from lcmchain.tools.distance import FIELD, PLANE, gaps, signed_distance
 from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
 from lcmchain.tools.table import ToolTable
 
+#: Who asks for the one sheet of a scene.
+ASKER = "kinematic draping"
 #: Distances from a surface mesh are exact up to so many spacings of its distance field.
 EXACT_SPACINGS = 3.0
 #: Gradient [1] below which a level has no direction.
@@ -126,7 +128,8 @@ def draped_surface(scene: Scene, tools: ToolTable, nodes: np.ndarray) -> DrapedS
     InputError : there is no such tool, nothing moves, or the travel of the tool is not given.
     """
     time = scene.process.time
-    offset = 0.5 * scene.material.thickness
+    ply = scene.only_ply(ASKER)
+    offset = 0.5 * ply.thickness
     shapes = ToolShapes.of(tools)
     name = scene.draping.surface
     if name is not None:
@@ -156,10 +159,10 @@ def draped_surface(scene: Scene, tools: ToolTable, nodes: np.ndarray) -> DrapedS
             key="draping.surface",
         )
     travel = end_travel(tools, tool, time)
-    if _is_open_mould(tools, tool, travel, nodes, side, scene.material.thickness):
+    if _is_open_mould(tools, tool, travel, nodes, side, ply.thickness):
         return DrapedSurface(shapes, tool, travel, offset, False, 0.0, 1.0, 0.0)
     return DrapedSurface(
-        shapes, tool, travel, offset, True, scene.blank.height, side,
+        shapes, tool, travel, offset, True, ply.blank.height, side,
         _edge_radius(scene, tools, tool),
     )  # fmt: skip
 
@@ -239,13 +242,14 @@ def _travel_vector(tools: ToolTable, tool: int, time: float) -> np.ndarray:
 def _edge_radius(scene: Scene, tools: ToolTable, tool: int) -> float:
     """Return the radius of the edge between a punch and the plane [m]."""
     radius = scene.draping.edge_radius
+    ply = scene.only_ply(ASKER)
+    half = 0.5 * ply.thickness
     if radius is None:
         fillet = max((getattr(tool.shape, "fillet_radius", 0.0) for tool in scene.tools), default=0)
-        half = 0.5 * scene.material.thickness
-        radius = fillet + half if fillet > 0.0 else scene.blank.edge_length
+        radius = fillet + half if fillet > 0.0 else ply.blank.edge_length
     if tools.kind[tool] == FIELD:
         # farther from a surface mesh only a bound of the distance is known
-        exact = EXACT_SPACINGS * float(tools.spacing[tool]) - 0.5 * scene.material.thickness
+        exact = EXACT_SPACINGS * float(tools.spacing[tool]) - half
         radius = min(radius, max(exact, 0.0))
     return radius
 

@@ -13,31 +13,35 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Refusal, Switch, of_the_elements
+from lcmchain.effects.effect import Refusal, Switch, of_elements, of_the_elements
 
 SWITCH = Switch(
     entry="material.bending, element.bending",
     without="the moments that hold a sheet against wrinkles",
-    called=lambda scene: scene.element.has_forces and getattr(scene.element, "bending", True),
-    off=lambda scene: {"element": _membrane(scene)},
-    on=lambda scene: {"element": _shell(scene)},
+    called=lambda scene: any(_bends(element) for element in scene.stack.elements.values()),
+    off=of_elements(lambda element: _membrane(element)),
+    on=of_elements(lambda element: _shell(element)),
     unless="of solid-shells",
 )
 
 
-def _membrane(scene: Any) -> Any:
-    if scene.element.has_thickness:
+def _bends(element: Any) -> bool:
+    return element.has_forces and getattr(element, "bending", True)
+
+
+def _membrane(element: Any) -> Any:
+    if element.has_thickness:
         raise Refusal(
             "without C^B solid-shells have motions that nothing resists; use small values of "
             'material.bending, or element = "membrane-shell", which can be a membrane alone'
         )
-    return scene.element.without_bending()
+    return element.without_bending()
 
 
-def _shell(scene: Any) -> Any:
-    if not scene.element.has_forces:
+def _shell(element: Any) -> Any:
+    if not element.has_forces:
         raise Refusal('a net of fibres has no moments; use element = "membrane-shell"')
-    return scene.element.model_copy(update={"bending": True})
+    return element if element.has_thickness else element.model_copy(update={"bending": True})
 
 
 active = of_the_elements("bending")

@@ -10,14 +10,16 @@ Fields: ``thickness``, ``compaction_pressure``.
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import Switch, of_the_elements, refused
+from lcmchain.effects.effect import Switch, of_the_elements, out_of_materials, refused
 
 SWITCH = Switch(
     entry="material.compaction.c1",
     without="the growth of the stiffness over the thickness: thickness and compaction pressure "
     "under tools",
-    called=lambda scene: scene.element.has_thickness and scene.material.compacts,
-    off=lambda scene: {"material": scene.material.without_compaction()},
+    called=lambda scene: any(
+        ply.element.has_thickness and ply.material.compacts for ply in scene.stack
+    ),
+    off=out_of_materials("compacts", "without_compaction"),
     on=refused(
         "the material states no growth of its stiffness over the thickness, or the elements have "
         'no thickness; give material.compaction.c1 > 0 and element = "solid-shell"'

@@ -60,21 +60,76 @@ def of_table(table: str, **entries: Any) -> Callable[[Any], dict[str, Any]]:
     return change
 
 
+def stated_by_materials(attribute: str) -> Callable[[Any], bool]:
+    """Return what tells whether the material of any ply states an effect.
+
+    attribute : of a material's table, whether it does.
+    """
+    return lambda scene: any(getattr(own, attribute) for own in scene.stack.materials.values())
+
+
+def out_of_materials(attribute: str, without: str) -> Callable[[Any], dict[str, Any]]:
+    """Return the answer of a switch that takes an effect out of the materials of all plies.
+
+    attribute : of a material's table, whether it states it. without : its method that takes it out.
+    """
+
+    def off(scene: Any) -> dict[str, Any]:
+        def changed(material: Any) -> Any:
+            states = material is not None and getattr(material, attribute)
+            return getattr(material, without)() if states else material
+
+        changes = {"material": changed(scene.material)}
+        if scene.materials:
+            changes["materials"] = {key: changed(own) for key, own in scene.materials.items()}
+        return changes
+
+    return off
+
+
+def of_elements(change: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
+    """Return the answer of a switch that changes the elements of every ply.
+
+    change : returns the changed table of one element, or raises :class:`Refusal`.
+    """
+
+    def changed(scene: Any) -> dict[str, Any]:
+        changes: dict[str, Any] = {}
+        if "element" in scene.stack.elements:
+            changes["element"] = change(scene.element)
+        if scene.plies:
+            changes["plies"] = tuple(
+                ply
+                if ply.element is None
+                else ply.model_copy(update={"element": change(ply.element)})
+                for ply in scene.plies
+            )
+        return changes
+
+    return changed
+
+
 def of_the_elements(name: str) -> Callable[[Any], list[Effect]]:
     """Return the function ``active(model)`` of an effect that the elements themselves compute.
+
+    Bodies of which the same is told stand together; their names are told where they are not all.
 
     What it tells is read from the constants that the kernels of each body are compiled for;
     ``model`` is a :class:`lcmchain.model.Model`.
     """
 
     def active(model: Any) -> list[Effect]:
-        several = len(model.bodies) > 1
-        found = []
+        alike: dict[tuple[bool, str], list[str]] = {}
         for body in model.bodies:
             effects = body.effects()
             if name in effects:
-                title = f"{name} of {body.name}" if several else name
-                found.append(Effect(title, *effects[name]))
-        return found
+                alike.setdefault(effects[name], []).append(body.name)
+        return [
+            Effect(
+                name if len(names) == len(model.bodies) else f"{name} of {', '.join(names)}",
+                *told,
+            )
+            for told, names in alike.items()
+        ]
 
     return active

@@ -12,29 +12,30 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Refusal, Switch, of_the_elements
+from lcmchain.effects.effect import Refusal, Switch, of_elements, of_the_elements
 
 SWITCH = Switch(
     entry="element, material",
     without="the relief of the thickness in bending: sheets whose normal strain couples with "
     "others are too stiff in bending",
     called=lambda scene: _called(scene),
-    off=lambda scene: {"element": _chosen(scene, False)},
-    on=lambda scene: {"element": _chosen(scene, True)},
+    off=of_elements(lambda element: _chosen(element, False)),
+    on=of_elements(lambda element: _chosen(element, True)),
     unless="in triangles, which have none",
 )
 
 
 def _called(scene: Any) -> bool | None:
-    if not scene.element.has_thickness:
+    solid = [ply for ply in scene.stack if ply.element.has_thickness]
+    if not solid:
         return False
-    return True if scene.material.build().couples_thickness else None
+    return True if any(ply.material.build().couples_thickness for ply in solid) else None
 
 
-def _chosen(scene: Any, there: bool) -> Any:
-    if not scene.element.has_thickness:
+def _chosen(element: Any, there: bool) -> Any:
+    if not element.has_thickness:
         raise Refusal('triangles have no thickness; use element = "solid-shell"')
-    return scene.element.with_enhanced_strain(there)
+    return element.with_enhanced_strain(there)
 
 
 active = of_the_elements("enhanced strain")

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import prange
 
-from lcmchain.effects.effect import Effect, Switch, refused
+from lcmchain.effects.effect import Effect, Switch, out_of_materials, refused, stated_by_materials
 from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
 from lcmchain.elements.lane_runs import find_runs, load_vectors
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
@@ -520,8 +520,8 @@ def store3(array, i, a):
 SWITCH = Switch(
     entry="material.bending.in_plane",
     without="what gives bands of shear their width",
-    called=lambda scene: scene.material.bends_in_plane,
-    off=lambda scene: {"material": scene.material.without_in_plane_bending()},
+    called=stated_by_materials("bends_in_plane"),
+    off=out_of_materials("bends_in_plane", "without_in_plane_bending"),
     on=refused(
         "the material has no stiffness against it; give material.bending.in_plane > 0 (law = "
         '"fabric")'

@@ -14,7 +14,7 @@ from lcmchain.effects.effect import Switch, of_the_elements, refused
 SWITCH = Switch(
     entry="element",
     without="what resists the deformations that one integration point does not see",
-    called=lambda scene: scene.element.has_thickness,
+    called=lambda scene: any(ply.element.has_thickness for ply in scene.stack),
     off=refused(
         "an element with one integration point in the plane has motions that nothing else "
         "resists; element.hourglass chooses the kind"

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Effect, Switch, refused
+from lcmchain.effects.effect import Effect, Switch, out_of_materials, refused, stated_by_materials
 
 SWITCH = Switch(
     entry="material.membrane.locking_angle",
     without="what stops the shear at the locking angle",
-    called=lambda scene: scene.material.locks,
-    off=lambda scene: {"material": scene.material.without_locking()},
+    called=stated_by_materials("locks"),
+    off=out_of_materials("locks", "without_locking"),
     on=refused(
         "the material states no locking; give material.membrane.locking_angle and locking_stiffness"
     ),

@@ -14,7 +14,7 @@ from lcmchain.effects.effect import Switch, of_the_elements, refused
 SWITCH = Switch(
     entry="element",
     without="the faces of the sheet, its thickness and all that follows from it",
-    called=lambda scene: scene.element.has_thickness,
+    called=lambda scene: any(ply.element.has_thickness for ply in scene.stack),
     off=refused('thickness belongs to the elements; use element = "membrane-shell"'),
     on=refused('thickness belongs to the elements; use element = "solid-shell"'),
 )

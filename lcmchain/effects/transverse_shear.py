@@ -14,7 +14,7 @@ from lcmchain.effects.effect import Switch, of_the_elements, refused
 SWITCH = Switch(
     entry="element",
     without="what keeps the directors upright",
-    called=lambda scene: scene.element.has_thickness,
+    called=lambda scene: any(ply.element.has_thickness for ply in scene.stack),
     off=refused("without it nothing keeps the directors of the solid-shell upright; leave it out"),
     on=refused('the normal of a triangle stays normal; use element = "solid-shell"'),
 )

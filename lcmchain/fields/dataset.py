@@ -16,6 +16,7 @@ from lcmchain.fields.histories import Histories
 from lcmchain.fields.history_group import HISTORY, history_dataset
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.pressure import pressure_fields, tool_pressure
+from lcmchain.fields.stack import PLY, StackedPly, columns_of
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
@@ -176,8 +177,9 @@ def build_datasets(
     -------
     Datasets by group name. Face variables have the dimensions ``time`` and ``sheet_face``.
     """
-    own: Any = scene.built_material() if material is None else material
-    body = family_of(scene.element).build("sheet", blank, own, scene.element, 0, 0)
+    ply = scene.only_ply("build_datasets")
+    own: Any = ply.built_material() if material is None else material
+    body = family_of(ply.element).build("sheet", blank, own, ply.element, 0, 0)
     past = []
     for positions in frames.positions:
         past.append(body.no_history())
@@ -200,11 +202,28 @@ def model_datasets(
     mid-surface as the mesh ``b`` and, if it has a thickness, ``"/b/solid"``. The root group holds
     all mid-surfaces together as the mesh ``sheet``, in the order of the bodies, with the face
     variable ``body`` (flags) that tells them apart; a field that a body does not have is nan there.
+    What lies over each other at a face is told by the fields ``stack_thickness`` and so on
+    (:mod:`lcmchain.fields.stack`).
 
     histories : of the run; ``"/history"`` holds those of the frames without them.
     attributes : further global attributes of the file, such as the state of the run.
     """
     sheets = {b.name: SheetFrames.of_body(scene, model, b, frames) for b in model.bodies}
+    return sheets_datasets(scene, sheets, frames, histories, attributes=attributes)
+
+
+def sheets_datasets(
+    scene: Scene,
+    sheets: Mapping[str, SheetFrames],
+    frames: FrameSeries,
+    histories: Histories | None = None,
+    *,
+    attributes: Mapping[str, str] | None = None,
+) -> dict[str, xr.Dataset]:
+    """Turn the frames of sheets by their names, bottom first, into the groups of ``forming.nc``.
+
+    As :func:`model_datasets`, for sheets that need not have forces.
+    """
     if len(sheets) == 1:
         groups = _one_sheet(scene, next(iter(sheets.values())), frames)
     else:
@@ -321,13 +340,16 @@ def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -
         **_moving_nodes(mesh, np.concatenate(references), np.concatenate(current, axis=1), frames),
     }
     counts = [s.mesh.element_count for s in sheets.values()]
-    for name, field in _joined([s.fields() for s in sheets.values()], counts).items():
+    each = [s.fields() for s in sheets.values()]
+    of_stack = _through_stack(list(sheets.values()), each)
+    each = [fields | more for fields, more in zip(each, of_stack, strict=True)]
+    for name, field in _joined(each, counts).items():
         variables[name] = mesh.on_cells(*field)
     node_counts = [len(reference) for reference in references]
     for name, field in _joined([s.node_fields() for s in sheets.values()], node_counts).items():
         variables[name] = mesh.on_nodes(*field)
     flags = np.arange(len(sheets), dtype=np.int32)
-    variables["body"] = mesh.on_cells(
+    variables[PLY] = mesh.on_cells(
         np.repeat(flags, counts),
         {
             "long_name": "sheet that the face belongs to",
@@ -337,8 +359,50 @@ def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -
         },
     )
     attributes = _global_attributes(scene, None)
-    attributes["comment"] = "sheets that do not touch; each has a group of its own"
+    attributes["comment"] = (
+        "all plies, bottom first; each has a group of its own, and stack_ fields are of those that "
+        "lie over each other"
+    )
     return mesh.dataset(variables, attributes)
+
+
+def _through_stack(
+    sheets: Sequence[SheetFrames], fields: Sequence[dict[str, tuple[np.ndarray, dict[str, Any]]]]
+) -> list[dict[str, tuple[np.ndarray, dict[str, Any]]]]:
+    """Return the fields of the stack on the faces of each ply."""
+    plies = []
+    for sheet, own in zip(sheets, fields, strict=True):
+        faces = sheet.mesh.sheet_faces
+        if faces.shape[1] == 3:
+            faces = np.pad(faces, ((0, 0), (0, 1)), constant_values=NO_NODE)
+        last = np.where(faces[:, 3] == NO_NODE, faces[:, 2], faces[:, 3])
+        thickness = own.get("thickness")
+        plies.append(
+            StackedPly(
+                faces=np.column_stack([faces[:, :3], last]),
+                positions=sheet.mesh.mid_surface(sheet.positions),
+                thickness=None if thickness is None else thickness[0],
+                initial_thickness=sheet.material.thickness,
+                areal_mass=own["areal_fibre_mass"][0],
+                fibre_density=sheet.material.fibre_density,
+            )
+        )
+    found = []
+    for columns in columns_of(plies):
+        values = {
+            "stack_thickness": columns.thickness,
+            "stack_areal_fibre_mass": columns.areal_mass,
+            "stack_fibre_volume_fraction": columns.fibre_volume_fraction,
+            "stack_ply_count": columns.ply_count.astype(float),
+        }
+        found.append(
+            {
+                name: (value, FIELDS[name].attributes(name))
+                for name, value in values.items()
+                if value is not None
+            }
+        )
+    return found
 
 
 def _joined(

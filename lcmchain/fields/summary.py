@@ -12,6 +12,7 @@ from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.limits import packing_warnings, shear_range_warnings
 from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import sheet_areas, vector
+from lcmchain.fields.stack import plies_of
 from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.fields.waves import wave_warnings
 from lcmchain.materials.law import Material
@@ -52,10 +53,19 @@ def field_summary(
     ``tool_loads`` (:func:`lcmchain.fields.loads.tool_loads`); without those that the result does
     not have.
     """
-    sheet, history = datasets[SHEET], datasets[HISTORY]
+    history = datasets[HISTORY]
+    summary = _sheet_summary(datasets[SHEET], frame)
+    if has_forces(history):
+        summary |= _forces(history, punch_index(history, punch))
+    return summary
+
+
+def _sheet_summary(sheet: xr.Dataset, frame: int) -> dict[str, Any]:
+    """Return the extrema and the fibre mass of a sheet, or of all sheets of the root group."""
     last = sheet.isel(time=frame)
     mass = fibre_mass(sheet, frame)
-    strains = [np.abs(last[f"fibre_strain_{i}"].values).max() for i in (1, 2)]
+    # a sheet of a stack may lack a field that others have
+    strains = [np.nanmax(np.abs(last[f"fibre_strain_{i}"].values)) for i in (1, 2)]
     summary: dict[str, Any] = {}
     if "thickness" in last:
         summary["thickness_min_m"] = float(last["thickness"].min())
@@ -70,8 +80,6 @@ def field_summary(
         summary["fibre_volume_fraction_max"] = float(last["fibre_volume_fraction"].max())
     if "wrinkle_height" in last:
         summary["wrinkle_height_max_m"] = float(np.abs(last["wrinkle_height"]).max())
-    if has_forces(history):
-        summary |= _forces(history, punch_index(history, punch))
     return summary
 
 
@@ -86,6 +94,34 @@ def _forces(history: xr.Dataset, punch: int) -> dict[str, Any]:
         "punch_force_peak_N": of_punch["force_peak_N"],
         "tool_loads": loads,
     }
+
+
+def stack_summary(datasets: Mapping[str, xr.Dataset], *, frame: int = -1) -> dict[str, Any]:
+    """Return the extrema of every ply and of the stack under the names of ``summary.json``.
+
+    Parameters
+    ----------
+    datasets : groups of the result.
+    frame : saved frame, the last one by default.
+
+    Returns
+    -------
+    ``plies``, by name the entries of :func:`field_summary` that a ply has of its own, and
+    ``stack`` with ``ply_count``, ``thickness_min_m``, ``thickness_max_m``, ``fibre_mass_kg`` and
+    the largest fibre volume fraction: those of all plies over each other. Nothing for one sheet.
+    """
+    plies = {name: _sheet_summary(groups[SHEET], frame) for name, groups in plies_of(datasets)}
+    if not plies:
+        return {}
+    last = datasets[SHEET].isel(time=frame)
+    stack: dict[str, Any] = {"ply_count": len(plies)}
+    if "stack_thickness" in last:
+        stack["thickness_min_m"] = float(last["stack_thickness"].min())
+        stack["thickness_max_m"] = float(last["stack_thickness"].max())
+    if "stack_fibre_volume_fraction" in last:
+        stack["fibre_volume_fraction_max"] = float(last["stack_fibre_volume_fraction"].max())
+    stack["fibre_mass_kg"] = sum(ply["fibre_mass_kg"] for ply in plies.values())
+    return {"stack": stack, "plies": plies}
 
 
 def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:

@@ -132,6 +132,35 @@ _FIELDS = (
         "pressure of the fluid in the pores of the element relative to that of the surroundings; "
         "with the compaction pressure, which the fibres bear, it is what presses on both faces",
     ),
+    Field(
+        "stack_thickness",
+        "m",
+        "thickness of the stack",
+        FACE,
+        "of a stack of plies: thicknesses of all plies that the normal through the centre of the "
+        "face meets, its own among them, gaps left out",
+    ),
+    Field(
+        "stack_areal_fibre_mass",
+        "kg m-2",
+        "fibre mass per area of the stack",
+        FACE,
+        "of a stack of plies: areal fibre masses of the same plies",
+    ),
+    Field(
+        "stack_fibre_volume_fraction",
+        "1",
+        "fibre volume fraction of the stack",
+        FACE,
+        "of a stack of plies: volume of the fibres of the same plies over their thickness",
+    ),
+    Field(
+        "stack_ply_count",
+        "1",
+        "number of plies",
+        FACE,
+        "of a stack of plies: how many lie over each other at the face",
+    ),
     *(
         Field(
             f"permeability_{number}",
@@ -219,6 +248,9 @@ FIELDS: dict[str, Field] = {field.name: field for field in _FIELDS}
 FIELD_OF_VARIABLE: dict[str, Field] = {
     variable: field for field in _FIELDS for variable in field.variables
 }
+
+#: Fields that are sums over the plies of a stack: what is mapped ply by ply adds them up itself.
+OF_STACK = tuple(name for name in FIELDS if name.startswith("stack_"))
 
 #: What a result of the 2D approach says about the thickness, in the file and in its summary.
 NO_THICKNESS = (

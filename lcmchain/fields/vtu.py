@@ -14,6 +14,7 @@ from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
 from lcmchain.fields.sheet import vector
+from lcmchain.fields.stack import PLY, plies_of
 from lcmchain.mesh_files.meshio_names import is_known_to_vtk
 from lcmchain.mesh_files.shapes import base_type, corner_count
 
@@ -27,7 +28,8 @@ def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int =
     Points are the positions of the frame, with the ``displacement`` that led to them and the
     ``tool_pressure`` and ``wrinkle_height`` on them; vectors have three components. Cells are
     hexahedra, then the wedges of halved cells at a cut edge, or the triangles of the 2D approach;
-    the cell data ``element`` holds the element numbers.
+    the cell data ``element`` holds the element numbers, and of a stack ``ply`` the number of the
+    ply, 0 the lowest.
 
     Raises
     ------
@@ -121,6 +123,54 @@ def write_frame_list(path: Path | str, times: Iterable[float]) -> None:
 
 
 def _mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
+    """Return the mesh of one sheet, or of all plies one after the other."""
+    plies = [groups for _, groups in plies_of(datasets)]
+    return _stack_mesh(datasets, plies, frame) if plies else _sheet_mesh(datasets, frame)
+
+
+def _stack_mesh(
+    datasets: Mapping[str, xr.Dataset], plies: Sequence[Mapping[str, xr.Dataset]], frame: int
+) -> meshio.Mesh:
+    """Return all plies as one mesh: ``ply`` is the number of each cell's, 0 the lowest.
+
+    What a ply does not have is not a number; ``element`` counts through all plies.
+    """
+    meshes = [_sheet_mesh(groups, frame) for groups in plies]
+    kinds = dict.fromkeys(block.type for mesh in meshes for block in mesh.cells)
+    first_point, first_element = 0, 0
+    of_stack = _cell_fields(datasets[SHEET], frame)
+    nodes: dict[str, list[np.ndarray]] = {kind: [] for kind in kinds}
+    numbers: dict[str, list[np.ndarray]] = {kind: [] for kind in kinds}
+    for mesh in meshes:
+        for block, own in zip(mesh.cells, mesh.cell_data["element"], strict=True):
+            nodes[block.type].append(block.data + first_point)
+            numbers[block.type].append(own + first_element)
+        first_point += len(mesh.points)
+        first_element += sum(len(block.data) for block in mesh.cells)
+    order = [np.concatenate(numbers[kind]) for kind in kinds]
+    element = np.arange(first_element)
+    ply = np.repeat(np.arange(len(meshes)), [sum(map(len, m.cell_data["element"])) for m in meshes])
+    fields = {"ply": ply, **of_stack, "element": element}
+    return meshio.Mesh(
+        np.concatenate([mesh.points for mesh in meshes]),
+        [(kind, np.concatenate(nodes[kind])) for kind in kinds],
+        point_data=_joined_point_data(meshes),
+        cell_data={name: [values[own] for own in order] for name, values in fields.items()},
+    )
+
+
+def _joined_point_data(meshes: Sequence[meshio.Mesh]) -> dict[str, np.ndarray]:
+    names = dict.fromkeys(name for mesh in meshes for name in mesh.point_data)
+    joined = {}
+    for name in names:
+        shape = next(m.point_data[name].shape[1:] for m in meshes if name in m.point_data)
+        joined[name] = np.concatenate(
+            [m.point_data.get(name, np.full((len(m.points), *shape), np.nan)) for m in meshes]
+        )
+    return joined
+
+
+def _sheet_mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
     sheet = datasets[SHEET]
     mesh = datasets.get(SOLID, sheet)  # without volumes the faces are the sheet itself
     reference = vector(mesh, "reference_position")
@@ -178,7 +228,7 @@ def _cell_fields(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:
     names = [
         str(name)
         for name, variable in sheet.data_vars.items()
-        if variable.attrs.get("location") == "face"
+        if variable.attrs.get("location") == "face" and name != PLY
     ]
     fields = {}
     for name in names:

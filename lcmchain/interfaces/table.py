@@ -6,15 +6,28 @@ from typing import Annotated
 
 from pydantic import Field
 
-from lcmchain.quantities.entry_types import AbsentMeans, FrictionCoefficient, Number, Penalty, Range
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    FrictionCoefficient,
+    Name,
+    Number,
+    Penalty,
+    Range,
+    Row,
+)
 from lcmchain.quantities.scene_model import SceneModel
 
 
 class Interface(SceneModel):
-    """Penalty contact and Coulomb friction between plies."""
+    """How two plies press and slide on each other where they touch."""
 
-    between: Annotated[tuple[str, str] | None, AbsentMeans("all plies")] = Field(
-        default=None, description="Names of the two plies; without it all pairs."
+    between: Annotated[
+        tuple[Annotated[str, Name("ply_1")], Annotated[str, Name("ply_2")]] | None,
+        Row('["ply_1", "ply_2"]', count=2, entries="names", units=False),
+        AbsentMeans("all plies that touch"),
+    ] = Field(
+        default=None,
+        description="Two plies, or two materials of [materials] for all plies of theirs.",
     )
     friction: FrictionCoefficient = Field(default=0.0, description="Coulomb friction coefficient.")
     penalty: Annotated[Penalty | None, AbsentMeans("automatic")] = Field(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -34,20 +34,24 @@ def scene_page() -> str:
     """Return the page as Markdown."""
     parts = [HEAD, "## Top level\n", _table(Scene)]
     places: dict[type[BaseModel], str] = {}
+    printed: dict[type[BaseModel], str] = {}
     for key, model_field in Scene.model_fields.items():
         forms = _models_of(model_field.annotation)
         if not forms:
             continue
         is_list = get_origin(_bare(model_field.annotation)) is tuple
-        path = f"[[{key}]]" if is_list else f"[{key}]"
+        is_named = get_origin(_bare(model_field.annotation)) is dict
+        path = f"[[{key}]]" if is_list else f"[{key}.NAME]" if is_named else f"[{key}]"
         parts.append(f"## {path}\n")
-        if forms[0] in places:
+        if forms[0] in places and places[forms[0]] != path:
             parts.append(f"The same entries as in {places[forms[0]]}.\n")
             continue
+        places.setdefault(forms[0], path)
         for inner_key, inner in (e for form in forms for e in form.model_fields.items()):
             for model in _models_of(inner.annotation):
                 places.setdefault(model, f"[{key}.{inner_key}]")
-        parts += _forms(path, forms, model_field, 3, set())
+        parts += _forms(path, forms, model_field, 3, set(), printed)
+        printed |= dict.fromkeys(forms, f"[{key}]")
     return "\n".join(parts)
 
 
@@ -71,10 +75,12 @@ def _forms(
     owner: FieldInfo,
     level: int,
     shown: set[type[BaseModel]],
+    printed: Mapping[type[BaseModel], str],
 ) -> Iterator[str]:
     """Yield the tables of a key: one, or one per form that another key chooses.
 
-    A table below that is ``shown`` already, because forms share it, is not repeated.
+    A table below that is ``shown`` already, because forms share it, is not repeated, nor is one
+    that was ``printed`` as a table of the scene.
     """
     chooser = _chooser(owner)
     for form in forms:
@@ -86,14 +92,16 @@ def _forms(
             yield _table(form, chooser)
         for inner_key, inner in form.model_fields.items():
             models = [model for model in _models_of(inner.annotation) if model not in shown]
-            if models:
+            if models and models[0] in printed:
+                yield f"`{inner_key}` has the same entries as {printed[models[0]]}.\n"
+            elif models:
                 shown.update(models)
                 dotted = f"{path.strip('[]')}.{inner_key}"
                 inner_level = level + 1 if chooser else level
                 if not _chooser(inner):
                     of_form = f' of {chooser} = "{value}"' if chooser else ""
                     yield f"{'#' * inner_level} [{dotted}]{of_form}\n"
-                yield from _forms(f"[{dotted}]", models, inner, inner_level, shown)
+                yield from _forms(f"[{dotted}]", models, inner, inner_level, shown, printed)
 
 
 def _table(model: type[BaseModel], chooser: str = "") -> str:
@@ -132,6 +140,8 @@ def _value(annotation: Any, field: FieldInfo | None = None) -> str:
             each = ", each " + " or ".join(code(f'"{choice}"') for choice in single)
             inner = each if single else _inner_range(bare)
             return f"{_count(extra)}{_inner_unit(bare)}, as {code(extra.example_text)}{inner}"
+    if get_origin(bare) is dict:
+        return "tables by their names"
     if models:
         return "table" if len(models) == 1 else _forms_text(models, field)
     for extra in extras:
@@ -261,6 +271,8 @@ def _models_of(annotation: Any) -> list[type[BaseModel]]:
     bare = _bare(annotation)
     if isinstance(bare, type) and issubclass(bare, BaseModel):
         return [bare]
+    if get_origin(bare) is dict:
+        return _models_of(get_args(bare)[1])
     if get_origin(bare) in (tuple, Union, types.UnionType):
         return [model for part in get_args(bare) for model in _models_of(part)]
     return []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lcmchain.report.shown import SHOWN
+from lcmchain.report.shown import SHOWN, STACK_SHOWN
 
 #: Picture of the start, which a check leaves in the folder of the results.
 START_PICTURE = "initial.png"
@@ -14,6 +14,19 @@ CAPTIONS: dict[str, str] = {
         "initial outline and the places of the largest and the smallest value"
         for shown in SHOWN
     },
+    **{
+        f"{shown.name}.png": f"{shown.title}: all plies that lie over each other, told on the "
+        "uppermost ply seen"
+        for shown in STACK_SHOWN
+    },
+    **{
+        f"plies_{shown.name}.png": f"{shown.title} of every ply, formed and from above, with its "
+        "initial outline; the colours are the same for all plies"
+        for shown in SHOWN
+    },
+    "plies_fibre_directions.png": "Fibre lines of both families of every ply, formed and from "
+    "above",
+    "exploded.png": "Formed plies lifted off each other, with their shear angle and fibre lines",
     "fibre_directions.png": "Fibre lines of both families on the formed shape; they are edges of "
     "the mesh that followed a fibre before forming",
     "tools.png": "Formed shape between the tools in their final position, which are transparent",

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
 from lcmchain.fields.sheet import sheet_areas
+from lcmchain.fields.stack import PLY
 from lcmchain.fields.waves import area_in_waves_below, elements_per_wave
 from lcmchain.report.grades import (
     BAD_GRADE,
@@ -30,7 +31,7 @@ from lcmchain.thresholds import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from lcmchain.scene import Scene
+    from lcmchain.scene import AnyMaterial, Scene
 
 
 def field_verdicts(sheet: xr.Dataset, scene: Scene) -> list[Verdict]:
@@ -40,12 +41,14 @@ def field_verdicts(sheet: xr.Dataset, scene: Scene) -> list[Verdict]:
     ----------
     sheet : root group of ``forming.nc``. scene : of the run.
     """
-    return [
+    found = [
         *_waves(sheet),
         *_fibre_strain(sheet, scene),
         *_shear(sheet, scene),
         *_fibre_volume(sheet),
     ]
+    own_words = scene.stack.in_own_words
+    return [verdict._replace(remedy_key=own_words(verdict.remedy_key)) for verdict in found]
 
 
 def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
@@ -69,7 +72,7 @@ def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
 
 
 def _fibre_strain(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
-    if not scene.material.has_fibres:
+    if not scene.stack.has_fibres:
         return
     strain = np.abs([sheet[f"fibre_strain_{family}"].values[-1] for family in (1, 2)])
     largest = float(np.nanmax(strain))
@@ -84,19 +87,34 @@ def _fibre_strain(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
 
 
 def _shear(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
-    if not scene.material.has_fibres:
-        return
-    angle = np.abs(sheet["shear_angle"].values)
+    """Judge the shear of every fabric by its own law."""
+    stack = scene.stack
+    materials = {key: own for key, own in stack.materials.items() if own.has_fibres}
+    for key, material in materials.items():
+        plies = [number for number, ply in enumerate(stack) if ply.material_key == key]
+        faces = np.ones(sheet.sizes["sheet_face"], dtype=bool)
+        if PLY in sheet:
+            faces = np.isin(sheet[PLY].values, plies)
+        check = "Shear angle" if len(materials) == 1 else f"Shear angle of {material.name}"
+        yield _shear_of(sheet, faces, check, f"{key}.membrane", material)
+
+
+def _shear_of(
+    sheet: xr.Dataset, faces: np.ndarray, check: str, membrane: str, material: AnyMaterial
+) -> Verdict:
+    """Judge the shear of some faces (face_count,).
+
+    membrane : scene entry of the law in the plane.
+    """
+    angle = np.where(faces, np.abs(sheet["shear_angle"].values), np.nan)
     found = f"sheared by up to {np.degrees(np.nanmax(angle)):.1f} deg"
-    membrane = "material.membrane"
     tested, locking = (
-        getattr(getattr(scene.material, "membrane", None), name, None)
+        getattr(getattr(material, "membrane", None), name, None)
         for name in ("shear_range", "locking_angle")
     )
     if tested is None and locking is None:
         text = f"{found}; the scene does not say up to which angle the shear law was measured"
-        yield Verdict("Shear angle", NOT_JUDGED, text, f"{membrane}.shear_range")
-        return
+        return Verdict(check, NOT_JUDGED, text, f"{membrane}.shear_range")
     grade = GOOD
     for limit, meaning in (
         (tested, "up to which the shear law was measured"),
@@ -107,7 +125,7 @@ def _shear(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
             grade = max(grade, grade_of(part, 0.0, LOCAL_AREA), key=GRADES.index)
             found += f"; {_area(part)} beyond {np.degrees(limit):.3g} deg, {meaning}"
     remedy = f"{membrane}.shear_range, {membrane}.locking_angle, tools.motion"
-    yield Verdict("Shear angle", grade, found, remedy if grade != GOOD else "")
+    return Verdict(check, grade, found, remedy if grade != GOOD else "")
 
 
 def _fibre_volume(sheet: xr.Dataset) -> Iterator[Verdict]:

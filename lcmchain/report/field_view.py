@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions, vector
+from lcmchain.fields.stack import PLY, ply_names
 from lcmchain.fields.ugrid import TIME
 from lcmchain.report.packing import packed
 from lcmchain.report.shown import SHOWN, Shown, colour_scale
@@ -55,10 +56,21 @@ def view_data(sheet: xr.Dataset, tools: list[dict[str, Any]] | None = None) -> d
     -------
     ``faces``: nodes (face_count, 4), a triangle repeats its last; ``frames``: number in the result,
     time [ms], ``positions`` [mm]; ``fields``: name, title, unit, ``place`` ("face" or "node"),
-    limits and colours, ``values`` by frame; ``hangs_down``: whether the sheet is drawn downwards.
+    limits and colours, ``values`` by frame; ``plies``: of a stack, name and ranges of faces and
+    nodes of every ply; ``hangs_down``: whether the sheet is drawn downwards.
     Arrays are base64 of little-endian int32 and float32.
     """
     faces = sheet_faces(sheet)
+    names, plies = ply_names(sheet), []
+    for number, name in enumerate(names):
+        own = np.flatnonzero(sheet[PLY].values == number)
+        plies.append(
+            {
+                "name": name,
+                "faces": [int(own[0]), int(own[-1]) + 1],
+                "nodes": [int(faces[own].min()), int(faces[own].max()) + 1],
+            }
+        )
     fields = list(_fields(sheet))
     nodes = len(reference_positions(sheet))
     size = 4 * (3 * nodes + sum(values.shape[1] for _, _, values in fields))
@@ -76,6 +88,7 @@ def view_data(sheet: xr.Dataset, tools: list[dict[str, Any]] | None = None) -> d
         "fields": [_field(shown, place, values, frames) for shown, place, values in fields],
         "hangs_down": bool(hangs_down(sheet_positions(sheet), boundary_edges(faces))),
         "tools": tools or [],
+        "plies": plies,
     }
 
 

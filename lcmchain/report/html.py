@@ -18,7 +18,7 @@ from lcmchain.report.field_view import view_data
 from lcmchain.report.fillings import dry_spot_rows, filling_rows
 from lcmchain.report.grades import GRADES, worst_grade
 from lcmchain.report.mapping_errors import in_words
-from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table
+from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table, ply_numbers
 from lcmchain.report.style import SERIES
 from lcmchain.report.tool_view import tool_data
 from lcmchain.report.verdicts import verdicts
@@ -99,7 +99,7 @@ def _content(
         "worst": worst_grade(found),
         "counts": {grade: count for grade, count in counts.items() if count},
         "verdicts": found,
-        "numbers": key_numbers(summary),
+        "numbers": [*key_numbers(summary), *ply_numbers(summary)],
         "load_headings": headings,
         "loads": loads,
         "warnings": grouped_warnings(summary),

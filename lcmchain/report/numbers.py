@@ -30,7 +30,43 @@ class Number(NamedTuple):
 
 def key_numbers(summary: Mapping[str, Any]) -> list[Number]:
     """Return what matters first in a ``summary.json``; what it does not hold is left out."""
-    return [*_shape(summary), *_time(summary), *_energies(summary), *_cost(summary)]
+    return [
+        *_stack(summary),
+        *_shape(summary),
+        *_time(summary),
+        *_energies(summary),
+        *_cost(summary),
+    ]
+
+
+def ply_numbers(summary: Mapping[str, Any]) -> list[Number]:
+    """Return one row for every ply of a stack, the lowest first; none for one sheet."""
+    rows = []
+    for name, ply in summary.get("plies", {}).items():
+        parts = []
+        if "thickness_min_m" in ply:
+            low, high = 1e3 * ply["thickness_min_m"], 1e3 * ply["thickness_max_m"]
+            parts.append(f"{low:.3f} to {high:.3f} mm thick")
+        if "fibre_volume_fraction_max" in ply:
+            fraction = ply["fibre_volume_fraction_max"]
+            parts.append(f"fibre volume fraction up to {fraction:.3f}")
+        parts.append(f"fibres strained by up to {percent(ply['fibre_strain_max'])}")
+        if "wrinkle_height_max_m" in ply:
+            parts.append(f"wrinkles up to {1e3 * ply['wrinkle_height_max_m']:.2f} mm")
+        angle = math.degrees(ply["shear_angle_max_rad"])
+        rows.append(Number(f"Ply {name}", f"sheared by up to {angle:.1f} deg", ", ".join(parts)))
+    return rows
+
+
+def _stack(summary: Mapping[str, Any]) -> Iterator[Number]:
+    stack = summary.get("stack", {})
+    if "thickness_min_m" in stack:
+        low, high = 1e3 * stack["thickness_min_m"], 1e3 * stack["thickness_max_m"]
+        meaning = f"of up to {stack['ply_count']} plies that lie over each other"
+        yield Number("Thickness of the stack", f"{low:.3f} to {high:.3f} mm", meaning)
+    if "fibre_volume_fraction_max" in stack:
+        fraction = stack["fibre_volume_fraction_max"]
+        yield Number("Fibre volume fraction of the stack", f"up to {fraction:.3f}", "of all fibres")
 
 
 def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
@@ -39,7 +75,8 @@ def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
         yield Number("Shear angle", f"up to {angle:.1f} deg", "magnitude, in the last frame")
     if "thickness_min_m" in summary:
         low, high = 1e3 * summary["thickness_min_m"], 1e3 * summary["thickness_max_m"]
-        yield Number("Thickness", f"{low:.3f} to {high:.3f} mm", "in the last frame")
+        name = "Thickness of a ply" if "plies" in summary else "Thickness"
+        yield Number(name, f"{low:.3f} to {high:.3f} mm", "in the last frame")
     if "fibre_volume_fraction_max" in summary:
         fraction = summary["fibre_volume_fraction_max"]
         yield Number("Fibre volume fraction", f"up to {fraction:.3f}", "in the last frame")

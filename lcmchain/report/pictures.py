@@ -11,6 +11,7 @@ import numpy as np
 
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.fields.stack import PLY, ply_names
 from lcmchain.fields.summary import has_forces
 from lcmchain.report.cut import Plane
 from lcmchain.report.extremes import mark_extremes
@@ -28,10 +29,11 @@ from lcmchain.report.renderer import (
 )
 from lcmchain.report.run_tools import RunTools
 from lcmchain.report.sections import default_planes, draw_sections
-from lcmchain.report.shown import SHOWN, Shown, colour_scale
+from lcmchain.report.shown import SHOWN, STACK_SHOWN, Shown, colour_scale
+from lcmchain.report.stack_pictures import draw_plies, draw_stack_sections
 from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save
 from lcmchain.report.travel import draw_force_over_travel
-from lcmchain.report.view import FROM_ABOVE, boundary_edges, hangs_down, oblique
+from lcmchain.report.view import FROM_ABOVE, View, boundary_edges, hangs_down, oblique
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,9 +52,10 @@ def draw_result(
     Parameters
     ----------
     out_dir : folder of the pictures in :data:`lcmchain.report.captions.CAPTIONS`: fields that the
-        result has, ``fibre_directions.png``, ``sections.png``, ``energy.png``, with tools
-        ``tools.png``, and where their forces are known ``force.png`` and, if one of them moves,
-        ``force_over_travel.png``.
+        result has, ``fibre_directions.png``, of a stack those of every ply
+        (:func:`lcmchain.report.stack_pictures.draw_plies`), ``sections.png``, ``energy.png``,
+        with tools ``tools.png``, and where their forces are known ``force.png`` and, if one of them
+        moves, ``force_over_travel.png``.
     datasets : groups of the result, from :func:`lcmchain.fields.dataset.build_datasets`.
     frame : saved frame to draw, the last one by default.
     tools : of the run; without them there is no ``tools.png``, and sections show the sheet alone.
@@ -69,19 +72,26 @@ def draw_result(
     out_dir = Path(out_dir)
     sheet, history = datasets[SHEET], datasets[HISTORY]
     files = []
-    for shown in SHOWN:
+    is_stack = bool(ply_names(sheet))
+    for shown in STACK_SHOWN if is_stack else SHOWN:
         if shown.name in sheet:
             files.append(out_dir / f"{shown.name}.png")
             draw_field(files[-1], sheet, shown, frame)
     travel = history["tool_travel"].values[frame]
-    files.append(out_dir / "fibre_directions.png")
-    draw_fibre_directions(files[-1], sheet, frame)
+    if is_stack:
+        files += draw_plies(out_dir, datasets, frame)
+    else:
+        files.append(out_dir / "fibre_directions.png")
+        draw_fibre_directions(files[-1], sheet, frame)
     if tools is not None and tools.names:
         files.append(out_dir / "tools.png")
         draw_between_tools(files[-1], sheet, tools, travel, frame)
     files.append(out_dir / "sections.png")
-    planes = planes or default_planes(sheet)
-    draw_sections(files[-1], datasets, planes, tools, travel, frame)
+    if is_stack:
+        draw_stack_sections(files[-1], datasets, planes, tools, travel, frame)
+    else:
+        planes = planes or default_planes(sheet)
+        draw_sections(files[-1], datasets, planes, tools, travel, frame)
     title = str(sheet.attrs.get("title", ""))
     if any(str(name).startswith("energy_") for name in history.data_vars):
         files.append(out_dir / "energy.png")
@@ -128,7 +138,10 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
         right = axes_at(figure, 6.2, 0.5, widths[1], panel)
         bar = axes_at(figure, 10.4, 0.5 + 0.12 * panel, 0.16, 0.76 * panel)
         colours = colour_scale(values, shown)
-        draw_facets(left, points[faces], view, colours.to_rgba(values), rim=points[rim])
+        shades = colours.to_rgba(values)
+        for own in _from_back_to_front(sheet, view):
+            edges = boundary_edges(faces[own])
+            draw_facets(left, points[faces[own]], view, shades[own], rim=points[edges])
         fit_axis(left, view.on_screen(points), 0.03)
         left.set_axis_off()
         draw_triad(left, view)
@@ -137,13 +150,27 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
             0.3 / 11.4, (0.5 + panel) / (panel + 1.45), f"formed shape, from {side}", color=FAINT,
             fontsize=9, va="bottom",
         )  # fmt: skip
-        _draw_map(right, points, initial, faces, rim, colours.to_rgba(values))
+        order = np.concatenate(_from_back_to_front(sheet, FROM_ABOVE))
+        _draw_map(right, points, initial, faces[order], rim, shades[order])
         right.set_title("from above", color=FAINT, loc="left")
         draw_colour_bar(figure, bar, colours, exact, shown)
         mark_extremes(right, places[:, :2], exact, shown)
         subtitle = f"{sheet.attrs.get('title', '')}  ·  {len(faces):,} elements  ·  "
         headline(figure, shown.label, subtitle + f"t = {1e3 * time:.4g} ms")
         save(figure, path)
+
+
+def _from_back_to_front(sheet: xr.Dataset, view: View) -> list[np.ndarray]:
+    """Return the faces of every ply, those that lie farther from the viewer first.
+
+    Plies lie closer to each other than their faces are long: no order of faces tells which hides
+    which, but that of the plies does.
+    """
+    count = len(ply_names(sheet))
+    if not count:
+        return [np.arange(sheet.sizes["sheet_face"])]
+    plies = [np.flatnonzero(sheet[PLY].values == number) for number in range(count)]
+    return plies if view.towards[2] > 0.0 else plies[::-1]
 
 
 def on_faces(values: np.ndarray, faces: np.ndarray) -> np.ndarray:

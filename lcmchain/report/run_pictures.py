@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,8 +27,10 @@ if TYPE_CHECKING:
     from lcmchain.tools.table import ToolTable
 
 
-def require_film(output: Output, mesh: SheetMesh, material: Material) -> None:
+def require_film(output: Output, sheets: Sequence[tuple[SheetMesh, Material]]) -> None:
     """Tell before a run whether the film that its scene asks for can be made.
+
+    sheets : mesh and material of every ply.
 
     Raises
     ------
@@ -38,12 +40,13 @@ def require_film(output: Output, mesh: SheetMesh, material: Material) -> None:
         return
     field = output.animation_field
     needs_thickness = field in ("thickness", "fibre_volume_fraction")
-    if needs_thickness and not mesh.has_thickness:
+    if needs_thickness and not all(mesh.has_thickness for mesh, _ in sheets):
         raise InputError(
             f'the 2D approach predicts no {field}; use "shear_angle" or "wrinkle_height"',
             key="output.animation_field",
         )
-    if field == "fibre_volume_fraction" and material.fibre_density is None:
+    without_density = any(material.fibre_density is None for _, material in sheets)
+    if field == "fibre_volume_fraction" and without_density:
         raise InputError(
             "a material without fibre_density has no fibre_volume_fraction",
             key="output.animation_field",

@@ -75,7 +75,7 @@ def draw_sections(
     travel : of the tools in the frame [m], shape (T,).
     """
     sheet = datasets[SHEET]
-    cuts = [(plane, _strips(datasets, plane, frame)) for plane in planes]
+    cuts = [(plane, strips_of(datasets, plane, frame)) for plane in planes]
     width, pad = 6.4, 0.06
     boxes = [_box(plane, strips, pad) for plane, strips in cuts]
     heights = [float(np.clip(width * b[1, 1] / b[1, 0], 1.0, 5.0)) for b in boxes]
@@ -83,18 +83,11 @@ def draw_sections(
     with matplotlib.rc_context(RC):
         figure = new_figure(12.0, total)
         bottom = total - 0.6
-        for (plane, strips), box, height in zip(cuts, boxes, heights, strict=True):
+        for (plane, strips), height in zip(cuts, heights, strict=True):
             bottom -= height + 0.95
             axis = axes_at(figure, 0.65, bottom + 0.5, width, height)
             across = axes_at(figure, 0.65 + width + 0.75, bottom + 0.5, 3.95, max(height, 1.0))
-            if tools is not None and travel is not None:
-                _draw_tools(axis, plane, box, tools, travel)
-            _draw_sheet(axis, plane, strips)
-            axis.set_aspect("equal")
-            axis.set_xlim(1e3 * box[0, 0], 1e3 * (box[0, 0] + box[1, 0]))
-            axis.set_ylim(1e3 * box[0, 1], 1e3 * (box[0, 1] + box[1, 1]))
-            axis.set_title(_title(plane), color=FAINT, loc="left")
-            label_axes(axis, f"{_words(plane.along)} [mm]", f"{_words(plane.up)} [mm]")
+            draw_section(axis, plane, [(strips, SHEET_COLOUR)], tools, travel, pad)
             _draw_unrolled(across, strips, tools, travel)
         if tools is not None:
             for name, colour in zip(tools.names, tools.colours):
@@ -111,7 +104,34 @@ def draw_sections(
 # --- to scale -------------------------------------------------------------------------------------
 
 
-def _strips(datasets: Mapping[str, xr.Dataset], plane: Plane, frame: int) -> list[Strip]:
+def draw_section(
+    axis: Axes,
+    plane: Plane,
+    sheets: Sequence[tuple[Sequence[Strip], str]],
+    tools: RunTools | None,
+    travel: np.ndarray | None,
+    pad: float = 0.06,
+) -> None:
+    """Draw a cut through sheets and tools to scale.
+
+    sheets : strips and colour of each. pad : margin around them, in parts of their extent.
+    """
+    strips = [strip for own, _ in sheets for strip in own]
+    box = _box(plane, strips, pad)
+    if tools is not None and travel is not None:
+        _draw_tools(axis, plane, box, tools, travel)
+    for own, colour in sheets:
+        _draw_sheet(axis, plane, own, colour)
+    if not strips:
+        axis.text(0.5, 0.5, "the plane misses the sheet", transform=axis.transAxes, ha="center")
+    axis.set_aspect("equal")
+    axis.set_xlim(1e3 * box[0, 0], 1e3 * (box[0, 0] + box[1, 0]))
+    axis.set_ylim(1e3 * box[0, 1], 1e3 * (box[0, 1] + box[1, 1]))
+    axis.set_title(_title(plane), color=FAINT, loc="left")
+    label_axes(axis, f"{_words(plane.along)} [mm]", f"{_words(plane.up)} [mm]")
+
+
+def strips_of(datasets: Mapping[str, xr.Dataset], plane: Plane, frame: int) -> list[Strip]:
     """Return the strips of all sheets of a result, without thickness in the 2D approach."""
     solids = [dataset for name, dataset in datasets.items() if name.endswith(SOLID)]
     if not solids:
@@ -142,16 +162,14 @@ def _box(plane: Plane, strips: Sequence[Strip], pad: float) -> np.ndarray:
     return np.stack([low - margin, high - low + 2.0 * margin])
 
 
-def _draw_sheet(axis: Axes, plane: Plane, strips: Sequence[Strip]) -> None:
+def _draw_sheet(axis: Axes, plane: Plane, strips: Sequence[Strip], colour: str) -> None:
     from matplotlib.collections import PolyCollection
 
     for lower, upper in strips:
         outline = 1e3 * plane.flat(np.concatenate([lower, upper[::-1]]))
         axis.add_collection(
-            PolyCollection([outline], facecolors=SHEET_COLOUR, edgecolors=INK, linewidths=0.6)
+            PolyCollection([outline], facecolors=colour, edgecolors=INK, linewidths=0.6)
         )
-    if not strips:
-        axis.text(0.5, 0.5, "the plane misses the sheet", transform=axis.transAxes, ha="center")
 
 
 def _draw_tools(

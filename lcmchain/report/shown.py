@@ -48,6 +48,15 @@ SHOWN = (
     Shown("wrinkle_height", "Height of wrinkles", "mm", 1e3, "PuOr_r", True, 2),
 )
 
+#: Fields of a stack of plies as a whole.
+STACK_SHOWN = (
+    Shown("stack_thickness", "Thickness of the stack", "mm", 1e3, "viridis", False, 3),
+    Shown(
+        "stack_fibre_volume_fraction", "Fibre volume fraction of the stack", "", 1.0, "YlGnBu",
+        False, 3,
+    ),
+)  # fmt: skip
+
 # Smallest limit of the colours of signed fields, in the unit shown: noise looks like noise.
 LEAST_LIMIT = {"°": 1.0, "mm": 0.1}
 

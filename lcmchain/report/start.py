@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.report.renderer import (
+    axes_at,
     draw_fibres,
     draw_mesh,
     draw_segments,
@@ -21,6 +22,10 @@ from lcmchain.report.renderer import (
 )
 from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK, RC, SERIES, headline, new_figure, save
 from lcmchain.report.view import FROM_ABOVE, boundary_edges, contour_edges, oblique, section
+
+#: Plies of a stack that are drawn at most, and beside each other.
+MOST_PLIES_SHOWN = 16
+PLIES_IN_A_ROW = 4
 
 
 def draw_initial(
@@ -85,6 +90,113 @@ def draw_initial(
         save(figure, path)
 
 
+def draw_stack(
+    path: Path | str,
+    plies: Sequence[tuple[str, BlankMesh]],
+    tools: Sequence[tuple[str, np.ndarray, np.ndarray]] = (),
+    *,
+    title: str = "",
+    marks: Sequence[Sequence[float]] = (),
+) -> None:
+    """Draw the start of a stack: every ply with its fibres, tools, and a cut through all plies.
+
+    Parameters
+    ----------
+    path : of the PNG.
+    plies : name and undeformed mesh of every ply, bottom first.
+    tools, title, marks : as for :func:`draw_initial`.
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    from lcmchain.tools.drawing import clip_to_box
+
+    meshes = [mesh for _, mesh in plies]
+    points = np.concatenate([1e3 * mesh.node_positions for mesh in meshes])
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float((high - low)[:2].max())
+    margin = np.array([0.16, 0.16, 0.34]) * size
+    box = np.stack([low - margin, high + margin])
+    shapes = [
+        (name, *clip_to_box(1e3 * np.asarray(p), t, box), SERIES[i % len(SERIES)])
+        for i, (name, p, t) in enumerate(tools)
+    ]
+    shown, left_out = _shown_plies(plies)
+    columns = min(len(shown), PLIES_IN_A_ROW)
+    rows = -(-len(shown) // columns)
+    height = 1.1 + 2.6 * rows + 3.0
+    with matplotlib.rc_context(RC):
+        figure = new_figure(11.6, height)
+        for index, (number, name, mesh) in enumerate(shown):
+            row, column = divmod(index, columns)
+            width = 11.0 / columns
+            axis = axes_at(
+                figure, 0.35 + column * width, height - 0.9 - 2.6 * (row + 1) + 0.25,
+                width - 0.35, 2.1,
+            )  # fmt: skip
+            _draw_ply(axis, number, name, mesh, shapes, box)
+        where = 1e3 * np.asarray(marks, dtype=float).reshape(-1, 3)
+        middle = where[0, 1] if len(where) else 0.5 * (low[1] + high[1])
+        middle = round(middle, 6) + 0.0  # no minus zero in the title
+        cut_axis = axes_at(figure, 0.75, 0.5, 4.6, 2.0)
+        gap_axis = axes_at(figure, 6.5, 0.5, 4.6, 2.0)
+        for axis in (cut_axis, gap_axis):
+            _draw_plies_in_section(axis, meshes, shapes, middle)
+            _draw_marks(axis, where[:1, [0, 2]])
+        _set_cut(cut_axis, middle, box)
+        _set_gaps(gap_axis, 0.5 * (low[2] + high[2]), high[2] - low[2], box)
+        count = sum(mesh.element_count for mesh in meshes)
+        subtitle = (
+            f"{title + '  ·  ' if title else ''}{len(plies)} plies, {count:,} elements, "
+            f"{high[2] - low[2]:.4g} mm from the lowest to the highest face"
+            + (f"; {left_out} plies lie as others and are not drawn" if left_out else "")
+        )
+        headline(figure, "Stack, tools and fibre directions at the start", subtitle)
+        save(figure, path)
+
+
+def _shown_plies(
+    plies: Sequence[tuple[str, BlankMesh]],
+) -> tuple[list[tuple[int, str, BlankMesh]], int]:
+    """Return plies with their number, those that lie alike once where there are many."""
+    numbered = [(number, name, mesh) for number, (name, mesh) in enumerate(plies, start=1)]
+    if len(numbered) <= MOST_PLIES_SHOWN:
+        return numbered, 0
+    first: dict[tuple, tuple[int, str, BlankMesh]] = {}
+    for number, name, mesh in numbered:
+        nodes = mesh.node_positions[:, :2]
+        key = (
+            *np.round(1e6 * np.concatenate([nodes.min(axis=0), nodes.max(axis=0)])),
+            *np.round(mesh.fibre_direction_1[0], 6),
+        )
+        first.setdefault(key, (number, name, mesh))
+    shown = list(first.values())[:MOST_PLIES_SHOWN]
+    return shown, len(numbered) - len(shown)
+
+
+def _draw_ply(axis, number: int, name: str, mesh: BlankMesh, shapes, box) -> None:
+    points, faces = 1e3 * mesh.mid_surface_positions, mesh.faces
+    _draw_plan(axis, mesh, points, faces, boundary_edges(faces), shapes)
+    x, y = mesh.fibre_direction_1[0, :2]
+    axis.set_title(
+        f"{number}: {name}, {np.degrees(np.arctan2(y, x)) + 0.0:.4g}°", color=INK, loc="left"
+    )
+    axis.set_xlim(box[0][0], box[1][0])
+    axis.set_ylim(box[0][1], box[1][1])
+    axis.set_aspect("equal")
+    axis.tick_params(labelsize=6)
+
+
+def _draw_plies_in_section(axis, meshes: Sequence[BlankMesh], shapes, y: float) -> None:
+    for index, mesh in enumerate(meshes):
+        points = 1e3 * mesh.mid_surface_positions
+        _draw_section(
+            axis, points, boundary_edges(mesh.faces), 1e3 * mesh.thickness,
+            shapes if index == 0 else (), y, colour=("#b9c0c8", "#dfe3e8")[index % 2],
+        )  # fmt: skip
+
+
 def _draw_start(axis, points, faces, rim, shapes) -> None:
     """Blank and tools in an oblique view; tools are translucent and in front of what they hide."""
     view = oblique(elevation=26.0)
@@ -108,6 +220,15 @@ def _draw_start(axis, points, faces, rim, shapes) -> None:
 
 
 def _draw_fibres(axis, blank: BlankMesh, points, faces, rim, shapes) -> None:
+    _draw_plan(axis, blank, points, faces, rim, shapes)
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.15)
+    fit_axis(axis, points[:, :2], 0.12)
+    axis.set_title("from above, tools dashed", color=FAINT, loc="left")
+    label_axes(axis, "x [mm]", "y [mm]")
+
+
+def _draw_plan(axis, blank: BlankMesh, points, faces, rim, shapes) -> None:
+    """Mesh, tools and fibre directions from above."""
     draw_mesh(axis, points[faces], FROM_ABOVE, face="#f6f7f8", edge="#c3c9d0", width=0.25)
     draw_segments(axis, points[rim], FROM_ABOVE, INK, 1.0)
     for _, vertices, triangles, colour in shapes:
@@ -118,10 +239,6 @@ def _draw_fibres(axis, blank: BlankMesh, points, faces, rim, shapes) -> None:
         direction = getattr(blank, f"fibre_direction_{number}")[nearest]
         draw_fibres(axis, places, direction, 0.72 * spacing, colour, arrows=True)
         axis.plot([], [], color=colour, lw=1.8, label=f"fibre {number}")
-    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.15)
-    fit_axis(axis, points[:, :2], 0.12)
-    axis.set_title("from above, tools dashed", color=FAINT, loc="left")
-    label_axes(axis, "x [mm]", "y [mm]")
 
 
 def _draw_marks(axis, places) -> None:
@@ -134,6 +251,10 @@ def _draw_marks(axis, places) -> None:
 
 def _draw_cut(axis, points, rim, thickness, shapes, y, box) -> None:
     _draw_section(axis, points, rim, thickness, shapes, y)
+    _set_cut(axis, y, box)
+
+
+def _set_cut(axis, y, box) -> None:
     axis.set_aspect("equal")
     axis.set_xlim(box[0][0], box[1][0])
     axis.set_ylim(box[0][2], box[1][2])
@@ -144,7 +265,11 @@ def _draw_cut(axis, points, rim, thickness, shapes, y, box) -> None:
 def _draw_gaps(axis, points, rim, thickness, shapes, y, box) -> None:
     """The same cut with a stretched z axis, around the blank: gaps become visible."""
     _draw_section(axis, points, rim, thickness, shapes, y)
-    level = points[:, 2].mean()
+    _set_gaps(axis, points[:, 2].mean(), thickness, box)
+
+
+def _set_gaps(axis, level, thickness, box) -> None:
+    """Stretch the z axis about a level, to seven times a thickness."""
     axis.set_xlim(box[0][0], box[1][0])
     axis.set_ylim(level - 3.5 * thickness, level + 3.5 * thickness)
     extent = axis.get_window_extent()
@@ -153,16 +278,16 @@ def _draw_gaps(axis, points, rim, thickness, shapes, y, box) -> None:
     label_axes(axis, "x [mm]", "z [mm]")
 
 
-def _draw_section(axis, points, rim, thickness, shapes, y) -> None:
+def _draw_section(axis, points, rim, thickness, shapes, y, *, colour="#b9c0c8") -> None:
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Rectangle
 
     y += 1e-5 * np.ptp(points[:, 1])  # beside nodes and corners of tools in the plane
-    for _, vertices, triangles, colour in shapes:
+    for _, vertices, triangles, of_tool in shapes:
         if len(triangles):
             segments = section(vertices, triangles, y)
             axis.add_collection(
-                LineCollection(segments, colors=colour, linewidths=1.4, capstyle="round", zorder=3)  # type: ignore[arg-type]
+                LineCollection(segments, colors=of_tool, linewidths=1.4, capstyle="round", zorder=3)  # type: ignore[arg-type]
             )
     ends = points[rim]
     crossing = (ends[:, 0, 1] >= y) != (ends[:, 1, 1] >= y)
@@ -171,5 +296,5 @@ def _draw_section(axis, points, rim, thickness, shapes, y) -> None:
     level = points[:, 2].mean() - 0.5 * thickness
     for x0, x1 in zip(where[0::2], where[1::2], strict=False):
         axis.add_patch(
-            Rectangle((x0, level), x1 - x0, thickness, fc="#b9c0c8", ec=INK, lw=0.5, zorder=2)
+            Rectangle((x0, level), x1 - x0, thickness, fc=colour, ec=INK, lw=0.5, zorder=2)
         )

@@ -261,7 +261,7 @@ def _penetration(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     if not depths:
         return
     tool, depth = max(depths.items(), key=lambda item: item[1])
-    thickness = scene.material.thickness
+    thickness = scene.stack.least_thickness
     limit = LARGEST_PENETRATION * thickness
     grade = grade_of(depth, limit, guards.DEEPEST_PENETRATION * thickness)
     text = f"nodes reach up to {1e3 * depth:.3f} mm into {tool} (good up to {1e3 * limit:.2g} mm)"

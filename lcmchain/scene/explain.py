@@ -35,6 +35,9 @@ DISCRIMINATORS = {
     "closure": "type",
 }
 
+#: Table of materials that have names of their own.
+NAMED_MATERIALS = "materials"
+
 #: Examples of tables, for messages about a missing one.
 _TABLE_EXAMPLES = {
     "process": '[process] with time = "100 ms"',
@@ -54,9 +57,9 @@ _TABLE_EXAMPLES = {
 #: That of a resin that flows; the resin of a laminate bears the same name.
 _FLOWING_RESIN = 'resin = { law = "constant", viscosity = "0.1 Pa*s" }'
 
-_ONE_SHEET = (
-    "a scene forms one sheet of one material; describe plies that move together as one sheet, by "
-    "the thickness, areal mass and stiffness of all of them, or form each ply in a scene of its own"
+_PLIES = (
+    "plies that lie on each other stand in [[plies]], bottom first, or in the short form "
+    'layup = "[0/90, 45/-45]s" beside [blank] and [material]'
 )
 _OUTLINE = (
     "a blank has one outline and no holes within it; notches and slits that begin at the rim are "
@@ -74,8 +77,8 @@ _LOADS = (
 #: What a scene has for a concept that other programs have a key for; keys in the singular.
 _CONCEPTS = {
     **dict.fromkeys(
-        ("layer", "ply", "plie", "stack", "layup", "lay_up", "laminate", "body", "bodie", "sheet"),
-        _ONE_SHEET,
+        ("layer", "ply", "stack", "layup", "lay_up", "laminate", "body", "bodie", "sheet"),
+        _PLIES,
     ),
     **dict.fromkeys(("hole", "cutout", "opening", "notch", "notche", "slit", "cut"), _OUTLINE),
     **dict.fromkeys(
@@ -144,7 +147,7 @@ def problems_of(
             key = f"{key}{separator}{field}"
         message = _message(details, location, data)
         if details["type"] in ("union_tag_invalid", "union_tag_not_found"):
-            key = f"{key}.{DISCRIMINATORS[str(location[-1])]}"
+            key = f"{key}.{_discriminator(location)}"
         problems.append(Problem(key, message))
     return _without_echoes(problems)
 
@@ -188,9 +191,16 @@ def _without_tags(location: Sequence[str | int], data: Any) -> tuple[str | int, 
         if not choosing:
             result.append(step)
         # "resin" names a table with forms here and one without there
-        may_choose = not choosing and step in DISCRIMINATORS
+        is_named_material = result[:-1] == [NAMED_MATERIALS]
+        may_choose = not choosing and (step in DISCRIMINATORS or is_named_material)
         choosing = may_choose and len(models_of(annotation_at(result, data))) > 1
     return tuple(result)
+
+
+def _discriminator(location: Sequence[str | int]) -> str:
+    """Return the entry that chooses between the forms of the table at a location."""
+    is_named_material = tuple(location[:-1]) == (NAMED_MATERIALS,)
+    return DISCRIMINATORS["material" if is_named_material else str(location[-1])]
 
 
 def _message(details: Any, location: tuple[str | int, ...], data: Any) -> str:
@@ -209,7 +219,7 @@ def _message(details: Any, location: tuple[str | int, ...], data: Any) -> str:
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         choices = tuple(tags_at(location, data))
         if kind == "union_tag_invalid":
-            return _choice_message(details["input"].get(DISCRIMINATORS[name]), choices)
+            return _choice_message(details["input"].get(_discriminator(location)), choices)
         preset = ' (or preset = "MD600")' if name == "material" else ""
         return f"is missing; write one of {_listed(choices)}{preset}"
     if kind in ("bool_type", "bool_parsing"):

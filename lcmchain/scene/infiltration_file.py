@@ -22,7 +22,7 @@ def infiltration_from_text(
 
 
 def is_scene_file(path: str | Path) -> bool:
-    """Whether a file is a scene and not the case of an infiltration: it has a blank.
+    """Whether a file is a scene and not the case of an infiltration: it has a blank or plies.
 
     A file that cannot be read is none; reading it as a case tells what is wrong.
     """
@@ -30,4 +30,5 @@ def is_scene_file(path: str | Path) -> bool:
         words = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return False
-    return any(line.strip().startswith(("[blank", "blank")) for line in words.splitlines())
+    of_scene = ("[blank", "blank", "[[plies", "plies", "layup")
+    return any(line.strip().startswith(of_scene) for line in words.splitlines())

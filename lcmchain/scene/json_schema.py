@@ -45,21 +45,35 @@ def _allow_presets(schema: dict[str, Any], definitions: dict[str, Any]) -> None:
         preset["properties"][name] = {"$ref": f"#/$defs/Preset{full_name}"}
     definitions["PresetMaterial"] = preset
     definitions["FabricMaterial"]["properties"].pop("preset")
-    laws = schema["properties"]["material"].pop("oneOf")
-    schema["properties"]["material"].pop("discriminator", None)
-    schema["properties"]["material"]["anyOf"] = [{"$ref": "#/$defs/PresetMaterial"}, *laws]
+    (named,) = schema["properties"]["materials"]["patternProperties"].values()
+    for entry in (schema["properties"]["material"], named):
+        laws = _forms(entry)
+        entry["anyOf"] = [{"$ref": "#/$defs/PresetMaterial"}, *laws]
+
+
+def _forms(entry: dict[str, Any]) -> list[dict[str, Any]]:
+    """Take the forms of a table out of its entry, also where it may be left out."""
+    for form in (entry, *entry.get("anyOf", ())):
+        if "oneOf" in form:
+            form.pop("discriminator", None)
+            forms = form.pop("oneOf")
+            entry.pop("anyOf", None)
+            return forms
+    raise KeyError("no forms")
 
 
 def _allow_element_name(schema: dict[str, Any], definitions: dict[str, Any]) -> None:
     """Offer the name of a kind of element in place of its table."""
-    entry = schema["properties"]["element"]
-    tables = entry.pop("oneOf")
-    entry.pop("discriminator", None)
-    names = [
-        definitions[table["$ref"].rsplit("/", 1)[1]]["properties"]["type"]["const"]
-        for table in tables
-    ]
-    entry["anyOf"] = [{"type": "string", "enum": names}, *tables]
+    for entry in (
+        schema["properties"]["element"],
+        definitions["Ply"]["properties"]["element"],
+    ):
+        tables = _forms(entry)
+        names = [
+            definitions[table["$ref"].rsplit("/", 1)[1]]["properties"]["type"]["const"]
+            for table in tables
+        ]
+        entry["anyOf"] = [{"type": "string", "enum": names}, *tables]
 
 
 def _without_null(node: Any) -> Any:

@@ -27,8 +27,15 @@ def formed_material(text: str) -> Any:
 
     Raises
     ------
-    InputError : it has no material, or one that this version does not know.
+    InputError : it has no material, or one that this version does not know, or several plies.
     """
+    data = parse_toml(text, None)
+    if "plies" in data or "layup" in data:
+        raise InputError(
+            "was formed from a stack of plies, and this takes a part of one sheet; form one "
+            "([blank] and [material])",
+            key="plies" if "plies" in data else "layup",
+        )
     return _scene_of(text, "material", "element").material
 
 
@@ -51,6 +58,9 @@ def _scene_of(text: str, *tables: str) -> Scene:
     given = [line.removeprefix(OVERRIDE) for line in text.splitlines() if line.startswith(OVERRIDE)]
     apply_overrides(data, [item for item in given if item.startswith(tables)])
     alone = _REST | {key: data[key] for key in tables if key in data}
+    named = data.get("materials")
+    if "material" not in alone and isinstance(named, dict) and named:
+        alone["material"] = next(iter(named.values()))  # permeability needs any that has fibres
     try:
         return Scene.model_validate(alone, context=FROM_FILE)
     except ValidationError as error:

@@ -226,8 +226,9 @@ def _used_values(
         if value is not _ABSENT:
             given.append((key, _value_text(value)))
         elif from_preset is not _ABSENT:
-            owner = _lookup(preset, (*raw_path[:-1], "preset"))
-            owner = preset["material"]["preset"] if owner is _ABSENT else owner
+            # a table within a material's names no preset of its own
+            within = ((*raw_path[:end], "preset") for end in range(len(raw_path) - 1, 0, -1))
+            owner = next(o for path in within if (o := _lookup(preset, path)) is not _ABSENT)
             defaulted.append((key, f"{_value_text(from_preset)} (preset {owner})"))
         elif text:
             defaulted.append((key, _resolved_text(scene, key, text)))
@@ -240,6 +241,11 @@ def _preset_values(scene: Scene) -> dict[str, Any]:
     name = getattr(scene.material, "preset", None)
     if name:
         values["material"] = {**PRESETS[name], "preset": name}
+    values["materials"] = {
+        name: {**PRESETS[preset], "preset": preset}
+        for name, material in scene.materials.items()
+        if (preset := getattr(material, "preset", None))
+    }
     if scene.infiltration is not None:
         values["infiltration"] = scene.infiltration.preset_values()
     stages = [
@@ -265,7 +271,11 @@ def _leaves(
             yield from _leaves(value, (*key, name), (*path, name))
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             for index, entry in enumerate(value):
-                yield from _leaves(entry, (*key, name, entry.name), (*path, name, index))
+                own = getattr(entry, "name", str(index))
+                yield from _leaves(entry, (*key, name, own), (*path, name, index))
+        elif isinstance(value, dict):
+            for own, entry in value.items():
+                yield from _leaves(entry, (*key, name, own), (*path, name, own))
         else:
             extras = model_field.metadata
             absent = next((extra.text for extra in extras if isinstance(extra, AbsentMeans)), None)

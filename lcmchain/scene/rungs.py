@@ -35,10 +35,14 @@ ENTRIES: Final = {
 
 
 def rung_of(scene: Scene) -> str:
-    """Return the rung that a scene stands on."""
-    if scene.element.type == "membrane-shell" and not scene.element.bending:
+    """Return the rung that a scene stands on; several where plies have elements of their own."""
+    return " and ".join(dict.fromkeys(map(_rung_of_element, scene.stack.elements.values())))
+
+
+def _rung_of_element(element: Any) -> str:
+    if element.type == "membrane-shell" and not element.bending:
         return "membrane"
-    return scene.element.type
+    return element.type
 
 
 def on_rung(scene: Scene, model: str) -> Scene:
@@ -90,12 +94,17 @@ def left_out_of(scene: Scene) -> list[str]:
 
 def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[str]]:
     """Return the entries that change, the keys of what is dropped, and the changes as overrides."""
-    element = RUNGS[model]
+    element = scene.element if _rung_of_element(scene.element) == model else RUNGS[model]
     changes: dict[str, Any] = {"element": element}
     left_out = []
     if scene.element.type != element.type:
         left_out = [f"element.{name}" for name in sorted(scene.element.model_fields_set - {"type"})]
     overrides = [f"element={ENTRIES[model]}"]
+    own = [index for index, ply in enumerate(scene.plies) if ply.element is not None]
+    if own:
+        changes["plies"] = tuple(ply.model_copy(update={"element": None}) for ply in scene.plies)
+        left_out += [f"plies.{scene.plies[index].name}.element" for index in own]
+        overrides += [f"plies[{index}].element={ENTRIES[model]}" for index in own]
     unknown = []
     if not element.has_thickness:
         unknown = [name for name in ("permeability", "infiltration") if getattr(scene, name)]

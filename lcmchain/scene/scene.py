@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from lcmchain.effects.contact import Contact
 from lcmchain.effects.effect import Refusal
@@ -19,10 +20,11 @@ from lcmchain.effects.face_pressure import PressureOnFace
 from lcmchain.effects.switches import EffectSettings, Switched, changes, settings_of
 from lcmchain.elements.families import SheetElement
 from lcmchain.elements.solid_shell.table import Element
-from lcmchain.materials.law import Material, with_fibre_modulus
+from lcmchain.errors import InputError
+from lcmchain.interfaces.table import Interface
 from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
-from lcmchain.quantities.entry_types import AbsentMeans, Row, Text, wrong
+from lcmchain.quantities.entry_types import AbsentMeans, Name, Row, Text, wrong
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.draping import Draping
 from lcmchain.scene.found_time import (
@@ -32,10 +34,21 @@ from lcmchain.scene.found_time import (
     why_time_is_needed,
 )
 from lcmchain.scene.infiltration import Infiltration
+from lcmchain.scene.layup import EXAMPLE as LAYUP_EXAMPLE
+from lcmchain.scene.layup import MOST_PLIES, LayupError, angles_of
 from lcmchain.scene.mapping_target import MappingTarget
 from lcmchain.scene.names import with_own_names
 from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, Output
 from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.plies import (
+    Ply,
+    PlySettings,
+    Stack,
+    check_stack,
+    complete_element,
+    named_plies,
+    stack_of,
+)
 from lcmchain.scene.presets import fill_preset
 from lcmchain.scene.process import Process
 from lcmchain.scene.unit import Unit
@@ -87,12 +100,49 @@ class Scene(SceneModel):
         default="untitled", description="Title of pictures and files."
     )
     process: Process = Field(default_factory=Process)
-    blank: Blank
-    material: AnyMaterial = Field(description="What the sheet is made of, and how it deforms.")
     element: SheetElement = Field(
         default_factory=Element,
         description="Kind of element and its options; a name alone takes the defaults.",
     )
+    plies: Annotated[
+        tuple[Ply, ...],
+        Row(
+            "[[plies]] ... for each ply",
+            entries="tables",
+            units=False,
+            maximum_count=MOST_PLIES,
+        ),
+        AbsentMeans(""),
+    ] = Field(default=(), description="The plies of a stack, bottom first, in place of [blank].")
+    layup: Annotated[Annotated[str, Text(LAYUP_EXAMPLE)] | None, AbsentMeans("")] = Field(
+        default=None,
+        description="Short form of a stack of plies that share [blank] and [material]: their "
+        "angles in degrees, bottom first.",
+    )
+    blank: Annotated[Blank | None, AbsentMeans("")] = Field(
+        default=None, description="The flat textile layer before forming; needed without [[plies]]."
+    )
+    material: Annotated[AnyMaterial | None, AbsentMeans("")] = Field(
+        default=None,
+        description="What the sheet is made of, and how it deforms; needed unless all plies name "
+        "an entry of [materials].",
+    )
+    materials: Annotated[dict[Annotated[str, Name("biaxial")], AnyMaterial], AbsentMeans("")] = (
+        Field(
+            default_factory=dict,
+            description="Further materials by name, for the entry material of plies.",
+        )
+    )
+    interfaces: Annotated[
+        tuple[Interface, ...],
+        Row(
+            "[[interfaces]] ... for each kind of interface",
+            entries="tables",
+            units=False,
+            maximum_count=MOST_PLIES,
+        ),
+        AbsentMeans(""),
+    ] = Field(default=(), description="How plies press and slide on each other.")
     contact: Contact = Field(default_factory=Contact)
     effects: EffectSettings = Field(
         default_factory=EffectSettings,
@@ -160,29 +210,136 @@ class Scene(SceneModel):
         """The entries that ``[effects]`` has changed, as they stood before, by their names."""
         return self._before_switches
 
-    def built_material(self) -> Material:
-        """Return the material as it is simulated, with the modulus of fibres that is asked for."""
-        return with_fibre_modulus(self.material.build(), self.process.fibre_modulus_factor)
+    @property
+    def stack(self) -> Stack:
+        """The plies from the bottom up, with all that each is built from; one where it is alone."""
+        return stack_of(self)
+
+    def with_longer_edges(self, factor: float) -> Scene:
+        """Return the scene with the edges of all elements longer by a factor."""
+
+        def longer(blank: Any) -> Any:
+            return blank.model_copy(update={"edge_length": factor * blank.edge_length})
+
+        plies = tuple(longer(ply) for ply in self.plies)
+        blank = None if self.blank is None else longer(self.blank)
+        return self.model_copy(update={"blank": blank, "plies": plies})
+
+    def alone(self, ply: PlySettings) -> Scene:
+        """Return the scene with one of its plies and no other, as far as one sheet can be it."""
+        blank = ply.blank
+        if any(ply.center):
+            blank = Blank.model_construct(
+                outline=tuple(map(tuple, ply.outline.tolist())), size=None,
+                edge_length=blank.edge_length, fibre_angle=blank.fibre_angle, height=blank.height,
+            )  # fmt: skip
+        return self.model_copy(
+            update={
+                "blank": blank, "material": ply.material, "element": ply.element, "plies": (),
+                "layup": None, "interfaces": (),
+            }
+        )  # fmt: skip
+
+    def only_ply(self, asker: str) -> PlySettings:
+        """Return the one sheet of a scene, for what knows one.
+
+        asker : who asks, in words that precede "takes one sheet", such as ``lcmchain fmu build``.
+
+        Raises
+        ------
+        InputError : the scene names several.
+        """
+        stack = self.stack
+        if len(stack) > 1:
+            names = ", ".join(ply.name for ply in stack[:3]) + (", ..." if len(stack) > 3 else "")
+            raise InputError(
+                f"names {len(stack)} plies ({names}), but {asker} takes one sheet; use a scene "
+                "with [blank] and [material]",
+                key="plies" if self.plies else "layup",
+            )
+        return stack[0]
 
     @property
     def history_interval(self) -> float:
         """Time between two samples of the histories [s]."""
         return self.output.history_interval or self.process.time / DEFAULT_SAMPLES
 
+    @field_validator("plies")
+    @classmethod
+    def _name_plies(cls, plies: tuple[Ply, ...]) -> tuple[Ply, ...]:
+        return named_plies(plies)
+
+    @field_validator("layup")
+    @classmethod
+    def _check_layup(cls, code: str | None, info: ValidationInfo) -> str | None:
+        if code is None:
+            return None
+        if info.data.get("plies"):
+            raise wrong("stands beside [[plies]], which say the same; leave one of them out")
+        try:
+            angles_of(code)
+        except LayupError as error:
+            raise wrong(str(error)) from None
+        return code
+
+    @field_validator("blank")
+    @classmethod
+    def _check_blank(cls, blank: Blank | None, info: ValidationInfo) -> Blank | None:
+        plies = info.data.get("plies")
+        if plies and blank is not None:
+            raise wrong(
+                "stands beside [[plies]], which have size, edge_length and fibre_angle each; leave "
+                "[blank] out"
+            )
+        if plies == () and blank is None:
+            raise PydanticCustomError("missing", "is missing")
+        angle_given = blank is not None and "fibre_angle" in blank.model_fields_set
+        if angle_given and info.data.get("layup") is not None:
+            raise wrong(
+                "stands beside layup, which says the angle of every ply; leave one of them out",
+                field="fibre_angle",
+            )
+        return blank
+
     @field_validator("material", mode="before")
     @classmethod
     def _fill_preset(cls, value: Any) -> Any:
         return fill_preset(value)
 
+    @field_validator("material")
+    @classmethod
+    def _check_material(cls, material: Any, info: ValidationInfo) -> Any:
+        plies = info.data.get("plies")
+        if material is None and plies is not None:
+            without = [ply.name for ply in plies if ply.material is None]
+            if not plies:
+                raise PydanticCustomError("missing", "is missing")
+            if without:
+                raise wrong(
+                    f'is missing, but the ply "{without[0]}" names no entry of [materials]; give '
+                    'one of both, for example [material] with preset = "MD600"'
+                )
+        return material
+
+    @field_validator("materials", mode="before")
+    @classmethod
+    def _fill_presets(cls, tables: Any) -> Any:
+        if not isinstance(tables, dict):
+            return tables
+        filled = {}
+        for name, table in tables.items():
+            try:
+                filled[name] = fill_preset(table)
+            except PydanticCustomError as error:
+                context = error.context or {}
+                field = f"{name}.{context.get('field', '')}"
+                raise wrong(context.get("message", str(error)), field=field) from None
+        return filled
+
     @field_validator("element", mode="before")
     @classmethod
     def _complete_element(cls, value: Any) -> Any:
-        """Take a name alone, and the solid-shell where options are given without a type."""
-        if isinstance(value, str):
-            return {"type": value}
-        if isinstance(value, dict) and "type" not in value:
-            return {"type": Element.model_fields["type"].default, **value}
-        return value
+        return complete_element(value)
 
     @field_validator("permeability", "infiltration", mode="before")
     @classmethod
@@ -209,6 +366,11 @@ class Scene(SceneModel):
         )
 
     @model_validator(mode="after")
+    def _check_stack(self) -> Self:
+        check_stack(self)
+        return self
+
+    @model_validator(mode="after")
     def _find_time(self) -> Self:
         """Fill in what a process without a time takes: its time, its damping, and its tools'."""
         process = self.process
@@ -225,7 +387,10 @@ class Scene(SceneModel):
         if reason is not None:
             raise wrong(f'is missing, and {reason}; give time = "200 ms"', field="process.time")
         stroke = max((getattr(tool.motion, "distance", 0.0) for tool in self.tools), default=0.0)
-        time = found_time(process, self.blank.extent, self.material.build(), stroke)
+        time = max(
+            found_time(process, ply.blank.extent, ply.material.build(), stroke)
+            for ply in self.stack
+        )
         tools = []
         for index, tool in enumerate(self.tools):
             key = f'tools[{index}] "{tool.name}"'
@@ -261,40 +426,42 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _check_scene(self) -> Self:
-        if self.permeability is not None and self.material.fibre_density is None:
+        stack = self.stack
+        if self.permeability is not None:
+            self._require_fibre_density("permeability", " or leave [permeability] out")
+        for ply in stack:
+            if ply.element.type not in ply.material.families:
+                raise wrong(_law_of_no_use(ply), field=f"{ply.material_key}.law")
+        flat = next((ply.element for ply in stack if not ply.element.has_thickness), None)
+        if flat is not None and self.permeability is not None:
             raise wrong(
-                "is missing, but permeability needs the fibre volume fraction; give "
-                'fibre_density = "1810 kg/m^3" or leave [permeability] out',
-                field="material.fibre_density",
-            )
-        if self.element.type not in self.material.families:
-            raise wrong(self._law_of_no_use(), field="material.law")
-        if not self.element.has_thickness and self.permeability is not None:
-            raise wrong(
-                f'needs the thickness, which element = "{self.element.type}" does not predict; use '
+                f'needs the thickness, which element = "{flat.type}" does not predict; use '
                 'element = "solid-shell", or leave the entry out (on the command line: '
                 "--set permeability=none)",
                 field="permeability",
             )
         if not self.element.has_forces:
             self._check_draping()
-        if self.pressure and not self.element.has_thickness:
+        if self.pressure and flat is not None:
             raise wrong(
-                f'acts on the faces of the sheet, but element = "{self.element.type}" has one '
+                f'acts on the faces of the sheet, but element = "{flat.type}" has one '
                 'layer of nodes; use element = "solid-shell"',
                 field="pressure",
             )
+        if len(stack) > 1:
+            self._check_what_knows_one_sheet()
         self._check_infiltrations()
-        share = getattr(self.element, "fibre_hourglass", None)
-        if share not in (None, 1.0) and not self.material.has_fibres:
+        for ply in stack:
+            share = getattr(ply.element, "fibre_hourglass", None)
+            if share not in (None, 1.0) and not ply.material.has_fibres:
+                raise wrong(
+                    f'is {share:g}, but only law = "fabric" has fibres; leave it out',
+                    field=f"{ply.element_key}.fibre_hourglass",
+                )
+        if self.process.fibre_modulus_factor != 1.0 and not stack.has_fibres:
             raise wrong(
-                f'is {share:g}, but only law = "fabric" has fibres; leave it out',
-                field="element.fibre_hourglass",
-            )
-        if self.process.fibre_modulus_factor != 1.0 and not self.material.has_fibres:
-            raise wrong(
-                f'is {self.process.fibre_modulus_factor:g}, but law = "{self.material.law}" has no '
-                "fibres whose modulus could be lowered; leave it out",
+                f'is {self.process.fibre_modulus_factor:g}, but law = "{stack[0].material.law}" '
+                "has no fibres whose modulus could be lowered; leave it out",
                 field="process.fibre_modulus_factor",
             )
         if self.process.time > MOST_SAMPLES * self.history_interval:
@@ -302,12 +469,37 @@ class Scene(SceneModel):
                 f"gives more than {MOST_SAMPLES:,} samples over process.time; use a longer one",
                 field="output.history_interval",
             )
-        if self.material.thickness > min(self.blank.extent):
-            raise wrong(
-                f"is {self.material.thickness * 1e3:g} mm, larger than the blank; check its unit",
-                field="material.thickness",
-            )
+        for ply in stack:
+            if ply.thickness > min(ply.blank.extent):
+                raise wrong(
+                    f"is {ply.thickness * 1e3:g} mm, larger than the blank; check its unit",
+                    field=f"{ply.material_key}.thickness",
+                )
         return self
+
+    def _require_fibre_density(self, asker: str, otherwise: str = "") -> None:
+        for key, material in self.stack.materials.items():
+            if material.fibre_density is None:
+                raise wrong(
+                    f"is missing, but {asker} needs the fibre volume fraction; give "
+                    f'fibre_density = "1810 kg/m^3"{otherwise}',
+                    field=f"{key}.fibre_density",
+                )
+
+    def _check_what_knows_one_sheet(self) -> None:
+        """Refuse the loads and stages that a stack would need a rule of its own for."""
+        if self.pressure:
+            raise wrong(
+                "acts on the faces of one sheet; which plies of a stack it meets changes as they "
+                "slide: press with a tool, or form one sheet",
+                field="pressure",
+            )
+        if self.infiltration is not None:
+            raise wrong(
+                "fills one sheet; resin that flows from ply to ply of a stack is not simulated: "
+                "leave it out, and fill a mesh of the part ([mapping.infiltration])",
+                field="infiltration",
+            )
 
     def _check_draping(self) -> None:
         """Refuse what a net without forces knows nothing of."""
@@ -348,18 +540,13 @@ class Scene(SceneModel):
         for key, case in keys:
             if case is None:
                 continue
-            if not self.element.has_thickness:
+            if not self.stack.has_thickness:
                 raise wrong(
                     f'needs the thickness, which element = "{self.element.type}" does not '
                     'predict; use element = "solid-shell"',
                     field=key,
                 )
-            if self.material.fibre_density is None:
-                raise wrong(
-                    "is missing, but infiltration needs the fibre volume fraction; give "
-                    'fibre_density = "1810 kg/m^3"',
-                    field="material.fibre_density",
-                )
+            self._require_fibre_density("infiltration")
             if self.permeability is None and case.permeability is None:
                 raise wrong(
                     "is missing, but infiltration needs it; give [permeability] with "
@@ -387,11 +574,12 @@ class Scene(SceneModel):
                 field="mapping",
             )
 
-    def _law_of_no_use(self) -> str:
-        """Say that the elements do not know the law, and what does."""
-        element, law = self.element.type, self.material.law
-        known = [f'"{table.law_name()}"' for table in TABLES if element in table.families]
-        return (
-            f'is "{law}", but element = "{element}" knows the law {" and ".join(known)} only; use '
-            f'element = "{self.material.families[0]}"'
-        )
+
+def _law_of_no_use(ply: PlySettings) -> str:
+    """Say that the elements of a ply do not know the law of its material, and what does."""
+    element, law = ply.element.type, ply.material.law
+    known = [f'"{table.law_name()}"' for table in TABLES if element in table.families]
+    return (
+        f'is "{law}", but element = "{element}" knows the law {" and ".join(known)} only; use '
+        f'element = "{ply.material.families[0]}"'
+    )

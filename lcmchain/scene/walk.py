@@ -54,9 +54,13 @@ def annotation_at(location: Sequence[str | int], data: Any) -> Any:
             annotation = next(_entries_of(annotation), None)
             node = node[step] if isinstance(node, (list, tuple)) and step < len(node) else None
         else:
-            model = _chosen(models_of(annotation), node)
-            model_field = model.model_fields.get(step) if model else None
-            annotation = model_field.annotation if model_field else None
+            named = _named_tables(annotation)
+            if named is not None:
+                annotation = named
+            else:
+                model = _chosen(models_of(annotation), node)
+                model_field = model.model_fields.get(step) if model else None
+                annotation = model_field.annotation if model_field else None
             node = node.get(step) if isinstance(node, dict) else None
     return annotation
 
@@ -110,6 +114,14 @@ def _entries_of(annotation: Any) -> Iterator[Any]:
     elif origin in (Union, types.UnionType):
         for part in typing.get_args(annotation):
             yield from _entries_of(part)
+
+
+def _named_tables(annotation: Any) -> Any:
+    """Type of the tables that are entries of a table by names of their own; None for others."""
+    origin = typing.get_origin(annotation)
+    if origin is Annotated:
+        return _named_tables(typing.get_args(annotation)[0])
+    return typing.get_args(annotation)[1] if origin is dict else None
 
 
 def choices_of(annotation: Any) -> tuple[str, ...]:

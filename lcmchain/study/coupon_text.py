@@ -56,7 +56,8 @@ class CouponJob:
     def _outcome(self, simulation: Simulation, recording: Recording) -> Outcome:
         model = simulation.model
         frames = FrameSeries.from_snapshots(recording.snapshots[:: FRAMES - 1], ())
-        datasets = build_datasets(self.scene, model.blank, frames, material=model.material)
+        (body,) = model.bodies
+        datasets = build_datasets(self.scene, body.mesh, frames, material=body.material)
         force = self.test.force(self.scene, recording)
         numbers = {
             "element_count": model.element_count,
@@ -156,7 +157,7 @@ def _require_pullable(scene: Scene) -> None:
     ------
     InputError : no rectangle, tools beside the clamps, or a net that knows no forces.
     """
-    if scene.blank.size is None:
+    if scene.only_ply("a coupon").blank.size is None:
         raise InputError("a coupon is a rectangle: give its size", key="blank.size")
     if scene.tools:
         raise InputError("a coupon is held by clamps, not by tools", key="tools")

@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lcmchain.errors import InputError
+from lcmchain.mesh.blank import Blank
 from lcmchain.model import build_model
 from lcmchain.scene import RUNGS, Scene, rung_of
 from lcmchain.study.process_pace import why_time_stays
@@ -103,11 +104,15 @@ def number_of(text: Source, key: str, value: str) -> float | None:
 
 def scene_name(scene: Scene) -> str:
     """Return the name of the setting that is the scene as it stands."""
-    return _edge_text(scene.blank.edge_length)
+    return _edge_text(_blank(scene).edge_length)
+
+
+def _blank(scene: Scene) -> Blank:
+    return scene.only_ply("lcmchain study accuracy").blank
 
 
 def _with_edge(scene: Scene, factor: float) -> Variant:
-    edge = factor * scene.blank.edge_length
+    edge = factor * _blank(scene).edge_length
     overrides = () if factor == 1.0 else (_edge(edge),)
     return Variant(_edge_text(edge), EDGE, overrides, edge)
 
@@ -122,12 +127,12 @@ def _with_times(scene: Scene) -> list[Variant]:
 
 def _with_time(scene: Scene, factor: float) -> Variant:
     time = factor * scene.process.time
-    name = f"{_edge_text(scene.blank.edge_length)}, {_time_text(time)}"
+    name = f"{_edge_text(_blank(scene).edge_length)}, {_time_text(time)}"
     return Variant(name, TIME, (_time(scene, factor),), time)
 
 
 def _with_both(scene: Scene, of_edge: float, of_time: float) -> Variant:
-    edge, time = of_edge * scene.blank.edge_length, of_time * scene.process.time
+    edge, time = of_edge * _blank(scene).edge_length, of_time * scene.process.time
     name = f"{_edge_text(edge)}, {_time_text(time)}"
     return Variant(name, BOTH, (_edge(edge), _time(scene, of_time)), edge)
 
@@ -168,7 +173,7 @@ def _with_mass(scene: Scene) -> list[Variant]:
     """
     variants = []
     for of_edge in MASS_EDGES:
-        edge = of_edge * scene.blank.edge_length
+        edge = of_edge * _blank(scene).edge_length
         for factor in MASSES:
             damping = scene.process.mass_damping / math.sqrt(factor)
             overrides = [f"process.mass_scaling={{factor = {factor:g}}}"]
@@ -196,7 +201,7 @@ def _on_rungs(text: Source, scene: Scene) -> list[Variant]:
     variants = []
     for model in rungs[: rungs.index(rung_of(scene))]:
         for factor in RUNG_EDGES:
-            edge = factor * scene.blank.edge_length
+            edge = factor * _blank(scene).edge_length
             variants.append(
                 Variant(f"{model}, {_edge_text(edge)}", RUNG, (_edge(edge),), edge, model)
             )

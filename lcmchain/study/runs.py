@@ -7,6 +7,7 @@ goes on with what is missing, and so does one whose workers were lost.
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import re
 import time
@@ -230,8 +231,9 @@ def expected_work(scene: Scene) -> float:
 
     Elements times steps, the steps as long as a wave takes across an element.
     """
-    width, height = scene.blank.extent
-    return width * height * scene.process.time / scene.blank.edge_length**3
+    stack = scene.stack
+    count = sum(math.prod(ply.blank.extent) / ply.blank.edge_length**2 for ply in stack)
+    return count * scene.process.time / stack.shortest_edge
 
 
 class _Account:

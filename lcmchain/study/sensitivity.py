@@ -35,7 +35,7 @@ SIDES = {"lower": -1.0, "higher": 1.0}
 #: Elasticities below this are not shown as dependence.
 LEAST_SHOWN = 0.01
 #: Beginnings of the entries whose numbers are inputs where a user names none.
-TABLES = ("material.", "contact.friction")
+TABLES = ("material.", "materials.", "contact.friction", "interfaces.")
 # a unit may begin with 1, as in "200 1/s"
 _NUMBERS = re.compile(rf"({NUMBER}(?:[\s,]+{NUMBER})*?)(?:\s+(1\s*/.*)|\s*([^\d\s.,+-].*))?")
 _FROM_PRESET = re.compile(r" \(preset .*\)$")
@@ -83,7 +83,7 @@ class Sensitivity:
 def default_inputs(scene: Scene) -> dict[str, str]:
     """Return the numbers of a scene that its results may depend on, as texts by key.
 
-    They are those of the material, presets included, and the friction; zeros are left out, which
+    They are those of the materials, presets included, and the friction; zeros are left out, which
     no part of their value changes, and the friction of tools that take ``contact.friction``.
     """
     found = {}
@@ -110,7 +110,10 @@ def _is_numeric(scene: Scene, key: str) -> bool:
     node: Any = scene
     for part in key.split("."):
         if isinstance(node, tuple):
-            node = next((entry for entry in node if getattr(entry, "name", "") == part), None)
+            names = [getattr(entry, "name", str(number)) for number, entry in enumerate(node)]
+            node = node[names.index(part)] if part in names else None
+        elif isinstance(node, dict):
+            node = node.get(part)
         else:
             node = getattr(node, part, None)
     numbers = node if isinstance(node, tuple) else (node,)

@@ -1,5 +1,7 @@
 """Two plies over each other onto shells and solids: each keeps its mass and its fields."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -284,6 +286,34 @@ def test_numbering_of_the_plies_means_nothing(make):
         np.testing.assert_allclose(
             after.scalars[name], values, rtol=1e-10, atol=1e-12, err_msg=name
         )
+
+
+def test_a_ply_whose_faces_lie_too_far_off_a_cell_is_not_in_it(make):
+    """Such faces are listed for the cell with no share: no division by it, no direction of it."""
+    sheet = read_sheet(two_plies(make, flat(make)))
+    target = shells(make, flat(make), half=0.45)
+    weights = compute_weights(sheet, target)
+    off = (weights.cell == 5) & (sheet.plies[weights.face] == 1)
+    assert off.any()
+    fields = transfer(sheet, target, replace(weights, average=np.where(off, 0.0, weights.average)))
+    whole = transfer(sheet, target, weights)
+    for name in ("over_thickness", "over_fibre_volume_fraction"):
+        values = fields.scalars[name]
+        assert np.flatnonzero(np.isnan(values)).tolist() == [5]
+        there = np.arange(target.cell_count) != 5
+        np.testing.assert_array_equal(values[there], whole.scalars[name][there])
+    assert fields.scalars["ply_share_over"][5] == 0.0
+    assert fields.scalars["under_thickness"][5] == pytest.approx(UNDER)
+
+
+def test_sums_over_the_plies_are_left_to_the_mapping(make):
+    stack = two_plies(make, flat(make), stack_thickness=(STACK, STACK))
+    stack["stack_thickness"].attrs["units"] = "m"
+    sheet = read_sheet(stack)
+    assert "stack_thickness" not in (*sheet.scalars, *sheet.unused)
+    target = shells(make, flat(make), half=0.45)
+    _, fields = mapped_onto(sheet, target)
+    np.testing.assert_allclose(fields.scalars["thickness"], STACK, rtol=1e-9)
 
 
 # --- files ----------------------------------------------------------------------------------------

@@ -114,7 +114,7 @@ def test_a_sheet_of_membrane_shells_has_the_same_gaps(tmp_path):
     membranes = read_scene(tmp_path / "scene.toml", ['element.type="membrane-shell"'])
     model = build_model(membranes)
     with pytest.raises(InputError, match="reaches 0.3 mm into the blank"):
-        require_no_initial_overlap(membranes, model.blank, model.tools)
+        require_no_initial_overlap(membranes, model.tools)
     assert not model.blank.has_thickness and build_model(scene).blank.has_thickness
 
 
@@ -279,7 +279,7 @@ def test_a_slope_is_judged_as_the_contact_of_the_elements_sees_it(tmp_path, fami
     if not overlap:
         assert check_scene(scene) is not None
         return
-    for judge in (check_scene, lambda s: require_no_initial_overlap(s, model.blank, model.tools)):
+    for judge in (check_scene, lambda s: require_no_initial_overlap(s, model.tools)):
         with pytest.raises(InputError, match="reaches 0.0673 mm into the blank.*mid-surface"):
             judge(scene)
 

@@ -155,9 +155,9 @@ WRONG = {
     "unknown key": (
         replaced(("edge_length", "edge_lenght")), "blank.edge_lenght", 'did you mean "edge_length"?'
     ),
-    "layers": (SCENE + "[[layers]]\n", "layers", "a scene forms one sheet of one material"),
+    "layers": (SCENE + "[[layers]]\n", "layers", "plies that lie on each other stand in"),
     "plies of the material": (
-        replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies", "describe plies that move"
+        replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies", "it belongs into the top"
     ),
     "holes": (
         replaced(("edge_length", "holes = []\nedge_length")), "blank.holes", "no holes within it"
@@ -517,9 +517,9 @@ def test_touching_within_the_tolerance_is_no_overlap(folder):
         table = build_tool_table(scene.tools, folder, scene.process.time)
         if overlaps:
             with pytest.raises(InputError, match='"punch"'):
-                require_no_initial_overlap(scene, blank, table)
+                require_no_initial_overlap(scene, table, [blank])
         else:
-            gap = require_no_initial_overlap(scene, blank, table)[0].gap
+            gap = require_no_initial_overlap(scene, table, [blank])[0].gap
             assert gap == pytest.approx(1.004e-3 * shift, abs=1e-9)
 
 

@@ -113,6 +113,22 @@ for (let f = 0; f < faceCount; f++) {
     edges.set(key, (edges.get(key) || 0) + 1);
   });
 }
+// Plies of a stack: which one a node belongs to, and which are shown.
+const plyOfNode = new Int32Array(floats(view.frames[0].positions).length / 3);
+view.plies.forEach((ply, n) => plyOfNode.fill(n, ply.nodes[0], ply.nodes[1]));
+const plyOfFace = (f) => plyOfNode[faces[4 * f]];
+const chosenPly = () => (view.plies.length ? Number(byId("ply").value) : -1);
+const isShown = (ply) => chosenPly() < 0 || chosenPly() === ply;
+
+// The points of a frame, each ply lifted off the one below by a part of the stack's size.
+function liftedPoints(positions) {
+  const points = floats(positions), part = Number(byId("apart").value);
+  if (view.plies.length === 0 || part === 0) return points;
+  let low = Infinity, high = -Infinity;
+  points.forEach((value) => { low = Math.min(low, value); high = Math.max(high, value); });
+  return points.map((value, n) => (n % 3 === 2 ? value + part * (high - low) * plyOfNode[(n - 2) / 3] : value));
+}
+
 const edgeNodes = (wanted) => [...edges].filter(([, count]) => wanted(count))
   .map(([key]) => key.split(" ").map(Number));
 const inner = edgeNodes((count) => count > 1);
@@ -121,6 +137,7 @@ const rim = edgeNodes((count) => count === 1);
 function lines(points, pairs, width, color) {
   const x = [], y = [], z = [];
   for (const [a, b] of pairs) {
+    if (!isShown(plyOfNode[a])) continue;
     for (const n of [a, b]) { x.push(points[3 * n]); y.push(points[3 * n + 1]); z.push(points[3 * n + 2]); }
     x.push(null); y.push(null); z.push(null);
   }
@@ -153,9 +170,11 @@ function hoverTexts(field, values, count) {
 
 function meshOf(field, points, values) {
   const onFaces = field.place === "face";
+  const there = triangles.face.map((f) => isShown(plyOfFace(f)));
+  const own = (list) => list.filter((_, t) => there[t]);
   return {
-    type: "mesh3d", ...columns(points), i: triangles.i, j: triangles.j, k: triangles.k,
-    intensity: onFaces ? triangles.face.map((f) => values[f]) : Array.from(values),
+    type: "mesh3d", ...columns(points), i: own(triangles.i), j: own(triangles.j), k: own(triangles.k),
+    intensity: onFaces ? own(triangles.face).map((f) => values[f]) : Array.from(values),
     intensitymode: onFaces ? "cell" : "vertex",
     cmin: field.low, cmax: field.high, colorscale: field.colours, flatshading: onFaces,
     lighting: { ambient: 1, diffuse: 0, specular: 0, fresnel: 0 },  // colours carry values
@@ -185,7 +204,8 @@ function toolsAt(frameNumber) {
 function sayExtent(field, values) {
   let low = Infinity, high = -Infinity, sum = 0, count = 0, at = 0;
   values.forEach((value, n) => {
-    if (!Number.isFinite(value)) return;
+    const ply = field.place === "face" ? plyOfFace(n) : plyOfNode[n];
+    if (!Number.isFinite(value) || !isShown(ply)) return;
     low = Math.min(low, value);
     if (value > high) { high = value; at = n; }
     sum += value; count += 1;
@@ -200,7 +220,7 @@ function drawView() {
   const field = view.fields[Number(byId("field").value)];
   const place = Number(byId("frame").value);
   const frame = view.frames[place];
-  const points = floats(frame.positions);
+  const points = liftedPoints(frame.positions);
   const values = floats(field.values[place]);
   const { text, line, soft } = look();
   const traces = [meshOf(field, points, values), lines(points, rim, 4, text)];
@@ -232,7 +252,11 @@ function prepareView() {
   byId("frame").value = view.frames.length - 1;
   byId("frame-control").hidden = view.frames.length < 2;
   byId("tools-control").hidden = view.tools.length === 0;
-  for (const id of ["field", "edges", "tools"]) byId(id).addEventListener("change", drawView);
+  byId("ply").add(new Option("all", -1));
+  view.plies.forEach((ply, n) => byId("ply").add(new Option(ply.name, n)));
+  for (const id of ["ply-control", "apart-control"]) byId(id).hidden = view.plies.length === 0;
+  byId("apart").addEventListener("input", drawView);
+  for (const id of ["field", "edges", "tools", "ply"]) byId(id).addEventListener("change", drawView);
   byId("frame").addEventListener("input", drawView);
   for (const button of document.querySelectorAll("[data-view]")) {
     button.addEventListener("click", () => {

@@ -11,7 +11,6 @@ import numpy as np
 from lcmchain.effects.supports import Support
 from lcmchain.elements.families import family_of
 from lcmchain.fields.derived import derive_fields
-from lcmchain.mesh.blank import build_blank
 from lcmchain.model import assemble_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
@@ -45,8 +44,9 @@ def simulation(
     environment : entries of :class:`lcmchain.model.Environment` to replace.
     """
     scene = scene_from_text(text)
-    material = scene.material.build()
-    blank = build_blank(scene.blank, material.thickness, perturbation=perturbation, seed=seed)
+    ply = scene.only_ply("a hard case")
+    material = ply.material.build()
+    blank = ply.build_blank(perturbation=perturbation, seed=seed)
     if shape is not None:
         blank = replace(blank, node_positions=shape(blank.node_positions))
     mesh = family_of(scene.element).mesh_of(blank)
@@ -110,4 +110,5 @@ def outline_nodes(X: np.ndarray) -> np.ndarray:
 
 def fields(sim: Simulation) -> dict[str, np.ndarray]:
     """Return the face fields of the present state, each (element_count,)."""
-    return derive_fields(sim.model.blank, sim.model.material, sim.state.position.T)
+    (body,) = sim.model.bodies
+    return derive_fields(body.mesh, body.material, sim.state.position.T)

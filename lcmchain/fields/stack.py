@@ -1,0 +1,213 @@
+"""Plies of a stack: each as a sheet of its own, and what lies over each other at every face.
+
+The root group of a stack's result holds the faces of all plies. A *column* goes through the centre
+of a face along its normal; what other plies it meets there is added up: the thickness, fibre mass
+and fibre volume fraction of the stack. So a ply that ends inside others counts where it is, and the
+fields are known on every ply, whichever lies lowest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lcmchain.fields.derived import face_area_vectors
+from lcmchain.fields.ugrid import UgridMesh
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Variable of the root group that tells to which ply a face belongs.
+PLY = "body"
+#: How far a column reaches to either side, in thicknesses of all plies together: plies that have
+#: come off each other by less still count as one stack.
+REACH = 2.0
+#: What a line may miss a face by and still meet it, in parts of the face: faces share their edges.
+RIM = 1e-9
+
+
+def ply_names(sheet: xr.Dataset) -> tuple[str, ...]:
+    """Return the names of the plies of a result's root group, bottom first; none for one sheet."""
+    if PLY not in sheet:
+        return ()
+    return tuple(str(sheet[PLY].attrs["flag_meanings"]).split())
+
+
+def ply_sheet(datasets: Mapping[str, xr.Dataset], name: str) -> xr.Dataset:
+    """Return the group of a ply with the names of variables that a result with one sheet has.
+
+    Whatever reads the root group of one sheet reads a ply of a stack so.
+    """
+    own, one = UgridMesh(name), UgridMesh("sheet")
+    dataset = datasets[f"/{name}"]
+    corners = dataset[own.cell_nodes].dims[1]
+    names: dict[Hashable, Hashable] = {
+        own.name: one.name,
+        own.cell_nodes: one.cell_nodes,
+        own.cell_dimension: one.cell_dimension,
+        own.node_dimension: one.node_dimension,
+        corners: "sheet_face_corner",
+        **dict(zip(own.coordinates, one.coordinates, strict=True)),
+    }
+    return dataset.rename({key: value for key, value in names.items() if key != value})
+
+
+def plies_of(datasets: Mapping[str, xr.Dataset]) -> Iterator[tuple[str, dict[str, xr.Dataset]]]:
+    """Yield every ply with its groups as those of a result with one sheet, bottom first.
+
+    Yields nothing for a result with one sheet.
+    """
+    for name in ply_names(datasets["/"]):
+        groups = {"/": ply_sheet(datasets, name)}
+        if f"/{name}/solid" in datasets:
+            groups["/solid"] = datasets[f"/{name}/solid"]
+        if "/history" in datasets:
+            groups["/history"] = datasets["/history"]
+        yield name, groups
+
+
+@dataclass(frozen=True)
+class StackedPly:
+    """What columns need of a ply.
+
+    faces : nodes of the faces (m, 4); a triangle repeats its last one.
+    positions : of the mid-surface (F, n, 3) [m].
+    thickness : (F, m) [m], None where the elements predict none. initial_thickness : [m].
+    areal_mass : fibre mass per present area (F, m) [kg/m²].
+    fibre_density : [kg/m³], or None.
+    """
+
+    faces: np.ndarray
+    positions: np.ndarray
+    thickness: np.ndarray | None
+    initial_thickness: float
+    areal_mass: np.ndarray
+    fibre_density: float | None
+
+    @cached_property
+    def around(self) -> np.ndarray:
+        """Faces that share a node with each face, itself among them; (m, K), -1 after the last."""
+        node, face = self.faces.ravel(), np.repeat(np.arange(len(self.faces)), 4)
+        order = np.argsort(node, kind="stable")
+        first = np.searchsorted(node[order], np.arange(self.positions.shape[1] + 1))
+        of_node = [face[order[a:b]] for a, b in zip(first, first[1:])]
+        rings = [np.unique(np.concatenate([of_node[n] for n in own])) for own in self.faces]
+        found = np.full((len(rings), max(map(len, rings))), -1)
+        for row, ring in zip(found, rings, strict=True):
+            row[: len(ring)] = ring
+        return found
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Sums over the plies that the column of every face of one ply meets, (F, m) each.
+
+    ply_count : how many plies, its own among them.
+    thickness : [m], None where a ply predicts none. areal_mass : of the fibres [kg/m²].
+    fibre_volume_fraction : of the stack, None where it is not known.
+    """
+
+    ply_count: np.ndarray
+    thickness: np.ndarray | None
+    areal_mass: np.ndarray
+    fibre_volume_fraction: np.ndarray | None
+
+
+def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
+    """Add up through the stack at every face of every ply."""
+    reach = REACH * sum(ply.initial_thickness for ply in plies)
+    has_thickness = all(ply.thickness is not None for ply in plies)
+    is_known = has_thickness and all(ply.fibre_density is not None for ply in plies)
+    frames = range(len(plies[0].positions))
+    found = []
+    for ply in plies:
+        shape = ply.areal_mass.shape
+        count = np.ones(shape, dtype=np.int32)
+        mass = ply.areal_mass.copy()
+        thickness = ply.thickness.copy() if has_thickness else None  # type: ignore[union-attr]
+        volume = ply.areal_mass / ply.fibre_density if is_known else None
+        for other in plies:
+            if other is ply:
+                continue
+            for frame in frames:
+                met = _faces_met(ply, other, frame, reach)
+                there = met >= 0
+                count[frame] += there
+                mass[frame, there] += other.areal_mass[frame, met[there]]
+                if thickness is not None:
+                    thickness[frame, there] += other.thickness[frame, met[there]]  # type: ignore[index]
+                if volume is not None:
+                    volume[frame, there] += (
+                        other.areal_mass[frame, met[there]] / other.fibre_density
+                    )
+        fraction = None if volume is None or thickness is None else volume / thickness
+        found.append(Columns(count, thickness, mass, fraction))
+    return found
+
+
+def _faces_met(ply: StackedPly, other: StackedPly, frame: int, reach: float) -> np.ndarray:
+    """Return which face of another ply the column of every face meets first (m,), -1 for none."""
+    corners = ply.positions[frame][ply.faces]
+    start, normal = _centres(corners), face_area_vectors(corners)
+    size = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.where(size > 0.0, size, 1.0)
+    others = other.positions[frame][other.faces]
+    centres = _centres(others)
+    tree = cKDTree(centres)
+    nearest = tree.query(start)[1]
+    found = _first_met(start, normal, others, other.around[nearest], reach)
+    missing = np.flatnonzero(found < 0)
+    if missing.size:  # where plies are far apart the column leads away from what is nearest to it
+        way = np.einsum("mi,mi->m", centres[nearest[missing]] - start[missing], normal[missing])
+        ahead = start[missing] + way[:, None] * normal[missing]
+        again = other.around[tree.query(ahead)[1]]
+        found[missing] = _first_met(start[missing], normal[missing], others, again, reach)
+    return found
+
+
+def _centres(corners: np.ndarray) -> np.ndarray:
+    """Return the centres (m, 3) of faces (m, 4, 3), of which triangles repeat the last corner."""
+    is_triangle = (corners[:, 2] == corners[:, 3]).all(axis=1)
+    return np.where(is_triangle[:, None], corners[:, :3].mean(axis=1), corners.mean(axis=1))
+
+
+def _first_met(
+    start: np.ndarray,
+    direction: np.ndarray,
+    corners: np.ndarray,
+    candidates: np.ndarray,
+    reach: float,
+) -> np.ndarray:
+    """Return the candidate that a line meets nearest to its start, within a reach; -1 for none.
+
+    start, direction : (m, 3). corners : of all faces (M, 4, 3). candidates : (m, K), -1 for none.
+    """
+    best, found = np.full(len(start), np.inf), np.full(len(start), -1)
+    for column in candidates.T:
+        face = corners[column]
+        for one, two in ((1, 2), (2, 3)):
+            way = _way_to_triangle(start, direction, face[:, 0], face[:, one], face[:, two])
+            nearer = (column >= 0) & (way < best) & (way <= reach)
+            best[nearer], found[nearer] = way[nearer], column[nearer]
+    return found
+
+
+def _way_to_triangle(
+    start: np.ndarray, direction: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray
+) -> np.ndarray:
+    """Return how far along a line a triangle lies, to either side (m,); infinite beside it."""
+    ab, ac, offset = b - a, c - a, start - a
+    across = np.cross(direction, ac)
+    size = np.einsum("mi,mi->m", ab, across)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = np.einsum("mi,mi->m", offset, across) / size
+        turned = np.cross(offset, ab)
+        v = np.einsum("mi,mi->m", direction, turned) / size
+        way = np.abs(np.einsum("mi,mi->m", ac, turned) / size)
+        inside = (u >= -RIM) & (v >= -RIM) & (u + v <= 1.0 + RIM)
+    return np.where(inside, way, np.inf)

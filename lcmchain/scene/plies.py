@@ -1,0 +1,496 @@
+"""The plies of a scene: the entries of ``[[plies]]``, and the stack that any scene makes.
+
+A scene names its plies in one of three ways: ``[blank]`` and ``[material]`` for one,
+``layup`` for plies of one outline, ``[[plies]]`` for any. What builds, checks or shows a sheet asks
+:attr:`lcmchain.scene.Scene.stack`, which is the same for all three.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import shapely
+from pydantic import Field, field_validator
+
+from lcmchain.elements.families import SheetElement
+from lcmchain.elements.solid_shell.table import Element
+from lcmchain.errors import InputError
+from lcmchain.interfaces.table import Interface
+from lcmchain.materials.law import Material, with_fibre_modulus
+from lcmchain.materials.laws import AnyMaterial
+from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
+from lcmchain.mesh.outline import outline_of
+from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, wrong
+from lcmchain.scene.layup import angles_of
+
+if TYPE_CHECKING:
+    from lcmchain.scene.scene import Scene
+
+#: Name of the sheet of a scene with one.
+ONE_SHEET = "sheet"
+#: Groups, meshes and variables of result files that are not those of one ply.
+RESERVED_NAMES = (
+    "sheet", "solid", "history", "time", "body", "stack", "thickness", "fibre_volume_fraction",
+    "areal_fibre_mass", "shear_angle", "fibre_strain_1", "fibre_strain_2", "compaction_pressure",
+    "bending_pressure", "pore_pressure", "tool_pressure_top", "tool_pressure_bottom",
+    "tool_pressure", "wrinkle_height", "stack_thickness", "stack_areal_fibre_mass",
+    "stack_fibre_volume_fraction", "stack_ply_count",
+    *(f"permeability_{number}" for number in (1, 2, 3)),
+    *(
+        f"{vector}_{axis}"
+        for vector in (
+            "fibre_direction_1", "fibre_direction_2", "permeability_direction_1",
+            "permeability_direction_2", "permeability_direction_3", "displacement",
+            "reference_position",
+        )
+        for axis in "xyz"
+    ),
+)  # fmt: skip
+#: How deep two plies may lie in each other at the start, in parts of the thinner one's thickness.
+DEEPEST_OVERLAP = 0.5
+
+
+class Ply(Blank):
+    """One ply of a stack; the first lies lowest, each of the others on the one before it."""
+
+    height: Annotated[Length | None, AbsentMeans("0 mm, or on the ply before")] = Field(  # type: ignore[assignment]
+        default=None,
+        description="z coordinate of the mid-surface; left out, the lowest ply lies at 0 and every "
+        "other one on the ply before it.",
+    )
+    center: PointInPlane = Field(  # type: ignore[assignment]
+        default=("0 mm", "0 mm"), description="Shift of size or outline in the plane."
+    )
+    name: Annotated[Annotated[str, Name("top")] | None, AbsentMeans("ply_1, ply_2, ...")] = Field(
+        default=None, description="Name in results and messages; by default counted from below."
+    )
+    material: Annotated[Annotated[str, Name("biaxial")] | None, AbsentMeans("[material]")] = Field(
+        default=None, description="Name of an entry of [materials]; by default [material]."
+    )
+    element: Annotated[SheetElement | None, AbsentMeans("that of the scene")] = Field(
+        default=None, description="Kind of element of this ply and its options."
+    )
+
+    @field_validator("element", mode="before")
+    @classmethod
+    def _complete_element(cls, value: Any) -> Any:
+        return complete_element(value)
+
+
+def complete_element(value: Any) -> Any:
+    """Take a name alone, and the solid-shell where options are given without a type."""
+    if isinstance(value, str):
+        return {"type": value}
+    if isinstance(value, dict) and "type" not in value:
+        return {"type": Element.model_fields["type"].default, **value}
+    return value
+
+
+@dataclass(frozen=True)
+class PlySettings:
+    """What one ply of a scene is built from, wherever the scene says it.
+
+    name : of the ply, "sheet" where there is one.
+    blank : its outline, edge length and fibre angle; ``height`` is that of its mid-surface.
+    center : shift of the outline in the plane [m].
+    material : table of its material. element : table of its elements.
+    fibre_modulus_factor : of ``process``.
+    key : scene entry that the blank stands in, ``blank`` or ``plies[1] "top"``.
+    material_key : scene entry of the material, ``material`` or ``materials.biaxial``.
+    element_key : scene entry of the element.
+    """
+
+    name: str
+    blank: Blank
+    center: tuple[float, float]
+    material: AnyMaterial
+    element: Any
+    fibre_modulus_factor: float
+    key: str
+    material_key: str
+    element_key: str
+
+    @property
+    def thickness(self) -> float:
+        """Initial thickness [m]."""
+        return self.material.thickness
+
+    @property
+    def bottom(self) -> float:
+        """z of the lower face [m]."""
+        return self.blank.height - 0.5 * self.thickness
+
+    @property
+    def top(self) -> float:
+        """z of the upper face [m]."""
+        return self.blank.height + 0.5 * self.thickness
+
+    @property
+    def outline(self) -> np.ndarray:
+        """Corners (n, 2) of the outline where it lies [m], anticlockwise."""
+        with self.own_keys():
+            return outline_of(self.blank)[0] + np.array(self.center)
+
+    def built_material(self) -> Material:
+        """Return the material as it is simulated, with the modulus of fibres that is asked for."""
+        return with_fibre_modulus(self.material.build(), self.fibre_modulus_factor)
+
+    def build_blank(self, **options: Any) -> BlankMesh:
+        """Mesh the ply with solid-shells, whatever its elements.
+
+        options : as for :func:`lcmchain.mesh.blank.build_blank`.
+
+        Raises
+        ------
+        InputError : as :func:`lcmchain.mesh.blank.build_blank`; names the entry of this ply.
+        """
+        with self.own_keys():
+            mesh = build_blank(self.blank, self.thickness, **options)
+        if not any(self.center):
+            return mesh
+        return replace(mesh, node_positions=mesh.node_positions + [*self.center, 0.0])
+
+    def with_edge_length(self, edge_length: float) -> PlySettings:
+        """Return the ply with other elements."""
+        return replace(self, blank=self.blank.model_copy(update={"edge_length": edge_length}))
+
+    @contextmanager
+    def own_keys(self) -> Iterator[None]:
+        """Name entries of this ply in the errors of the block, in place of those of ``blank``."""
+        try:
+            yield
+        except InputError as error:
+            if self.key == "blank":
+                raise
+            key = None if error.key is None else self._own(error.key)
+            raise InputError(self._own(error.message), key=key, file=error.file) from None
+
+    def _own(self, text: str) -> str:
+        text = text.replace("blank.", f"{self.key}.")
+        return text.replace("material.", f"{self.material_key}.")
+
+    def remarks(self, mesh: BlankMesh) -> list[str]:
+        """Say where the elements of the ply are too large for its outline."""
+        return [self._own(text) for text in mesh.remarks()]
+
+
+@dataclass(frozen=True)
+class Stack(Sequence[PlySettings]):
+    """The plies of a scene, bottom first; one for a scene with one sheet."""
+
+    plies: tuple[PlySettings, ...]
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.plies[index]
+
+    def __len__(self) -> int:
+        return len(self.plies)
+
+    @property
+    def materials(self) -> dict[str, AnyMaterial]:
+        """Tables of the materials that plies are made of, by their scene entry."""
+        return {ply.material_key: ply.material for ply in self.plies}
+
+    @property
+    def elements(self) -> dict[str, Any]:
+        """Tables of the elements of the plies, by their scene entry."""
+        return {ply.element_key: ply.element for ply in self.plies}
+
+    @property
+    def least_thickness(self) -> float:
+        """Thickness of the thinnest ply [m]."""
+        return min(ply.thickness for ply in self.plies)
+
+    @property
+    def thickness(self) -> float:
+        """Largest sum of the thicknesses of plies that lie on each other, gaps left out [m]."""
+        if len(self.plies) == 1:
+            return self.plies[0].thickness
+        outlines = [shapely.Polygon(ply.outline) for ply in self.plies]
+        lines = shapely.unary_union([outline.boundary for outline in outlines])
+        return max(
+            sum(
+                ply.thickness
+                for ply, outline in zip(self.plies, outlines, strict=True)
+                if outline.contains(region.representative_point())
+            )
+            for region in shapely.polygonize([lines]).geoms
+        )
+
+    @property
+    def shortest_edge(self) -> float:
+        """Shortest edge length of the plies [m]."""
+        return min(ply.blank.edge_length for ply in self.plies)
+
+    @property
+    def bottom(self) -> float:
+        """z of the lowest face [m]."""
+        return min(ply.bottom for ply in self.plies)
+
+    @property
+    def top(self) -> float:
+        """z of the highest face [m]."""
+        return max(ply.top for ply in self.plies)
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Width along x and height along y of the box around all plies [m]."""
+        if len(self.plies) == 1:
+            return self.plies[0].blank.extent
+        corners = np.concatenate([ply.outline for ply in self.plies])
+        width, height = np.ptp(corners, axis=0)
+        return float(width), float(height)
+
+    def thickness_at(self, x: float, y: float) -> float:
+        """Thickness of all plies over a place of the plane [m]; that of the stack beside them."""
+        if len(self.plies) == 1:
+            return self.plies[0].thickness
+        place = shapely.Point(x, y)
+        here = sum(p.thickness for p in self.plies if shapely.Polygon(p.outline).covers(place))
+        return here or self.thickness
+
+    @property
+    def edge_entry(self) -> str:
+        """Scene entry of the edge length, in words."""
+        return "blank.edge_length" if self.plies[0].key == "blank" else "edge_length of [[plies]]"
+
+    def in_own_words(self, text: str) -> str:
+        """Return a text about entries of ``[blank]`` as one about those of the plies."""
+        if self.plies[0].key == "blank":
+            return text
+        text = re.sub(r'blank\.edge_length = "[^"]*"', "a smaller edge_length of [[plies]]", text)
+        return re.sub(r"\bblank\.(\w+)", r"\1 of [[plies]]", text)
+
+    @property
+    def has_thickness(self) -> bool:
+        """Whether the elements of every ply predict its thickness."""
+        return all(ply.element.has_thickness for ply in self.plies)
+
+    @property
+    def has_fibres(self) -> bool:
+        """Whether any ply tells stiff fibres from the rest."""
+        return any(ply.material.has_fibres for ply in self.plies)
+
+    def named(self, name: str) -> PlySettings:
+        """Return the ply of a name."""
+        return next(ply for ply in self.plies if ply.name == name)
+
+    def interfaces(self, entries: Sequence[Interface]) -> tuple[Interface, ...]:
+        """Return what lies between plies by the names of the plies; nothing for a single one.
+
+        Entries without ``between`` come first, as they hold for all that no other one names. An
+        entry of two plies goes before one of their materials.
+        """
+        if len(self.plies) < 2:
+            return ()
+        anywhere = [entry for entry in entries if entry.between is None]
+        of_pair: dict[tuple[str, str], Interface] = {}
+        names = {ply.name for ply in self.plies}
+        by_rank = sorted(
+            (entry for entry in entries if entry.between is not None),
+            key=lambda entry: set(entry.between or ()) <= names,
+        )
+        for index, lower in enumerate(self.plies):
+            for upper in self.plies[index + 1 :]:
+                for entry in by_rank:
+                    if _is_between(entry, lower, upper):
+                        pair = (lower.name, upper.name)
+                        of_pair[pair] = entry.model_copy(update={"between": pair})
+        return (*(anywhere or [Interface()]), *of_pair.values())
+
+
+def _is_between(entry: Interface, lower: PlySettings, upper: PlySettings) -> bool:
+    """Whether an entry names two plies, or what they are made of."""
+    one, other = entry.between  # type: ignore[misc]
+    first, second = _names_of(lower), _names_of(upper)
+    return (one in first and other in second) or (one in second and other in first)
+
+
+def _names_of(ply: PlySettings) -> tuple[str, str]:
+    return ply.name, ply.material_key.removeprefix("materials.")
+
+
+def stack_of(scene: Scene) -> Stack:
+    """Return the plies of a scene, whatever form it names them in."""
+    factor = scene.process.fibre_modulus_factor
+    if not scene.plies and scene.layup is None:
+        ply = PlySettings(
+            ONE_SHEET, _required(scene.blank), (0.0, 0.0), _required(scene.material),
+            scene.element, factor, "blank", "material", "element",
+        )  # fmt: skip
+        return Stack((ply,))
+    laid: list[PlySettings] = []
+    for index, entry in enumerate(scene.plies or _plies_of_layup(scene)):
+        key = f'plies[{index}] "{entry.name}"' if scene.plies else "blank"
+        own = entry.material
+        ply = PlySettings(
+            name=str(entry.name),
+            blank=entry,
+            center=entry.center,
+            material=_required(scene.material) if own is None else scene.materials[own],
+            element=entry.element or scene.element,
+            fibre_modulus_factor=factor,
+            key=key,
+            material_key="material" if own is None else f"materials.{own}",
+            element_key="element" if entry.element is None else f"{key}.element",
+        )
+        height = entry.height if entry.height is not None else _height_on(laid, ply)
+        laid.append(replace(ply, blank=entry.model_copy(update={"height": height})))
+    return Stack(tuple(laid))
+
+
+def _required(table: Any) -> Any:
+    if table is None:  # a scene that is built past its own checks
+        raise InputError("a scene needs [blank] and [material], or [[plies]] and their materials")
+    return table
+
+
+def _plies_of_layup(scene: Scene) -> list[Ply]:
+    """Return the plies of the short form: one outline, an angle for each."""
+    shared = {key: getattr(scene.blank, key) for key in ("size", "outline", "edge_length")}
+    return [
+        Ply(
+            **shared,
+            fibre_angle=angle,
+            height=scene.blank.height if index == 0 else None,  # type: ignore[union-attr]
+            name=f"ply_{index + 1}",
+        )
+        for index, angle in enumerate(angles_of(scene.layup))  # type: ignore[arg-type]
+    ]
+
+
+def _height_on(laid: Sequence[PlySettings], ply: PlySettings) -> float:
+    """Return the z of the mid-surface of a ply that lies on those before it [m]."""
+    if not laid:
+        return 0.0
+    below = [under.top for under in laid if _meet(under, ply)]
+    return max(below, default=laid[0].bottom) + 0.5 * ply.thickness
+
+
+def _meet(one: PlySettings, other: PlySettings) -> bool:
+    """Whether two plies cover a common part of the plane."""
+    if (
+        all(getattr(one.blank, name) == getattr(other.blank, name) for name in ("size", "outline"))
+        and one.center == other.center
+    ):
+        return True
+    area = shapely.Polygon(one.outline).intersection(shapely.Polygon(other.outline)).area
+    return bool(area > 1e-9 * math.prod(one.blank.extent))
+
+
+# --- checks of a scene ----------------------------------------------------------------------------
+
+
+def named_plies(plies: tuple[Ply, ...]) -> tuple[Ply, ...]:
+    """Return the entries of ``[[plies]]`` with the names that are left out.
+
+    Raises
+    ------
+    PydanticCustomError : two have the same name, or one has a name that result files use.
+    """
+    named: list[Ply] = []
+    for index, ply in enumerate(plies):
+        name = ply.name or f"ply_{index + 1}"
+        same = [other for other, earlier in enumerate(named) if earlier.name == name]
+        if same:
+            raise wrong(
+                f'is "{name}", but so is that of plies[{same[0]}]; give each its own',
+                field=f"[{index}].name",
+            )
+        if name in RESERVED_NAMES:
+            raise wrong(
+                f'is "{name}", which result files use themselves; choose another',
+                field=f"[{index}].name",
+            )
+        named.append(ply.model_copy(update={"name": name}))
+    return tuple(named)
+
+
+def check_stack(scene: Scene) -> None:
+    """Refuse plies that cannot lie as a scene says, and names of what is not there.
+
+    Raises
+    ------
+    PydanticCustomError : names the key.
+    """
+    for index, ply in enumerate(scene.plies):
+        if ply.material is not None and ply.material not in scene.materials:
+            key = f'plies[{index}] "{ply.name}".material'
+            raise wrong(
+                _not_there(ply.material, scene.materials, "entry of [materials]"), field=key
+            )
+    stack = stack_of(scene)
+    for entry, ply_element in stack.elements.items():
+        if len(stack) > 1 and not ply_element.has_forces:
+            raise wrong(
+                f'is "{ply_element.type}", which lays one sheet without forces and knows nothing '
+                'of plies that touch; use element = "solid-shell"',
+                field=entry,
+            )
+    for index, upper in enumerate(stack):
+        for under in stack[:index]:
+            _check_overlap(under, upper)
+    _check_interfaces(scene, stack)
+
+
+def _check_overlap(under: PlySettings, ply: PlySettings) -> None:
+    """Refuse a ply that lies in or below one that stands before it."""
+    depth = under.top - ply.bottom
+    if depth <= DEEPEST_OVERLAP * min(under.thickness, ply.thickness) * (1.0 + 1e-9):
+        return
+    if _meet(under, ply):
+        raise wrong(
+            f'puts the ply {1e3 * depth:.4g} mm deep into "{under.name}", which stands before it '
+            f"and so lies below; leave height out, or give {1e3 * (ply.blank.height + depth):.6g} "
+            "mm or more",
+            field=f"{ply.key}.height",
+        )
+
+
+def _check_interfaces(scene: Scene, stack: Stack) -> None:
+    """Refuse an interface of a ply with itself, or with one that is not there."""
+    if scene.interfaces and len(stack) < 2:
+        raise wrong(
+            "lie between plies, but the scene has one sheet; leave them out, or give [[plies]]",
+            field="interfaces",
+        )
+    plies = [ply.name for ply in stack]
+    given: list[frozenset[str] | None] = []
+    for index, entry in enumerate(scene.interfaces):
+        key = f"interfaces[{index}].between"
+        pair = None if entry.between is None else frozenset(entry.between)
+        for name in entry.between or ():
+            if name not in plies and name not in scene.materials:
+                raise wrong(
+                    _not_there(name, [*plies, *scene.materials], "ply or material"), field=key
+                )
+        if pair is not None and len(pair) == 1 and pair <= set(plies):
+            raise wrong(
+                f'names the ply "{entry.between[0]}" twice; '  # type: ignore[index]
+                "an interface lies between two plies",
+                field=key,
+            )
+        if pair in given:
+            raise wrong(
+                f"says the same two as interfaces[{given.index(pair)}]; leave one of them out"
+                if pair is not None
+                else f"is left out, and so it is in interfaces[{given.index(None)}]; one entry "
+                "holds for all that no other one names",
+                field=key,
+            )
+        given.append(pair)
+
+
+def _not_there(name: str, known: Iterable[str], what: str) -> str:
+    """Say that there is no ply or material of a name, and what is meant instead."""
+    names = list(known)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f'did you mean "{close[0]}"?' if close else f"there is {', '.join(names) or 'none'}"
+    return f'is "{name}", but there is no {what} of this name; {hint}'

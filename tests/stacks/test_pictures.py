@@ -1,0 +1,91 @@
+"""Pictures of a stack."""
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from lcmchain.fields.dataset import SHEET
+from lcmchain.fields.stack import PLY
+from lcmchain.report import draw_result, draw_stack
+from lcmchain.report.captions import CAPTIONS
+from lcmchain.report.field_view import view_data
+from lcmchain.report.pictures import _from_back_to_front
+from lcmchain.report.stack_pictures import _Line
+from lcmchain.report.start import MOST_PLIES_SHOWN, _shown_plies
+from lcmchain.report.view import FROM_ABOVE, oblique
+
+SCENE = """
+material = { preset = "MD600" }
+[[plies]]
+size = ["120 mm", "120 mm"]
+edge_length = "20 mm"
+[[plies]]
+size = ["120 mm", "120 mm"]
+edge_length = "20 mm"
+fibre_angle = "45 deg"
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(scene_of):
+    return scene_of(SCENE)
+
+
+@pytest.fixture(scope="module")
+def groups(scene, laid):
+    return laid(scene)
+
+
+def test_a_stack_is_drawn_ply_by_ply_and_every_picture_has_a_caption(groups, tmp_path):
+    files = draw_result(tmp_path, groups)
+    names = {file.name for file in files}
+    assert {
+        "stack_thickness.png", "stack_fibre_volume_fraction.png", "plies_shear_angle.png",
+        "plies_thickness.png", "plies_fibre_directions.png", "exploded.png", "sections.png",
+    } <= names  # fmt: skip
+    assert "thickness.png" not in names, "one sheet's picture, on which plies hide each other"
+    assert names <= set(CAPTIONS)
+    for file in files:
+        assert imread(file)[..., :3].std() > 0.01, file.name
+
+
+def test_what_lies_nearer_to_the_viewer_is_painted_later(groups):
+    sheet = groups[SHEET]
+    for view, first in ((FROM_ABOVE, 0), (oblique(from_below=True), 1)):
+        plies = [sheet[PLY].values[faces] for faces in _from_back_to_front(sheet, view)]
+        assert [set(own) for own in plies] == [{first}, {1 - first}]
+
+
+def test_the_start_shows_every_ply_once(scene, scene_of, tmp_path):
+    plies = [(ply.name, ply.build_blank()) for ply in scene.stack]
+    draw_stack(tmp_path / "initial.png", plies)
+    assert imread(tmp_path / "initial.png")[..., :3].std() > 0.01
+    many = [(f"{name}_{n}", mesh) for n in range(MOST_PLIES_SHOWN) for name, mesh in plies]
+    shown, left_out = _shown_plies(many)
+    assert ([number for number, *_ in shown], left_out) == ([1, 2], 2 * MOST_PLIES_SHOWN - 2)
+    assert _shown_plies(plies)[1] == 0
+
+
+def test_an_unrolled_line_tells_length_and_side():
+    """A quarter of a circle: what lies on it becomes straight, what lies outside is above."""
+    angle = np.linspace(0.0, 0.5 * np.pi, 2001)
+    arc = 2.0 * np.column_stack([-np.cos(angle), np.sin(angle)])
+    line = _Line(arc)
+    assert line.length == pytest.approx(np.pi, rel=1e-6)
+    on, outside, inside = (factor * arc[[500, 1000]] for factor in (1.0, 1.1, 0.9))
+    along = [np.pi / 4, np.pi / 2]
+    np.testing.assert_allclose(line.unrolled(on), np.column_stack([along, [0, 0]]), atol=1e-5)
+    np.testing.assert_allclose(line.unrolled(outside)[:, 1], 0.2, atol=1e-5)
+    np.testing.assert_allclose(line.unrolled(inside)[:, 1], -0.2, atol=1e-5)
+    back = line.places(np.array(along), np.array([0.2]))[0]
+    np.testing.assert_allclose(back, outside, atol=2e-3)
+
+
+def test_the_view_of_the_report_knows_the_plies(groups):
+    view = view_data(groups[SHEET])
+    lower, upper = view["plies"]
+    assert (lower["name"], upper["name"]) == ("ply_1", "ply_2")
+    assert lower["faces"][0] == lower["nodes"][0] == 0
+    assert lower["faces"][1] == upper["faces"][0]
+    assert lower["nodes"][1] == upper["nodes"][0]
+    assert upper["faces"][1] == groups[SHEET].sizes["sheet_face"]
