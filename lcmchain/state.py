@@ -127,6 +127,7 @@ def sizes(model: Model) -> dict[str, int]:
         "ply list entry": 0 if plies is None else 4 * model.node_count,
         "spring entry": SPRING_ENTRIES,
         "slope": SLOPES,
+        "depth and offset": 2,
         "ply counter": 0 if plies is None else PLY_COUNTERS,
         "ply clock entry": 0 if plies is None else PLY_CLOCK,
         "ply sum": SUM_COLUMNS,
@@ -420,6 +421,12 @@ class Scratch(_Arrays):
     ply_ahead: np.ndarray = entry(
         "xyz", "ply point", unit="m", meaning="positions in the middle of the time of a spring"
     )
+    ply_held: np.ndarray = entry(
+        "ply point", "depth and offset", unit="m", meaning="of points before a refresh"
+    )
+    ply_touching: np.ndarray = entry(
+        "ply point", unit="1", meaning="facet of a point before a refresh", dtype=np.int32
+    )
     ply_normal: np.ndarray = entry(
         "ply point", "xyz", unit="m2", meaning="sum of the normals of the facets around a node"
     )
@@ -427,7 +434,10 @@ class Scratch(_Arrays):
         "ply piece", "ply sum", unit="J, 1", meaning="of points, see lcmchain.interfaces.forces"
     )
     ply_start: np.ndarray = entry(
-        "ply list", unit="1", meaning="where the points of a node begin in the lists", dtype=np.int32
+        "ply list",
+        unit="1",
+        meaning="where the points of a node begin in the lists",
+        dtype=np.int32,
     )
     ply_item: np.ndarray = entry(
         "ply list entry", unit="1", meaning="points that press on a node", dtype=np.int32

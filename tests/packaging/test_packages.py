@@ -45,6 +45,7 @@ RANK_OF_CORE = {
     "elements": 3,
     "materials": 3,
     "effects": 3,
+    "interfaces": 3,
     "tools": 3,
     "results": 4,
     "scene": 4,
