@@ -126,6 +126,7 @@ def sizes(model: Model) -> dict[str, int]:
         "ply list entry": 0 if plies is None else 4 * model.node_count,
         "spring entry": SPRING_ENTRIES,
         "slope": SLOPES,
+        "depth and offset": 2,
         "ply counter": 0 if plies is None else PLY_COUNTERS,
         "ply clock entry": 0 if plies is None else PLY_CLOCK,
         "ply sum": SUM_COLUMNS,
@@ -418,6 +419,12 @@ class Scratch(_Arrays):
     )
     ply_ahead: np.ndarray = entry(
         "xyz", "ply point", unit="m", meaning="positions in the middle of the time of a spring"
+    )
+    ply_held: np.ndarray = entry(
+        "ply point", "depth and offset", unit="m", meaning="of points before a refresh"
+    )
+    ply_touching: np.ndarray = entry(
+        "ply point", unit="1", meaning="facet of a point before a refresh", dtype=np.int32
     )
     ply_normal: np.ndarray = entry(
         "ply point", "xyz", unit="m2", meaning="sum of the normals of the facets around a node"

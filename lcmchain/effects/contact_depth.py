@@ -89,10 +89,10 @@ def depth_control(
         if closest_gap(tools, places_of_sheet(meshes), process_time) > CLOSED * thickness:
             return None, 0.0
     time = max(PART_OF_PROCESS * process_time, LEAST_DAMPED_TIMES / rate)
-    return time, min(_stiffening(material) for material in materials)
+    return time, min(stiffening_of(material) for material in materials)
 
 
-def _stiffening(material: Any) -> float:
+def stiffening_of(material: Any) -> float:
     """Return by how much s grows with pressure over k [1/m].
 
     A law that stiffens has a tangent that is about proportional to its pressure p. Pressed between

@@ -12,7 +12,9 @@ there.
 The depth of a point that presses goes to zero: at each refresh a part of it is added to an offset
 that the spring feels as further depth (augmented Lagrange multipliers, as for tools in
 :mod:`lcmchain.effects.contact_depth`). Without it a stack under pressure is thinner by the depth of
-each interface, a tenth of a ply at 0.5 MPa.
+each interface, a tenth of a ply at 0.5 MPa. Depths and offsets are averaged over the points around:
+points of both faces are held, more than meshes that do not match can follow one by one, and what
+they cannot follow would grow.
 
 The slopes of the facets' corners, which say how the smooth surface curves, follow more slowly.
 Taken anew at each refresh they answer vibrations of the plies with a delay of a part of a period,
@@ -76,6 +78,8 @@ MOST_STEPS, GROWTH = 100, 2
 REFRESHES_PER_SEARCH, SEARCH_WAY = 20, 0.5
 # The largest part of a depth that goes at a refresh.
 LARGEST_PART = 0.2
+# How much faster than depths go to zero offsets become those of the points around.
+SMOOTHING = 2.0
 
 
 @routine
@@ -85,6 +89,9 @@ def refresh(data, arrays, dt_last, dt):
     if counters[NORMAL_STEPS_LEFT] <= 0:
         renew_slopes(data, arrays)
         counters[NORMAL_STEPS_LEFT] = data.slope_steps
+    arrays.ply_held[:, 0] = arrays.ply_spring[:, LAST_DEPTH]
+    arrays.ply_held[:, 1] = arrays.ply_spring[:, HELD]
+    arrays.ply_touching[:] = arrays.ply_facet
     look_ahead(arrays, 0.5 * counters[LAST_STEPS] * dt)
     everywhere = counters[REFRESHES_LEFT] <= 0 or clock[WAY] > SEARCH_WAY * data.reach
     if everywhere:
@@ -242,15 +249,7 @@ def renew_point(data, arrays, everywhere, low, size, count, start, entry, dt_las
     arrays.ply_baseline[point] = baseline
     depth, offset_held = -(gap + baseline), 0.0
     if presses and not fresh:
-        part = min(arrays.ply_counters[LAST_STEPS] / data.depth_steps, LARGEST_PART)
-        # the smaller of two depths: an offset that follows each of them would feed a vibration
-        lasting = min(depth, spring[LAST_DEPTH]) - data.depth_left * data.depth[ply, other]
-        if depth < 0.0 or lasting > 0.0:
-            # neither the offset nor the pressure may become negative
-            change = part * (depth if depth < 0.0 else lasting)
-            offset_held = max(spring[HELD] + max(change, -(depth + spring[HELD])), 0.0)
-        else:
-            offset_held = spring[HELD]
+        offset_held = held_offset(data, arrays, point, depth, data.depth[ply, other])
     spring[LAST_DEPTH] = depth
     spring[HELD] = offset_held
     spring[OFFSET] = offset + baseline - offset_held
@@ -304,6 +303,34 @@ def find_facet(data, arrays, everywhere, presses, low, size, count, start, entry
         if other_cost < cost:
             facet, xi, eta = other, other_xi, other_eta
     return facet, xi, eta
+
+
+@routine
+def held_offset(data, arrays, point, depth, half_thickness):
+    """Return the offset of a point that presses, at a depth without its offset [m]."""
+    total_depth, total_held, count = 0.0, 0.0, 0
+    for k in range(data.ring.shape[1]):
+        facet = data.ring[point, k]
+        if facet >= 0:
+            for c in range(4):
+                node = data.facet_node[facet, c]
+                if arrays.ply_touching[node] >= 0:
+                    total_depth += arrays.ply_held[node, 0]
+                    total_held += arrays.ply_held[node, 1]
+                    count += 1
+    held = arrays.ply_held[point, 1]
+    # the smaller of two depths: an offset that follows each of them would feed a vibration
+    lasting = min(depth, total_depth / count)
+    relative = 1.0 + data.stiffening * max(depth + held, 0.0)
+    share = arrays.ply_counters[LAST_STEPS] / data.depth_steps
+    part = min(relative * share, LARGEST_PART)
+    change = min(SMOOTHING * share, LARGEST_PART) * (total_held / count - held)
+    if depth < 0.0:
+        change += part * depth
+    elif lasting > data.depth_left * half_thickness:
+        change += part * lasting
+    # neither the offset nor the pressure may become negative
+    return max(held + max(change, -(depth + held)), 0.0)
 
 
 @equation

@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lcmchain.cache_lines import aligned
+from lcmchain.effects.contact_depth import stiffening_of
 from lcmchain.errors import InputError
 from lcmchain.interfaces.table import Interface
+from lcmchain.quantities.places import millimetres
 
 #: No facet, no neighbour, no law.
 NONE = -1
@@ -64,6 +66,7 @@ class InterfaceData(NamedTuple):
     slide : part of an edge by which points slide until their springs are renewed.
     slope_steps : between two renewals of the facets' slopes.
     depth_steps : over which depths go to zero, but for ``depth_left``, a part of the thickness.
+    stiffening : of the plies relative to the springs, for each depth of these [1/m].
     """
 
     ply: np.ndarray
@@ -91,7 +94,7 @@ class InterfaceData(NamedTuple):
     slope_steps: int
     depth_steps: float
     depth_left: float
-
+    stiffening: float
 
 def build_interfaces(
     interfaces: Sequence[Interface],
@@ -110,7 +113,7 @@ def build_interfaces(
     InputError : an unknown ply, an interface of a ply with itself, elements without two faces, or
         plies that overlap at the start by more than half a thickness.
     """
-    if not interfaces:
+    if not interfaces or len(bodies) < 2:
         return None
     for body in bodies:
         if not body.mesh.has_thickness or body.contact_offset != 0.0:
@@ -166,8 +169,48 @@ def build_interfaces(
         slope_steps=STEPS_PER_SLOPES,
         depth_steps=STEPS_PER_DEPTH,
         depth_left=DEPTH_LEFT,
+        stiffening=min(stiffening_of(body.material) for body in bodies),
     )
+    _require_apart(data, position, [body.name for body in bodies])
     return data
+
+
+def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[str]) -> None:
+    """Refuse plies that touch and overlap at the start by more than half the thinner one.
+
+    Told from the nearest facet that looks the other way, up to one and a half thicknesses deep:
+    further on lies the other face of plies that touch as they should.
+    """
+    from scipy.spatial import cKDTree
+
+    corner = position[data.facet_node]
+    middle = corner.mean(axis=1)
+    normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+    normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
+    for point_ply, facet_ply in zip(*np.nonzero(data.law != NONE), strict=True):
+        points = np.flatnonzero(data.ply == point_ply)
+        outwards = position[points] - position[data.partner[points]]
+        facets = np.flatnonzero(data.facet_ply == facet_ply)
+        lower, upper = np.array_split(facets, 2)
+        thickness = 2.0 * float(data.depth[point_ply, facet_ply])
+        for face in (lower, upper):
+            near = face[cKDTree(middle[face]).query(position[points])[1]]
+            away = position[points] - middle[near]
+            gap = np.einsum("ij,ij->i", away, normal[near])
+            beside = np.linalg.norm(away - gap[:, np.newaxis] * normal[near], axis=1)
+            faces = np.einsum("ij,ij->i", outwards, normal[near]) < 0.0
+            depth = np.where(faces & (beside < data.facet_edge[near]), -gap, 0.0)
+            depth[depth > 1.5 * thickness] = 0.0
+            worst = int(np.argmax(depth))
+            if depth[worst] > DEEPEST_START * thickness * (1.0 + 1e-9):
+                first, second = sorted((point_ply, facet_ply))
+                raise InputError(
+                    f"the plies {names[first]} and {names[second]} overlap by "
+                    f"{1e3 * depth[worst]:.3f} mm at {millimetres(position[points[worst]])} at the "
+                    f"start, more than half of the thinner one ({1e3 * thickness:.3f} mm); lay "
+                    "the upper one higher",
+                    key="interfaces",
+                )
 
 
 def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Any]) -> float:
