@@ -5,8 +5,8 @@ corners, the mean of the facets around each, say how it curves between them, and
 facet by half of what the tangent planes of the corners do (exact for a quadratic surface). What the
 corners' normals differ from that of the facet is kept by slopes in the facet's own frame, so that a
 surface that turns as a whole needs no new ones.
-Source: Boubekeur & Alexa, "Phong tessellation", ACM TOG 27 (2008), for the smooth surface; Wriggers,
-"Computational Contact Mechanics", section 6.5, for the closest point.
+Source: Boubekeur & Alexa, "Phong tessellation", ACM TOG 27 (2008), for the smooth surface;
+Wriggers, "Computational Contact Mechanics", section 6.5, for the closest point.
 """
 
 from __future__ import annotations

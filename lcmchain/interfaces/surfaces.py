@@ -96,6 +96,7 @@ class InterfaceData(NamedTuple):
     depth_left: float
     stiffening: float
 
+
 def build_interfaces(
     interfaces: Sequence[Interface],
     bodies: Sequence[Any],
