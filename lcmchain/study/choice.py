@@ -2,8 +2,8 @@
 
 Settings are weighed against each other by their errors: what the mesh leaves, by the law that
 meshes of pilots follow (:mod:`lcmchain.study.levels`), and what cheaper settings change, measured
-on a coarse mesh. The one has nothing to do with the other, so that their squares add up. Among those
-that keep the wish the quickest is taken.
+on a coarse mesh. The one has nothing to do with the other, so that their squares add up. Among
+those that keep the wish the quickest is taken.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from lcmchain.study.wish import Wish
 #: Expected errors are to lie below the wish by this factor; laws have their own caution.
 MARGIN = 0.95
 ROUNDING = 1e-6
-#: The time of a mesh that was begun may exceed what is planned by this factor.
+#: The time of a mesh that was begun may exceed what is planned by this factor: less than a tenth of
+#: the budget is kept back.
 ABOUT = 1.06
 #: A budget counts as kept up to this factor: what a run takes is known before to about a tenth, and
 #: other work on the machine takes its part.
@@ -182,9 +183,9 @@ class Knowledge:
         if self.seconds(candidate, high) >= self.left:
             return high
         if self.settled:
-            fitting = [
-                edge for edge in self.rehearsed if self.seconds(candidate, edge) <= self.left
-            ]
+            # what rehearsals took while a mesh was looked for is little beside it
+            most = ABOUT * self.left
+            fitting = [edge for edge in self.rehearsed if self.seconds(candidate, edge) <= most]
             if fitting:
                 return min(fitting)
         for _ in range(60):

@@ -3,10 +3,11 @@
 Coarse meshes, the pilots, tell how the result depends on the edge length and what any mesh costs
 (:mod:`lcmchain.study.levels`). On the coarsest of them cheaper settings are tried: added mass,
 softer fibres, a cheaper model; what each changes is its error, what it takes its price. Inertia and
-damping leave errors that go with the speed of the process for the sheet: one run with more mass
-tells those of the scene's own process as well, also where only a time is wished for. Pilots on
-finer meshes are run with what is cheap, and as long as they cost little beside the run that they
-are for. Then the run is made that :func:`lcmchain.study.choice.choose` takes; its first steps have
+damping leave errors that go with the speed of the process for the sheet: runs with more mass tell
+those of the scene's own process as well, also where only a time is wished for. Settings that make a
+check of the program worse are not taken, on the coarse mesh or after the run. Pilots on finer
+meshes are run with what is cheap, and as long as they cost little beside the run that they are for.
+Then the run is made that :func:`lcmchain.study.choice.choose` takes; its first steps have
 told before what it takes (:mod:`lcmchain.study.rehearsal`). It is the check: what it differs from
 the pilots by shows its own error, and where the wish turns out to be missed, a finer mesh is run.
 
@@ -61,7 +62,7 @@ COARSER = 1.45
 #: Of a budget, or of the run they are for, so much goes into pilots that are not always made.
 PILOT_SHARE = 0.3
 #: Time of the trials that are made of a budget, by that of a run with the settings of the scene.
-TRIALS = 0.75
+TRIALS = 1.25
 #: Of a budget the first pilot has so many elements along the edge: it tells times.
 QUICK_PILOT = 8
 #: Meshes with fewer elements along the edge tell nothing of errors: neither of those of a mesh, nor
@@ -82,6 +83,7 @@ LONGEST_RUN, TIMES_THE_SCENE = 600.0, 3.0
 PLANNED = 0.92
 #: The first steps of at most so many meshes are made to find one, until it is about one of them.
 MOST_REHEARSALS = 4
+REHEARSED = 0.97
 #: A budget of which more than this factor would be left is spent on a slower process.
 SPARE = 1.2
 #: A run is repeated at most so often, and with edges shorter by this factor at least.
@@ -347,10 +349,7 @@ class Chooser:
         which change little of what is wished for.
         """
         plain = self._pilot(edge, AS_IT_IS)
-        trials = inertia_trials(self.scene)
-        if not self.wish.errors:
-            trials = trials[:1]  # the pace of the scene stays; one tells what it leaves
-        trials = [trial for trial in trials if not self._pilot(edge, trial).failure]
+        trials = [t for t in inertia_trials(self.scene) if not self._pilot(edge, t).failure]
         self.candidates = [Candidate(AS_IT_IS)]
         if not trials:
             return AS_IT_IS
@@ -482,16 +481,15 @@ class Chooser:
                 if edge not in self.rehearsals:
                     self.rehearsals[edge] = self._rehearse(edge)
             choice = self._choice()
-        if not self._is_rehearsed(choice):
-            choice = self._choice(settled=True)
-        return self._with_a_slower_process(choice)
+        return self._with_a_slower_process(self._choice(settled=True))
 
     def _is_rehearsed(self, choice: Choice) -> bool:
         """Tell whether the time of a choice is known from about its mesh; a net's is none."""
         if self.is_laid or choice.settings.model == "kinematic":
             return True
         known = [*self.rehearsals, *(level.edge for level in self.levels)]
-        return any(self._same_mesh(edge, choice.edge_length) for edge in known)
+        near = NO_BETTER if self.wish.budget is None else REHEARSED
+        return any(near <= edge / choice.edge_length <= 1.0 / near for edge in known)
 
     def _with_a_slower_process(self, choice: Choice) -> Choice:
         """Return a choice that spends on slowness what no finer mesh can be had for.

@@ -39,8 +39,9 @@ ORDER_SCATTER = 0.5
 #: So many standard deviations of what explains them are added to the error (of its logarithm); of
 #: two meshes, which leave order and correlation open, enough for the least favourable of them.
 CAUTION, CAUTION_OF_TWO = 0.5, 2.0
-#: The same of three meshes and more where the usual order is known.
-CAUTION_OF_USUAL = 0.8
+#: The same of three pilots and more, where the usual order is known: coarse meshes follow no law
+#: as closely.
+CAUTION_OF_PILOTS = 0.75
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ def fitted(
     order = float((weight * ORDERS[:, None]).sum())
     caution = CAUTION if len(pairs) > 2 else CAUTION_OF_TWO
     if usual_order is not None and len(pairs) > 1:
-        caution = CAUTION_OF_USUAL
+        caution = CAUTION_OF_PILOTS
     likely = float((weight * mean).sum())
     spread = math.sqrt(float((weight * (mean - likely) ** 2).sum()))
     error = math.exp(likely + caution * spread)  # of the finest mesh
