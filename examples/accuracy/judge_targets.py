@@ -207,7 +207,7 @@ CASES = {
     ),
     "half-size hemisphere": Case(
         "2 deg shear, 2 % thickness", "6 s", square(150), 37.5, sphere(37.5),
-        hole=39.5, fillet=5, holder=0.425, time="100 ms", soft=True,
+        hole=39.5, fillet=5, holder=0.425, time="100 ms",
     ),
     "shallow dome": Case(
         "0.5 deg shear, 2 % thickness", "4 s", square(80), 9.0, height=shallow_dome, mould=True,

@@ -54,9 +54,9 @@ PILOTS = (14, 20, 28, 40)
 #: Elements along the edge grow by these factors at least and at most from one pilot to the next.
 LEAST_RATIO, PILOT_RATIO = 1.15, math.sqrt(2.0)
 #: Pilots in all, and how much finer than the finest of them a mesh may be that they speak of: two
-#: meshes alone only tell whether one of them will do.
+#: meshes alone only tell whether the coarser one will do.
 MOST_PILOTS = 6
-FARTHEST, FARTHEST_OF_TWO = 2.0, 1.05
+FARTHEST = 2.0
 #: A pilot takes a third of the time of the run at most, so its edges are longer by this factor.
 COARSER = 1.45
 #: Of a budget, or of the run they are for, so much goes into pilots that are not always made.
@@ -73,8 +73,9 @@ COST_POWER = 3.0
 #: Order by which errors of the speed of a process usually fall with it: those of inertia by the
 #: second, those of damping by the first.
 ORDER_OF_SPEED = 1.5
-#: Part of a wish that the settings of pilots may be off by.
-PILOTS_OFF = 0.5
+#: Part of a wish that the settings of pilots may be off by: what they add would be taken for errors
+#: of the meshes.
+PILOTS_OFF = 0.1
 #: A model is tried if that takes less than this part of the run's time.
 RUNG_SHARE = 0.1
 #: Without a budget no run is begun that takes longer than this [s], and this many times the scene.
@@ -157,11 +158,20 @@ class Chooser:
                 choice = self._without_settings(choice)
                 continue
             better = self._rehearsed_choice()
-            if better.edge_length > NO_BETTER * choice.edge_length or self._too_long(better):
+            finer = NO_BETTER * choice.edge_length
+            if better.edge_length > finer and self._converge(choice):
+                better.edge_length = finer  # less would tell nothing new
+            if better.edge_length > finer or self._too_long(better):
                 break
             better.notes.append(f"edges of {mm(choice.edge_length)} missed the wish")
             choice = better
         return choice
+
+    def _converge(self, choice: Choice) -> bool:
+        """Tell whether finer meshes have less of all errors that were missed."""
+        laws = error_laws(self._counted)
+        missed = choice.missed_errors(self.wish.errors)
+        return all(name in laws and laws[name].order > 0.0 for name in missed)
 
     def _without_settings(self, choice: Choice) -> Choice:
         """Return what is chosen once settings have made a check worse on the mesh of the run.
@@ -260,7 +270,7 @@ class Chooser:
         while len(self.levels) < MOST_PILOTS:
             choice, finest = self._choice(), self.levels[-1].edge
             needed, tell_an_order = choice.edge_length, len(self.levels) > 2
-            if needed * (FARTHEST if tell_an_order else FARTHEST_OF_TWO) > finest:
+            if needed * FARTHEST > finest if tell_an_order else needed >= self.levels[0].edge:
                 return
             if tell_an_order and self._too_long(choice):
                 return  # a wish that is refused is refused before it has cost minutes

@@ -41,7 +41,7 @@ ORDER_SCATTER = 0.5
 CAUTION, CAUTION_OF_TWO = 0.5, 2.0
 #: The same of three pilots and more, where the usual order is known: coarse meshes follow no law
 #: as closely.
-CAUTION_OF_PILOTS = 0.75
+CAUTION_OF_PILOTS = 1.0
 
 
 @dataclass(frozen=True)
