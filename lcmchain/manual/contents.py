@@ -49,6 +49,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Evidence": (
         "hemisphere",
         "accuracy-table",
+        "choice-table",
         "convergence-table",
         "verification",
         "benchmark-table",

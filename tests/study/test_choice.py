@@ -281,7 +281,7 @@ def test_a_wish_and_a_budget_state_the_errors_of_a_run_by_one_rule(dent, tmp_pat
     choice = known.run(known.make)
     edge, settings, _ = known.runs[-1]
     # two meshes alone leave the order open; what is left open is taken on the safe side
-    most = 1.4 if len(choice.meshes) == 2 else 1.25
+    most = 1.4 if len(choice.meshes) == 2 else 1.3
     assert 0.98 < choice.found["thickness"] / known.truth(edge, settings) < most
     assert max(choice.meshes) < 0.04 / 13.9
     *coarser, finest = [f"{1e3 * edge:.3g} mm" for edge in choice.meshes]
