@@ -64,7 +64,7 @@ def run_chosen(
                     result = run(scene, folder, threads=threads, progress=progress)
                 except SimulationInterrupted:  # its checkpoint is of no use: no --resume here
                     raise SimulationInterrupted(INTERRUPTED) from None
-                return outcome_of(result.datasets, result.summary)
+                return outcome_of(result.datasets, result.summary, scene)
 
             chooser = Chooser(
                 text, folder / ".lcmchain" / "pilots", wish, threads=threads, progress=progress,

@@ -50,6 +50,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Evidence": (
         "hemisphere",
         "accuracy-table",
+        "choice-table",
         "convergence-table",
         "verification",
         "benchmark-table",

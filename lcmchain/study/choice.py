@@ -1,8 +1,9 @@
 """What is chosen for a run that has to keep a wish, by pilots: its settings, mesh and time.
 
-Settings are weighed against each other by their errors, which add up: what the mesh leaves, by the
-law that meshes of pilots follow (:mod:`lcmchain.study.levels`), and what cheaper settings change,
-measured on a coarse mesh. Among those that keep the wish with a margin the quickest is taken.
+Settings are weighed against each other by their errors: what the mesh leaves, by the law that
+meshes of pilots follow (:mod:`lcmchain.study.levels`), and what cheaper settings change, measured
+on a coarse mesh. The one has nothing to do with the other, so that their squares add up. Among
+those that keep the wish the quickest is taken.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from lcmchain.study.levels import Level, expected_seconds
 from lcmchain.study.step_settings import AS_IT_IS, Candidate, StepSettings
 from lcmchain.study.wish import Wish
 
-#: Expected errors are to lie below the wish by this factor.
-MARGIN = 0.8
+#: Expected errors are to lie below the wish by this factor; laws have their own caution.
+MARGIN = 0.95
 ROUNDING = 1e-6
-#: The time of a mesh that was begun may exceed what is planned by this factor.
+#: The time of a mesh that was begun may exceed what is planned by this factor: less than a tenth of
+#: the budget is kept back.
 ABOUT = 1.06
 #: A budget counts as kept up to this factor: what a run takes is known before to about a tenth, and
 #: other work on the machine takes its part.
@@ -45,6 +47,7 @@ class Choice:
     pilot_seconds, seconds : solver time of the pilots, and of everything [s].
     expected_seconds : what everything was to take [s].
     budget : solver time that everything was allowed to take [s]; None for any.
+    worse : checks of the program that the settings have made worse.
     kept : whether the wish is kept by what was found, and the budget by the time that was taken.
     notes : what a user should know.
     """
@@ -63,6 +66,7 @@ class Choice:
     expected_seconds: float = 0.0
     seconds: float = 0.0
     budget: float | None = None
+    worse: list[str] = field(default_factory=list)
     kept: bool = False
     notes: list[str] = field(default_factory=list)
 
@@ -93,6 +97,12 @@ class Choice:
             return (
                 f"the wish, {self.wish}, is not kept: everything took {self.seconds:.3g} s of "
                 f"solver time; allow that with --budget, or make the scene cheaper"
+            )
+        if self.worse:
+            settings = " and ".join(self.settings.in_words())
+            return (
+                f"the wish, {self.wish}, is not kept: {settings} made checks of the run worse "
+                f"({', '.join(self.worse)}); see the warnings and the report"
             )
         return (
             f"the wish, {self.wish}, is not kept by the errors that are estimated; wish for "
@@ -161,7 +171,7 @@ class Knowledge:
     def errors(self, candidate: Candidate, edge: float) -> dict[str, float]:
         """Return the expected errors of a run."""
         return {
-            name: law.error(edge) + candidate.errors.get(name, 0.0)
+            name: math.hypot(law.error(edge), candidate.errors.get(name, 0.0))
             for name, law in self.laws.items()
         }
 
@@ -173,9 +183,9 @@ class Knowledge:
         if self.seconds(candidate, high) >= self.left:
             return high
         if self.settled:
-            fitting = [
-                edge for edge in self.rehearsed if self.seconds(candidate, edge) <= self.left
-            ]
+            # what rehearsals took while a mesh was looked for is little beside it
+            most = ABOUT * self.left
+            fitting = [edge for edge in self.rehearsed if self.seconds(candidate, edge) <= most]
             if fitting:
                 return min(fitting)
         for _ in range(60):
@@ -194,6 +204,8 @@ def choose(wish: Wish, candidates: Sequence[Candidate], known: Knowledge) -> tup
     """
     own = next((c.errors for c in candidates if c.settings == AS_IT_IS), {})
     plans = [_plan(wish, candidate, known, own) for candidate in candidates]
+    if not wish.errors:
+        return min(plans, key=lambda plan: _over_the_scene(plan[0], plans))
     keeping = [plan for plan in plans if plan[1] <= MARGIN * (1.0 + ROUNDING)]
     if keeping:
         return min(keeping, key=lambda plan: plan[0].run_seconds)
@@ -201,6 +213,20 @@ def choose(wish: Wish, candidates: Sequence[Candidate], known: Knowledge) -> tup
     nearest = min(worst for _, worst in plans)
     near = [plan for plan in plans if plan[1] <= 1.1 * nearest]
     return min(near, key=lambda plan: plan[0].run_seconds)
+
+
+def _over_the_scene(choice: Choice, plans: Sequence[tuple[Choice, float]]) -> float:
+    """Return the largest of the errors of a choice over those of the scene's settings.
+
+    Nobody has said which errors matter: other settings have to be better in all that is known.
+    """
+    scene = next((plan for plan, _ in plans if plan.settings == AS_IT_IS), choice)
+    if scene is choice:
+        return MARGIN
+    return max(
+        (choice.expected[name] / error for name, error in scene.expected.items() if error > 0.0),
+        default=1.0,
+    )
 
 
 def _plan(
@@ -219,7 +245,8 @@ def _plan(
             notes.append(f"the pilots tell nothing of the {title}")
             continue
         law = known.laws[name]
-        room = max(MARGIN * allowed - candidate.errors.get(name, 0.0), LEAST_ROOM * allowed)
+        left = (MARGIN * allowed) ** 2 - candidate.errors.get(name, 0.0) ** 2
+        room = max(math.sqrt(max(left, 0.0)), LEAST_ROOM * allowed)
         if law.order == 0.0:
             if law.factor > room:
                 given_up.append(name)

@@ -3,10 +3,11 @@
 Coarse meshes, the pilots, tell how the result depends on the edge length and what any mesh costs
 (:mod:`lcmchain.study.levels`). On the coarsest of them cheaper settings are tried: added mass,
 softer fibres, a cheaper model; what each changes is its error, what it takes its price. Inertia and
-damping leave errors that go with the speed of the process for the sheet: one run with more mass
-tells those of the scene's own process as well, also where only a time is wished for. Pilots on
-finer meshes are run with what is cheap, and as long as they cost little beside the run that they
-are for. Then the run is made that :func:`lcmchain.study.choice.choose` takes; its first steps have
+damping leave errors that go with the speed of the process for the sheet: runs with more mass tell
+those of the scene's own process as well, also where only a time is wished for. Settings that make a
+check of the program worse are not taken, on the coarse mesh or after the run. Pilots on finer
+meshes are run with what is cheap, and as long as they cost little beside the run that they are for.
+Then the run is made that :func:`lcmchain.study.choice.choose` takes; its first steps have
 told before what it takes (:mod:`lcmchain.study.rehearsal`). It is the check: what it differs from
 the pilots by shows its own error, and where the wish turns out to be missed, a finer mesh is run.
 
@@ -16,8 +17,9 @@ knows of them; the error that is reported after the run does, as far as its mesh
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +27,8 @@ from lcmchain.check.large_mesh import shortest_edges
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
 from lcmchain.study.choice import Choice, Knowledge, choose, mm
-from lcmchain.study.comparison import differences, quantities_of
+from lcmchain.study.comparison import BY_NAME, differences, quantities_of
+from lcmchain.study.convergence import SCATTER, Convergence, fitted
 from lcmchain.study.levels import COUNTED, Level, error_laws, expected_seconds
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.process_pace import why_time_stays
@@ -47,17 +50,19 @@ from lcmchain.study.wish import Wish
 
 #: Elements along the edge of a square as large as the blank, of the pilots; even numbers, so that
 #: the middle of a symmetric blank is a node. Coarser ones follow no order.
-PILOTS = (20, 28, 40)
+PILOTS = (14, 20, 28, 40)
 #: Elements along the edge grow by these factors at least and at most from one pilot to the next.
 LEAST_RATIO, PILOT_RATIO = 1.15, math.sqrt(2.0)
 #: Pilots in all, and how much finer than the finest of them a mesh may be that they speak of: two
-#: meshes alone only tell whether one of them will do.
+#: meshes alone only tell whether the coarser one will do.
 MOST_PILOTS = 6
-FARTHEST, FARTHEST_OF_TWO = 2.0, 1.05
+FARTHEST = 2.0
 #: A pilot takes a third of the time of the run at most, so its edges are longer by this factor.
 COARSER = 1.45
 #: Of a budget, or of the run they are for, so much goes into pilots that are not always made.
 PILOT_SHARE = 0.3
+#: Time of the trials that are made of a budget, by that of a run with the settings of the scene.
+TRIALS = 1.25
 #: Of a budget the first pilot has so many elements along the edge: it tells times.
 QUICK_PILOT = 8
 #: Meshes with fewer elements along the edge tell nothing of errors: neither of those of a mesh, nor
@@ -65,8 +70,12 @@ QUICK_PILOT = 8
 LEAST_COUNTED = 14
 #: Solver time over h^-q, before pilots tell it.
 COST_POWER = 3.0
-#: Part of a wish that the settings of pilots may be off by.
-PILOTS_OFF = 0.5
+#: Order by which errors of the speed of a process usually fall with it: those of inertia by the
+#: second, those of damping by the first.
+ORDER_OF_SPEED = 1.5
+#: Part of a wish that the settings of pilots may be off by: what they add would be taken for errors
+#: of the meshes.
+PILOTS_OFF = 0.1
 #: A model is tried if that takes less than this part of the run's time.
 RUNG_SHARE = 0.1
 #: Without a budget no run is begun that takes longer than this [s], and this many times the scene.
@@ -75,7 +84,7 @@ LONGEST_RUN, TIMES_THE_SCENE = 600.0, 3.0
 PLANNED = 0.92
 #: The first steps of at most so many meshes are made to find one, until it is about one of them.
 MOST_REHEARSALS = 4
-REHEARSED = 0.985
+REHEARSED = 0.97
 #: A budget of which more than this factor would be left is spent on a slower process.
 SPARE = 1.2
 #: A run is repeated at most so often, and with edges shorter by this factor at least.
@@ -111,6 +120,8 @@ class Chooser:
         self.threads, self.study = threads, Study(text, folder, Workers(1, threads))
         self.levels: list[Level] = []
         self.candidates = [Candidate(AS_IT_IS)]
+        self.measured: dict[StepSettings, Candidate] = {}
+        self.laws_of_speed: dict[str, Convergence] = {}
         self.pilots_as = Candidate(AS_IT_IS)
         self.tried_at = math.inf
         self.pilots: dict[tuple[float, StepSettings], Outcome] = {}
@@ -144,12 +155,46 @@ class Chooser:
             self._judge(choice, outcome)
             if choice.kept or self.wish.budget is not None:
                 break
+            if choice.worse:
+                choice = self._without_settings(choice)
+                continue
             better = self._rehearsed_choice()
-            if better.edge_length > NO_BETTER * choice.edge_length or self._too_long(better):
+            finer = NO_BETTER * choice.edge_length
+            if better.edge_length > finer and self._converge(choice):
+                better.edge_length = finer  # less would tell nothing new
+            if better.edge_length > finer or self._too_long(better):
                 break
             better.notes.append(f"edges of {mm(choice.edge_length)} missed the wish")
             choice = better
         return choice
+
+    def _converge(self, choice: Choice) -> bool:
+        """Tell whether finer meshes have less of all errors that were missed."""
+        laws = error_laws(self._counted)
+        missed = choice.missed_errors(self.wish.errors)
+        return all(name in laws and laws[name].order > 0.0 for name in missed)
+
+    def _without_settings(self, choice: Choice) -> Choice:
+        """Return what is chosen once settings have made a check worse on the mesh of the run.
+
+        As fast or as soft as these, no other settings are taken either.
+        """
+        taken = choice.settings
+        self.candidates = [
+            candidate
+            for candidate in self.candidates
+            if candidate.settings == AS_IT_IS
+            or (
+                (taken.speed <= 1.0 or candidate.settings.speed < taken.speed)
+                and (taken.fibres == 1.0 or candidate.settings.fibres > taken.fibres)
+                and (not taken.model or candidate.settings.model != taken.model)
+            )
+        ]
+        better = self._rehearsed_choice()
+        checks = ", ".join(choice.worse)
+        settings = " and ".join(taken.in_words())
+        better.notes.append(f"{settings} made checks of the run worse ({checks}), and were left")
+        return better
 
     # --- pilots -----------------------------------------------------------------------------------
 
@@ -197,7 +242,7 @@ class Chooser:
         yield first
         seconds = self.pilot_seconds
         left = PILOT_SHARE * self.wish.budget - seconds
-        part = 1.0 + PILOT_RATIO**-COST_POWER  # of both, by the finer one
+        part = 1.0 + PILOT_RATIO**-COST_POWER * (1.0 + TRIALS)  # of all, by the finer one
         finest = first * (part * seconds / left) ** (1.0 / COST_POWER) if left > 0.0 else first
         finest = max(finest, self._size / PILOTS[-1])
         if finest * PILOT_RATIO < first / PILOT_RATIO:
@@ -226,7 +271,7 @@ class Chooser:
         while len(self.levels) < MOST_PILOTS:
             choice, finest = self._choice(), self.levels[-1].edge
             needed, tell_an_order = choice.edge_length, len(self.levels) > 2
-            if needed * (FARTHEST if tell_an_order else FARTHEST_OF_TWO) > finest:
+            if needed * FARTHEST > finest if tell_an_order else needed >= self.levels[0].edge:
                 return
             if tell_an_order and self._too_long(choice):
                 return  # a wish that is refused is refused before it has cost minutes
@@ -276,7 +321,7 @@ class Chooser:
         What their settings are off by is taken from what is known now: some of them were run before
         that was measured, or before it was measured on a finer mesh.
         """
-        off = {candidate.settings: candidate.errors for candidate in self.candidates}
+        off = {settings: candidate.errors for settings, candidate in self.measured.items()}
         return [
             level._replace(off=off.get(level.settings, level.off))
             for level in self.levels
@@ -286,13 +331,17 @@ class Chooser:
     # --- settings ---------------------------------------------------------------------------------
 
     def _measure_inertia(self) -> None:
-        """Measure what the speed of the scene's own process leaves, where no error is wished for.
+        """Measure what speed and fibre modulus of the scene leave, where no error is wished for.
 
-        The errors of such a run are stated as those of any other one; its settings stay.
+        The errors of such a run are stated as those of any other one. The pace of the scene stays;
+        softer fibres are taken where the finer mesh that they leave time for is better.
         """
         if self._counted and not self.is_laid:
-            self._try_inertia(self._counted[0].edge)
-            self.candidates = [c for c in self.candidates if c.settings == AS_IT_IS]
+            edge = self._counted[0].edge
+            self._try_inertia(edge)
+            self._try_fibres(edge, AS_IT_IS)
+            self.measured |= {candidate.settings: candidate for candidate in self.candidates}
+            self.candidates = [c for c in self.candidates if c.settings.speed == 1.0]
 
     def _try_settings(self, edge: float) -> None:
         """Measure on a mesh what added mass and softer fibres change, and what they save."""
@@ -300,40 +349,68 @@ class Chooser:
         if self.is_laid:  # without mass and steps
             return
         base = self._try_inertia(edge)
-        self.pilots_as = next(c for c in self.candidates if c.settings == base)
+        self.pilots_as = self.measured.get(base, Candidate(AS_IT_IS))
         self._try_fibres(edge, base)
+        self.measured |= {candidate.settings: candidate for candidate in self.candidates}
 
     def _try_inertia(self, edge: float) -> StepSettings:
         """Measure on a mesh what added mass changes and saves.
 
-        Return the settings for pilots: those that change little of what is wished for.
+        Settings that make a check of the program worse are none to choose. Return those for pilots,
+        which change little of what is wished for.
         """
         plain = self._pilot(edge, AS_IT_IS)
-        fastest = next(
-            (trial for trial in inertia_trials(self.scene) if not self._pilot(edge, trial).failure),
-            None,
-        )
+        trials = [t for t in inertia_trials(self.scene) if not self._pilot(edge, t).failure]
         self.candidates = [Candidate(AS_IT_IS)]
-        if fastest is None:
+        if not trials:
             return AS_IT_IS
-        outcome = self._pilot(edge, fastest)
-        off = self._off(outcome, plain)
-        # what goes with the speed, by how much faster the trial was
-        own = {name: error / (fastest.speed - 1.0) for name, error in off.items()}
-        # the time goes with one over the speed, as far as the fibre wave limits the step
-        power = math.log(outcome.seconds / plain.seconds) / math.log(fastest.speed)
-        self.candidates = [
+        laws = self.laws_of_speed = self._laws_of_speed(edge, [*trials, AS_IT_IS])
+        tried = [
             Candidate(
                 settings,
-                {name: settings.speed * error for name, error in own.items()},
-                settings.speed ** min(power, 0.0) if settings.speed > 1.0 else settings.time,
+                {name: law.error(settings.speed) for name, law in laws.items()},
+                settings.time
+                if settings.speed < 1.0
+                else self._pilot(edge, settings).seconds / plain.seconds,
             )
-            for settings in (*inertia_trials(self.scene), AS_IT_IS, *slower(self.scene))
+            for settings in (*trials, AS_IT_IS, *slower(self.scene))
         ]
-        self.candidates = [c for c in self.candidates if c.settings.speed <= fastest.speed]
-        allowed = self.wish.errors
+        self.measured |= {candidate.settings: candidate for candidate in tried}
+        # a pace that was found is as fast as checks allow
+        allowed_trials = [] if self.scene.time_is_found else trials
+        self.candidates = [
+            candidate
+            for candidate in tried
+            if candidate.settings.speed <= 1.0
+            or (
+                candidate.settings in allowed_trials
+                and not self._pilot(edge, candidate.settings).worse_than(plain)
+            )
+        ]
+        fastest, allowed = trials[0], self.wish.errors
+        off = self._off(self._pilot(edge, fastest), plain)
         little = all(off.get(name, 0.0) <= PILOTS_OFF * allowed[name] for name in allowed)
         return fastest if little else AS_IT_IS
+
+    def _laws_of_speed(
+        self, edge: float, settings: Sequence[StepSettings]
+    ) -> dict[str, Convergence]:
+        """Return how errors depend on the speed of the process, by runs on one mesh.
+
+        They differ as meshes do: by less and less, the slower they are.
+        """
+        runs = [self._pilot(edge, one) for one in settings]
+        between = {
+            (i, j): differences(runs[i], runs[j])
+            for i, j in itertools.combinations(range(len(runs)), 2)
+        }
+        laws = {}
+        for name in BY_NAME:
+            distances = {pair: found[name].typical for pair, found in between.items()}
+            law = fitted([one.speed for one in settings], distances, ORDER_OF_SPEED, (SCATTER,))
+            if math.isfinite(law.order):
+                laws[name] = law
+        return laws
 
     def _try_fibres(self, edge: float, base: StepSettings) -> None:
         """Measure what softer fibres change on top of other settings; add what comes of both."""
@@ -344,12 +421,17 @@ class Chooser:
             outcome = self._pilot(edge, soft)
         except InputError:  # a law without fibres
             return
-        strain = outcome.numbers.get("fibre_strain_max", math.inf)
-        if outcome.failure or strain > self.scene.process.fibre_strain_allowed:
+        if outcome.failure or self._stretched(outcome, soft) or outcome.worse_than(before):
             return
         off, cost = self._off(outcome, before), outcome.seconds / before.seconds
         self.candidates += [_with(c, replace(c.settings, fibres=SOFTER_FIBRES), off, cost)
                             for c in self.candidates]  # fmt: skip
+
+    def _stretched(self, outcome: Outcome, settings: StepSettings) -> list[str]:
+        """Return the name of the check that softer fibres fail, where they stretch too far."""
+        strain = outcome.numbers.get("fibre_strain_max", math.inf)
+        allowed = settings.fibres == 1.0 or strain <= self.scene.process.fibre_strain_allowed
+        return [] if allowed else ["strain of softer fibres"]
 
     def _try_settings_again(self) -> None:
         """Measure settings on the finest pilot as well, where that costs little beside the run.
@@ -404,10 +486,7 @@ class Chooser:
         """Return what keeps the wish, its time known from the first steps on its mesh."""
         choice = self._choice()
         for _ in range(MOST_REHEARSALS):
-            known = [*self.rehearsals, *(level.edge for level in self.levels)]
-            near = NO_BETTER if self.wish.budget is None else REHEARSED
-            laid = self.is_laid or choice.settings.model == "kinematic"
-            if laid or any(near <= edge / choice.edge_length <= 1.0 / near for edge in known):
+            if self._is_rehearsed(choice):
                 return self._with_a_slower_process(choice)
             for edge in (self.levels[-1].edge, choice.edge_length):
                 if edge not in self.rehearsals:
@@ -415,13 +494,21 @@ class Chooser:
             choice = self._choice()
         return self._with_a_slower_process(self._choice(settled=True))
 
+    def _is_rehearsed(self, choice: Choice) -> bool:
+        """Tell whether the time of a choice is known from about its mesh; a net's is none."""
+        if self.is_laid or choice.settings.model == "kinematic":
+            return True
+        known = [*self.rehearsals, *(level.edge for level in self.levels)]
+        near = NO_BETTER if self.wish.budget is None else REHEARSED
+        return any(near <= edge / choice.edge_length <= 1.0 / near for edge in known)
+
     def _with_a_slower_process(self, choice: Choice) -> Choice:
         """Return a choice that spends on slowness what no finer mesh can be had for.
 
         Where the mesh has to fit the outline, the next finer one may have twice the elements.
         """
         left = self._time_left()
-        if left is None or self.wish.errors or self.time_stays:
+        if left is None or self.wish.errors or self.time_stays or choice.settings != AS_IT_IS:
             return choice
         times = math.floor(20.0 * min(left / choice.run_seconds, LONGER[-1])) / 20.0
         if times < SPARE:
@@ -430,8 +517,7 @@ class Chooser:
         choice.why += "; a slower process takes what is left, for less inertia"
         choice.run_seconds *= times
         choice.expected_seconds += (1.0 - 1.0 / times) * choice.run_seconds
-        own = next(c.errors for c in self.candidates if c.settings == AS_IT_IS)
-        errors = {name: choice.settings.speed * error for name, error in own.items()}
+        errors = {n: law.error(choice.settings.speed) for n, law in self.laws_of_speed.items()}
         self.candidates.append(Candidate(choice.settings, errors, times))
         return choice
 
@@ -518,7 +604,11 @@ class Chooser:
                 f"all runs together took {choice.seconds:.3g} s of solver time, more than the "
                 f"budget of {self.wish.budget:.3g} s"
             )
-        choice.kept = not choice.is_over_budget and not choice.missed_errors(self.wish.errors)
+        plain = self.pilots.get((self.tried_at, AS_IT_IS))
+        if plain is not None and choice.settings != AS_IT_IS:
+            choice.worse = outcome.worse_than(plain) + self._stretched(outcome, choice.settings)
+        missed = choice.missed_errors(self.wish.errors)
+        choice.kept = not (choice.is_over_budget or choice.worse or missed)
 
     # --- the scene --------------------------------------------------------------------------------
 
@@ -549,5 +639,5 @@ def _with(
     candidate: Candidate, settings: StepSettings, off: dict[str, float], cost: float
 ) -> Candidate:
     """Return a candidate with one more setting, what that is off by and what it takes."""
-    errors = {n: candidate.errors.get(n, 0.0) + error for n, error in off.items()}
+    errors = {n: math.hypot(candidate.errors.get(n, 0.0), error) for n, error in off.items()}
     return Candidate(settings, {**candidate.errors, **errors}, cost * candidate.cost)

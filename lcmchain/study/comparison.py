@@ -25,6 +25,9 @@ class Quantity:
     name : for files. title : for texts; short : for narrow tables. unit : of its error.
     scale : from SI to that unit. aliases : what a user may call it.
     relative : whether the error is a part of the quantity itself.
+    usual_order : by which its error falls with the edge length, as studies of accuracy find it
+        (``lcmchain docs accuracy-table``): shear and contour follow the interpolation of the
+        element, thickness the edges of contact.
     """
 
     name: str
@@ -34,6 +37,7 @@ class Quantity:
     scale: float
     aliases: tuple[str, ...] = ()
     relative: bool = False
+    usual_order: float = 1.5
 
     def text(self, error: float) -> str:
         """Return an error in SI, or as a part, with its unit."""
@@ -42,11 +46,16 @@ class Quantity:
 
 #: What studies compare, in the order of their tables. A forming run has a punch, a coupon clamps.
 QUANTITIES = (
-    Quantity("shear_angle", "shear angle", "shear", "°", 180.0 / math.pi, ("shear", "angle")),
-    Quantity("thickness", "thickness", "t", "%", 100.0, ("thick",), relative=True),
+    Quantity(
+        "shear_angle", "shear angle", "shear", "°", 180.0 / math.pi, ("shear", "angle"),
+        usual_order=1.5,
+    ),
+    Quantity(
+        "thickness", "thickness", "t", "%", 100.0, ("thick",), relative=True, usual_order=1.0
+    ),
     Quantity(
         "fibre_volume_fraction", "fibre volume fraction", "v_f", "%", 100.0,
-        ("vf", "v_f", "fvf", "fibre volume content"), relative=True,
+        ("vf", "v_f", "fvf", "fibre volume content"), relative=True, usual_order=1.0,
     ),
     Quantity("contour", "contour", "contour", "mm", 1e3, ("outline", "draw-in")),
     Quantity("punch_force", "punch force", "force", "%", 100.0, ("force",), relative=True),

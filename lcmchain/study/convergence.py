@@ -12,8 +12,11 @@ distances add by their squares. With the correlation (h_fine/h_coarse)^(kp) betw
 
 k = 0 is the former and k = 1 the latter; three meshes tell p, C and k. All orders and correlations
 within bounds are weighed by how well they explain the distances, and the weighted mean is taken,
-with a part of its scatter on the safe side: it stays sensible where two meshes tell nothing of the
-order.
+with a part of its scatter on the safe side.
+
+Distances of coarse meshes scatter, and two meshes tell nothing of the order. Where the order that
+studies usually find of a quantity is known, orders are weighed by how near they lie to it as well:
+what runs tell then counts by as much as it is worth.
 """
 
 from __future__ import annotations
@@ -27,11 +30,18 @@ import numpy as np
 #: Orders and correlations that are weighed.
 ORDERS = np.linspace(0.5, 2.0, 16)
 CORRELATIONS = np.array([0.0, 0.25, 0.5, 1.0, 2.0])
-#: Scatter of distances about the law, as a part of them.
+#: Scatter of distances about the law, as a part of them; where orders are weighed by the usual one
+#: as well, it is any of these, by what distances tell of it.
 SCATTER = 0.05
+SCATTERS = (0.05, 0.1, 0.2)
+#: Standard deviation of orders about the usual one.
+ORDER_SCATTER = 0.5
 #: So many standard deviations of what explains them are added to the error (of its logarithm); of
 #: two meshes, which leave order and correlation open, enough for the least favourable of them.
 CAUTION, CAUTION_OF_TWO = 0.5, 2.0
+#: The same of three pilots and more, where the usual order is known: coarse meshes follow no law
+#: as closely.
+CAUTION_OF_PILOTS = 1.0
 
 
 @dataclass(frozen=True)
@@ -41,11 +51,12 @@ class Convergence:
     Parameters
     ----------
     order : observed, not a number where the runs show none.
-    factor : of the error.
+    factor : of the error. misfit : of the distances to the law, root mean square of logarithms.
     """
 
     order: float
     factor: float
+    misfit: float = 0.0
 
     def error(self, size: float) -> float:
         """Return the expected distance from the limit at a size."""
@@ -59,13 +70,19 @@ class Convergence:
 NO_ORDER = Convergence(math.nan, math.nan)
 
 
-def fitted(sizes: Sequence[float], distances: Mapping[tuple[int, int], float]) -> Convergence:
+def fitted(
+    sizes: Sequence[float],
+    distances: Mapping[tuple[int, int], float],
+    usual_order: float | None = None,
+    scatters: Sequence[float] = SCATTERS,
+) -> Convergence:
     """Return the error law that explains the distances of runs from each other best.
 
     Parameters
     ----------
     sizes : of the meshes, the coarsest first. distances : between runs i and j, i < j; those that
-        are not a number are left out.
+        are not a number are left out. usual_order : of the quantity, where it is known. scatters :
+        about the law that distances may have then, as parts of them.
     """
     pairs = [pair for pair, distance in distances.items() if math.isfinite(distance)]
     known = np.array([distances[pair] for pair in pairs])
@@ -79,18 +96,27 @@ def fitted(sizes: Sequence[float], distances: Mapping[tuple[int, int], float]) -
     )
     ratio = np.log(known) - 0.5 * np.log(squared)  # (orders, correlations, pairs): log of C
     mean = ratio.mean(axis=-1)
-    misfit = ((ratio - mean[..., None]) ** 2).sum(axis=-1) / SCATTER**2
-    weight = np.exp(-0.5 * (misfit - misfit.min()))
+    squares = ((ratio - mean[..., None]) ** 2).sum(axis=-1)
+    likelihood = -0.5 * squares / SCATTER**2  # logarithms
+    if usual_order is not None:
+        s = np.asarray(scatters)[:, None, None]
+        scattered = -0.5 * squares / s**2 - (len(pairs) - 1) * np.log(s)
+        likelihood = np.logaddexp.reduce(scattered, axis=0)
+        likelihood -= 0.5 * ((ORDERS[:, None] - usual_order) / ORDER_SCATTER) ** 2
+    weight = np.exp(likelihood - likelihood.max())
     weight /= weight.sum()
     order = float((weight * ORDERS[:, None]).sum())
     caution = CAUTION if len(pairs) > 2 else CAUTION_OF_TWO
+    if usual_order is not None and len(pairs) > 1:
+        caution = CAUTION_OF_PILOTS
     likely = float((weight * mean).sum())
-    scatter = math.sqrt(float((weight * (mean - likely) ** 2).sum()))
-    error = math.exp(likely + caution * scatter)  # of the finest mesh
-    return Convergence(order, error / sizes[-1] ** order)
+    spread = math.sqrt(float((weight * (mean - likely) ** 2).sum()))
+    error = math.exp(likely + caution * spread)  # of the finest mesh
+    misfit = math.sqrt(float((weight * squares).sum()) / len(pairs))
+    return Convergence(order, error / sizes[-1] ** order, misfit)
 
 
-def progress(sizes: Sequence[float], steps: Sequence[float]) -> float:
+def progress(sizes: Sequence[float], steps: Sequence[float], *, by_squares: bool = False) -> float:
     """Return by which factor the last difference is smaller than the one before.
 
     Both are taken per logarithm of the sizes, so at equal refinement; 1 means that finer meshes
@@ -100,7 +126,9 @@ def progress(sizes: Sequence[float], steps: Sequence[float]) -> float:
     ----------
     sizes : of three meshes, the coarsest first.
     steps : sizes of the differences between the first and second, and second and third run.
+    by_squares : whether it is the squares of differences that add up.
     """
     h1, h2, h3 = sizes
-    first, second = steps[0] / math.log(h1 / h2), steps[1] / math.log(h2 / h3)
+    power = 0.5 if by_squares else 1.0
+    first, second = steps[0] / math.log(h1 / h2) ** power, steps[1] / math.log(h2 / h3) ** power
     return first / second

@@ -16,8 +16,11 @@ from lcmchain.study.step_settings import AS_IT_IS, StepSettings
 #: Meshes that a law is taken from: the finest ones, since coarse ones follow it less.
 COUNTED = 4
 #: Changes that fall by less than this factor from mesh to mesh, at equal refinement, show no
-#: convergence. Their error is taken for this many of them, at refinement by the root of two.
-LEAST_PROGRESS = 1.0
+#: convergence: of three meshes of a study, and of pilots, whose changes scatter by as much.
+LEAST_PROGRESS, LEAST_PROGRESS_OF_PILOTS = 1.0, 0.7
+#: Neither do distances that lie about their law by more than this, root mean square of logarithms.
+MOST_MISFIT = 0.5
+#: The error of what shows none is taken for this many changes, at refinement by the root of two.
 CHANGES_LEFT = 1.5
 #: Part of the square of a distance that has to be the meshes', where settings differ as well.
 LEAST_OF_MESHES = 0.3
@@ -64,15 +67,25 @@ def error_laws(levels: Sequence[Level]) -> dict[str, Convergence]:
             for (i, j), found in between.items()
         }
         steps = [known[i, i + 1] for i in range(len(counted) - 1)]
-        law = fitted(sizes, known)
+        law = fitted(sizes, known, BY_NAME[name].usual_order)
         if not math.isfinite(law.order):
             continue
-        if len(steps) > 1 and progress(sizes[-3:], steps[-2:]) < LEAST_PROGRESS:
-            once = 0.5 * math.log(2.0) / math.log(sizes[-2] / sizes[-1])
-            laws[name] = Convergence(0.0, CHANGES_LEFT * once * steps[-1])
-        else:
-            laws[name] = law
+        laws[name] = law
+        if len(steps) > 1:
+            last = progress(sizes[-3:], steps[-2:], by_squares=True)
+            if last < LEAST_PROGRESS_OF_PILOTS or law.misfit > MOST_MISFIT:
+                laws[name] = Convergence(0.0, CHANGES_LEFT * _usual_change(sizes, steps))
     return laws
+
+
+def _usual_change(sizes: Sequence[float], steps: Sequence[float]) -> float:
+    """Return what meshes change that are finer by the root of two: the mean of what was seen."""
+    once = [
+        step * math.sqrt(0.5 * math.log(2.0) / math.log(coarse / fine))
+        for coarse, fine, step in zip(sizes[:-1], sizes[1:], steps, strict=True)
+        if math.isfinite(step)
+    ]
+    return math.sqrt(sum(change**2 for change in once) / len(once))
 
 
 def _of_meshes(distance: float, one: Level, other: Level, name: str) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -17,6 +18,9 @@ from lcmchain.fields.history_group import HISTORY
 from lcmchain.fields.loads import quoted_force
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+
+if TYPE_CHECKING:
+    from lcmchain.scene import Scene
 
 #: Fields of faces that are compared, as in ``forming.nc``; a run keeps those that it has.
 FIELDS = ("shear_angle", "thickness", "fibre_volume_fraction")
@@ -29,6 +33,10 @@ NUMBERS = (
     "forming_work_J", "kinetic_to_internal_max",
     "balance_error_max", "mass_added_total", "mass_added_largest",
 )  # fmt: skip
+
+
+#: Checks that judge the mesh: nothing else makes them better.
+OF_THE_MESH = ("Resolution by elements", "Resolution of wrinkles")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +53,8 @@ class Outcome:
         of a coupon ``clamp_force_max_N``.
     force : of the punch [N] over the part of the process that has passed, rows of (part, force),
         (M, 2); empty without tools.
+    doubts : grades of the checks of the program that are not good, by name: their place in
+        :data:`lcmchain.report.grades.GRADES`.
     failure : why there is no result, in words; empty where there is one.
     """
 
@@ -57,6 +67,15 @@ class Outcome:
     numbers: dict[str, float] = field(default_factory=dict)
     force: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
     failure: str = ""
+    doubts: dict[str, int] = field(default_factory=dict)
+
+    def worse_than(self, other: Outcome) -> list[str]:
+        """Return the checks that have a worse grade than in another run, but for the meshes'."""
+        return [
+            check
+            for check, grade in self.doubts.items()
+            if check not in OF_THE_MESH and grade > other.doubts.get(check, 0)
+        ]
 
     def equals(self, other: Outcome) -> bool:
         """Tell whether the results are the same to the last bit; times may differ."""
@@ -69,15 +88,21 @@ class Outcome:
         )
 
 
-def outcome_of(datasets: dict[str, xr.Dataset], summary: dict) -> Outcome:
+def outcome_of(datasets: dict[str, xr.Dataset], summary: dict, scene: Scene) -> Outcome:
     """Return what is kept of a forming result (groups of ``forming.nc``, ``summary.json``)."""
+    from lcmchain.report.grades import GOOD, GRADES
+    from lcmchain.report.verdicts import verdicts
+
     numbers = dict(summary)
     if "energy" in summary:
         numbers["forming_work_J"] = summary["energy"]["external"]
     else:  # a net that is laid knows no forces
         numbers.pop("punch_force_max_N", None)
     kept = outcome_of_sheet(datasets, numbers, float(summary["wall_s"]), int(summary["threads"]))
-    return replace(kept, force=_force_of(datasets[HISTORY], summary))
+    good = GRADES.index(GOOD)
+    grades = {v.check: GRADES.index(v.grade) for v in verdicts(summary, scene, datasets)}
+    doubts = {check: grade for check, grade in grades.items() if grade > good}
+    return replace(kept, force=_force_of(datasets[HISTORY], summary), doubts=doubts)
 
 
 def outcome_of_sheet(
@@ -129,6 +154,7 @@ def write_outcome(path: Path, outcome: Outcome, fingerprint: str) -> None:
             "threads": outcome.threads,
             "failure": outcome.failure,
             **{f"number_{name}": value for name, value in outcome.numbers.items()},
+            **{f"doubt_{check}": grade for check, grade in outcome.doubts.items()},
         },
     )
     write_netcdf(path, {ROOT: dataset})
@@ -164,4 +190,9 @@ def read_outcome(path: Path, fingerprint: str) -> Outcome | None:
         },
         force=dataset["punch_force"].values,
         failure=str(about["failure"]),
+        doubts={
+            name.removeprefix("doubt_"): int(grade)
+            for name, grade in about.items()
+            if name.startswith("doubt_")
+        },
     )

@@ -46,7 +46,7 @@ class SceneJob:
 
         with tempfile.TemporaryDirectory(prefix="lcmchain-study-") as folder:
             result = run(self.scene, folder, threads=threads, progress=tell)
-        return outcome_of(result.datasets, result.summary)
+        return outcome_of(result.datasets, result.summary, self.scene)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from lcmchain.check.large_mesh import BUILDING_BYTES
 from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.study import chooser as chooser_module
-from lcmchain.study.chooser import Chooser
+from lcmchain.study.chooser import SPARE, Chooser
 from lcmchain.study.comparison import differences
 from lcmchain.study.convergence import Convergence
 from lcmchain.study.levels import error_laws
@@ -49,7 +49,8 @@ def shear(h: float, order: float, factor: float):
 class Known(Chooser):
     """A chooser whose runs follow a known law of errors and times.
 
-    of_speed, of_fibres : errors by the speed of the process and by soft fibres, anywhere.
+    of_speed, of_fibres : errors by the speed of the process and by soft fibres, in waves that have
+        nothing in common with the error of the mesh, nor with each other: squares add up.
     of_step : time of a step beside its elements, in elements.
     """
 
@@ -64,9 +65,17 @@ class Known(Chooser):
 
     def outcome(self, edge, settings) -> Outcome:
         h = edge / 0.04 * SIZE  # of the scene's blank of 40 mm
-        off = self.of_speed * settings.speed + (self.of_fibres if settings.fibres < 1.0 else 0.0)
+        of_speed = self.of_speed * settings.speed
+        of_fibres = self.of_fibres if settings.fibres < 1.0 else 0.0
         known = shear(h, self.order, self.factor)
-        made = sheet(max(2, round(SIZE / h)), lambda x, y: known(x, y) + off, thickness=known)
+
+        def off(x, y):
+            waves = (np.sin(2.0 * np.pi * z / SIZE) for z in (x, y))
+            return math.sqrt(2.0) * sum(
+                size * wave for size, wave in zip((of_speed, of_fibres), waves, strict=True)
+            )
+
+        made = sheet(max(2, round(SIZE / h)), lambda x, y: known(x, y) + off(x, y), thickness=known)
         seconds = SECONDS / settings.speed * math.sqrt(settings.fibres) * self.work(edge)
         return Outcome(seconds, 1, made.reference, made.formed, made.faces,
                        {"shear_angle": made.values["shear_angle"]}, {"fibre_strain_max": 1e-3},
@@ -124,7 +133,7 @@ def test_pilots_take_a_modest_part_of_the_time(dent, tmp_path):
 def test_cheaper_settings_are_taken_only_where_all_errors_together_keep_the_wish(dent, tmp_path):
     wish, one = read_wish("1 deg shear", None), math.radians(1.0)
     taken = {}
-    for of_speed, of_fibres in ((0.02, 2.0), (0.15, 2.0), (0.02, 0.1), (0.02, 0.75)):
+    for of_speed, of_fibres in ((0.02, 2.0), (0.22, 2.0), (0.02, 0.1), (0.02, 0.9)):
         known = Known(dent, tmp_path, wish, 1.0, 0.3,
                       of_speed=of_speed * one, of_fibres=of_fibres * one)  # fmt: skip
         choice = known.run(known.make)
@@ -132,12 +141,13 @@ def test_cheaper_settings_are_taken_only_where_all_errors_together_keep_the_wish
         assert choice.kept
         assert known.true_error() <= one
         s = choice.settings
-        off = of_speed * s.speed + (of_fibres if s.fibres < 1.0 else 0.0)
-        assert choice.settings_errors["shear_angle"] == pytest.approx(off * one, rel=0.02)
+        off = math.hypot(of_speed * s.speed, of_fibres if s.fibres < 1.0 else 0.0)
+        # of the speed as far as three runs tell their law; of fibres as measured
+        assert 0.95 < choice.settings_errors["shear_angle"] / (off * one) < 1.25
     assert taken[0.02, 2.0] == StepSettings(mass=16.0)
-    assert taken[0.15, 2.0].mass < 16.0
+    assert taken[0.22, 2.0].mass < 16.0
     assert taken[0.02, 0.1] == StepSettings(mass=16.0, fibres=SOFTER_FIBRES)
-    assert taken[0.02, 0.75] == StepSettings(mass=16.0)
+    assert taken[0.02, 0.9] == StepSettings(mass=16.0)
 
 
 def test_fibres_that_would_stretch_too_far_are_not_softened(dent, tmp_path):
@@ -146,6 +156,50 @@ def test_fibres_that_would_stretch_too_far_are_not_softened(dent, tmp_path):
     assert known.run(known.make).settings.fibres == 1.0
     known = Known(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3, of_fibres=0.0)
     assert known.run(known.make).settings.fibres == SOFTER_FIBRES
+
+
+class Doubtful(Known):
+    """More inertia than the scene's makes a check worse, on meshes finer than some."""
+
+    finer_than, speed = math.inf, 3.0
+
+    def outcome(self, edge, settings):
+        made = super().outcome(edge, settings)
+        doubts = {"Damping": 2}  # whatever the settings
+        if settings.speed > self.speed and edge < self.finer_than:
+            doubts["Quasi-static"] = 2
+        return replace(made, doubts=doubts)
+
+
+def test_settings_that_make_a_check_worse_are_not_taken(dent, tmp_path):
+    known = Doubtful(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+    choice = known.run(known.make)
+    assert choice.kept
+    assert choice.settings == StepSettings(mass=4.0)
+    assert len({settings for _, settings, _ in known.runs}) == 1
+
+
+def test_a_run_whose_settings_made_a_check_worse_is_made_again_without_them(dent, tmp_path):
+    known = Doubtful(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+    known.finer_than, known.speed = 0.04 / 14.5, 1.0
+    choice = known.run(known.make)
+    assert known.runs[0][1] == StepSettings(mass=16.0)
+    assert choice.settings == AS_IT_IS
+    assert choice.kept
+    assert any("checks of the run worse (Quasi-static)" in note for note in choice.notes)
+    choice.settings, choice.worse = StepSettings(mass=4.0), ["Quasi-static"]
+    assert "4 times the inertia made checks of the run worse (Quasi-static)" in choice.missed()
+
+
+def test_the_pace_that_is_found_is_never_made_faster(dent, tmp_path):
+    text = dent.text.replace('time = "4 ms", mass_damping = "200 1/s"', "")
+    assert text != dent.text
+    found = type(dent)(text, dent.path)
+    known = Known(found, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+    assert known.scene.time_is_found
+    choice = known.run(known.make)
+    assert choice.settings == AS_IT_IS
+    assert {settings.time for _, settings in known.pilots} >= {1.0, 0.25}  # pilots are fast
 
 
 def test_a_run_that_misses_the_wish_is_repeated_on_a_finer_mesh(dent, tmp_path, monkeypatch):
@@ -183,22 +237,36 @@ def test_a_budget_is_kept_and_what_it_leaves_of_the_wish_is_told(dent, tmp_path)
     assert "is not kept" in choice.missed()
 
 
+def test_a_budget_takes_softer_fibres_where_all_errors_fall_by_them(dent, tmp_path):
+    edges = {}
+    for of_fibres in (0.0, 0.5):
+        known = Known(dent, tmp_path, read_wish(None, "60 s"), 1.0, 0.5, of_fibres=of_fibres)
+        choice = known.run(known.make)
+        edges[of_fibres] = choice.edge_length
+        assert choice.settings == (AS_IT_IS if of_fibres else StepSettings(fibres=SOFTER_FIBRES))
+        assert choice.seconds <= 75.0
+    assert edges[0.0] < 0.9 * edges[0.5]
+
+
 class WithThickness(Known):
     """Thickness, which nobody wishes for, is off by the mesh and by the speed of the process.
 
-    Meshes of fewer than 14 elements along the blank follow no law.
+    By the mesh it is everywhere, by the speed in waves: the squares of both add up. Meshes of
+    fewer than 14 elements along the blank follow no law.
     """
 
     of_mesh, of_pace, astray = 0.4, 0.01, 0.1
 
     def truth(self, edge, settings):
-        return self.of_mesh * edge / 0.04 + self.of_pace * settings.speed
+        return math.hypot(self.of_mesh * edge / 0.04, self.of_pace * settings.speed)
 
     def outcome(self, edge, settings):
         made = super().outcome(edge, settings)
         astray = self.astray if edge > 0.04 / 13.9 else 0.0
-        thickness = 1e-3 * (1.0 + self.truth(edge, settings) + astray)
-        made.values["thickness"] = np.full(len(made.faces), thickness)
+        along = made.reference[made.faces].mean(axis=1)[:, 0]
+        waves = math.sqrt(2.0) * np.cos(2.0 * np.pi * along / SIZE)
+        off = self.of_mesh * edge / 0.04 + self.of_pace * settings.speed * waves
+        made.values["thickness"] = 1e-3 * (1.0 + off + astray)
         return made
 
 
@@ -212,8 +280,8 @@ def test_a_wish_and_a_budget_state_the_errors_of_a_run_by_one_rule(dent, tmp_pat
     known = WithThickness(dent, tmp_path, read_wish(within, budget), 1.0, 0.5)
     choice = known.run(known.make)
     edge, settings, _ = known.runs[-1]
-    # two meshes alone leave the order open, which is taken on the safe side
-    most = 1.25 if len(choice.meshes) == 2 else 1.1
+    # two meshes alone leave the order open; what is left open is taken on the safe side
+    most = 1.4 if len(choice.meshes) == 2 else 1.3
     assert 0.98 < choice.found["thickness"] / known.truth(edge, settings) < most
     assert max(choice.meshes) < 0.04 / 13.9
     *coarser, finest = [f"{1e3 * edge:.3g} mm" for edge in choice.meshes]
@@ -335,7 +403,7 @@ def test_what_no_finer_mesh_can_be_had_for_goes_into_a_slower_process(dent, tmp_
         known = Doubling(dent, tmp_path, read_wish(None, f"{budget} s"), 1.0, 0.5)
         choice = known.run(known.make)
         assert 0.75 <= choice.seconds / budget <= 1.0
-        assert choice.settings.time > 1.3
+        assert choice.settings.time >= SPARE
         assert "a slower process" in choice.why
         assert choice.run_seconds == pytest.approx(known.runs[-1][2].seconds, rel=0.05)
 
@@ -363,9 +431,8 @@ def test_a_wish_far_beyond_the_scene_is_told_before_anything_long_is_run(dent, t
     assert len({edge for edge, _ in known.pilots}) == 3  # an order, and no finer ones for nothing
     known = Known(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.5, announce=told.append)
     known.run(known.make)
-    assert len(told) == 1
-    assert "Running edges of" in told[0]
-    assert "s of solver time" in told[0]
+    assert len(told) == len(known.runs)
+    assert all("Running edges of" in text and "s of solver time" in text for text in told)
 
 
 def test_a_longer_process_is_chosen_where_inertia_would_take_the_wish(dent, tmp_path):
@@ -398,7 +465,7 @@ def test_a_laid_net_is_chosen_where_it_is_near_enough(dent, tmp_path):
     assert near.scene_of(choice).element.type == "kinematic"
     assert 0.5 <= math.degrees(choice.found["shear_angle"]) <= 2.0
     far = WithNet(dent, tmp_path, wish, 1.0, 0.05)
-    far.off = math.radians(1.8)
+    far.off = math.radians(1.95)
     assert far.run(far.make).settings.model == ""
     # a wish that it cannot answer, and a rung that was asked for
     assert "kinematic" not in cheaper_rungs(dent.scene(), {"punch_force": 0.1})

@@ -153,6 +153,31 @@ def test_two_meshes_leave_the_order_open_and_bound_the_error():
     assert math.isnan(fitted((10.0,), {}).order)
 
 
+def test_the_usual_order_counts_where_meshes_tell_none():
+    two = (10.0, 7.0)
+    low, high = (fitted(two, {(0, 1): 1.0}, usual) for usual in (0.8, 1.8))
+    assert low.order < 1.1 < 1.5 < high.order
+    assert low.error(7.0) > 1.2 * high.error(7.0)
+    # distances that scatter lead to the bound of orders without it
+    sizes = (10.0, 7.0, 5.0)
+    known = distances(sizes, 1.5, 1.5)
+    scattered = known | {(0, 1): 0.8 * known[0, 1], (1, 2): 1.25 * known[1, 2]}
+    assert fitted(sizes, scattered).order < 0.8
+    found = fitted(sizes, scattered, 1.5)
+    assert 0.9 < found.order < 1.6
+    assert 0.7 * 5.0**1.5 < found.error(5.0) < fitted(sizes, scattered).error(5.0)
+
+
+def test_what_meshes_tell_clearly_counts_more_than_the_usual_order():
+    sizes = (10.0, 7.0, 5.0, 3.5)
+    found = fitted(sizes, distances(sizes, 0.7, 0.0), 1.5)
+    assert found.order == pytest.approx(0.7, abs=0.2)
+    assert 0.9 < found.error(3.5) / (0.7 * 3.5**0.7) < 1.4
+    assert found.misfit < 0.05
+    force = {pair: 0.1 * (1 + 5 * (sum(pair) % 2)) for pair in distances(sizes, 1.0, 0.0)}
+    assert fitted(sizes, force, 1.5).misfit > 0.5
+
+
 def test_progress_is_one_where_every_refinement_changes_as_much():
     def result(h):
         return 3.0 * math.log(h)
@@ -161,6 +186,9 @@ def test_progress_is_one_where_every_refinement_changes_as_much():
     steps = result(h[0]) - result(h[1]), result(h[1]) - result(h[2])
     assert progress(h, steps) == pytest.approx(1.0)
     assert progress((4.0, 2.0, 1.0), (2.0, 1.0)) == pytest.approx(2.0)
+    # where squares add up, two small refinements change as much as one large one, over root two
+    small = progress((4.0, 2.0, math.sqrt(2.0)), (math.sqrt(2.0), 1.0), by_squares=True)
+    assert small == pytest.approx(1.0)
 
 
 def test_the_order_of_a_smooth_field_is_that_of_its_error():
@@ -185,12 +213,21 @@ def test_an_outcome_is_read_as_it_was_written_and_only_for_what_it_is_of(tmp_pat
     made = Outcome(
         2.5, 2, made.reference, made.formed, made.faces, made.values,
         {"punch_force_max_N": 1.0 / 3.0}, np.array([[0.5, 1.0 / 7.0]]), "",
+        {"At rest at the end": 2, "Damping": 3},
     )  # fmt: skip
     write_outcome(path, made, "one")
     found = read_outcome(path, "one")
     assert found.equals(made)
     assert (found.seconds, found.threads, found.numbers) == (2.5, 2, made.numbers)
+    assert found.doubts == made.doubts
     assert read_outcome(path, "other") is None
     assert read_outcome(tmp_path / "absent.nc", "one") is None
     path.write_bytes(path.read_bytes()[:1000])
     assert read_outcome(path, "one") is None
+
+
+def test_checks_are_worse_by_their_grade_and_those_of_the_mesh_are_left_out():
+    one = Outcome(1.0, doubts={"Damping": 2, "Quasi-static": 3, "Resolution of wrinkles": 3})
+    other = Outcome(1.0, doubts={"Damping": 2, "Quasi-static": 2})
+    assert one.worse_than(other) == ["Quasi-static"]
+    assert other.worse_than(one) == []
