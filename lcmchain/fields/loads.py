@@ -6,6 +6,9 @@ sheet, friction, contact, damping, motion (inertia), the work of the other tools
 supports, and the error of the balance, each over the same length. A quasi-static process has no
 damping and no inertia; their parts are what the force is too high by, as long as they do not change
 the shape.
+
+Elements that are drawn over a radius pass it unevenly (:func:`lcmchain.mesh.bends.largest_ripple`).
+How much the force goes up and down by it around its maximum the histories tell.
 """
 
 from __future__ import annotations
@@ -16,7 +19,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.fields.history_group import SAMPLE
-from lcmchain.fields.sheet import vector
+from lcmchain.fields.sheet import edge_length, largest_turn, vector
+from lcmchain.mesh.bends import largest_ripple
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,6 +33,10 @@ WINDOW = 0.05
 LEAST_TRAVEL = 1e-3
 # A mean over the travel around the maximum says something of it from this part of it on.
 LEAST_OF_MAXIMUM = 0.5
+
+#: Elements that pass a radius while the smooth course of a force is found, and places at which it
+#: is compared with the force.
+PASSING, PLACES = 4.0, 201
 
 #: Parts of the force of a tool, and the energies that they follow from, with their signs.
 PARTS = {
@@ -71,8 +79,12 @@ def quoted_force(history: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * (time[first] + time[last]), np.linalg.norm(mean, axis=-1)
 
 
-def tool_loads(history: xr.Dataset) -> dict[str, dict]:
+def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
     """Return the forces of every tool under the names of ``summary.json``.
+
+    Parameters
+    ----------
+    history, sheet : groups of a result.
 
     Returns
     -------
@@ -83,7 +95,8 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
     ``parts_at_maximum`` and ``parts_over_stroke``: the force along its direction, averaged over the
     travel around its maximum and over all of it, and the parts that make it up [N]. A tool that
     bears its maximum standing, such as one that force presses against a stop, does no work there
-    and has no ``parts_at_maximum``; else ``force_uncertainty_N`` says how well it is known.
+    and has no ``parts_at_maximum``; else ``force_ripple_N`` says by how much the force goes up and
+    down there while an element passes a radius, and ``force_uncertainty_N`` how well it is known.
     """
     time = history[SAMPLE].values
     middle, force = quoted_force(history)
@@ -91,6 +104,7 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
     work = history["history_tool_work"].values
     travel = history["history_tool_travel"].values
     reach = np.abs(travel).max(initial=0.0)
+    edge = edge_length(sheet)
     loads: dict[str, dict] = {}
     for tool, name in enumerate(str(name) for name in history["tool"].values):
         top, highest = int(np.argmax(force[:, tool])), int(np.argmax(peak[:, tool]))
@@ -107,7 +121,15 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
             parts = force_parts(history, tool, first, last)
             if abs(parts["force_N"]) >= LEAST_OF_MAXIMUM * force[top, tool]:
                 loads[name]["parts_at_maximum"] = parts
-                loads[name]["force_uncertainty_N"] = force_uncertainty(parts)
+                way = np.interp(middle, time, travel[:, tool])
+                smooth = smooth_force(way, force[:, tool], top, edge)
+                ripple = 0.0
+                if smooth is not None:
+                    frame = int(np.abs(sheet["time"].values - middle[top]).argmin())
+                    bound = largest_ripple(largest_turn(sheet, frame)) * float(force[top, tool])
+                    ripple = min(smooth[1], bound)
+                    loads[name] |= {"force_smooth_N": smooth[0], "force_ripple_N": ripple}
+                loads[name]["force_uncertainty_N"] = force_uncertainty(parts, ripple)
             loads[name]["parts_over_stroke"] = force_parts(history, tool, -1, len(time) - 1)
     return loads
 
@@ -145,19 +167,58 @@ def force_parts(history: xr.Dataset, tool: int, first: int, last: int) -> dict[s
     }
 
 
-def force_uncertainty(parts: Mapping[str, float]) -> float:
+def force_uncertainty(parts: Mapping[str, float], ripple: float) -> float:
     """Return by how much a force may be off [N], by what the run itself knows.
 
-    A slower process has neither inertia nor damping, and finer elements need no hourglass terms:
-    what they take of the force are the errors of its pace and of its mesh. Signs are left out,
-    since each of them changes the shape as well. What one run cannot know, such as how the fabric
-    folds on another mesh, is not in it.
+    A slower process has neither inertia nor damping: what they take of the force is the error of
+    its pace. Signs are left out, since each of them changes the shape as well. Finer elements need
+    no hourglass terms and pass without a ripple: both tell of the same mesh, and the larger one
+    counts. What one run cannot know, such as how the fabric folds on another mesh, is not in it.
 
     Parameters
     ----------
     parts : of the force around its maximum, see :func:`force_parts`.
+    ripple : of the force there, see :func:`force_ripple` [N].
     """
-    return sum(abs(parts[f"{name}_N"]) for name in ("inertia", "damping", "hourglass"))
+    pace = abs(parts["inertia_N"]) + abs(parts["damping_N"])
+    return pace + max(abs(parts["hourglass_N"]), ripple)
+
+
+def smooth_force(
+    way: np.ndarray, force: np.ndarray, top: int, edge: float
+) -> tuple[float, float] | None:
+    """Return the smooth course of a force at its maximum and the ripple around it [N].
+
+    The course is a parabola over the travel, fitted where ``PASSING`` elements pass: a ripple of
+    one element is hardly a part of it. The ripple is the largest distance from it. Where the sheet
+    is held back it passes more slowly than the tool moves, and the ripple is longer. None of a tool
+    that goes less far, or turns.
+
+    Parameters
+    ----------
+    way : travel of the tool (N,) [m], at the times of its ``force`` (N,) [N].
+    top : sample of the maximum. edge : length of the elements [m].
+    """
+    way = np.abs(way - way[top])
+    before, after = way[: top + 1][::-1], way[top:]
+    behind, ahead = (part[: _one_way(part)] for part in (before, after))
+    reach = PASSING * edge
+    # half of the reach on either side, more of it behind where the stroke ends
+    last = min(ahead[-1], 0.5 * reach)
+    first = last - reach
+    if behind[-1] < -first:
+        return None
+    places = np.append(-behind[:0:-1], ahead)
+    forces = force[top - len(behind) + 1 : top + len(ahead)]
+    x = np.linspace(first, last, PLACES)
+    found = np.interp(x, places, forces)
+    course = np.polynomial.Polynomial.fit(x, found, 2)
+    return float(course(0.0)), float(np.abs(found - course(x)).max())
+
+
+def _one_way(distance: np.ndarray) -> int:
+    """Return how many samples a tool takes to go one way, from the first on."""
+    return int(np.argmin(np.append(np.diff(distance) >= 0.0, False))) + 1
 
 
 def _around(travel: np.ndarray, sample: int) -> tuple[int, int]:

@@ -71,14 +71,14 @@ def field_summary(
     if "wrinkle_height" in last:
         summary["wrinkle_height_max_m"] = float(np.abs(last["wrinkle_height"]).max())
     if has_forces(history):
-        summary |= _forces(history, punch_index(history, punch))
+        summary |= _forces(history, sheet, punch_index(history, punch))
     return summary
 
 
-def _forces(history: xr.Dataset, punch: int) -> dict[str, Any]:
+def _forces(history: xr.Dataset, sheet: xr.Dataset, punch: int) -> dict[str, Any]:
     if not has_histories(history):
         return {"punch_force_max_N": float(tool_force_magnitude(history)[:, punch].max())}
-    loads = tool_loads(history)
+    loads = tool_loads(history, sheet)
     of_punch = loads[str(history["tool"].values[punch])]
     return {
         "punch": str(history["tool"].values[punch]),
