@@ -13,7 +13,7 @@ How much the force goes up and down by it around its maximum the histories tell.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,6 +37,12 @@ LEAST_OF_MAXIMUM = 0.5
 #: Elements that pass a radius while the smooth course of a force is found, and places at which it
 #: is compared with the force.
 PASSING, PLACES = 4.0, 201
+
+#: A snap: within this part of the process the force of a tool falls by this part of its largest
+#: value, and the sheet gains this part of its kinetic energy, though the tool does not speed up.
+SNAP_WINDOW, SNAP_FALL, SNAP_GAIN = 0.02, 0.03, 0.05
+# Part of its largest speed below which a tool comes to rest, and the sheet with it.
+AT_REST = 0.01
 
 #: Parts of the force of a tool, and the energies that they follow from, with their signs.
 PARTS = {
@@ -96,7 +102,8 @@ def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
     travel around its maximum and over all of it, and the parts that make it up [N]. A tool that
     bears its maximum standing, such as one that force presses against a stop, does no work there
     and has no ``parts_at_maximum``; else ``force_ripple_N`` says by how much the force goes up and
-    down there while an element passes a radius, and ``force_uncertainty_N`` how well it is known.
+    down there while an element passes a radius, and ``force_uncertainty_N`` how well it is known;
+    ``snaps`` (:func:`snaps`) are there where there are any.
     """
     time = history[SAMPLE].values
     middle, force = quoted_force(history)
@@ -131,6 +138,8 @@ def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
                     loads[name] |= {"force_smooth_N": smooth[0], "force_ripple_N": ripple}
                 loads[name]["force_uncertainty_N"] = force_uncertainty(parts, ripple)
             loads[name]["parts_over_stroke"] = force_parts(history, tool, -1, len(time) - 1)
+            if of_tool := snaps(history, tool):
+                loads[name]["snaps"] = of_tool
     return loads
 
 
@@ -214,6 +223,62 @@ def smooth_force(
     found = np.interp(x, places, forces)
     course = np.polynomial.Polynomial.fit(x, found, 2)
     return float(course(0.0)), float(np.abs(found - course(x)).max())
+
+
+def snaps(history: xr.Dataset, tool: int) -> list[dict[str, float]]:
+    """Return where the sheet snaps under a tool: it gives off what it had stored.
+
+    Vibrations and elements that pass a radius move a force to and fro as well. A snap is told from
+    them by the motion: the force falls while the sheet becomes faster and its tool does not. In a
+    process that goes on evenly kinetic energy follows the speed of the tool.
+
+    Returns
+    -------
+    For each snap ``time_s`` and ``travel_m`` at which the force begins to fall, and by how much it
+    does, ``force_drop_N``; none where samples are farther apart than ``SNAP_WINDOW`` of the
+    process.
+    """
+    time = np.append(0.0, history[SAMPLE].values)
+    window = SNAP_WINDOW * time[-1] * (1.0 + 1e-3)
+    if np.diff(time).max() > window:
+        return []
+    force = np.append(0.0, mean_force(history)[:, tool])
+    travel = np.append(0.0, np.abs(history["history_tool_travel"].values[:, tool]))
+    kinetic = np.append(0.0, history["history_energy_kinetic"].values)
+    speed = np.append(0.0, np.diff(travel) / np.diff(time))
+    first = np.searchsorted(time, time - window)  # the sample at the start of the window
+    found: list[dict[str, float]] = []
+    last_seen = -np.inf
+    for sample in range(1, len(time)):
+        before = slice(int(first[sample]), sample)
+        start, slowest = (
+            before.start + int(place)
+            for place in (np.argmax(force[before]), np.argmin(kinetic[before]))
+        )
+        drop = float(force[start] - force[sample])
+        if drop < SNAP_FALL * force.max() or speed[sample] < AT_REST * speed.max():
+            continue
+        faster = max(speed[sample] / speed[slowest], 1.0) ** 2 if speed[slowest] else np.inf
+        if kinetic[sample] < (1.0 + SNAP_GAIN) * faster * kinetic[slowest]:
+            continue
+        if time[start] > last_seen:  # else the same one goes on
+            found.append(
+                {
+                    "time_s": float(time[start]),
+                    "travel_m": float(travel[start]),
+                    "force_drop_N": drop,
+                }
+            )
+        found[-1]["force_drop_N"] = max(found[-1]["force_drop_N"], drop)
+        last_seen = time[sample]
+    return found
+
+
+def snaps_text(snaps: Sequence[Mapping[str, float]]) -> str:
+    """Say where a force falls, and by how much; of many snaps the first three."""
+    places = [f"{1e3 * s['travel_m']:.3g} mm by {s['force_drop_N']:.2g} N" for s in snaps[:3]]
+    more = f" and {len(snaps) - 3} more" if len(snaps) > 3 else ""
+    return f"its force falls at a travel of {', '.join(places)}{more}"
 
 
 def _one_way(distance: np.ndarray) -> int:

@@ -17,6 +17,8 @@ from lcmchain.fields.loads import (
     force_uncertainty,
     quoted_force,
     smooth_force,
+    snaps,
+    snaps_text,
     tool_loads,
 )
 from lcmchain.fields.sheet import edge_length, largest_turn
@@ -350,6 +352,56 @@ def test_the_largest_turn_is_that_between_faces_that_share_an_edge():
     sheet = xr.Dataset(variables)
     assert edge_length(sheet) == pytest.approx(2e-3)
     assert largest_turn(sheet) == pytest.approx(np.radians(30.0))
+
+
+def stroke(samples=200, *, drop=0.0, gain=1.0, dash=1.0):
+    """History of a tool whose force falls at 0.8 of the time, and whose sheet becomes faster.
+
+    drop : of the force [N]. gain : factor of the kinetic energy while it falls; dash : of the speed
+    of the tool, which the kinetic energy follows.
+    """
+    time = np.linspace(0.0, 1.0, samples + 1)
+    snapped = (time > 0.8) & (time < 0.83)
+    speed = 30.0 * time**2 * (1.0 - time) ** 2 * np.where(snapped, dash, 1.0)
+    travel = 0.075 * np.cumsum(speed) / samples
+    kinetic = speed**2 * np.where(snapped, gain, 1.0) + 1e-6
+    force = 400.0 * travel - np.where(time > 0.8, drop, 0.0)
+    tools = ("history_time", "tool")
+    return xr.Dataset(
+        {
+            **{f"history_tool_force_{axis}": (tools, 0.0 * force[1:, None]) for axis in "xy"},
+            "history_tool_force_z": (tools, -force[1:, None]),
+            "history_tool_travel": (tools, travel[1:, None]),
+            "history_energy_kinetic": ("history_time", kinetic[1:]),
+        },
+        coords={"history_time": time[1:]},
+    )
+
+
+def test_a_snap_is_told_by_a_force_that_falls_while_the_sheet_becomes_faster():
+    (snap,) = snaps(stroke(drop=3.0, gain=2.0), 0)
+    assert snap["time_s"] == pytest.approx(0.8, abs=0.02)
+    assert snap["force_drop_N"] == pytest.approx(3.0, rel=0.2)
+    assert snap["travel_m"] == pytest.approx(0.071, abs=0.002)
+    assert "at a travel of 70.8 mm by 2.9 N" in snaps_text([snap])
+    assert "more" not in snaps_text([snap] * 3)
+    assert snaps_text([snap] * 5).endswith("and 2 more")
+
+
+@pytest.mark.parametrize(
+    "history",
+    [
+        stroke(),
+        stroke(drop=3.0),  # an element has passed a radius
+        stroke(gain=2.0),  # a flap of the sheet that no tool feels
+        stroke(drop=3.0, dash=2.0),  # the tool itself is faster
+        stroke(drop=0.5, gain=2.0),
+        stroke(samples=20, drop=3.0, gain=2.0),  # too few samples to tell
+    ],
+    ids=["calm", "ripple", "flap", "faster tool", "small", "coarse"],
+)
+def test_what_is_no_snap(history):
+    assert snaps(history, 0) == []
 
 
 def test_parts_are_energies_over_the_travel(history, histories, datasets):
