@@ -78,7 +78,7 @@ def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f" and inertia {parts['inertia_N'] + 0.0:.3g} N of {parts['force_N']:.4g} N"
         if "hourglass_N" in parts:
             yield f", hourglass terms {parts['hourglass_N'] + 0.0:.2g} N"
-        if loads.get("force_ripple_N", 0.0) > 0.5 * LARGEST_RIPPLE * loads["force_max_N"]:
+        if loads.get("force_ripple_N", 0.0) > 0.5 * LARGEST_RIPPLE * summary["punch_force_max_N"]:
             yield f"; elements that pass a radius move it by {loads['force_ripple_N']:.2g} N"
             yield f", its smooth course has {loads['force_smooth_N']:.4g} N there"
 
