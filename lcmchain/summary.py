@@ -19,6 +19,7 @@ from lcmchain.check.quasi_static import (
     process_time_needed,
     quasi_static_measures,
     quasi_static_warnings,
+    snap_warnings,
 )
 from lcmchain.check.tools_without_touch import tools_never_touched
 from lcmchain.effects.mass_scaling import added_mass
@@ -137,6 +138,7 @@ def run_summary(
         *run_warnings(summary, scene.stack.least_thickness, slowing_entry(scene)),
         *hidden_compaction_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),
+        *snap_warnings(summary.get("tool_loads", {}), scene),
         *fibre_strain_warnings(summary),
     ]
     in_own_words = [scene.stack.in_own_words(text) for text in found]

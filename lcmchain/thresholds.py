@@ -21,6 +21,9 @@ TOUCHED_PART = 0.01
 LARGEST_DAMPING_PART = 0.05
 #: Hourglass in parts of the internal energy.
 LARGEST_HOURGLASS_PART = 0.05
+#: Change of a force while elements are drawn over a radius, in parts of it. Half of it is how far
+#: the force may be from its mean; the 5 mm elements of the paper on a fillet of 10 mm make 6 %.
+LARGEST_RIPPLE = 0.1
 #: Depth that nodes reach inside a tool, in parts of the thickness.
 LARGEST_PENETRATION = 0.1
 #: Thickness that the depths of nodes in tools add to a sheet between them, in parts of it, and the

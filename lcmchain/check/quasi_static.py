@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.fields.loads import exceeded_over, has_histories
+from lcmchain.fields.loads import exceeded_over, has_histories, snaps_text
 from lcmchain.materials.shear_waves import shear_wave_speeds
 from lcmchain.model import Model
 from lcmchain.quantities.durations import milliseconds_text
@@ -296,6 +296,23 @@ def _hourglass(measures: Mapping[str, float], scene: Scene) -> list[str]:
         f"the hourglass energy is {part:.1%} of the internal energy (resolved: below "
         f'{LARGEST_HOURGLASS_PART:.0%}); use blank.edge_length = "{two_digits(edge)} mm"'
     ]
+
+
+def snap_warnings(loads: Mapping[str, Any], scene: Scene) -> list[str]:
+    """Say where the sheet snaps under a tool.
+
+    loads : of every tool, see :func:`lcmchain.fields.loads.tool_loads`.
+    """
+    found: list[str] = []
+    for name, of_tool in loads.items() if is_led(scene) else ():
+        if snaps := of_tool.get("snaps"):
+            slower = slower_process(scene, 2.0 * scene.process.time)
+            found.append(
+                f"the sheet snaps under {name}: {snaps_text(snaps)}, and the sheet gives off what "
+                "it had stored; what it does from there on may depend on pace and mesh, which "
+                f"{slower} and a smaller blank.edge_length show"
+            )
+    return found
 
 
 def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:

@@ -6,17 +6,21 @@ sheet, friction, contact, damping, motion (inertia), the work of the other tools
 supports, and the error of the balance, each over the same length. A quasi-static process has no
 damping and no inertia; their parts are what the force is too high by, as long as they do not change
 the shape.
+
+Elements that are drawn over a radius pass it unevenly (:func:`lcmchain.mesh.bends.largest_ripple`).
+How much the force goes up and down by it around its maximum the histories tell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lcmchain.fields.history_group import SAMPLE
-from lcmchain.fields.sheet import vector
+from lcmchain.fields.sheet import edge_length, largest_turn, vector
+from lcmchain.mesh.bends import largest_ripple
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,6 +33,16 @@ WINDOW = 0.05
 LEAST_TRAVEL = 1e-3
 # A mean over the travel around the maximum says something of it from this part of it on.
 LEAST_OF_MAXIMUM = 0.5
+
+#: Elements that pass a radius while the smooth course of a force is found, and places at which it
+#: is compared with the force.
+PASSING, PLACES = 4.0, 201
+
+#: A snap: within this part of the process the force of a tool falls by this part of its largest
+#: value, and the sheet gains this part of its kinetic energy, though the tool does not speed up.
+SNAP_WINDOW, SNAP_FALL, SNAP_GAIN = 0.02, 0.03, 0.05
+# Part of its largest speed below which a tool comes to rest, and the sheet with it.
+AT_REST = 0.01
 
 #: Parts of the force of a tool, and the energies that they follow from, with their signs.
 PARTS = {
@@ -71,8 +85,12 @@ def quoted_force(history: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * (time[first] + time[last]), np.linalg.norm(mean, axis=-1)
 
 
-def tool_loads(history: xr.Dataset) -> dict[str, dict]:
+def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
     """Return the forces of every tool under the names of ``summary.json``.
+
+    Parameters
+    ----------
+    history, sheet : groups of a result.
 
     Returns
     -------
@@ -83,7 +101,9 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
     ``parts_at_maximum`` and ``parts_over_stroke``: the force along its direction, averaged over the
     travel around its maximum and over all of it, and the parts that make it up [N]. A tool that
     bears its maximum standing, such as one that force presses against a stop, does no work there
-    and has no ``parts_at_maximum``; else ``force_uncertainty_N`` says how well it is known.
+    and has no ``parts_at_maximum``; else ``force_ripple_N`` says by how much the force goes up and
+    down there while an element passes a radius, and ``force_uncertainty_N`` how well it is known;
+    ``snaps`` (:func:`snaps`) are there where there are any.
     """
     time = history[SAMPLE].values
     middle, force = quoted_force(history)
@@ -91,6 +111,7 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
     work = history["history_tool_work"].values
     travel = history["history_tool_travel"].values
     reach = np.abs(travel).max(initial=0.0)
+    edge = edge_length(sheet)
     loads: dict[str, dict] = {}
     for tool, name in enumerate(str(name) for name in history["tool"].values):
         top, highest = int(np.argmax(force[:, tool])), int(np.argmax(peak[:, tool]))
@@ -107,8 +128,18 @@ def tool_loads(history: xr.Dataset) -> dict[str, dict]:
             parts = force_parts(history, tool, first, last)
             if abs(parts["force_N"]) >= LEAST_OF_MAXIMUM * force[top, tool]:
                 loads[name]["parts_at_maximum"] = parts
-                loads[name]["force_uncertainty_N"] = force_uncertainty(parts)
+                way = np.interp(middle, time, travel[:, tool])
+                smooth = smooth_force(way, force[:, tool], top, edge)
+                ripple = 0.0
+                if smooth is not None:
+                    frame = int(np.abs(sheet["time"].values - middle[top]).argmin())
+                    bound = largest_ripple(largest_turn(sheet, frame)) * float(force[top, tool])
+                    ripple = min(smooth[1], bound)
+                    loads[name] |= {"force_smooth_N": smooth[0], "force_ripple_N": ripple}
+                loads[name]["force_uncertainty_N"] = force_uncertainty(parts, ripple)
             loads[name]["parts_over_stroke"] = force_parts(history, tool, -1, len(time) - 1)
+            if of_tool := snaps(history, tool):
+                loads[name]["snaps"] = of_tool
     return loads
 
 
@@ -145,19 +176,114 @@ def force_parts(history: xr.Dataset, tool: int, first: int, last: int) -> dict[s
     }
 
 
-def force_uncertainty(parts: Mapping[str, float]) -> float:
+def force_uncertainty(parts: Mapping[str, float], ripple: float) -> float:
     """Return by how much a force may be off [N], by what the run itself knows.
 
-    A slower process has neither inertia nor damping, and finer elements need no hourglass terms:
-    what they take of the force are the errors of its pace and of its mesh. Signs are left out,
-    since each of them changes the shape as well. What one run cannot know, such as how the fabric
-    folds on another mesh, is not in it.
+    A slower process has neither inertia nor damping: what they take of the force is the error of
+    its pace. Signs are left out, since each of them changes the shape as well. Finer elements need
+    no hourglass terms and pass without a ripple: both tell of the same mesh, and the larger one
+    counts. What one run cannot know, such as how the fabric folds on another mesh, is not in it.
 
     Parameters
     ----------
     parts : of the force around its maximum, see :func:`force_parts`.
+    ripple : of the force there, see :func:`force_ripple` [N].
     """
-    return sum(abs(parts[f"{name}_N"]) for name in ("inertia", "damping", "hourglass"))
+    pace = abs(parts["inertia_N"]) + abs(parts["damping_N"])
+    return pace + max(abs(parts["hourglass_N"]), ripple)
+
+
+def smooth_force(
+    way: np.ndarray, force: np.ndarray, top: int, edge: float
+) -> tuple[float, float] | None:
+    """Return the smooth course of a force at its maximum and the ripple around it [N].
+
+    The course is a parabola over the travel, fitted where ``PASSING`` elements pass: a ripple of
+    one element is hardly a part of it. The ripple is the largest distance from it. Where the sheet
+    is held back it passes more slowly than the tool moves, and the ripple is longer. None of a tool
+    that goes less far, or turns.
+
+    Parameters
+    ----------
+    way : travel of the tool (N,) [m], at the times of its ``force`` (N,) [N].
+    top : sample of the maximum. edge : length of the elements [m].
+    """
+    way = np.abs(way - way[top])
+    before, after = way[: top + 1][::-1], way[top:]
+    behind, ahead = (part[: _one_way(part)] for part in (before, after))
+    reach = PASSING * edge
+    # half of the reach on either side, more of it behind where the stroke ends
+    last = min(ahead[-1], 0.5 * reach)
+    first = last - reach
+    if behind[-1] < -first:
+        return None
+    places = np.append(-behind[:0:-1], ahead)
+    forces = force[top - len(behind) + 1 : top + len(ahead)]
+    x = np.linspace(first, last, PLACES)
+    found = np.interp(x, places, forces)
+    course = np.polynomial.Polynomial.fit(x, found, 2)
+    return float(course(0.0)), float(np.abs(found - course(x)).max())
+
+
+def snaps(history: xr.Dataset, tool: int) -> list[dict[str, float]]:
+    """Return where the sheet snaps under a tool: it gives off what it had stored.
+
+    Vibrations and elements that pass a radius move a force to and fro as well. A snap is told from
+    them by the motion: the force falls while the sheet becomes faster and its tool does not. In a
+    process that goes on evenly kinetic energy follows the speed of the tool.
+
+    Returns
+    -------
+    For each snap ``time_s`` and ``travel_m`` at which the force begins to fall, and by how much it
+    does, ``force_drop_N``; none where samples are farther apart than ``SNAP_WINDOW`` of the
+    process.
+    """
+    time = np.append(0.0, history[SAMPLE].values)
+    window = SNAP_WINDOW * time[-1] * (1.0 + 1e-3)
+    if np.diff(time).max() > window:
+        return []
+    force = np.append(0.0, mean_force(history)[:, tool])
+    travel = np.append(0.0, np.abs(history["history_tool_travel"].values[:, tool]))
+    kinetic = np.append(0.0, history["history_energy_kinetic"].values)
+    speed = np.append(0.0, np.diff(travel) / np.diff(time))
+    first = np.searchsorted(time, time - window)  # the sample at the start of the window
+    found: list[dict[str, float]] = []
+    last_seen = -np.inf
+    for sample in range(1, len(time)):
+        before = slice(int(first[sample]), sample)
+        start, slowest = (
+            before.start + int(place)
+            for place in (np.argmax(force[before]), np.argmin(kinetic[before]))
+        )
+        drop = float(force[start] - force[sample])
+        if drop < SNAP_FALL * force.max() or speed[sample] < AT_REST * speed.max():
+            continue
+        faster = max(speed[sample] / speed[slowest], 1.0) ** 2 if speed[slowest] else np.inf
+        if kinetic[sample] < (1.0 + SNAP_GAIN) * faster * kinetic[slowest]:
+            continue
+        if time[start] > last_seen:  # else the same one goes on
+            found.append(
+                {
+                    "time_s": float(time[start]),
+                    "travel_m": float(travel[start]),
+                    "force_drop_N": drop,
+                }
+            )
+        found[-1]["force_drop_N"] = max(found[-1]["force_drop_N"], drop)
+        last_seen = time[sample]
+    return found
+
+
+def snaps_text(snaps: Sequence[Mapping[str, float]]) -> str:
+    """Say where a force falls, and by how much; of many snaps the first three."""
+    places = [f"{1e3 * s['travel_m']:.3g} mm by {s['force_drop_N']:.2g} N" for s in snaps[:3]]
+    more = f" and {len(snaps) - 3} more" if len(snaps) > 3 else ""
+    return f"its force falls at a travel of {', '.join(places)}{more}"
+
+
+def _one_way(distance: np.ndarray) -> int:
+    """Return how many samples a tool takes to go one way, from the first on."""
+    return int(np.argmin(np.append(np.diff(distance) >= 0.0, False))) + 1
 
 
 def _around(travel: np.ndarray, sample: int) -> tuple[int, int]:

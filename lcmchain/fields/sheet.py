@@ -56,3 +56,24 @@ def face_centres(sheet: xr.Dataset, *, formed: bool) -> np.ndarray:
     triangle = faces[:, 3] == faces[:, 2]  # which repeat their last node
     corners = positions[faces]
     return np.where(triangle[:, None], corners[:, :3].mean(axis=1), corners.mean(axis=1))
+
+
+def edge_length(sheet: xr.Dataset) -> float:
+    """Return the median length of the edges of the undeformed faces [m]."""
+    corners = reference_positions(sheet)[sheet_faces(sheet)]
+    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    return float(np.median(lengths[lengths > 0.0]))
+
+
+def largest_turn(sheet: xr.Dataset, frame: int = -1) -> float:
+    """Return the largest angle between two faces that share an edge [rad], 0 to π."""
+    faces = sheet_faces(sheet)
+    normals = face_area_vectors(sheet_positions(sheet, frame)[faces])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    face = np.repeat(np.arange(len(faces)), 4)
+    order = np.lexsort(ends.T)
+    ends, face = ends[order], face[order]
+    shared = (ends[1:] == ends[:-1]).all(axis=1) & (ends[1:, 0] != ends[1:, 1])
+    cosine = np.einsum("ni,ni->n", normals[face[1:][shared]], normals[face[:-1][shared]])
+    return float(np.arccos(np.clip(cosine.min(initial=1.0), -1.0, 1.0)))

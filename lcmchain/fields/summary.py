@@ -56,7 +56,7 @@ def field_summary(
     history = datasets[HISTORY]
     summary = _sheet_summary(datasets[SHEET], frame)
     if has_forces(history):
-        summary |= _forces(history, punch_index(history, punch))
+        summary |= _forces(history, datasets[SHEET], punch_index(history, punch))
     return summary
 
 
@@ -83,10 +83,10 @@ def _sheet_summary(sheet: xr.Dataset, frame: int) -> dict[str, Any]:
     return summary
 
 
-def _forces(history: xr.Dataset, punch: int) -> dict[str, Any]:
+def _forces(history: xr.Dataset, sheet: xr.Dataset, punch: int) -> dict[str, Any]:
     if not has_histories(history):
         return {"punch_force_max_N": float(tool_force_magnitude(history)[:, punch].max())}
-    loads = tool_loads(history)
+    loads = tool_loads(history, sheet)
     of_punch = loads[str(history["tool"].values[punch])]
     return {
         "punch": str(history["tool"].values[punch]),

@@ -23,6 +23,23 @@ LARGEST_TURN = 0.5
 LARGEST_TILT = 0.25
 
 
+def largest_ripple(turn: float) -> float:
+    """Return by how much the force that draws a sheet over a radius changes, in parts of it.
+
+    A mesh runs over a radius as a chain of links over a sprocket, evenly on average only ("chordal
+    action"; e.g. Fuglede, Thomsen, "Kinematics of roller chain drives", Mech. Mach. Theory 100
+    (2016) 17-32). A link that turns by θ is shorter than its arc by θ²/24 of it. While it comes
+    onto the radius the sheet is gained on the one end at the rate of up to θ²/8, while it leaves
+    lost on the other: the speed changes by θ²/4 from its largest to its least value, and since the
+    work is the same, so does the force. Friction on the radius, and bending, add to it.
+
+    Parameters
+    ----------
+    turn : θ from one element to the next [rad], their length over the radius.
+    """
+    return 0.25 * turn**2
+
+
 def edge_neighbours(elements: np.ndarray) -> np.ndarray:
     """Return the elements (4, element_count) int32 across the edges of hexahedra, -1 for none.
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.report.grades import percent
-from lcmchain.thresholds import balance_scale
+from lcmchain.thresholds import LARGEST_RIPPLE, balance_scale
 
 
 class Number(NamedTuple):
@@ -105,7 +105,8 @@ def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
     if "tool_loads" not in summary:
         return
     yield f"; {summary['punch_force_peak_N']:.4g} N in a single step"
-    parts = summary["tool_loads"][summary["punch"]].get("parts_at_maximum")
+    loads = summary["tool_loads"][summary["punch"]]
+    parts = loads.get("parts_at_maximum")
     if parts is not None:
         if swings := motion_in_force(parts):
             yield f"; {swings}"
@@ -114,6 +115,9 @@ def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f" and inertia {parts['inertia_N'] + 0.0:.3g} N of {parts['force_N']:.4g} N"
         if "hourglass_N" in parts:
             yield f", hourglass terms {parts['hourglass_N'] + 0.0:.2g} N"
+        if loads.get("force_ripple_N", 0.0) > 0.5 * LARGEST_RIPPLE * summary["punch_force_max_N"]:
+            yield f"; elements that pass a radius move it by {loads['force_ripple_N']:.2g} N"
+            yield f", its smooth course has {loads['force_smooth_N']:.4g} N there"
 
 
 def motion_in_force(parts: Mapping[str, float]) -> str:

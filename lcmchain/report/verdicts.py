@@ -14,6 +14,7 @@ import numpy as np
 
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.hidden_compaction import hidden_text
+from lcmchain.fields.loads import snaps_text
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.report.field_verdicts import field_verdicts
 from lcmchain.report.grades import (
@@ -76,6 +77,7 @@ def verdicts(
         *_rest(summary, scene),
         *_damping(summary, scene),
         *_process_time(summary, scene),
+        *_snaps(summary, scene),
         *_hourglass(summary),
         *_halvings(summary),
         *_penetration(summary, scene),
@@ -183,6 +185,16 @@ def _damping(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
         remedy,
         worst,
     )
+
+
+def _snaps(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    for name, loads in summary.get("tool_loads", {}).items() if is_led(scene) else ():
+        if snaps := loads.get("snaps"):
+            text = (
+                f"the sheet snaps under {name}: {snaps_text(snaps)}. What it does from there on "
+                "may depend on pace and mesh"
+            )
+            yield Verdict("Snaps", DOUBTFUL, text, f"{slowing_entry(scene)}, blank.edge_length")
 
 
 def _of_punch(summary: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, Histories, model_datasets, read_group, write_forming_netcdf
-from lcmchain.fields.dataset import HISTORY
+from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.history_group import HISTORY_FIELDS
 from lcmchain.fields.loads import (
     _around,
@@ -16,9 +16,14 @@ from lcmchain.fields.loads import (
     force_parts,
     force_uncertainty,
     quoted_force,
+    smooth_force,
+    snaps,
+    snaps_text,
     tool_loads,
 )
+from lcmchain.fields.sheet import edge_length, largest_turn
 from lcmchain.fields.summary import field_summary
+from lcmchain.mesh.bends import largest_ripple
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import PEAK_FORCE, PEAK_TIME, SAMPLE_COLUMNS, SAMPLES
@@ -255,8 +260,8 @@ def test_the_piece_around_the_maximum_ends_where_the_tool_rests():
     assert _around(travel, 10) == (9, 11)
 
 
-def test_parts_of_the_force_add_up_to_it(history):
-    loads = tool_loads(history)
+def test_parts_of_the_force_add_up_to_it(history, datasets):
+    loads = tool_loads(history, datasets[SHEET])
     assert "parts_over_stroke" not in loads["die"]  # it does not move
     for which in ("parts_at_maximum", "parts_over_stroke"):
         parts = dict(loads["punch"][which])
@@ -267,15 +272,140 @@ def test_parts_of_the_force_add_up_to_it(history):
         assert abs(parts["others_N"]) < 1e-9 * force
 
 
-def test_a_force_is_known_to_what_inertia_damping_and_hourglass_terms_take(history):
-    parts = {"inertia_N": -0.5, "damping_N": 0.2, "hourglass_N": 0.1, "sheet_N": 9.0}
-    assert force_uncertainty(parts) == pytest.approx(0.8)
-    punch = tool_loads(history)["punch"]
-    assert punch["force_uncertainty_N"] == force_uncertainty(punch["parts_at_maximum"])
+def test_a_force_is_known_to_what_its_pace_and_its_mesh_make_of_it(history, datasets):
+    """Hourglass terms and the ripple tell of the same mesh: the larger one counts."""
+    parts = {"inertia_N": -0.5, "damping_N": 0.2, "hourglass_N": -0.1, "sheet_N": 9.0}
+    assert force_uncertainty(parts, 0.0) == pytest.approx(0.8)
+    assert force_uncertainty(parts, 0.3) == pytest.approx(1.0)
+    punch = tool_loads(history, datasets[SHEET])["punch"]
+    assert "force_ripple_N" not in punch  # it goes 2 mm, less far than four elements of 5 mm
+    assert punch["force_uncertainty_N"] == force_uncertainty(punch["parts_at_maximum"], 0.0)
 
 
-def test_parts_are_energies_over_the_travel(history, histories):
-    whole = tool_loads(history)["punch"]["parts_over_stroke"]
+def course(x):
+    """A force [N] that grows with the travel [mm], up to 60 mm."""
+    return 22.0 - 0.005 * (60.0 - x) ** 2
+
+
+@pytest.mark.parametrize("top", [40.0, 59.9])  # before the end of the stroke, and at it
+def test_a_ripple_of_one_element_is_told_from_the_course_of_a_force(top):
+    way = 60.0 * np.sin(np.linspace(0.0, 0.5 * np.pi, 150))  # the tool slows down
+    ripple = 2.0 * np.cos(2.0 * np.pi * (way - top) / 5.0)
+    sample = int(np.argmin(np.abs(way - top)))
+    smooth, found = smooth_force(1e-3 * way, course(way) + ripple, sample, 5e-3)
+    assert smooth == pytest.approx(course(way[sample]), abs=1.0)  # the force is 2 N above it
+    assert 1.2 < found < 2.5
+    calm = smooth_force(1e-3 * way, course(way), sample, 5e-3)
+    assert calm == pytest.approx((course(way[sample]), 0.0), abs=0.02)
+
+
+def test_a_force_has_no_smooth_course_where_its_tool_turns_or_goes_less_far_than_four_elements():
+    way = np.linspace(0.0, 40e-3, 81)
+    force = course(1e3 * way)
+    assert smooth_force(way, force, 80, 9.9e-3) is not None
+    assert smooth_force(way, force, 80, 10.1e-3) is None
+    turned = np.append(way, way[-2:-20:-1])
+    assert smooth_force(turned, np.append(force, force[-2:-20:-1]), len(turned) - 1, 5e-3) is None
+
+
+def test_links_run_over_a_radius_as_unevenly_as_bounded():
+    """A taut chain slides round a fillet: the way that it gains on the arc, by the chords."""
+    link, radius, bend = 0.45, 1.0, 1.3
+    start = np.linspace(-link, 0.0, 400)  # of the first link, along the arc
+    ends = np.clip(start[:, None] + link * np.arange(5), 0.0, bend)
+    arcs = np.diff(ends, axis=1)
+    gained = (arcs - 2.0 * radius * np.sin(0.5 * arcs / radius)).sum(axis=1)
+    speed = np.gradient(gained, start)
+    bound = largest_ripple(link / radius)
+    assert 0.7 * bound < np.ptp(speed) < 1.01 * bound
+
+
+def test_a_ripple_is_at_most_what_the_turn_of_the_sheet_allows(history, datasets):
+    """A flat sheet under a tool that is driven far has none, however uneven its force."""
+    far = history.copy(deep=True)
+    for name in ("history_tool_travel", "history_tool_work"):
+        far[name][:] *= 20.0
+    rough = far["history_tool_force_z"].values[:, 0] * np.resize([1.0, 0.5], len(far.history_time))
+    far["history_tool_force_z"][:, 0] = rough
+    sheet = datasets[SHEET].copy(deep=True)
+    bent = tool_loads(far, sheet)["punch"]
+    turn = largest_turn(sheet)
+    assert turn > 0.01
+    assert bent["force_ripple_N"] == pytest.approx(0.25 * turn**2 * bent["force_max_N"])
+    for axis in "xyz":
+        sheet[f"displacement_{axis}"][:] = 0.0
+    assert tool_loads(far, sheet)["punch"]["force_ripple_N"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_largest_turn_is_that_between_faces_that_share_an_edge():
+    """Three squares of 2 mm in a row, the second bent up by 30°, the third back by 20°."""
+    angles = np.radians([0.0, 30.0, 10.0])
+    line = np.cumsum(np.stack([np.cos(angles), 0.0 * angles, np.sin(angles)]), axis=1)
+    line = 2e-3 * np.concatenate([np.zeros((3, 1)), line], axis=1).T
+    formed = np.concatenate([line, line + [0.0, 2e-3, 0.0]])
+    flat = np.array([[2e-3 * (i % 4), 2e-3 * (i // 4), 0.0] for i in range(8)])
+    faces = [[i, i + 1, i + 5, i + 4] for i in range(3)]
+    variables = {"sheet_face_nodes": (("face", "corner"), faces)}
+    for k, axis in enumerate("xyz"):
+        variables[f"reference_position_{axis}"] = ("node", flat[:, k])
+        variables[f"displacement_{axis}"] = (("time", "node"), (formed - flat)[None, :, k])
+    sheet = xr.Dataset(variables)
+    assert edge_length(sheet) == pytest.approx(2e-3)
+    assert largest_turn(sheet) == pytest.approx(np.radians(30.0))
+
+
+def stroke(samples=200, *, drop=0.0, gain=1.0, dash=1.0):
+    """History of a tool whose force falls at 0.8 of the time, and whose sheet becomes faster.
+
+    drop : of the force [N]. gain : factor of the kinetic energy while it falls; dash : of the speed
+    of the tool, which the kinetic energy follows.
+    """
+    time = np.linspace(0.0, 1.0, samples + 1)
+    snapped = (time > 0.8) & (time < 0.83)
+    speed = 30.0 * time**2 * (1.0 - time) ** 2 * np.where(snapped, dash, 1.0)
+    travel = 0.075 * np.cumsum(speed) / samples
+    kinetic = speed**2 * np.where(snapped, gain, 1.0) + 1e-6
+    force = 400.0 * travel - np.where(time > 0.8, drop, 0.0)
+    tools = ("history_time", "tool")
+    return xr.Dataset(
+        {
+            **{f"history_tool_force_{axis}": (tools, 0.0 * force[1:, None]) for axis in "xy"},
+            "history_tool_force_z": (tools, -force[1:, None]),
+            "history_tool_travel": (tools, travel[1:, None]),
+            "history_energy_kinetic": ("history_time", kinetic[1:]),
+        },
+        coords={"history_time": time[1:]},
+    )
+
+
+def test_a_snap_is_told_by_a_force_that_falls_while_the_sheet_becomes_faster():
+    (snap,) = snaps(stroke(drop=3.0, gain=2.0), 0)
+    assert snap["time_s"] == pytest.approx(0.8, abs=0.02)
+    assert snap["force_drop_N"] == pytest.approx(3.0, rel=0.2)
+    assert snap["travel_m"] == pytest.approx(0.071, abs=0.002)
+    assert "at a travel of 70.8 mm by 2.9 N" in snaps_text([snap])
+    assert "more" not in snaps_text([snap] * 3)
+    assert snaps_text([snap] * 5).endswith("and 2 more")
+
+
+@pytest.mark.parametrize(
+    "history",
+    [
+        stroke(),
+        stroke(drop=3.0),  # an element has passed a radius
+        stroke(gain=2.0),  # a flap of the sheet that no tool feels
+        stroke(drop=3.0, dash=2.0),  # the tool itself is faster
+        stroke(drop=0.5, gain=2.0),
+        stroke(samples=20, drop=3.0, gain=2.0),  # too few samples to tell
+    ],
+    ids=["calm", "ripple", "flap", "faster tool", "small", "coarse"],
+)
+def test_what_is_no_snap(history):
+    assert snaps(history, 0) == []
+
+
+def test_parts_are_energies_over_the_travel(history, histories, datasets):
+    whole = tool_loads(history, datasets[SHEET])["punch"]["parts_over_stroke"]
     energy, travel = histories.energy, histories.tool_travel[-1, 0]
     assert travel == pytest.approx(2e-3)
     for part, names in {

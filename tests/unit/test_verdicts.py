@@ -9,6 +9,7 @@ from lcmchain.check.quasi_static import (
     balance_warning,
     process_time_needed,
     quasi_static_warnings,
+    snap_warnings,
 )
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.fields.hidden_compaction import hidden_compaction_warnings
@@ -365,3 +366,19 @@ def test_damping_says_what_it_makes_of_the_force_of_the_punch(scene, datasets):
         "of the 27.8 N of punch around its maximum damping makes 1.1 N" in verdict["Damping"].text
     )
     assert "inertia -0.34 N" in verdict["Damping"].text
+
+
+def test_a_snap_is_named_in_verdict_and_warning(scene, datasets):
+    snap = {"time_s": 0.16, "travel_m": 0.0712, "force_drop_N": 1.25}
+    loads = {"punch": {"snaps": [snap]}, "die": {}}
+    words = "under punch: its force falls at a travel of 71.2 mm by 1.2 N"
+    verdict = judged(scene, datasets, tool_loads=loads)["Snaps"]
+    assert verdict.grade == "doubtful" and words in verdict.text
+    assert verdict.remedy_key == "process.time, blank.edge_length"
+    (warning,) = snap_warnings(loads, scene)
+    assert words in warning and 'process.time = "400 ms"' in warning
+    assert "Snaps" not in judged(scene, datasets, tool_loads={"punch": {}})
+    # what falls onto a tool may do so
+    falling = driven_by('{ type = "guided", direction = [0, 0, -1], mass = "1 kg" }', "true")
+    assert snap_warnings(loads, falling) == []
+    assert "Snaps" not in judged(falling, datasets, tool_loads=loads)

@@ -148,6 +148,14 @@ def test_the_force_is_that_of_a_slow_process(holder_result):
     assert abs(loads["force_max_N"] - 27.21) < loads["force_uncertainty_N"] < 1.0
 
 
+def test_elements_half_as_long_as_the_fillet_hardly_move_the_force(holder_result):
+    """Those of 7.5 mm move it by 1.9 N (examples/hemisphere_holder/convergence.py)."""
+    loads = holder_result.summary["tool_loads"]["punch"]
+    assert 0.1 < loads["force_ripple_N"] < 0.5
+    assert loads["force_smooth_N"] == pytest.approx(26.8, rel=0.01)  # from 7.5 to 3.75 mm
+    assert "snaps" not in loads
+
+
 def test_every_promised_file_is_there(holder_result):
     names = """forming.nc forming.vtu forming.pvd summary.json shear_angle.png thickness.png
     infiltration.nc infiltration.vtu infiltration.png structure.nc structure.vtu structure.png"""

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from pydantic import Field
 
+from lcmchain.mesh.bends import largest_ripple
 from lcmchain.quantities.entry_types import LengthOrZero, PositiveLength
+from lcmchain.quantities.rounded import two_digits
+from lcmchain.thresholds import LARGEST_RIPPLE
 from lcmchain.tools.profile_corners import build_profile
 from lcmchain.tools.profiles import Profile
 from lcmchain.tools.shapes.base import ProfileShape
@@ -31,9 +35,13 @@ class PlateWithHole(ProfileShape):
     def remarks(self, tool_name: str, edge_length: float) -> list[str]:
         if self.fillet_radius == 0.0:
             return [f'the hole of "{tool_name}" has a sharp edge (fillet_radius = 0)']
-        if self.fillet_radius < edge_length:
-            return [
-                f'the fillet of "{tool_name}" ({1e3 * self.fillet_radius:g} mm) is '
-                f"smaller than the elements ({1e3 * edge_length:g} mm)"
-            ]
-        return []
+        ripple = largest_ripple(edge_length / self.fillet_radius)
+        if ripple <= LARGEST_RIPPLE:
+            return []
+        enough = 1e3 * edge_length * math.sqrt(LARGEST_RIPPLE / ripple)
+        return [
+            f"the elements ({1e3 * edge_length:g} mm) are long for the fillet of "
+            f'"{tool_name}" ({1e3 * self.fillet_radius:g} mm): where they are drawn over it, the '
+            f"forces of the tools go up and down by up to {ripple:.0%}; use "
+            f'blank.edge_length = "{two_digits(enough)} mm"'
+        ]
