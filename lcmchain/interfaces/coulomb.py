@@ -2,9 +2,9 @@
 
 The slip of a point is measured from an anchor: slip = anchor + P r, where r is the way from its
 place on the facet to the point and P leaves out the normal. A slip whose force passes the
-coefficient times the pressure is cut, and the anchor follows. At a refresh the uncut slip is carried
-over to the new facet, turned with its length: cut before, or with its energy taken uncut, a sliding
-ply would lose or make energy at every refresh.
+coefficient times the pressure is cut, and the anchor follows. At a refresh the uncut slip is
+carried over to the new facet, turned with its length: cut before, or with its energy taken uncut, a
+sliding ply would lose or make energy at every refresh.
 Source: return mapping of stick and slip, e.g. Wriggers, "Computational Contact Mechanics", section
 5.2; the energy as for tools (:mod:`lcmchain.effects.friction`).
 """

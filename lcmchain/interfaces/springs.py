@@ -5,8 +5,8 @@ corners, the mean of the facets around each, say how it curves between them, and
 facet by half of what the tangent planes of the corners do (exact for a quadratic surface). What the
 corners' normals differ from that of the facet is kept by slopes in the facet's own frame, so that a
 surface that turns as a whole needs no new ones.
-Source: Boubekeur & Alexa, "Phong tessellation", ACM TOG 27 (2008), for the smooth surface; Wriggers,
-"Computational Contact Mechanics", section 6.5, for the closest point.
+Source: Boubekeur & Alexa, "Phong tessellation", ACM TOG 27 (2008), for the smooth surface;
+Wriggers, "Computational Contact Mechanics", section 6.5, for the closest point.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def corners_of(position, facet_node, facet):
 
 @equation
 def frame_of(corners):
-    """Return the unit vectors e1, e2, n of a facet: two in its plane at the middle, and outwards."""
+    """Return the unit vectors e1, e2, n of a facet: two in its plane, and outwards."""
     p0, p1, p2, p3 = corners
     a1 = minus(plus(1.0, p1, p2), plus(1.0, p0, p3))
     a2 = minus(plus(1.0, p2, p3), plus(1.0, p0, p1))

@@ -26,8 +26,8 @@ NONE = -1
 RIM_RADIUS = 1.5
 
 # Damping of the springs, as a part of critical, where two plies of equal meshes vibrate on them.
-# Surfaces that are taken anew now and then feed vibrations by parts of their energy, each time; this
-# takes it away again. It costs a hundredth of the step.
+# Surfaces that are taken anew now and then feed vibrations by parts of their energy, each time;
+# this takes it away again. It costs a hundredth of the step.
 DAMPING_RATIO = 0.03
 
 # A point slides by this part of an edge of its facet until the next refresh, at most.
