@@ -7,7 +7,16 @@ import math
 import numpy as np
 
 from lcmchain.elements.vectors import dot
-from lcmchain.interfaces.springs import minus, outside, project, spring_at, vector_of
+from lcmchain.interfaces.springs import (
+    corners_of,
+    frame_of,
+    minus,
+    outside,
+    project,
+    spring_at,
+    vector_of,
+    weighted,
+)
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.jit import routine
 
@@ -22,6 +31,9 @@ FACING, HELD_FACING = 0.4, 0.0
 GIVEN_UP = 1.3
 # Cells of the grid for each facet, at most.
 CELLS_PER_FACET = 4
+# What is left out before a point is projected: facets whose middle lies further aside than these
+# multiples of the widest edge, also where they are sheared, and further off than they can curve.
+NEARBY, NEAR_A_RIM, CURVED = 1.1, 2.2, 0.25
 # Distance outside a facet, in half edges, that outweighs a gap of the whole reach.
 OUTSIDE_COST = 4.0
 
@@ -148,18 +160,24 @@ def nearest_facet(position, data, slopes, point, low, size, count, start, entry)
         cell = cell * count[d] + i
     found, found_xi, found_eta, least = NONE, 0.0, 0.0, math.inf
     ply = data.ply[point]
+    across = minus(x, vector_of(position, data.partner[point]))
+    thickness = math.sqrt(dot(across, across))
     for k in range(start[cell + 1] - 1, start[cell] - 1, -1):
         facet = entry[k]
         other = data.facet_ply[facet]
         if other == ply or data.law[ply, other] < 0:
             continue
-        near = 0.0
-        for d in range(3):
-            middle = 0.0
-            for c in range(4):
-                middle += 0.25 * position[d, data.facet_node[facet, c]]
-            near += (x[d] - middle) ** 2
-        if near > (2.0 * data.widest + data.reach) ** 2:
+        corners = corners_of(position, data.facet_node, facet)
+        _, _, outwards = frame_of(corners)
+        if dot(across, outwards) > -0.5 * FACING * thickness:
+            continue
+        quarter = (0.25, 0.25, 0.25, 0.25)
+        away = minus(x, weighted(quarter, corners[0], corners[1], corners[2], corners[3]))
+        height = dot(away, outwards)
+        aside = NEARBY if data.rim_start[facet] == data.rim_start[facet + 1] else NEAR_A_RIM
+        if abs(height) > data.depth[ply, other] + CURVED * data.widest:
+            continue
+        if dot(away, away) - height * height > (aside * data.widest) ** 2:
             continue
         xi, eta = project(position, data.facet_node, slopes, facet, x)
         most, edge = largest_outside(data, facet, xi, eta)

@@ -42,6 +42,9 @@ STEPS_PER_DEPTH, DEPTH_LEFT = 500.0, 1e-3
 
 # An overlap at the start deeper than this part of the thinner ply is an error.
 DEEPEST_START = 0.5
+# It is told where middles of facets lie over each other, less far aside than this part of an edge:
+# a ply that begins where another one ends does not.
+ASIDE = 0.45
 
 
 class InterfaceData(NamedTuple):
@@ -189,25 +192,25 @@ def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[st
     normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
     normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
     for point_ply, facet_ply in zip(*np.nonzero(data.law != NONE), strict=True):
-        points = np.flatnonzero(data.ply == point_ply)
-        outwards = position[points] - position[data.partner[points]]
+        own = np.flatnonzero(data.facet_ply == point_ply)
+        points, outwards = middle[own], normal[own]
         facets = np.flatnonzero(data.facet_ply == facet_ply)
         lower, upper = np.array_split(facets, 2)
         thickness = 2.0 * float(data.depth[point_ply, facet_ply])
         for face in (lower, upper):
-            near = face[cKDTree(middle[face]).query(position[points])[1]]
-            away = position[points] - middle[near]
+            near = face[cKDTree(middle[face]).query(points)[1]]
+            away = points - middle[near]
             gap = np.einsum("ij,ij->i", away, normal[near])
             beside = np.linalg.norm(away - gap[:, np.newaxis] * normal[near], axis=1)
             faces = np.einsum("ij,ij->i", outwards, normal[near]) < 0.0
-            depth = np.where(faces & (beside < data.facet_edge[near]), -gap, 0.0)
+            depth = np.where(faces & (beside < ASIDE * data.facet_edge[near]), -gap, 0.0)
             depth[depth > 1.5 * thickness] = 0.0
             worst = int(np.argmax(depth))
             if depth[worst] > DEEPEST_START * thickness * (1.0 + 1e-9):
                 first, second = sorted((point_ply, facet_ply))
                 raise InputError(
                     f"the plies {names[first]} and {names[second]} overlap by "
-                    f"{1e3 * depth[worst]:.3f} mm at {millimetres(position[points[worst]])} at the "
+                    f"{1e3 * depth[worst]:.3f} mm at {millimetres(points[worst])} at the "
                     f"start, more than half of the thinner one ({1e3 * thickness:.3f} mm); lay "
                     "the upper one higher",
                     key="interfaces",

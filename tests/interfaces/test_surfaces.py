@@ -14,6 +14,10 @@ from lcmchain.interfaces.table import Interface
 PAIR = [ply("a", z=0.5 * T), ply("b", z=1.5 * T, angle=30.0, edge=4.0)]
 
 
+def test_a_ply_may_begin_where_another_one_ends():
+    stack([PAIR[0], ply("b", shift=(20.0, 0.0, 0.0), z=0.5 * T)], scene_of())
+
+
 def data_of(*interfaces):
     return stack(PAIR, scene_of(), *interfaces).model.ply_contact
 
@@ -62,6 +66,10 @@ def test_the_law_named_last_holds():
     data = data_of(Interface(friction=0.1), Interface(between=("b", "a"), friction=0.3))
     assert data.friction[data.law[0, 1]] == data.friction[data.law[1, 0]] == 0.3
     assert data.law[0, 0] == data.law[1, 1] == NONE
+
+
+def test_both_plies_feel_each_other(data):
+    assert data.law[0, 1] == data.law[1, 0] == 0
 
 
 def test_the_automatic_stiffness_is_that_of_the_softer_ply():
