@@ -216,11 +216,14 @@ def renew_point(data, arrays, everywhere, low, size, count, start, entry, dt_las
     facet, xi, eta = find_facet(
         data, arrays, everywhere, presses, low, size, count, start, entry, point
     )
-    share, slope = 1.0, (0.0, 0.0, 0.0)
+    share, slope, most = 1.0, (0.0, 0.0, 0.0), 0.0
     if facet >= 0:
         share, slope = share_over(position, data, point, facet)
         most, _ = largest_outside(data, facet, xi, eta)
-        if share <= 0.0 and most > 0.0:
+        _, _, _, gap = spring_at(position, data.facet_node, arrays.ply_slope, facet, xi, eta, x)
+        # what hangs down beyond a rim is beside the other ply, not in it
+        beside = -gap > data.depth[data.ply[point], data.facet_ply[facet]]
+        if most > 0.0 and (share <= 0.0 or beside):
             facet = NONE
     arrays.ply_facet[point] = facet
     if facet < 0:
@@ -238,9 +241,10 @@ def renew_point(data, arrays, everywhere, low, size, count, start, entry, dt_las
         spring[SHARE] = share - dot(slope, way_to_facet(position, data, facet, spring, point))
     r = way_to_facet(arrays.position, data, facet, spring, point)
     gap = dot(normal, r) + offset
-    sums[DEEPEST], sums[DEEPEST_POINT] = deeper(
-        sums[DEEPEST], sums[DEEPEST_POINT], -gap / data.depth[ply, other], point
-    )
+    if most <= 0.0:
+        sums[DEEPEST], sums[DEEPEST_POINT] = deeper(
+            sums[DEEPEST], sums[DEEPEST_POINT], -gap / data.depth[ply, other], point
+        )
     # what is found inside another ply starts there without force, and only comes out of it
     lies = max(-gap, 0.0)
     kept = arrays.ply_baseline[point]
