@@ -20,7 +20,7 @@ from lcmchain.pipeline import run
 from lcmchain.scene import scene_from_text
 from lcmchain.verification import random_elements as make
 
-NO_EFFECTS = {"__init__", "effect", "audit", "switches"}
+NO_EFFECTS = {"__init__", "effect", "audit", "switches", "interaction", "pressures"}
 HEADINGS = ("Adds:", "Source:", "Stability limit:", "Scene:", "Fields:")
 
 MATERIALS = {

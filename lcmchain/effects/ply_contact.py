@@ -1,0 +1,39 @@
+"""Contact between the plies of a stack: they press, stick, slide and part.
+
+Adds: forces between the faces of two plies that meet: nodes of each face on the facets of the other
+one, both ways, with half the stiffness each; Coulomb friction with an elastic slip. Springs of the
+nodes are frozen for some tens of steps, so that they have a potential, and renewed as the plies
+slide (:mod:`lcmchain.interfaces`).
+Source: node-to-facet penalty contact, e.g. Wriggers, "Computational Contact Mechanics", sections
+6.5 and 9; depths that go to zero by augmented Lagrange multipliers, section 6.3.3.
+Stability limit: ω² of the springs, bounded by the row sums of M⁻¹K, is added to that of the
+elements; damping along the normals, a few percent of critical, adds its rate.
+Scene: ``layup`` or ``[[plies]]``, and ``[[interfaces]]``.
+Fields: ``energy_contact``, ``energy_friction`` (history).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lcmchain.effects.effect import Effect
+
+
+def active(model: Any) -> list[Effect]:
+    """Return contact and friction between plies; nothing for one sheet."""
+    if len(model.bodies) < 2:
+        return []
+    contact = model.ply_contact
+    if contact is None:
+        return [Effect("contact between plies", False, "they pass through each other")]
+    rubs = bool((contact.friction > 0.0).any())
+    return [
+        Effect("contact between plies", True, f"stiffness {_range(1e-9 * contact.penalty)} N/mm^3"),
+        Effect("friction between plies", rubs, f"coefficient {_range(contact.friction)}"),
+    ]
+
+
+def _range(values: np.ndarray) -> str:
+    return " to ".join(f"{value:.3g}" for value in dict.fromkeys((values.min(), values.max())))
