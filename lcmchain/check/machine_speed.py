@@ -24,6 +24,8 @@ from lcmchain.threads import worthwhile_threads
 ASSUMED = {"solid-shell": 0.09e-6, "partly curved solid-shell": 0.10e-6,
            "curved solid-shell": 0.14e-6, "membrane-shell": 0.05e-6,
            "membrane": 0.03e-6}  # fmt: skip
+#: The same per node of plies that touch each other, of which about half do.
+ASSUMED_BETWEEN_PLIES = 0.09e-6
 # Part of a step that further threads share: two of them make it 1.6 times faster.
 SHARED = 0.76
 # Runs of fewer steps than this say little.
@@ -48,6 +50,8 @@ def machine_speed(model: Model) -> Speed:
         threads_used = f"{threads} thread{'s' if threads > 1 else ''}"
         return Speed(min(measured), f"as the fastest of the last runs here with {threads_used}")
     per_step = sum(body.mesh.element_count * ASSUMED[body.kernel] for body in model.bodies)
+    if model.ply_contact is not None:
+        per_step += model.node_count * ASSUMED_BETWEEN_PLIES
     per_step *= 1.0 - SHARED + SHARED / threads
     return Speed(per_step / model.element_count, "assumed")
 
@@ -78,6 +82,8 @@ def speed_key(model: Model, threads: int) -> str:
     """Name of a machine, threads, kernels and size; sizes within a factor of two are one."""
     machine = hashlib.blake2b(processor().encode(), digest_size=6).hexdigest()
     kernels = ", ".join(sorted({body.kernel for body in model.bodies}))
+    if model.ply_contact is not None:
+        kernels += " in contact"
     size = 4 ** round(math.log(model.element_count, 4))
     return f"{machine}, {threads} threads, {kernels}, about {size} elements"
 

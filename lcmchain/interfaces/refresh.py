@@ -65,6 +65,7 @@ from lcmchain.interfaces.search import (
     largest_outside,
     looks_at,
     nearest_facet,
+    no_grid,
     walk,
 )
 from lcmchain.interfaces.springs import facet_slopes, minus, spring_at, unit, vector_of
@@ -95,13 +96,12 @@ def refresh(data, arrays, dt_last, dt):
     look_ahead(arrays, 0.5 * counters[LAST_STEPS] * dt)
     everywhere = counters[REFRESHES_LEFT] <= 0 or clock[WAY] > SEARCH_WAY * data.reach
     if everywhere:
-        low, size, count, start, entry = build_grid(arrays.ply_ahead, data)
+        grid = build_grid(arrays.ply_ahead, data)
         counters[REFRESHES_LEFT] = REFRESHES_PER_SEARCH
         clock[WAY] = 0.0
     else:
-        low, size, count = np.zeros(3), 1.0, np.ones(3, dtype=np.int64)
-        start, entry = np.zeros(2, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    renew_points(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt)
+        grid = no_grid()
+    renew_points(data, arrays, everywhere, grid, dt_last, dt)
     list_points(data, arrays)
 
     booked, steps, fastest, deepest = 0.0, float(MOST_STEPS), 0.0, 0.0
@@ -173,14 +173,14 @@ def renew_slopes(data, arrays):
 
 
 @kernel_part
-def renew_points(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt):
+def renew_points(data, arrays, everywhere, grid, dt_last, dt):
     """Renew the springs of all points; booked energy, allowed steps and depths go to the sums."""
     for chunk in prange(arrays.ply_sums.shape[0]):
-        renew_chunk(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, chunk)
+        renew_chunk(data, arrays, everywhere, grid, dt_last, dt, chunk)
 
 
 @routine
-def renew_chunk(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, chunk):
+def renew_chunk(data, arrays, everywhere, grid, dt_last, dt, chunk):
     """Renew the springs of a chunk of nodes."""
     sums = arrays.ply_sums[chunk]
     sums[BOOKED], sums[FASTEST], sums[DEEPEST] = 0.0, 0.0, 0.0
@@ -188,13 +188,11 @@ def renew_chunk(data, arrays, everywhere, low, size, count, start, entry, dt_las
     for point in range(arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]):
         v = vector_of(arrays.velocity, point)
         sums[FASTEST] = max(sums[FASTEST], math.sqrt(dot(v, v)))
-        renew_point(
-            data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, point, sums
-        )
+        renew_point(data, arrays, everywhere, grid, dt_last, dt, point, sums)
 
 
 @routine
-def renew_point(data, arrays, everywhere, low, size, count, start, entry, dt_last, dt, point, sums):
+def renew_point(data, arrays, everywhere, grid, dt_last, dt, point, sums):
     """Find the facet of a point, freeze its spring, and carry its slip over."""
     position, held = arrays.ply_ahead, arrays.ply_facet[point]
     spring, rim = arrays.ply_spring[point], arrays.ply_rim[point]
@@ -213,9 +211,7 @@ def renew_point(data, arrays, everywhere, low, size, count, start, entry, dt_las
             before = (stick[0], stick[1], stick[2])
             trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), tangential(r, normal))
 
-    facet, xi, eta = find_facet(
-        data, arrays, everywhere, presses, low, size, count, start, entry, point
-    )
+    facet, xi, eta = find_facet(data, arrays, everywhere, presses, grid, point)
     share, slope, most = 1.0, (0.0, 0.0, 0.0), 0.0
     if facet >= 0:
         share, slope = share_over(position, data, point, facet)
@@ -280,7 +276,7 @@ def renew_point(data, arrays, everywhere, low, size, count, start, entry, dt_las
 
 
 @routine
-def find_facet(data, arrays, everywhere, presses, low, size, count, start, entry, point):
+def find_facet(data, arrays, everywhere, presses, grid, point):
     """Return the facet that a point faces, or -1, and its coordinates on it."""
     position, slopes = arrays.ply_ahead, arrays.ply_slope
     x, ply = vector_of(position, point), data.ply[point]
@@ -301,9 +297,7 @@ def find_facet(data, arrays, everywhere, presses, low, size, count, start, entry
             inside = presses and most <= 0.0
             cost = abs(gap) / data.reach + 4.0 * max(most, 0.0)
     if everywhere and not inside:
-        other, other_xi, other_eta, other_cost = nearest_facet(
-            position, data, slopes, point, low, size, count, start, entry
-        )
+        other, other_xi, other_eta, other_cost = nearest_facet(position, data, slopes, point, grid)
         if other_cost < cost:
             facet, xi, eta = other, other_xi, other_eta
     return facet, xi, eta

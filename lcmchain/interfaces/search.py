@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -83,12 +84,34 @@ def looks_at(position, data, point, normal, facing):
     return dot(across, normal) < -facing * math.sqrt(dot(across, across))
 
 
+class Grid(NamedTuple):
+    """Facets sorted into cells, for a search among all of them.
+
+    low : (3,) lower corner of the first cell [m]. size : of the cells [m].
+    cells : (3,) how many there are along x, y, z.
+    start : (cell_count + 1,) where the facets of each cell begin in ``entry``.
+    middle, outwards : (facet_count, 3) middles of the facets [m] and their normals.
+    """
+
+    low: np.ndarray
+    size: float
+    cells: np.ndarray
+    start: np.ndarray
+    entry: np.ndarray
+    middle: np.ndarray
+    outwards: np.ndarray
+
+
+@routine
+def no_grid():
+    """Return a grid for a refresh without a search."""
+    numbers, none = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+    return Grid(np.zeros(3), 1.0, numbers, numbers, numbers, none, none)
+
+
 @routine
 def build_grid(position, data):
-    """Sort the facets into cells; return lower corner, size and counts of the cells, and lists.
-
-    A facet stands in all cells that points can lie in which face it.
-    """
+    """Sort the facets into cells: into all that points can lie in which face them."""
     low = np.full(3, math.inf)
     high = np.full(3, -math.inf)
     widest = 0.0
@@ -142,11 +165,20 @@ def build_grid(position, data):
             # each cell is filled from its end, and its start ends where it belongs
             for cell in range(start.size - 1):
                 start[cell] = start[cell + 1]
-    return low, size, count, start, entry
+    facets = data.facet_node.shape[0]
+    middle, outwards = np.empty((facets, 3)), np.empty((facets, 3))
+    quarter = (0.25, 0.25, 0.25, 0.25)
+    for facet in range(facets):
+        corners = corners_of(position, data.facet_node, facet)
+        _, _, normal = frame_of(corners)
+        centre = weighted(quarter, corners[0], corners[1], corners[2], corners[3])
+        for d in range(3):
+            middle[facet, d], outwards[facet, d] = centre[d], normal[d]
+    return Grid(low, size, count, start, entry, middle, outwards)
 
 
 @routine
-def nearest_facet(position, data, slopes, point, low, size, count, start, entry):
+def nearest_facet(position, data, slopes, point, grid):
     """Return the facet that a point faces, or -1, its coordinates and its cost.
 
     The cost is the gap over the reach, and much more for a point beside the facet; the same cost
@@ -155,24 +187,23 @@ def nearest_facet(position, data, slopes, point, low, size, count, start, entry)
     x = vector_of(position, point)
     cell = 0
     for d in range(3):
-        i = int((x[d] - low[d]) / size)
-        i = max(0, min(i, count[d] - 1))
-        cell = cell * count[d] + i
+        i = int((x[d] - grid.low[d]) / grid.size)
+        i = max(0, min(i, grid.cells[d] - 1))
+        cell = cell * grid.cells[d] + i
     found, found_xi, found_eta, least = NONE, 0.0, 0.0, math.inf
     ply = data.ply[point]
     across = minus(x, vector_of(position, data.partner[point]))
     thickness = math.sqrt(dot(across, across))
-    for k in range(start[cell + 1] - 1, start[cell] - 1, -1):
-        facet = entry[k]
+    for k in range(grid.start[cell + 1] - 1, grid.start[cell] - 1, -1):
+        facet = grid.entry[k]
         other = data.facet_ply[facet]
         if other == ply or data.law[ply, other] < 0:
             continue
-        corners = corners_of(position, data.facet_node, facet)
-        _, _, outwards = frame_of(corners)
+        outwards = (grid.outwards[facet, 0], grid.outwards[facet, 1], grid.outwards[facet, 2])
         if dot(across, outwards) > -0.5 * FACING * thickness:
             continue
-        quarter = (0.25, 0.25, 0.25, 0.25)
-        away = minus(x, weighted(quarter, corners[0], corners[1], corners[2], corners[3]))
+        middle = (grid.middle[facet, 0], grid.middle[facet, 1], grid.middle[facet, 2])
+        away = minus(x, middle)
         height = dot(away, outwards)
         aside = NEARBY if data.rim_start[facet] == data.rim_start[facet + 1] else NEAR_A_RIM
         if abs(height) > data.depth[ply, other] + CURVED * data.widest:

@@ -147,3 +147,22 @@ def test_a_refresh_at_rest_changes_nothing(sim):
     penalty = sim.model.ply_contact.penalty[0]
     area = 1e-6 * (30.0 - 3.3) * (15.0 - 0.7)
     assert stored == pytest.approx(0.5 * penalty * DEPTH**2 * area, rel=2e-2)
+
+
+def test_what_hangs_down_beyond_a_rim_is_let_go_and_what_is_over_the_ply_is_told(sim):
+    """Both nodes lie 0.6 of a thickness below the other ply's face, one of them beside it."""
+    state, counters = sim.state, sim.arrays.ply_counters
+    position, first = state.position, sim.model.bodies[1].first_node
+    upper = np.flatnonzero(state.ply_facet[first:] >= 0) + first
+    outside = position[0, upper] > 15.5e-3  # the lower ply ends at 15 mm
+    partly = state.ply_spring[upper, SHARE] > 0.05
+    before = state.copy()
+    for point, told in (
+        (upper[outside & partly][0], False),
+        (upper[np.abs(position[:2, upper]).max(axis=0) < 5e-3][0], True),
+    ):
+        position[2, point] -= 0.6e-3 * T
+        renew(sim)
+        assert (counters[forces.TOO_DEEP] == point + 1) == told
+        assert (state.ply_facet[point] >= 0) == told
+        state.set_to(before)
