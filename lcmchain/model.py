@@ -434,9 +434,8 @@ def assemble_bodies(
     mass = np.concatenate([body.inertial_mass for body in bodies])
     area = np.concatenate([body.node_area for body in bodies])
     penalty = contact.penalty
-    penalties = [_automatic_penalty(b.material, b.shortest_length) for b in bodies]
     if penalty is None:
-        penalty = min(penalties)
+        penalty = min(_automatic_penalty(body) for body in bodies)
     depth_time, depth_stiffening = depth_control(
         contact,
         tools,
@@ -453,7 +452,7 @@ def assemble_bodies(
         fibre_bending=fibre_bending,
         pore=pressed_elements(bodies, key="pore pressure") if pore_pressure else None,
         face_pressure=build_face_pressure(face_pressures, bodies, float(process.time)),
-        ply_contact=build_interfaces(interfaces, bodies, penalties),
+        ply_contact=build_interfaces(interfaces, bodies, _automatic_penalty),
         corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
             force_slot=force_slot,
@@ -607,10 +606,11 @@ def _chunk_order(
     return np.concatenate(orders).astype(np.int32)
 
 
-def _automatic_penalty(material: Material, shortest_length: float) -> float:
+def _automatic_penalty(body: Body) -> float:
     """Return the contact stiffness [Pa/m] that keeps contact from governing the time step."""
+    material = body.material
     C = material.stress_and_tangent(np.zeros(6))[1]
     stiffness = max(C[0, 0], C[1, 1])
     wave2 = stiffness / material.density
-    omega2 = 4.0 * wave2 / shortest_length**2
+    omega2 = 4.0 * wave2 / body.shortest_length**2
     return AUTOMATIC_PENALTY * omega2 * 0.5 * material.density * material.thickness

@@ -258,7 +258,9 @@ def snaps(history: xr.Dataset, tool: int) -> list[dict[str, float]]:
         drop = float(force[start] - force[sample])
         if drop < SNAP_FALL * force.max() or speed[sample] < AT_REST * speed.max():
             continue
-        faster = max(speed[sample] / speed[slowest], 1.0) ** 2 if speed[slowest] else np.inf
+        if speed[slowest] == 0.0:
+            continue  # a tool that sets out makes the sheet as much faster as it likes
+        faster = max(speed[sample] / speed[slowest], 1.0) ** 2
         if kinetic[sample] < (1.0 + SNAP_GAIN) * faster * kinetic[slowest]:
             continue
         if time[start] > last_seen:  # else the same one goes on

@@ -7,7 +7,7 @@ the points of both faces that meet press on each other's facets.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -103,14 +103,14 @@ class InterfaceData(NamedTuple):
 def build_interfaces(
     interfaces: Sequence[Interface],
     bodies: Sequence[Any],
-    automatic_penalty: Sequence[float],
+    automatic_penalty: Callable[[Any], float],
 ) -> InterfaceData | None:
     """Return the constants of the contact between plies; None where none touch.
 
     Parameters
     ----------
     interfaces : tables of a scene; of two that name the same plies the last one holds.
-    bodies : the plies. automatic_penalty : contact stiffness of each of them [Pa/m].
+    bodies : the plies. automatic_penalty : returns the contact stiffness of one of them [Pa/m].
 
     Raises
     ------
@@ -122,14 +122,16 @@ def build_interfaces(
     for body in bodies:
         if not body.mesh.has_thickness or body.contact_offset != 0.0:
             raise InputError(
-                f'the ply {body.name} has elements "{body.type}", which have no faces that could '
-                'touch; use element = "solid-shell", or leave out the interfaces',
-                key="interfaces",
+                f'of the ply {body.name} is "{body.type}": elements without two faces, on which no '
+                'other ply could lie; use element = "solid-shell"',
+                key="element",
             )
     law, entries = _laws(interfaces, [body.name for body in bodies])
     penalties = np.array(
         [
-            min(automatic_penalty[a], automatic_penalty[b]) if it.penalty is None else it.penalty
+            min(automatic_penalty(bodies[a]), automatic_penalty(bodies[b]))
+            if it.penalty is None
+            else it.penalty
             for it, a, b in entries
         ]
     )

@@ -132,10 +132,10 @@ def test_a_check_of_very_many_elements_coarsens_all_plies(scene_of, monkeypatch)
 def test_what_holds_for_all_plies_is_told_once(scene_of):
     names = [effect.name for effect in effects_of(build_model(scene_of(MD600 + PLY * 3)))]
     assert names.count("compaction") == 1
-    flat = PLY + 'element = "membrane-shell"\n'
-    mixed = [effect.name for effect in effects_of(build_model(scene_of(MD600 + PLY * 2 + flat)))]
-    assert "thickness of ply_1, ply_2" in mixed
-    assert "thickness of ply_3" in mixed
+    other = PLY + 'element = { hourglass = "published" }\n'
+    mixed = [effect.name for effect in effects_of(build_model(scene_of(MD600 + PLY * 2 + other)))]
+    assert "hourglass control of ply_1, ply_2" in mixed
+    assert "hourglass control of ply_3" in mixed
 
 
 def test_each_fabric_is_judged_by_its_own_law(scene_of, laid):

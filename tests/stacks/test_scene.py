@@ -65,17 +65,23 @@ def test_a_scene_with_one_sheet_is_a_stack_of_one(scene_of):
 def test_the_model_has_a_body_of_its_own_material_and_element_for_every_ply(scene_of):
     scene = scene_of(
         PLY + 'name = "a"\nmaterial = "lower"\ncenter = ["3 mm", "-2 mm"]\n'
-        + PLY + 'name = "b"\nmaterial = "upper"\nelement = "membrane-shell"\n' + TWO
+        + PLY + 'name = "b"\nmaterial = "upper"\nelement = { hourglass = "published" }\n' + TWO
     )  # fmt: skip
     a, b = build_model(scene).bodies
     assert (a.name, a.type, a.material.name) == ("a", "solid-shell", "MD600")
-    assert (b.name, b.type) == ("b", "membrane-shell")
+    assert (b.name, a.data.options.conservative, b.data.options.conservative) == ("b", True, None)
     assert b.material.thickness == scene.materials["upper"].thickness
     middle = a.mesh.node_positions.mean(axis=0)
     np.testing.assert_allclose(middle, [3e-3, -2e-3, 0.0], atol=1e-12)
-    flat = on_rung(scene, "membrane-shell")
-    assert [body.type for body in build_model(flat).bodies] == ["membrane-shell"] * 2
-    assert "plies.b.element" in on_rung(scene, "solid-shell").source.left_out
+    flat = on_rung(scene_of(PRESET + PLY + 'element = "membrane-shell"\n'), "solid-shell")
+    assert "plies.ply_1.element" in flat.source.left_out
+
+
+def test_plies_without_faces_are_refused(scene_of):
+    """Those of triangles have one layer of nodes: nothing would lie on them."""
+    scene = scene_of(PRESET + PLY + PLY)
+    with pytest.raises(InputError, match="element: of the ply ply_1 is .*without two faces"):
+        build_model(on_rung(scene, "membrane-shell"))
 
 
 def test_the_found_time_is_that_of_the_slowest_ply(scene_of):
