@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from lcmchain.elements.family import internal_forces
-from lcmchain.model import build_model
+from lcmchain.model import NODE_CHUNK, build_model
 from lcmchain.scene import scene_from_text
-from lcmchain.model import NODE_CHUNK
 from lcmchain.solver.simulation import (
     CALM_CHUNKS_PER_FREQUENCY,
     CALM_RISE,
