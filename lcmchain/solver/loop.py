@@ -138,7 +138,9 @@ def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendi
     force_slot = model.nodes.force_slot
     places = [np.zeros(0, dtype=np.int32)]
     schedules: list[Schedule | None] = []
-    for placed in model.placed:
+    several = len(model.placed) > 1
+    all_placed = [_of_one_kind(placed) if several else placed for placed in model.placed]
+    for placed in all_placed:
         bending_place = np.arange(placed.last_bending - placed.first_bending, dtype=np.int32)
         if isinstance(placed.data, SolidShellData):
             schedule = build_schedule(placed, bending, force_slot, part_count)
@@ -152,11 +154,21 @@ def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendi
         if schedule is None
         # a node finds its forces where the orders of all bodies have them
         else OrderedBody(placed, schedule._replace(force_slot=force_slot), None)
-        for placed, schedule in zip(model.placed, schedules, strict=True)
+        for placed, schedule in zip(all_placed, schedules, strict=True)
     ]
     if bending is not None:
         bending = at_places(bending, np.concatenate(places).astype(np.int32))
     return tuple(bodies), bending
+
+
+def _of_one_kind(placed: PlacedBody) -> PlacedBody:
+    """Return a body with the code for blocks of any kind, whether it has such blocks or not.
+
+    Plies of one fabric are then of one type, and the loop over them is compiled once.
+    """
+    if not isinstance(placed.data, SolidShellData):
+        return placed
+    return placed._replace(data=placed.data._replace(general=True))
 
 
 @routine
