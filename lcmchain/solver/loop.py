@@ -262,8 +262,10 @@ def move_chunk(arrays, force_slot, acting, environment, averaging, chunk, dt_las
     sums = arrays.chunk_sums[chunk]
     sums[:] = 0.0
     gather_internal_forces(arrays, force_slot, first, last)
-    for one in literal_unroll(acting):
-        add_to_nodes(one, arrays, environment, chunk, first, last, dt_last, dt, work, sums)
+    add_to_nodes(acting[0], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
+    add_to_nodes(acting[1], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
+    add_to_nodes(acting[2], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
+    add_to_nodes(acting[3], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
     integrate(arrays, arrays.free, environment, averaging, first, last, dt_last, dt, sums)
 
 

@@ -30,7 +30,7 @@ def pressed(count, part):
     return sim
 
 
-@pytest.mark.parametrize("count", [2, 4])
+@pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_plies_of_unlike_meshes_are_compressed_alike(count):
     """20 %: every element away from rims as the compaction law says for the plates' pressure."""
     sim = pressed(count, 0.2)

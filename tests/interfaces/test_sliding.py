@@ -130,6 +130,7 @@ def slid(bodies, top, press, travel, which, time=5.0):
     return stack(bodies, scene_of(**entries), Interface(friction=MU), supports=supports)
 
 
+@pytest.mark.slow
 def test_a_ply_is_drawn_over_another_one_with_the_same_rims():
     plies = [ply(f"ply {i}", width=30.0, height=15.0, z=(i + 0.5) * T) for i in range(2)]
     sim = slid(plies, 2 * T, 0.2 * T, 8e-3, 1)
@@ -139,6 +140,7 @@ def test_a_ply_is_drawn_over_another_one_with_the_same_rims():
     assert abs(booked(sim)) < 1e-2 * energy["external"]
 
 
+@pytest.mark.slow
 def test_a_short_ply_is_drawn_out_between_two_long_ones():
     """Away from another one: a gap opens inside the stack, and the long ones bend into it."""
     long = {"width": 50.0, "height": 12.0, "edge": 4.0}
