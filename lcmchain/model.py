@@ -33,6 +33,7 @@ from lcmchain.interfaces.surfaces import InterfaceData, build_interfaces
 from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, history_count
 from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.cells import by_node
 from lcmchain.scene import Contact, Element, Process
 from lcmchain.scene.found_time import require_time_for_fluid
 from lcmchain.scene.plies import RESERVED_NAMES
@@ -577,16 +578,9 @@ def _force_slots(
         one_layer = fibre_bending.below == fibre_bending.above
         nodes += [fibre_bending.below, fibre_bending.above[~one_layer]]
         slots += [slot, slot[~one_layer]]
-    node, slot = np.concatenate(nodes), np.concatenate(slots)
-
-    # a fixed order of the corners of each node keeps sums bit-identical for any thread count
-    order = np.argsort(node, kind="stable")
-    node, slot = node[order], slot[order]
-    rank = np.arange(node.size) - np.searchsorted(node, node)
     node_count = sum(body.mesh.node_count for body in bodies)
-    force_slot = np.full((rank.max() + 1, node_count), last_force, dtype=np.int32)
-    force_slot[rank, node] = slot
-    return force_slot
+    # a fixed order of the corners of each node keeps sums bit-identical for any thread count
+    return by_node(np.concatenate(nodes), np.concatenate(slots), node_count, last_force)
 
 
 def _chunk_order(

@@ -21,10 +21,8 @@ from typing import Any, NamedTuple
 
 from lcmchain.dispatch import optional
 
-#: Most interactions that act on single nodes. A parallel loop takes each of them by itself.
-ON_NODES = 4
-#: Most interactions of a model.
-MOST = 6
+#: Interactions that the loop has places for: a parallel loop takes each of them by itself.
+PLACES = 4
 
 
 class Nothing(NamedTuple):
@@ -34,6 +32,14 @@ class Nothing(NamedTuple):
 
 
 NOTHING = Nothing()
+
+
+def in_places(interactions: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the interactions of a model for the loop, with nothing in the places that are left."""
+    left = PLACES - len(interactions)
+    if left < 0:
+        raise ValueError(f"the loop has places for {PLACES} interactions, not {len(interactions)}")
+    return (*interactions, *[NOTHING] * left)
 
 
 class Bound(NamedTuple):

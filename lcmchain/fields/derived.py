@@ -79,6 +79,15 @@ def _thickness_stretch(on_chord: np.ndarray, bend: np.ndarray) -> np.ndarray:
     return np.where(sound, np.sqrt(np.where(sound, squared, 1.0)), on_chord)
 
 
+def median_edge_length(corners: np.ndarray) -> float:
+    """Return the median length of the edges of faces (face_count, 4, 3) [m].
+
+    Triangles repeat their last corner.
+    """
+    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    return float(np.median(lengths[lengths > 0.0]))
+
+
 def face_area_vectors(corners: np.ndarray) -> np.ndarray:
     """Half the cross product of the diagonals of faces, shape (..., 4, 3) [m], as (..., 3) [m2].
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.fields.derived import face_area_vectors
+from lcmchain.fields.derived import face_area_vectors, median_edge_length
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,9 +60,7 @@ def face_centres(sheet: xr.Dataset, *, formed: bool) -> np.ndarray:
 
 def edge_length(sheet: xr.Dataset) -> float:
     """Return the median length of the edges of the undeformed faces [m]."""
-    corners = reference_positions(sheet)[sheet_faces(sheet)]
-    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-    return float(np.median(lengths[lengths > 0.0]))
+    return median_edge_length(reference_positions(sheet)[sheet_faces(sheet)])
 
 
 def largest_turn(sheet: xr.Dataset, frame: int = -1) -> float:

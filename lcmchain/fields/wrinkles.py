@@ -25,6 +25,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
+from lcmchain.fields.derived import median_edge_length
 from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.table import ToolTable
@@ -52,8 +53,7 @@ def longest_wave(mesh: SheetMesh) -> float:
 def median_edge(mesh: SheetMesh) -> float:
     """Return the median length of the edges of the undeformed mid-surface [m]."""
     reference, faces = mesh.mid_surface(mesh.node_positions), _closed(mesh.sheet_faces)
-    edges = np.linalg.norm(reference[faces] - reference[np.roll(faces, -1, axis=1)], axis=2)
-    return float(np.median(edges[edges > 0.0]))
+    return median_edge_length(reference[faces])
 
 
 def wrinkle_height(

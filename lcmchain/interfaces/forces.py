@@ -190,6 +190,7 @@ def list_points(data, arrays):
                 start[facet_node[facet, k] + 1] += 1
     for node in range(facets.size):
         start[node + 1] += start[node]
+    total = start[facets.size]
     for point in range(facets.size - 1, -1, -1):
         facet = facets[point]
         if facet >= 0:
@@ -202,10 +203,7 @@ def list_points(data, arrays):
     # filled from their ends, the lists now begin one entry further on
     for node in range(facets.size):
         start[node] = start[node + 1]
-    start[facets.size] = 0
-    for point in range(facets.size):
-        if facets[point] >= 0:
-            start[facets.size] += 4
+    start[facets.size] = total
 
 
 @routine

@@ -8,7 +8,7 @@ import numpy as np
 
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.forces import STIFFNESS, TOO_DEEP, WEIGHT
-from lcmchain.interfaces.surfaces import InterfaceData, omega2_of_equal_plies
+from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.jit import entry
 from lcmchain.quantities.places import millimetres
 
@@ -20,8 +20,7 @@ def omega2_bound(model: Any, state: Any) -> float:
     in full contact: what comes into contact until the next look is then covered.
     """
     data, mass = model.ply_contact, model.nodes.mass
-    equal = omega2_of_equal_plies(data.penalty, model.bodies)
-    return max(equal, largest_row_sum(data, state.ply_facet, state.ply_spring, mass))
+    return max(data.omega2, largest_row_sum(data, state.ply_facet, state.ply_spring, mass))
 
 
 @entry

@@ -16,6 +16,7 @@ from lcmchain.cache_lines import aligned
 from lcmchain.effects.contact_depth import stiffening_of
 from lcmchain.errors import InputError
 from lcmchain.interfaces.table import Interface
+from lcmchain.mesh.cells import by_node
 from lcmchain.quantities.places import millimetres
 
 #: No facet, no neighbour, no law.
@@ -65,6 +66,7 @@ class InterfaceData(NamedTuple):
     area : (node_count,) of the points [m²].
     reach : largest of ``depth`` [m]. widest : longest edge of all facets [m].
     inner : (node_count, n) int32, nodes inside of a node at a rim, -1 where there are fewer.
+    omega2 : of plies of equal meshes in full contact on the stiffest law [1/s²].
     damping_time : damping over stiffness of the springs along their normals [s].
     slide : part of an edge by which points slide until their springs are renewed.
     slope_steps : between two renewals of the facets' slopes.
@@ -92,6 +94,7 @@ class InterfaceData(NamedTuple):
     reach: float
     widest: float
     inner: np.ndarray
+    omega2: float
     damping_time: float
     slide: float
     slope_steps: int
@@ -138,17 +141,21 @@ def build_interfaces(
     friction = np.array([float(it.friction) for it, _, _ in entries])
     faces = [_faces_of(body) for body in bodies]
     facet_node = np.concatenate([face for pair in faces for face in pair])
-    facet_ply = np.repeat(np.arange(len(bodies)), [2 * body.mesh.element_count for body in bodies])
+    counts = np.array([body.mesh.element_count for body in bodies])
+    surface = np.repeat(np.arange(2 * len(bodies)), np.repeat(counts, 2))
+    facet_ply = surface // 2
     position = np.concatenate([body.mesh.node_positions for body in bodies])
     edges = _edge_lengths(position[facet_node])
-    neighbour = _neighbours(facet_node)
+    first_facet = 2 * (np.cumsum(counts) - counts)
+    neighbour = np.concatenate([_neighbours(*own) for own in zip(bodies, first_facet, strict=True)])
     node_count = len(position)
     ring, ring_corner = _rings(facet_node, node_count)
     shortest = np.where(edges > 0.0, edges, np.inf).min(axis=1)
     spacing = edges.max(axis=1)[ring[:, 0]]
-    rim_start, rim = _rims(position, facet_node, neighbour, facet_ply, edges.max())
+    rim_start, rim = _rims(position, facet_node, neighbour, surface, edges.max())
     thickness = np.array([body.mesh.thickness for body in bodies])
     depth = 0.5 * np.minimum(thickness, thickness[:, np.newaxis])
+    omega2 = omega2_of_equal_plies(penalties, bodies)
     data = InterfaceData(
         ply=np.repeat(np.arange(len(bodies)), [b.mesh.node_count for b in bodies]).astype(np.int32),
         partner=np.concatenate([_partners(body) for body in bodies]).astype(np.int32),
@@ -170,7 +177,8 @@ def build_interfaces(
         reach=float(depth.max()),
         widest=float(edges.max()),
         inner=_inner_nodes(facet_node, neighbour, node_count),
-        damping_time=2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies)),
+        omega2=omega2,
+        damping_time=2.0 * DAMPING_RATIO / np.sqrt(omega2),
         slide=SLIDE,
         slope_steps=STEPS_PER_SLOPES,
         depth_steps=STEPS_PER_DEPTH,
@@ -274,18 +282,19 @@ def _edge_lengths(corner: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
 
 
-def _neighbours(facet_node: np.ndarray) -> np.ndarray:
-    """Return the facet across each edge (facet_count, 4); -1 at a rim and a triangle's point."""
-    count = len(facet_node)
-    start, end = facet_node.ravel(), np.roll(facet_node, -1, axis=1).ravel()
-    there = np.flatnonzero(start != end)
-    low, high = np.minimum(start, end)[there], np.maximum(start, end)[there]
-    order = np.lexsort((there, high, low))
-    same = (low[order][1:] == low[order][:-1]) & (high[order][1:] == high[order][:-1])
-    first, second = there[order][:-1][same], there[order][1:][same]
-    found = np.full(4 * count, NONE, dtype=np.int32)
-    found[first], found[second] = second // 4, first // 4
-    return found.reshape(count, 4)
+def _neighbours(body: Any, first_facet: int) -> np.ndarray:
+    """Return the facet across each edge of a ply's facets, lower ones first; -1 at a rim.
+
+    first_facet : number of the ply's first one. A triangle has none across the edge of no length.
+    """
+    across = body.mesh.neighbours  # of the elements at ξ = 1, ξ = -1, η = 1, η = -1
+    count = body.mesh.element_count
+    lower, upper = across[[3, 1, 2, 0]].T, across[[3, 0, 2, 1]].T
+    faces = [
+        np.where(face < 0, NONE, first + face)
+        for face, first in ((lower, first_facet), (upper, first_facet + count))
+    ]
+    return np.ascontiguousarray(np.concatenate(faces), dtype=np.int32)
 
 
 def _rings(facet_node: np.ndarray, node_count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -294,13 +303,8 @@ def _rings(facet_node: np.ndarray, node_count: int) -> tuple[np.ndarray, np.ndar
     node = facet_node.ravel()
     repeated = (corner % 4 == 3) & (np.roll(node, 1) == node)
     corner, node = corner[~repeated], node[~repeated]
-    order = np.argsort(node, kind="stable")
-    corner, node = corner[order], node[order]
-    rank = np.arange(node.size) - np.searchsorted(node, node)
-    ring = np.full((node_count, rank.max() + 1), NONE, dtype=np.int32)
-    which = np.full_like(ring, NONE)
-    ring[node, rank], which[node, rank] = corner // 4, corner % 4
-    return ring, which
+    found = np.ascontiguousarray(by_node(node, corner, node_count, NONE).T)
+    return found // 4, np.where(found < 0, NONE, found % 4).astype(np.int32)
 
 
 def _inner_nodes(facet_node: np.ndarray, neighbour: np.ndarray, node_count: int) -> np.ndarray:
@@ -327,26 +331,25 @@ def _inner_nodes(facet_node: np.ndarray, neighbour: np.ndarray, node_count: int)
         across = facet_node[is_quadrilateral, (k + 2) % 4]
         pairs.append(np.stack([corner[alone], across[alone]], axis=1))
     first, second = np.concatenate(pairs).T
-    order = np.lexsort((second, first))
-    first, second = first[order], second[order]
-    rank = np.arange(first.size) - np.searchsorted(first, first)
-    inner = np.full((node_count, int(rank.max(initial=0)) + 1), NONE, dtype=np.int32)
-    inner[first, rank] = second
-    return inner
+    order = np.argsort(second, kind="stable")
+    inner = by_node(first[order], second[order], node_count, NONE)
+    return np.ascontiguousarray(inner.T)
 
 
 def _rims(
     position: np.ndarray,
     facet_node: np.ndarray,
     neighbour: np.ndarray,
-    facet_ply: np.ndarray,
+    surface: np.ndarray,
     widest: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rim edges near each facet: where its entries begin, and the nodes of the edges."""
+    """Return the rim edges near each facet: where its entries begin, and the nodes of the edges.
+
+    surface : (facet_count,) number of the face of a ply that a facet belongs to; each has rims of
+        its own.
+    """
     facet, edge = np.nonzero((neighbour == NONE) & (facet_node != np.roll(facet_node, -1, axis=1)))
     ends = np.stack([facet_node[facet, edge], facet_node[facet, (edge + 1) % 4]], axis=1)
-    # the two faces of a ply have rims of their own: told apart by what they hang together with
-    surface = _surfaces(facet_node)
     corner = position[facet_node]
     middle = corner.mean(axis=1)
     size = np.linalg.norm(corner - middle[:, np.newaxis], axis=2).max(axis=1)
@@ -372,14 +375,3 @@ def _distance_to_edges(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
     part = np.einsum("nmi,mi->nm", away, along) / np.einsum("mi,mi->m", along, along)
     foot = ends[:, 0] + np.clip(part, 0.0, 1.0)[..., np.newaxis] * along
     return np.linalg.norm(points[:, np.newaxis] - foot, axis=2)
-
-
-def _surfaces(facet_node: np.ndarray) -> np.ndarray:
-    """Return a number for each facet, the same for facets that hang together over nodes."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    count, node_count = len(facet_node), int(facet_node.max()) + 1
-    entries = (np.ones(facet_node.size), (np.repeat(np.arange(count), 4), facet_node.ravel()))
-    shared = coo_array(entries, shape=(count, node_count)).tocsr()
-    return connected_components(shared @ shared.T, directed=False)[1]

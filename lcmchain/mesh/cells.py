@@ -54,6 +54,21 @@ def piece_count(faces: np.ndarray) -> int:
     return int(connected_components(graph, directed=False, return_labels=False))
 
 
+def by_node(node: np.ndarray, value: np.ndarray, node_count: int, missing: int) -> np.ndarray:
+    """Return what every node has, in the given order, (most, node_count) int32.
+
+    Parameters
+    ----------
+    node, value : (n,) pairs. missing : stands where a node has fewer.
+    """
+    order = np.argsort(node, kind="stable")
+    node, value = node[order], value[order]
+    rank = np.arange(node.size) - np.searchsorted(node, node)
+    table = np.full((int(rank.max(initial=0)) + 1, node_count), missing, dtype=np.int32)
+    table[rank, node] = value
+    return table
+
+
 def boundary_edges(faces: np.ndarray) -> np.ndarray:
     """Edges of a single cell, shape (edges, 2)."""
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)

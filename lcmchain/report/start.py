@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -50,18 +51,9 @@ def draw_initial(
     ------
     InputError : the place cannot be written.
     """
-    from lcmchain.tools.drawing import clip_to_box
-
     points, faces = 1e3 * blank.mid_surface_positions, blank.faces
     rim = boundary_edges(faces)
-    low, high = points.min(axis=0), points.max(axis=0)
-    size = float((high - low)[:2].max())
-    margin = np.array([0.16, 0.16, 0.34]) * size
-    box = np.stack([low - margin, high + margin])
-    shapes = [
-        (name, *clip_to_box(1e3 * np.asarray(p), t, box), SERIES[i % len(SERIES)])
-        for i, (name, p, t) in enumerate(tools)
-    ]
+    box, shapes = _tools_around(points, tools)
 
     with matplotlib.rc_context(RC):
         figure = new_figure(11.6, 7.6)
@@ -71,9 +63,7 @@ def draw_initial(
         gap_axis = figure.add_axes((0.575, 0.07, 0.39, 0.225))
         _draw_start(oblique_axis, points, faces, rim, shapes)
         _draw_fibres(map_axis, blank, points, faces, rim, shapes)
-        where = 1e3 * np.asarray(marks, dtype=float).reshape(-1, 3)
-        middle = where[0, 1] if len(where) else 0.5 * (low[1] + high[1])
-        middle = round(middle, 6) + 0.0  # no minus zero in the title
+        where, middle = _cut_through(marks, points)
         thickness = 1e3 * blank.thickness
         _draw_cut(cut_axis, points, rim, thickness, shapes, middle, box)
         _draw_gaps(gap_axis, points, rim, thickness, shapes, middle, box)
@@ -110,18 +100,10 @@ def draw_stack(
     ------
     InputError : the place cannot be written.
     """
-    from lcmchain.tools.drawing import clip_to_box
-
     meshes = [mesh for _, mesh in plies]
     points = np.concatenate([1e3 * mesh.node_positions for mesh in meshes])
     low, high = points.min(axis=0), points.max(axis=0)
-    size = float((high - low)[:2].max())
-    margin = np.array([0.16, 0.16, 0.34]) * size
-    box = np.stack([low - margin, high + margin])
-    shapes = [
-        (name, *clip_to_box(1e3 * np.asarray(p), t, box), SERIES[i % len(SERIES)])
-        for i, (name, p, t) in enumerate(tools)
-    ]
+    box, shapes = _tools_around(points, tools)
     shown, left_out = _shown_plies(plies)
     columns = min(len(shown), PLIES_IN_A_ROW)
     rows = -(-len(shown) // columns)
@@ -136,9 +118,7 @@ def draw_stack(
                 width - 0.35, 2.1,
             )  # fmt: skip
             _draw_ply(axis, number, name, mesh, shapes, box)
-        where = 1e3 * np.asarray(marks, dtype=float).reshape(-1, 3)
-        middle = where[0, 1] if len(where) else 0.5 * (low[1] + high[1])
-        middle = round(middle, 6) + 0.0  # no minus zero in the title
+        where, middle = _cut_through(marks, points)
         cut_axis = axes_at(figure, 0.75, 0.5, 4.6, 2.0)
         gap_axis = axes_at(figure, 6.5, 0.5, 4.6, 2.0)
         for axis in (cut_axis, gap_axis):
@@ -154,6 +134,29 @@ def draw_stack(
         )
         headline(figure, "Stack, tools and fibre directions at the start", subtitle)
         save(figure, path)
+
+
+def _tools_around(
+    points: np.ndarray, tools: Sequence[tuple[str, np.ndarray, np.ndarray]]
+) -> tuple[np.ndarray, list[tuple[Any, ...]]]:
+    """Return a box around points [mm], and name, points, triangles, colour of tools in it."""
+    from lcmchain.tools.drawing import clip_to_box
+
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = np.array([0.16, 0.16, 0.34]) * float((high - low)[:2].max())
+    box = np.stack([low - margin, high + margin])
+    shapes = [
+        (name, *clip_to_box(1e3 * np.asarray(p), t, box), SERIES[i % len(SERIES)])
+        for i, (name, p, t) in enumerate(tools)
+    ]
+    return box, shapes
+
+
+def _cut_through(marks: Sequence[Sequence[float]], points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return marks [m] in mm (n, 3), and the y of the cut: of the first mark, or of the middle."""
+    where = 1e3 * np.asarray(marks, dtype=float).reshape(-1, 3)
+    middle = where[0, 1] if len(where) else 0.5 * (points[:, 1].min() + points[:, 1].max())
+    return where, round(middle, 6) + 0.0  # no minus zero in the title
 
 
 def _shown_plies(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.effects import fibre_bending
-from lcmchain.effects.interaction import MOST, NO_BOUND, NOTHING, bound
+from lcmchain.effects.interaction import NO_BOUND, bound, in_places
 from lcmchain.effects.pace import PaceLaw, next_pace
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
@@ -448,12 +448,11 @@ class Simulation:
     def _advance(self, step_count: int, step: float) -> None:
         model = self.model
         bodies, bending = self._ordered()
-        missing = MOST - len(model.interactions)
         advance(
             self._arrays,
             bodies,
             bending,
-            (*model.interactions, *[NOTHING] * missing),
+            in_places(model.interactions),
             model.environment,
             model.averaging,
             step_count,
