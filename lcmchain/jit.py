@@ -57,6 +57,15 @@ def routine(function: Callable[..., Any]) -> Dispatcher:
     return _part(function, error_model="numpy", fastmath=FLOATING_POINT)
 
 
+def inlined_routine(function: Callable[..., Any]) -> Dispatcher:
+    """Compile like :func:`routine` into the one place that calls it, an ordered span routine.
+
+    Tuples of many arrays are handed over array by array, and each array is counted as a reference:
+    that costs more than a short work on one point.
+    """
+    return _part(function, **INLINED, _nrt=False)
+
+
 def entry(function: Callable[..., Any]) -> Dispatcher:
     """Compile like :func:`routine` a function that Python calls."""
     return _compiled(function, error_model="numpy", fastmath=FLOATING_POINT)

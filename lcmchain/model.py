@@ -28,8 +28,9 @@ from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
 from lcmchain.elements.pressed_elements import PressedElements, pressed_elements
+from lcmchain.elements.solid_shell.together import same_kernel
 from lcmchain.errors import InputError
-from lcmchain.interfaces.surfaces import InterfaceData, build_interfaces
+from lcmchain.interfaces.surfaces import PlyContact, build_interfaces
 from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, history_count
 from lcmchain.mesh.blank import BlankMesh
@@ -39,17 +40,12 @@ from lcmchain.scene.found_time import require_time_for_fluid
 from lcmchain.scene.plies import RESERVED_NAMES
 from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
-from lcmchain.tools.span_rows import SPAN
+from lcmchain.tools.span_rows import NODE_CHUNK
 from lcmchain.tools.table import ToolTable, build_tool_table
 
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
 # start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres.
 AUTOMATIC_PENALTY = 0.1
-
-# Nodes are worked on in chunks: sums over a chunk, then over the chunks in their order, have the
-# same bits for any number of threads.
-SPANS_OF_CHUNK = 8
-NODE_CHUNK = SPANS_OF_CHUNK * SPAN
 
 
 class Sheet(NamedTuple):
@@ -144,7 +140,7 @@ class Model:
     fibre_bending: FibreBending | None
     pore: PressedElements | None
     face_pressure: FacePressure | None
-    ply_contact: InterfaceData | None
+    ply_contact: PlyContact | None
     corner_force_size: int
     nodes: NodeData
     tools: ToolTable
@@ -186,7 +182,7 @@ class Model:
     @property
     def history_size(self) -> int:
         """History values of all bodies, in blocks."""
-        return self.placed[-1].last_history
+        return max(placed.last_history for placed in self.placed)
 
     @property
     def body(self) -> Body:
@@ -414,24 +410,25 @@ def assemble_bodies(
         bodies.append(family.build(name, mesh, material, element, first_node, first_element))
         first_node += mesh.node_count
         first_element += mesh.element_count
-    placed = _placed(bodies)
+    order = one_kind_after_the_other(bodies)
+    placed = _placed(bodies, order)
     chunk_start = _chunk_start(placed)
     positions = np.concatenate([body.mesh.node_positions for body in bodies])
     offset = np.concatenate([np.full(b.mesh.node_count, b.contact_offset) for b in bodies])
     thickness = min(body.material.thickness for body in bodies)
     tools = without_initial_overlap(tools, positions, offset, thickness)
     support_table, free = build_supports(supports, positions, float(process.time))
-    fibre_bending = build_fibre_bending(bodies, placed[-1].last_force)
+    last_force = placed[order[-1]].last_force
+    fibre_bending = build_fibre_bending([bodies[number] for number in order], last_force)
     bodies = with_added_mass(
         bodies,
         process.mass_scaling,
         step_safety=float(process.step_safety),
         fibre_bending=fibre_bending,
     )
-    last_force = placed[-1].last_force
     if fibre_bending is not None:
         last_force += fibre_bending.padded_count * FORCE_ROWS
-        placed = _with_bending(placed, fibre_bending)
+        placed = _with_bending(placed, order, fibre_bending)
     mass = np.concatenate([body.inertial_mass for body in bodies])
     area = np.concatenate([body.node_area for body in bodies])
     penalty = contact.penalty
@@ -514,35 +511,59 @@ def _require_names(names: Sequence[str]) -> None:
             raise InputError(f'a sheet cannot have the name "{name}", which result files use')
 
 
-def _placed(bodies: Sequence[Body]) -> tuple[PlacedBody, ...]:
-    """Give every body its ranges of all but the fibres' bending, one after the other."""
-    placed = []
-    chunk = force = history = 0
+def one_kind_after_the_other(bodies: Sequence[Body]) -> list[int]:
+    """Return the numbers of the bodies, those together that the loop can take as one."""
+    kinds: list[list[int]] = []
+    for number, body in enumerate(bodies):
+        for kind in kinds:
+            if same_kernel(bodies[kind[0]].data, body.data):
+                kind.append(number)
+                break
+        else:
+            kinds.append([number])
+    return [number for kind in kinds for number in kind]
+
+
+def _placed(bodies: Sequence[Body], order: Sequence[int]) -> tuple[PlacedBody, ...]:
+    """Give every body its ranges of all but the fibres' bending.
+
+    Nodes and their chunks follow the bodies, forces and histories an order of their own.
+    """
+    placed: list[PlacedBody] = []
+    chunk = 0
     for body in bodies:
+        nodes = (body.first_node, body.first_node + body.mesh.node_count)
+        last_chunk = chunk + -(-body.mesh.node_count // NODE_CHUNK)
+        placed.append(PlacedBody(body.data, *nodes, chunk, last_chunk, 0, 0, 0, 0))
+        chunk = last_chunk
+    force = history = 0
+    for number in order:
+        body = bodies[number]
         element_count, corner_count = body.force_nodes.shape
         padded = LANES * -(-element_count // LANES)
-        last_node = body.first_node + body.mesh.node_count
-        last_chunk = chunk + -(-body.mesh.node_count // NODE_CHUNK)
         last_force = force + padded * 3 * corner_count
         last_history = history + padded * body.history_count
-        nodes, chunks = (body.first_node, last_node), (chunk, last_chunk)
-        values = (force, last_force, history, last_history)
-        placed.append(PlacedBody(body.data, *nodes, *chunks, *values))
-        chunk, force, history = last_chunk, last_force, last_history
+        placed[number] = placed[number]._replace(
+            first_force=force,
+            last_force=last_force,
+            first_history=history,
+            last_history=last_history,
+        )
+        force, history = last_force, last_history
     return tuple(placed)
 
 
 def _with_bending(
-    placed: Sequence[PlacedBody], fibre_bending: FibreBending
+    placed: Sequence[PlacedBody], order: Sequence[int], fibre_bending: FibreBending
 ) -> tuple[PlacedBody, ...]:
-    """Give every body its range of blocks of the fibres' bending."""
+    """Give every body its range of blocks of the fibres' bending, whose sheets follow ``order``."""
     counts = fibre_bending.block_counts
     ends = np.cumsum(np.concatenate([counts, np.zeros(len(placed) - len(counts), dtype=int)]))
     starts = np.concatenate([[0], ends[:-1]])
-    return tuple(
-        place._replace(first_bending=first, last_bending=last)
-        for place, first, last in zip(placed, starts.tolist(), ends.tolist(), strict=True)
-    )
+    found = list(placed)
+    for number, first, last in zip(order, starts.tolist(), ends.tolist(), strict=True):
+        found[number] = placed[number]._replace(first_bending=first, last_bending=last)
+    return tuple(found)
 
 
 def _chunk_start(placed: Sequence[PlacedBody]) -> np.ndarray:

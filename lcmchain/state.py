@@ -16,10 +16,11 @@ import numpy as np
 from lcmchain.cache_lines import aligned, zeros
 from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.errors import InputError
-from lcmchain.interfaces.forces import PLY_CLOCK, PLY_COUNTERS, SPRING_ENTRIES, SUM_COLUMNS
+from lcmchain.interfaces.forces import PLY_CLOCK, PLY_COUNTERS, SUM_COLUMNS
 from lcmchain.interfaces.springs import SLOPES
 from lcmchain.interfaces.surfaces import NONE
-from lcmchain.model import SPANS_OF_CHUNK, Model
+from lcmchain.model import Model
+from lcmchain.tools.span_rows import SPANS_OF_CHUNK
 
 # Columns of ``State.work``: energies [J] accumulated over the run, or of the last step.
 KINETIC = 0  # of the sheets and of guided tools, last step
@@ -95,8 +96,9 @@ def entry(
 def sizes(model: Model) -> dict[str, int]:
     """Return the sizes that declarations name."""
     tool_count = len(model.tool_names)
+    span_count = model.nodes.chunk_order.size * SPANS_OF_CHUNK
     bending, pore = model.fibre_bending, model.pore
-    plies = model.ply_contact
+    plies = None if model.ply_contact is None else model.ply_contact.data
     return {
         "xyz": 3,
         "node": model.node_count,
@@ -124,7 +126,10 @@ def sizes(model: Model) -> dict[str, int]:
         "ply chunk": 0 if plies is None else model.nodes.chunk_order.size,
         "ply list": 0 if plies is None else model.node_count + 1,
         "ply list entry": 0 if plies is None else 4 * model.node_count,
-        "spring entry": SPRING_ENTRIES,
+        "ply row number": 0 if plies is None else span_count * plies.row_size,
+        "ply span": 0 if plies is None else span_count,
+        "lowest and highest": 2,
+        "corner": 4,
         "slope": SLOPES,
         "depth and offset": 2,
         "ply counter": 0 if plies is None else PLY_COUNTERS,
@@ -133,7 +138,7 @@ def sizes(model: Model) -> dict[str, int]:
         "sample": model.sample_count,
         "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
         "chunk": model.nodes.chunk_order.size,
-        "span": model.nodes.chunk_order.size * SPANS_OF_CHUNK,
+        "span": span_count,
         "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
     }
 
@@ -271,20 +276,11 @@ class State(_Arrays):
         meaning="facet of another ply that a point faces; -1 without",
         dtype=np.int32,
     )
-    ply_spring: np.ndarray = entry(
-        "ply point", "spring entry", unit="1, m, N/m", meaning="of a point on another ply, frozen"
-    )
-    ply_rim: np.ndarray = entry(
-        "ply point", "xyz", unit="1/m", meaning="gradient of the share over the other ply"
-    )
-    ply_baseline: np.ndarray = entry(
-        "ply point", unit="m", meaning="depth in another ply at which its spring has no force"
-    )
-    ply_stick: np.ndarray = entry(
-        "ply point", "xyz", unit="m", meaning="elastic slip on the other ply"
-    )
-    ply_anchor: np.ndarray = entry(
-        "ply point", "xyz", unit="m", meaning="from which the slip is measured"
+    ply_rows: np.ndarray = entry(
+        "ply row number",
+        unit="1, m, N, J",
+        meaning="springs of points on other plies and what their laws keep, see "
+        "lcmchain.interfaces.rows",
     )
     ply_slope: np.ndarray = entry(
         "ply facet", "slope", unit="1", meaning="of the smooth surface at the corners of a facet"
@@ -431,6 +427,16 @@ class Scratch(_Arrays):
     )
     ply_sums: np.ndarray = entry(
         "ply chunk", "ply sum", unit="J, 1", meaning="of points, see lcmchain.interfaces.forces"
+    )
+    ply_corner: np.ndarray = entry(
+        "ply point", "corner", unit="1", meaning="nodes of the facet of a point", dtype=np.int32
+    )
+    ply_interface: np.ndarray = entry(
+        "ply span",
+        "lowest and highest",
+        unit="1",
+        meaning="numbers of the interfaces that points of a span are on",
+        dtype=np.int32,
     )
     ply_start: np.ndarray = entry(
         "ply list",

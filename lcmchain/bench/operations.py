@@ -26,7 +26,6 @@ from lcmchain.effects.fibre_bending import NEAR_ROWS, add_vectors, find_middle, 
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import element_forces
 from lcmchain.errors import SimulationError
-from lcmchain.model import SPANS_OF_CHUNK
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.contact_forces import ROWS, find_gaps, make_forces
 from lcmchain.solver.simulation import Simulation
@@ -41,7 +40,7 @@ from lcmchain.tools.span_distance import (
     span_distances,
     to_tool_frame,
 )
-from lcmchain.tools.span_rows import SPAN, load_rows
+from lcmchain.tools.span_rows import SPAN, SPANS_OF_CHUNK, load_rows
 
 #: Of one number each, on x86: arithmetic, square roots, the larger or smaller of two.
 SINGLE = re.compile(r"\sv?(?:add|sub|mul|div|sqrt|max|min)sd\s")

@@ -99,7 +99,7 @@ def stack_tables(scene: Scene, element_counts: Sequence[int]) -> list[Table]:
             f"{1e3 * width:.4g} x {1e3 * height:.4g} mm"
             + (f", shifted by ({shift}) mm" if any(ply.center) else ""),
         )
-    between = _table("Between plies", "plies", "friction", "stiffness")
+    between = _table("Between plies", "plies", "what they do", "stiffness")
     for entry in stack.interfaces(scene.interfaces):
         names = (
             "all that no other entry names"
@@ -107,7 +107,7 @@ def stack_tables(scene: Scene, element_counts: Sequence[int]) -> list[Table]:
             else " and ".join(entry.between)
         )
         stiffness = "automatic" if entry.penalty is None else f"{1e-9 * entry.penalty:.4g} MPa/mm"
-        between.add_row(_text(names), f"{entry.friction:g}", stiffness)
+        between.add_row(_text(names), entry.in_words(), stiffness)
     return [plies, between]
 
 

@@ -1,7 +1,8 @@
 """Contact between the plies of a stack: they press, stick, slide and part.
 
 Adds: forces between the faces of two plies that meet: nodes of each face on the facets of the other
-one, both ways, with half the stiffness each; Coulomb friction with an elastic slip. Springs of the
+one, both ways, with half the stiffness each; and what the laws of the interfaces add up to:
+friction, a viscous film, adhesion, a shear stress (:mod:`lcmchain.interfaces.laws`). Springs of the
 nodes are frozen for some tens of steps, so that they have a potential, and renewed as the plies
 slide (:mod:`lcmchain.interfaces`).
 Source: node-to-facet penalty contact, e.g. Wriggers, "Computational Contact Mechanics", sections
@@ -16,9 +17,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from lcmchain.effects.effect import Effect
+from lcmchain.interfaces.law import NoLaw, span
 
 
 def active(model: Any) -> list[Effect]:
@@ -28,12 +28,9 @@ def active(model: Any) -> list[Effect]:
     contact = model.ply_contact
     if contact is None:
         return [Effect("contact between plies", False, "they pass through each other")]
-    rubs = bool((contact.friction > 0.0).any())
-    return [
-        Effect("contact between plies", True, f"stiffness {_range(1e-9 * contact.penalty)} N/mm^3"),
-        Effect("friction between plies", rubs, f"coefficient {_range(contact.friction)}"),
+    stiffness = f"stiffness {span(1e-9 * contact.data.penalty)} N/mm^3"
+    effects = [Effect("contact between plies", True, stiffness)]
+    effects += [
+        Effect(law.title, True, law.reason()) for law in contact.laws if not isinstance(law, NoLaw)
     ]
-
-
-def _range(values: np.ndarray) -> str:
-    return " to ".join(f"{value:.3g}" for value in dict.fromkeys((values.min(), values.max())))
+    return effects

@@ -3,7 +3,10 @@
 Every point over a facet has a spring that stays as it is until the next refresh: weights of the
 facet's corners, normal, offset, stiffness and share. With r = x - Σ weight corner its gap is
 normal·r + offset and its share of the area is linear in r too, so that its normal force has a
-potential. Forces are made point by point first and then gathered node by node, from a list of the
+potential. To it come the forces of the interface's laws (:mod:`lcmchain.interfaces.law`).
+
+What a point has lies in rows of its span of 16 nodes: one loop over the nodes of a span, which
+compiles to vectors, makes their forces. These are then gathered node by node, from a list of the
 points that press on a node in the order of their numbers: bit-identical for any number of threads.
 """
 
@@ -12,25 +15,36 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from lcmchain.elements.vectors import dot, plus, scaled
-from lcmchain.interfaces.coulomb import cut_slip, tangential
-from lcmchain.jit import equation, kernel_part, routine
-
-# Entries of a spring.
-WEIGHT = 0  # of the four corners
-NORMAL = 4
-OFFSET = 7  # [m]
-STIFFNESS = 8  # of the whole area of the point [N/m]
-SHARE = 9  # of the area at r = 0; 1 exactly where no rim is near
-HELD = 10  # further depth that the spring feels, see refresh.py [m]
-LAST_DEPTH = 11  # depth without the one held, at the last refresh [m]
-LAST_GAP = 12  # at the last step [m]
-LAST_DAMPING = 13  # force at the last step [N]
-SPRING_ENTRIES = 14
+from lcmchain.elements.vectors import plus
+from lcmchain.interfaces.law import load_memory, respond, store_memory
+from lcmchain.interfaces.rows import (
+    AREA,
+    DAMPED_ENERGY,
+    FORCE,
+    HELD,
+    INTERFACE,
+    LAST_DAMPING,
+    LAST_GAP,
+    LOST_ENERGY,
+    MOVED,
+    RIM,
+    STORED_ENERGY,
+    WAY,
+    WEIGHT,
+    all_parameters,
+    any_uses_sliding,
+    memory_rows,
+    row_start,
+    spring_energy,
+    touch_of,
+)
+from lcmchain.interfaces.surfaces import NONE
+from lcmchain.jit import equation, kernel_part, ordered_span_routine, span_part, span_routine
+from lcmchain.tools.span_rows import SPAN, SPANS_OF_CHUNK, put_vector, vector_at
 
 # Columns of the sums of the points of a chunk of nodes.
-STORED = 0  # in the springs [J]
-LOST = 1  # by sliding in this step [J]
+STORED = 0  # in the springs and laws [J]
+LOST = 1  # by sliding and parting in this step [J]
 DAMPED = 2  # by damping in this step [J]
 BOOKED = 3  # what the last refresh put into the springs [J]
 STEPS_ALLOWED = 4  # until the next refresh
@@ -49,139 +63,164 @@ REFRESHES = 5  # made so far
 PLY_COUNTERS = 6
 
 # Entries of ``State.ply_clock``.
-WAY = 0  # of the fastest node since the last search [m]
+WAY_SINCE_SEARCH = 0  # of the fastest node since the last search [m]
 PLY_CLOCK = 1
 
 
 @equation
-def away_from_facet(position, facet_node, facet, spring, point):
-    """Return r, the way from the weighted corners to a point [m]."""
-    a, b = np.uint64(facet_node[facet, 0]), np.uint64(facet_node[facet, 1])
-    c, d = np.uint64(facet_node[facet, 2]), np.uint64(facet_node[facet, 3])
-    wa, wb, wc, wd = spring[0], spring[1], spring[2], spring[3]
-    p = np.uint64(point)
-    x, y, z = position[0], position[1], position[2]
+def with_law(law, values, rows, at, row, touch, total):
+    """Add what a law answers to force, tension, stored and lost energy, and move its memory on."""
+    force, tension, stored, lost = total
+    memory = load_memory(law, rows, at + row * SPAN)
+    answer = respond(law, values, memory, touch)
+    store_memory(law, answer[4], rows, at + row * SPAN)
     return (
-        x[p] - (wa * x[a] + wb * x[b] + wc * x[c] + wd * x[d]),
-        y[p] - (wa * y[a] + wb * y[b] + wc * y[c] + wd * y[d]),
-        z[p] - (wa * z[a] + wb * z[b] + wc * z[c] + wd * z[d]),
+        plus(1.0, force, answer[0]),
+        tension + answer[1],
+        stored + answer[2],
+        lost + answer[3],
     )
 
 
 @equation
-def share_at(spring, rim, r):
-    """Return the share of a point at r, not below 0."""
-    share = spring[SHARE]
-    if share == 1.0:
-        return share
-    return max(share + dot((rim[0], rim[1], rim[2]), r), 0.0)
-
-
-@equation
-def gap_at(spring, r):
-    """Return the gap [m] at r, and the normal."""
-    normal = (spring[NORMAL], spring[NORMAL + 1], spring[NORMAL + 2])
-    return dot(normal, r) + spring[OFFSET], normal
-
-
-@equation
-def normal_force(spring, rim, r):
-    """Return force on the point [N], its size along the normal, stiffness [N/m] and energy [J]."""
-    gap, normal = gap_at(spring, r)
-    depth, held = max(-gap, 0.0), spring[HELD]
-    stiffness = spring[STIFFNESS] * share_at(spring, rim, r)
-    # the depth held before costs nothing: without any depth of its own a spring has no energy
-    squares = 0.5 * (depth * depth - held * held)
-    pressure = stiffness * depth
-    force = scaled(pressure, normal)
-    if spring[SHARE] != 1.0 and stiffness > 0.0:
-        force = plus(-spring[STIFFNESS] * squares, (rim[0], rim[1], rim[2]), force)
-    return force, pressure, stiffness, stiffness * squares
-
-
-@routine
-def force_on_point(data, position, facet, spring, rim, stick, anchor, force, point, rate):
-    """Write the force on a point (3,) [N].
-
-    Return the energy of its spring, and what sliding and damping took in this step [J].
+def force_in_lane(laws, values, starts, rows, at, rate, time):
+    """Write force and energies of a point, and move its memory on.
 
     Parameters
     ----------
-    spring : its last gap and damping are moved on.
-    stick, anchor : (3,) elastic slip and its anchor [m], moved on; not read without friction.
+    values, starts : of the laws, :func:`all_parameters` and :func:`memory_rows`.
     rate : damping over stiffness and last step, 0 at the start.
     """
-    r = away_from_facet(position, data.facet_node, facet, spring, point)
-    total, pressure, stiffness, stored = normal_force(spring, rim, r)
-    gap, normal = gap_at(spring, r)
-    closed = spring[LAST_GAP] - gap
+    r, moved = vector_at(rows, WAY, at), vector_at(rows, MOVED, at)
+    touch = touch_of(rows, at, r, moved, time)
+    energy = spring_energy(rows, at, touch)
+    closed = touch.last_gap - touch.gap
     # no adhesion: damping takes no more than the pressure there is
-    resists = max(rate * stiffness * closed, -pressure) if pressure > 0.0 else 0.0
-    damped = 0.5 * (spring[LAST_DAMPING] + resists) * closed
-    spring[LAST_GAP], spring[LAST_DAMPING] = gap, resists
-    total = plus(resists, normal, total)
-    law = data.law[data.ply[point], data.facet_ply[facet]]
-    lost = 0.0
-    if data.friction[law] > 0.0:
-        way = tangential(r, normal)
-        before = (stick[0], stick[1], stick[2])
-        trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), way)
-        along = data.tangential_ratio[law] * stiffness
-        after = cut_slip(trial, along, data.friction[law] * pressure)
-        if pressure == 0.0:
-            after = (0.0, 0.0, 0.0)
-            along = data.tangential_ratio[law] * spring[STIFFNESS]
-        total = plus(-along, after, total)
-        # ½ k (b + a)·(t - b) - ½ k (a² - b²), what the motion loses and the spring does not keep
-        lost = 0.5 * along * (dot(plus(1.0, before, after), plus(-1.0, after, trial)))
-        stored += 0.5 * along * dot(after, after)
-        for d in range(3):
-            stick[d] = after[d]
-            anchor[d] = after[d] - way[d]
-    force[0], force[1], force[2] = total[0], total[1], total[2]
-    return stored, lost, damped
+    resists = max(rate * touch.stiffness * closed, -touch.pressure)
+    resists = resists if touch.pressure > 0.0 else 0.0
+    last_damping = rows[at + LAST_DAMPING * SPAN]
+    total = ((0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+    first, second, third, fourth, fifth, sixth = laws
+    total = with_law(first, values[0], rows, at, starts[0], touch, total)
+    total = with_law(second, values[1], rows, at, starts[1], touch, total)
+    total = with_law(third, values[2], rows, at, starts[2], touch, total)
+    total = with_law(fourth, values[3], rows, at, starts[3], touch, total)
+    total = with_law(fifth, values[4], rows, at, starts[4], touch, total)
+    total = with_law(sixth, values[5], rows, at, starts[5], touch, total)
+    force, tension, stored, lost = total
+    force = plus(touch.pressure + resists - tension, touch.normal, force)
+    # all that is stored goes with the share: what it changes along the facet is a force as well
+    stored += energy
+    whole = rows[at + AREA * SPAN]
+    per_share = stored * whole / touch.area if touch.area > 0.0 else 0.0
+    force = plus(-per_share, vector_at(rows, RIM, at), force)
+    put_vector(rows, FORCE, at, force)
+    rows[at + STORED_ENERGY * SPAN] = stored
+    rows[at + LOST_ENERGY * SPAN] = lost
+    rows[at + DAMPED_ENERGY * SPAN] = 0.5 * (last_damping + resists) * closed
+    rows[at + LAST_GAP * SPAN] = touch.gap - rows[at + HELD * SPAN]
+    rows[at + LAST_DAMPING * SPAN] = resists
+
+
+@span_part
+def load_ways(position, corner, first, count, rows, row):
+    """Write to three rows the way from the weighted corners to each point of a span."""
+    for i in range(count):
+        point = np.uint64(first + i)
+        a, b = np.uint64(corner[point, 0]), np.uint64(corner[point, 1])
+        c, d = np.uint64(corner[point, 2]), np.uint64(corner[point, 3])
+        wa, wb = rows[WEIGHT * SPAN + i], rows[(WEIGHT + 1) * SPAN + i]
+        wc, wd = rows[(WEIGHT + 2) * SPAN + i], rows[(WEIGHT + 3) * SPAN + i]
+        for k in range(3):
+            x = position[k]
+            on_facet = wa * x[a] + wb * x[b] + wc * x[c] + wd * x[d]
+            rows[(row + k) * SPAN + i] = x[point] - on_facet
+
+
+@span_part
+def forces_of_span(laws, interface, rows, rate, time):
+    """Make the forces of the points of a span, all on one interface."""
+    values, starts = all_parameters(laws, interface), memory_rows(laws)
+    for lane in range(SPAN):
+        force_in_lane(laws, values, starts, rows, lane, rate, time)
+
+
+@span_routine
+def force_of_point(laws, interface, rows, lane, rate, time):
+    """Make the force of one point, in a span of points on several interfaces."""
+    values, starts = all_parameters(laws, interface), memory_rows(laws)
+    force_in_lane(laws, values, starts, rows, lane, rate, time)
 
 
 @kernel_part
-def forces_of_points(data, arrays, dt_last):
-    """Write the force on every point, and the energies of every chunk of nodes."""
+def forces_of_points(data, first, second, third, fourth, fifth, sixth, arrays, dt_last):
+    """Write the force on every point, and the energies of every chunk of nodes.
+
+    first to sixth : the laws, one by one, as a parallel loop takes no tuple of tuples.
+    """
     for chunk in prange(arrays.ply_sums.shape[0]):
-        forces_of_chunk(data, arrays, chunk, dt_last)
+        laws = (first, second, third, fourth, fifth, sixth)
+        forces_of_chunk(data, laws, arrays, chunk, dt_last)
 
 
-@routine
-def forces_of_chunk(data, arrays, chunk, dt_last):
+@ordered_span_routine
+def forces_of_chunk(data, laws, arrays, chunk, dt_last):
     """Write the force on every point of a chunk of nodes, and its energies."""
-    stored, lost, damped = 0.0, 0.0, 0.0
     rate = data.damping_time / dt_last if dt_last > 0.0 else 0.0
-    for point in range(arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]):
-        facet = arrays.ply_facet[point]
-        if facet >= 0:
-            own_stored, own_lost, own_damped = force_on_point(
-                data,
-                arrays.position,
-                facet,
-                arrays.ply_spring[point],
-                arrays.ply_rim[point],
-                arrays.ply_stick[point],
-                arrays.ply_anchor[point],
-                arrays.ply_force[point],
-                point,
-                rate,
-            )
-            stored += own_stored
-            lost += own_lost
-            damped += own_damped
+    size = memory_rows(laws)[6] * SPAN
+    stored, lost, damped = 0.0, 0.0, 0.0
+    begin, end = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
+    for place in range(SPANS_OF_CHUNK):
+        span, first = chunk * SPANS_OF_CHUNK + place, begin + place * SPAN
+        low, high = arrays.ply_interface[span, 0], arrays.ply_interface[span, 1]
+        if low > high:
+            continue
+        count = min(SPAN, end - first)
+        rows = arrays.ply_rows[span * size : (span + 1) * size]
+        load_ways(arrays.position, arrays.ply_corner, first, count, rows, WAY)
+        if any_uses_sliding(laws):
+            load_ways(arrays.velocity, arrays.ply_corner, first, count, rows, MOVED)
+            for i in range(3 * SPAN):
+                rows[MOVED * SPAN + i] *= dt_last
+        if low == high:
+            forces_of_span(laws, low, rows, rate, dt_last)
+        else:
+            for i in range(count):
+                interface = int(rows[INTERFACE * SPAN + i])
+                force_of_point(laws, interface, rows, i, rate, dt_last)
+        for i in range(count):
+            for d in range(3):
+                arrays.ply_force[first + i, d] = rows[(FORCE + d) * SPAN + i]
+            stored += rows[STORED_ENERGY * SPAN + i]
+            lost += rows[LOST_ENERGY * SPAN + i]
+            damped += rows[DAMPED_ENERGY * SPAN + i]
     arrays.ply_sums[chunk, STORED] = stored
     arrays.ply_sums[chunk, LOST] = lost
     arrays.ply_sums[chunk, DAMPED] = damped
 
 
-@routine
+@ordered_span_routine
 def list_points(data, arrays):
-    """List for every node the points whose facets it is a corner of, in their order."""
+    """List for every node the points whose facets it is a corner of, in their order.
+
+    And for every point the corners, for every span the lowest and the highest number of the
+    interfaces that its points are on; the lowest is above the highest where none is.
+    """
     start, item, weight = arrays.ply_start, arrays.ply_item, arrays.ply_weight
-    facet_node, facets, spring = data.facet_node, arrays.ply_facet, arrays.ply_spring
+    facet_node, facets, rows = data.facet_node, arrays.ply_facet, arrays.ply_rows
+    corner, interface = arrays.ply_corner, arrays.ply_interface
+    interface[:, 0], interface[:, 1] = data.interface_count, NONE
+    for point in range(facets.size):
+        facet = facets[point]
+        span = data.lane[point] // SPAN
+        for k in range(4):
+            corner[point, k] = point
+            if facet >= 0:
+                corner[point, k] = facet_node[facet, k]
+        if facet >= 0:
+            number = data.interface[data.ply[point], data.facet_ply[facet]]
+            interface[span, 0] = min(interface[span, 0], number)
+            interface[span, 1] = max(interface[span, 1], number)
     start[:] = 0
     for point in range(facets.size):
         facet = facets[point]
@@ -199,14 +238,14 @@ def list_points(data, arrays):
                 start[node + 1] -= 1
                 place = start[node + 1]
                 item[place] = point
-                weight[place] = spring[point, WEIGHT + k]
+                weight[place] = rows[row_start(data, point) + (WEIGHT + k) * SPAN]
     # filled from their ends, the lists now begin one entry further on
     for node in range(facets.size):
         start[node] = start[node + 1]
     start[facets.size] = total
 
 
-@routine
+@ordered_span_routine
 def add_ply_forces(data, arrays, chunk, first, last):
     """Add the contact forces between plies to the nodes ``first`` to ``last`` of a chunk.
 

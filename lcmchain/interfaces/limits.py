@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from lcmchain.errors import SimulationError
-from lcmchain.interfaces.forces import STIFFNESS, TOO_DEEP, WEIGHT
+from lcmchain.interfaces.forces import TOO_DEEP
+from lcmchain.interfaces.rows import INTERFACE, STIFFNESS, WEIGHT, row_start
 from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.jit import entry
 from lcmchain.quantities.places import millimetres
+from lcmchain.tools.span_rows import SPAN
 
 
 def omega2_bound(model: Any, state: Any) -> float:
@@ -19,27 +21,30 @@ def omega2_bound(model: Any, state: Any) -> float:
     The largest row sum of M⁻¹K, of all springs that are there and at least of plies of equal meshes
     in full contact: what comes into contact until the next look is then covered.
     """
-    data, mass = model.ply_contact, model.nodes.mass
-    return max(data.omega2, largest_row_sum(data, state.ply_facet, state.ply_spring, mass))
+    data, mass = model.ply_contact.data, model.nodes.mass
+    return max(data.omega2, largest_row_sum(data, state.ply_facet, state.ply_rows, mass))
 
 
 @entry
-def largest_row_sum(data, facets, spring, mass):
+def largest_row_sum(data, facets, springs, mass):
     """Return the largest Σ |K| / m of all nodes [1/s²] by the springs of points over facets.
 
-    Friction springs are softer and at right angles to those of the pressure: they add nothing.
+    Springs against sliding are at right angles to those of the pressure: the stiffer ones count.
     """
     rows = np.zeros(mass.size)
     for point in range(facets.size):
         facet = facets[point]
         if facet >= 0:
+            at = row_start(data, point)
             total = 1.0
             for k in range(4):
-                total += abs(spring[point, WEIGHT + k])
-            rows[point] += spring[point, STIFFNESS] * total
+                total += abs(springs[at + (WEIGHT + k) * SPAN])
+            stiffness = springs[at + STIFFNESS * SPAN]
+            stiffness *= data.stiffer[int(springs[at + INTERFACE * SPAN])]
+            rows[point] += stiffness * total
             for k in range(4):
-                weight = abs(spring[point, WEIGHT + k])
-                rows[data.facet_node[facet, k]] += spring[point, STIFFNESS] * weight * total
+                weight = abs(springs[at + (WEIGHT + k) * SPAN])
+                rows[data.facet_node[facet, k]] += stiffness * weight * total
     largest = 0.0
     for node in range(mass.size):
         largest = max(largest, rows[node] / mass[node])
@@ -53,7 +58,7 @@ def require_on_the_face(model: Any, state: Any) -> None:
     ------
     SimulationError : it names the plies, the element, the place and the time.
     """
-    data: InterfaceData = model.ply_contact
+    data: InterfaceData = model.ply_contact.data
     point = int(state.ply_counters[TOO_DEEP]) - 1
     if point < 0:
         return

@@ -29,48 +29,67 @@ import numpy as np
 from numba import prange
 
 from lcmchain.elements.vectors import cross, dot, plus
-from lcmchain.interfaces.coulomb import cut_slip, tangential, turned
 from lcmchain.interfaces.forces import (
     BOOKED,
     DEEPEST,
     DEEPEST_POINT,
     FASTEST,
+    LAST_STEPS,
+    NORMAL_STEPS_LEFT,
+    REFRESHES,
+    REFRESHES_LEFT,
+    STEPS_ALLOWED,
+    STEPS_LEFT,
+    TOO_DEEP,
+    WAY_SINCE_SEARCH,
+    list_points,
+)
+from lcmchain.interfaces.law import carried, load_memory, memory_size, respond, store_memory
+from lcmchain.interfaces.laws.coulomb import tangential
+from lcmchain.interfaces.rims import share_over
+from lcmchain.interfaces.rows import (
+    AREA,
+    BASELINE,
     HELD,
+    INTERFACE,
     LAST_DAMPING,
     LAST_DEPTH,
     LAST_GAP,
-    LAST_STEPS,
     NORMAL,
-    NORMAL_STEPS_LEFT,
     OFFSET,
-    REFRESHES,
-    REFRESHES_LEFT,
+    RIM,
     SHARE,
-    STEPS_ALLOWED,
-    STEPS_LEFT,
     STIFFNESS,
-    TOO_DEEP,
-    WAY,
     WEIGHT,
-    gap_at,
-    list_points,
-    normal_force,
+    all_parameters,
+    memory_rows,
+    row_start,
+    spring_energy,
+    touch_of,
 )
-from lcmchain.interfaces.rims import share_over
 from lcmchain.interfaces.search import (
     GIVEN_UP,
     HELD_FACING,
     build_grid,
     furthest_outside,
+    is_triangle,
     largest_outside,
     looks_at,
     nearest_facet,
     no_grid,
     walk,
 )
-from lcmchain.interfaces.springs import facet_slopes, minus, spring_at, unit, vector_of
+from lcmchain.interfaces.springs import (
+    coordinates_of,
+    facet_slopes,
+    minus,
+    spring_at,
+    unit,
+    vector_of,
+)
 from lcmchain.interfaces.surfaces import NONE
-from lcmchain.jit import equation, kernel_part, routine
+from lcmchain.jit import equation, inlined_routine, kernel_part, ordered_span_routine, routine
+from lcmchain.tools.span_rows import SPAN, put_vector
 
 # Steps between two refreshes: at most, and by how much they may grow from one to the next.
 MOST_STEPS, GROWTH = 100, 2
@@ -84,24 +103,29 @@ SMOOTHING = 2.0
 
 
 @routine
-def refresh(data, arrays, dt_last, dt):
+def refresh(data, laws, arrays, dt_last, dt):
     """Renew all springs, and return what that puts into them [J]."""
     counters, clock = arrays.ply_counters, arrays.ply_clock
     if counters[NORMAL_STEPS_LEFT] <= 0:
         renew_slopes(data, arrays)
         counters[NORMAL_STEPS_LEFT] = data.slope_steps
-    arrays.ply_held[:, 0] = arrays.ply_spring[:, LAST_DEPTH]
-    arrays.ply_held[:, 1] = arrays.ply_spring[:, HELD]
+    for point in range(arrays.mass.size):
+        at = row_start(data, point)
+        arrays.ply_held[point, 0] = arrays.ply_rows[at + LAST_DEPTH * SPAN]
+        arrays.ply_held[point, 1] = arrays.ply_rows[at + HELD * SPAN]
     arrays.ply_touching[:] = arrays.ply_facet
     look_ahead(arrays, 0.5 * counters[LAST_STEPS] * dt)
-    everywhere = counters[REFRESHES_LEFT] <= 0 or clock[WAY] > SEARCH_WAY * data.reach
+    everywhere = counters[REFRESHES_LEFT] <= 0 or clock[WAY_SINCE_SEARCH] > SEARCH_WAY * data.reach
     if everywhere:
         grid = build_grid(arrays.ply_ahead, data)
         counters[REFRESHES_LEFT] = REFRESHES_PER_SEARCH
-        clock[WAY] = 0.0
+        clock[WAY_SINCE_SEARCH] = 0.0
     else:
         grid = no_grid()
-    renew_points(data, arrays, everywhere, grid, dt_last, dt)
+    first, second, third, fourth, fifth, sixth = laws
+    renew_points(
+        data, first, second, third, fourth, fifth, sixth, arrays, everywhere, grid, dt_last, dt
+    )
     list_points(data, arrays)
 
     booked, steps, fastest, deepest = 0.0, float(MOST_STEPS), 0.0, 0.0
@@ -119,11 +143,11 @@ def refresh(data, arrays, dt_last, dt):
     counters[REFRESHES_LEFT] -= 1
     counters[NORMAL_STEPS_LEFT] -= counters[LAST_STEPS]
     counters[REFRESHES] += 1
-    clock[WAY] += fastest * counters[LAST_STEPS] * dt
+    clock[WAY_SINCE_SEARCH] += fastest * counters[LAST_STEPS] * dt
     return booked
 
 
-@routine
+@ordered_span_routine
 def look_ahead(arrays, time):
     """Write where the nodes will be after a time [s]."""
     for d in range(3):
@@ -173,14 +197,17 @@ def renew_slopes(data, arrays):
 
 
 @kernel_part
-def renew_points(data, arrays, everywhere, grid, dt_last, dt):
+def renew_points(
+    data, first, second, third, fourth, fifth, sixth, arrays, everywhere, grid, dt_last, dt
+):
     """Renew the springs of all points; booked energy, allowed steps and depths go to the sums."""
     for chunk in prange(arrays.ply_sums.shape[0]):
-        renew_chunk(data, arrays, everywhere, grid, dt_last, dt, chunk)
+        laws = (first, second, third, fourth, fifth, sixth)
+        renew_chunk(data, laws, arrays, everywhere, grid, dt_last, dt, chunk)
 
 
-@routine
-def renew_chunk(data, arrays, everywhere, grid, dt_last, dt, chunk):
+@ordered_span_routine
+def renew_chunk(data, laws, arrays, everywhere, grid, dt_last, dt, chunk):
     """Renew the springs of a chunk of nodes."""
     sums = arrays.ply_sums[chunk]
     sums[BOOKED], sums[FASTEST], sums[DEEPEST] = 0.0, 0.0, 0.0
@@ -188,54 +215,57 @@ def renew_chunk(data, arrays, everywhere, grid, dt_last, dt, chunk):
     for point in range(arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]):
         v = vector_of(arrays.velocity, point)
         sums[FASTEST] = max(sums[FASTEST], math.sqrt(dot(v, v)))
-        renew_point(data, arrays, everywhere, grid, dt_last, dt, point, sums)
+        renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums)
 
 
-@routine
-def renew_point(data, arrays, everywhere, grid, dt_last, dt, point, sums):
-    """Find the facet of a point, freeze its spring, and carry its slip over."""
+@inlined_routine
+def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
+    """Find the facet of a point, freeze its spring, and carry what the laws keep over."""
     position, held = arrays.ply_ahead, arrays.ply_facet[point]
-    spring, rim = arrays.ply_spring[point], arrays.ply_rim[point]
+    rows, at = arrays.ply_rows, row_start(data, point)
     if held < 0 and not everywhere:
         return
-    x = vector_of(position, point)
-    stick, anchor = arrays.ply_stick[point], arrays.ply_anchor[point]
-    before = trial = (0.0, 0.0, 0.0)
+    x, none = vector_of(position, point), (0.0, 0.0, 0.0)
     presses = False
+    before = touch_of(rows, at, none, none, dt_last)
     if held >= 0:
-        sums[BOOKED] -= energy_before(data, arrays, held, dt_last, point)
-        r = way_to_facet(arrays.position, data, held, spring, point)
-        gap, normal = gap_at(spring, r)
-        presses = gap < 0.0
-        if presses:
-            before = (stick[0], stick[1], stick[2])
-            trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), tangential(r, normal))
+        sums[BOOKED] -= energy_before(
+            laws, arrays.position, arrays.velocity, data.facet_node, held, rows, at, dt_last, point
+        )
+        r = way_to_facet(arrays.position, data.facet_node, held, rows, at, point)
+        before = touch_of(rows, at, r, none, dt_last)
+        presses = before.gap < rows[at + HELD * SPAN]
 
     facet, xi, eta = find_facet(data, arrays, everywhere, presses, grid, point)
-    share, slope, most = 1.0, (0.0, 0.0, 0.0), 0.0
+    share, slope, most = 1.0, none, 0.0
+    w, normal, offset = (0.0, 0.0, 0.0, 0.0), none, 0.0
     if facet >= 0:
         share, slope = share_over(position, data, point, facet)
         most, _ = largest_outside(data, facet, xi, eta)
-        _, _, _, gap = spring_at(position, data.facet_node, arrays.ply_slope, facet, xi, eta, x)
+        w, normal, offset, gap = spring_at(
+            position, data.facet_node, arrays.ply_slope, facet, xi, eta, x
+        )
         # what hangs down beyond a rim is beside the other ply, not in it
         beside = -gap > data.depth[data.ply[point], data.facet_ply[facet]]
         if most > 0.0 and (share <= 0.0 or beside):
             facet = NONE
     arrays.ply_facet[point] = facet
     if facet < 0:
+        for row in range(memory_rows(laws)[6]):
+            rows[at + row * SPAN] = 0.0
         return
 
     ply, other = data.ply[point], data.facet_ply[facet]
-    law = data.law[ply, other]
-    w, normal, offset, _ = spring_at(position, data.facet_node, arrays.ply_slope, facet, xi, eta, x)
+    interface = data.interface[ply, other]
     for k in range(4):
-        spring[WEIGHT + k] = w[k]
-    for d in range(3):
-        spring[NORMAL + d], rim[d] = normal[d], slope[d]
-    spring[SHARE] = 1.0
+        rows[at + (WEIGHT + k) * SPAN] = w[k]
+    put_vector(rows, NORMAL, at, normal)
+    put_vector(rows, RIM, at, slope)
+    rows[at + SHARE * SPAN] = 1.0
     if share != 1.0:
-        spring[SHARE] = share - dot(slope, way_to_facet(position, data, facet, spring, point))
-    r = way_to_facet(arrays.position, data, facet, spring, point)
+        ahead = way_to_facet(position, data.facet_node, facet, rows, at, point)
+        rows[at + SHARE * SPAN] = share - dot(slope, ahead)
+    r = way_to_facet(arrays.position, data.facet_node, facet, rows, at, point)
     gap = dot(normal, r) + offset
     if most <= 0.0:
         sums[DEEPEST], sums[DEEPEST_POINT] = deeper(
@@ -243,39 +273,67 @@ def renew_point(data, arrays, everywhere, grid, dt_last, dt, point, sums):
         )
     # what is found inside another ply starts there without force, and only comes out of it
     lies = max(-gap, 0.0)
-    kept = arrays.ply_baseline[point]
     fresh = held < 0 or data.facet_ply[held] != other
-    baseline = lies if fresh else min(kept, lies)
-    arrays.ply_baseline[point] = baseline
+    baseline = lies if fresh else min(rows[at + BASELINE * SPAN], lies)
     depth, offset_held = -(gap + baseline), 0.0
     if presses and not fresh:
         offset_held = held_offset(data, arrays, point, depth, data.depth[ply, other])
-    spring[LAST_DEPTH] = depth
-    spring[HELD] = offset_held
-    spring[OFFSET] = offset + baseline - offset_held
-    spring[STIFFNESS] = 0.5 * data.penalty[law] * data.area[point]
-    way = tangential(r, normal)
-    carried, old = turned(trial, normal), turned(before, normal)
+    rows[at + BASELINE * SPAN] = baseline
+    rows[at + LAST_DEPTH * SPAN] = depth
+    rows[at + HELD * SPAN] = offset_held
+    rows[at + OFFSET * SPAN] = offset + baseline - offset_held
+    rows[at + STIFFNESS * SPAN] = 0.5 * data.penalty[interface] * data.area[point]
+    rows[at + AREA * SPAN] = 0.5 * data.area[point]
+    rows[at + INTERFACE * SPAN] = interface
     if not presses or fresh:
-        carried = old = (0.0, 0.0, 0.0)
-        spring[LAST_DAMPING] = 0.0
-    for d in range(3):
-        stick[d], anchor[d] = old[d], carried[d] - way[d]
-    sums[BOOKED] += energy_before(data, arrays, facet, dt_last, point)
+        rows[at + LAST_DAMPING * SPAN] = 0.0
 
     # how long the spring may stay: until the point has slid far enough, while it presses
-    relative = way_to_facet(arrays.velocity, data, facet, spring, point)
+    relative = way_to_facet(arrays.velocity, data.facet_node, facet, rows, at, point)
     speed = tangential(relative, normal)
     allowed = data.slide * data.facet_edge[facet] / max(math.sqrt(dot(speed, speed)), 1e-30)
     closing = -dot(relative, normal)
     apart = -(depth + offset_held)
-    spring[LAST_GAP] = apart + dt_last * closing
-    if apart > 0.0:
-        allowed = max(allowed, apart / max(closing, 1e-30))
+    rows[at + LAST_GAP * SPAN] = apart + dt_last * closing
+    if apart > data.near[ply, other]:
+        allowed = max(allowed, (apart - data.near[ply, other]) / max(closing, 1e-30))
     sums[STEPS_ALLOWED] = min(sums[STEPS_ALLOWED], allowed / dt)
 
+    after = touch_of(rows, at, r, none, dt_last)
+    carry_over(laws, all_parameters(laws, interface), rows, at, before, after, fresh)
+    sums[BOOKED] += energy_before(
+        laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
+    )
 
-@routine
+
+@ordered_span_routine
+def carry_over(laws, values, rows, at, before, after, fresh):
+    """Carry the memory of all laws over from the touch before to the one after."""
+    first, second, third, fourth, fifth, sixth = laws
+    starts = memory_rows(laws)
+    carry_one(first, values[0], rows, at + starts[0] * SPAN, before, after, fresh)
+    carry_one(second, values[1], rows, at + starts[1] * SPAN, before, after, fresh)
+    carry_one(third, values[2], rows, at + starts[2] * SPAN, before, after, fresh)
+    carry_one(fourth, values[3], rows, at + starts[3] * SPAN, before, after, fresh)
+    carry_one(fifth, values[4], rows, at + starts[4] * SPAN, before, after, fresh)
+    carry_one(sixth, values[5], rows, at + starts[5] * SPAN, before, after, fresh)
+
+
+@equation
+def carry_one(law, values, rows, place, before, after, fresh):
+    """Carry the memory of a law over."""
+    if fresh:
+        for k in range(memory_size(law)):
+            rows[place + k * SPAN] = 0.0
+    memory = load_memory(law, rows, place)
+    if fresh:
+        memory = carried(law, values, memory, after, after, 0.0)
+    else:
+        memory = carried(law, values, memory, before, after, 1.0)
+    store_memory(law, memory, rows, place)
+
+
+@inlined_routine
 def find_facet(data, arrays, everywhere, presses, grid, point):
     """Return the facet that a point faces, or -1, and its coordinates on it."""
     position, slopes = arrays.ply_ahead, arrays.ply_slope
@@ -283,7 +341,14 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
     facet, xi, eta, cost = arrays.ply_facet[point], 0.0, 0.0, math.inf
     inside = False
     if facet >= 0:
-        facet, xi, eta = walk(position, data, slopes, facet, x)
+        at = row_start(data, point)
+        w0, w1 = arrays.ply_rows[at + WEIGHT * SPAN], arrays.ply_rows[at + (WEIGHT + 1) * SPAN]
+        w2, w3 = (
+            arrays.ply_rows[at + (WEIGHT + 2) * SPAN],
+            arrays.ply_rows[at + (WEIGHT + 3) * SPAN],
+        )
+        xi, eta = coordinates_of(is_triangle(data, facet), w0, w1, w2, w3)
+        facet, xi, eta = walk(position, data, slopes, facet, xi, eta, x)
         most, edge = largest_outside(data, facet, xi, eta)
         limit = furthest_outside(data, point, facet)
         if data.neighbour[facet, edge] >= 0:
@@ -303,7 +368,7 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
     return facet, xi, eta
 
 
-@routine
+@inlined_routine
 def held_offset(data, arrays, point, depth, half_thickness):
     """Return the offset of a point that presses, at a depth without its offset [m]."""
     total_depth, total_held, count = 0.0, 0.0, 0
@@ -339,29 +404,37 @@ def deeper(deepest, deepest_point, depth, point):
     return deepest, deepest_point
 
 
-@routine
-def way_to_facet(vectors, data, facet, spring, point):
+@equation
+def way_to_facet(vectors, facet_node, facet, rows, at, point):
     """Return a vector (3, node_count) at a point, less the weighted ones of its facet's corners."""
     total = vector_of(vectors, point)
     for k in range(4):
-        total = plus(-spring[WEIGHT + k], vector_of(vectors, data.facet_node[facet, k]), total)
+        corner = vector_of(vectors, facet_node[facet, k])
+        total = plus(-rows[at + (WEIGHT + k) * SPAN], corner, total)
     return total
 
 
-@routine
-def energy_before(data, arrays, facet, dt_last, point):
-    """Return the energy of the spring of a point half a step before [J]."""
-    spring, rim = arrays.ply_spring[point], arrays.ply_rim[point]
-    r = way_to_facet(arrays.position, data, facet, spring, point)
-    v = way_to_facet(arrays.velocity, data, facet, spring, point)
-    r = plus(-0.5 * dt_last, v, r)
-    _, pressure, stiffness, stored = normal_force(spring, rim, r)
-    law = data.law[data.ply[point], data.facet_ply[facet]]
-    if data.friction[law] > 0.0 and pressure > 0.0:
-        normal = (spring[NORMAL], spring[NORMAL + 1], spring[NORMAL + 2])
-        anchor = arrays.ply_anchor[point]
-        trial = plus(1.0, (anchor[0], anchor[1], anchor[2]), tangential(r, normal))
-        along = data.tangential_ratio[law] * stiffness
-        slip = cut_slip(trial, along, data.friction[law] * pressure)
-        stored += 0.5 * along * dot(slip, slip)
+@ordered_span_routine
+def energy_before(laws, position, velocity, facet_node, facet, rows, at, dt_last, point):
+    """Return the energy of the spring and the laws of a point half a step before [J]."""
+    r = way_to_facet(position, facet_node, facet, rows, at, point)
+    v = way_to_facet(velocity, facet_node, facet, rows, at, point)
+    moved = (dt_last * v[0], dt_last * v[1], dt_last * v[2])
+    touch = touch_of(rows, at, plus(-0.5, moved, r), moved, dt_last)
+    values = all_parameters(laws, int(rows[at + INTERFACE * SPAN]))
+    starts = memory_rows(laws)
+    first, second, third, fourth, fifth, sixth = laws
+    stored = spring_energy(rows, at, touch)
+    stored += stored_by(first, values[0], rows, at + starts[0] * SPAN, touch)
+    stored += stored_by(second, values[1], rows, at + starts[1] * SPAN, touch)
+    stored += stored_by(third, values[2], rows, at + starts[2] * SPAN, touch)
+    stored += stored_by(fourth, values[3], rows, at + starts[3] * SPAN, touch)
+    stored += stored_by(fifth, values[4], rows, at + starts[4] * SPAN, touch)
+    stored += stored_by(sixth, values[5], rows, at + starts[5] * SPAN, touch)
     return stored
+
+
+@equation
+def stored_by(law, values, rows, place, touch):
+    """Return the energy that a law holds [J]; its memory stays as it is."""
+    return respond(law, values, load_memory(law, rows, place), touch)[2]

@@ -14,12 +14,15 @@ import math
 
 from lcmchain.elements.vectors import dot
 from lcmchain.interfaces.springs import corners_of, frame_of, minus, vector_of, weighted
-from lcmchain.jit import equation, routine
+from lcmchain.jit import equation, inlined_routine, ordered_span_routine
 
 # Distances to two rim edges that meet in a corner count as the same up to this part.
 TIE = 1e-6
 # Samples in a quarter of an element, as parts of its edges from the corner at the point.
 NEAR, FAR = 0.125, 0.375
+# Samples of a point lie nearer to it than this multiple of its longest edge, with the part of a rim
+# that covers them in part, also where elements are sheared.
+AREA_REACH = 1.1
 
 
 @equation
@@ -35,7 +38,7 @@ def sample_weights(corner, a, b):
     return (along, across, aside, own)
 
 
-@routine
+@ordered_span_routine
 def signed_distance(position, rim, first, last, origin, e1, e2, u, v):
     """Return the distance of (u, v) from the nearest rim edge [m] and its direction inwards.
 
@@ -68,7 +71,7 @@ def signed_distance(position, rim, first, last, origin, e1, e2, u, v):
     return found, grad_u, grad_v
 
 
-@routine
+@inlined_routine
 def share_over(position, data, point, facet):
     """Return the share of a point over the facets, and its gradient along the facet [1/m]."""
     first, last = data.rim_start[facet], data.rim_start[facet + 1]
@@ -76,6 +79,12 @@ def share_over(position, data, point, facet):
         return 1.0, (0.0, 0.0, 0.0)
     corners = corners_of(position, data.facet_node, facet)
     e1, e2, _ = frame_of(corners)
+    # further from all rims than its area reaches, a point lies over the facets or beside them
+    away = minus(vector_of(position, point), corners[0])
+    u, v = dot(away, e1), dot(away, e2)
+    distance, _, _ = signed_distance(position, data.rim, first, last, corners[0], e1, e2, u, v)
+    if abs(distance) > AREA_REACH * data.spacing[point]:
+        return 1.0 if distance > 0.0 else 0.0, (0.0, 0.0, 0.0)
     total, count, total_u, total_v = 0.0, 0, 0.0, 0.0
     for k in range(data.ring.shape[1]):
         around = data.ring[point, k]

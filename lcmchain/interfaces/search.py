@@ -11,6 +11,7 @@ from lcmchain.elements.vectors import dot
 from lcmchain.interfaces.springs import (
     corners_of,
     frame_of,
+    middle_of,
     minus,
     outside,
     project,
@@ -19,7 +20,7 @@ from lcmchain.interfaces.springs import (
     weighted,
 )
 from lcmchain.interfaces.surfaces import NONE
-from lcmchain.jit import routine
+from lcmchain.jit import equation, inlined_routine, routine
 
 # A point lies on a facet up to this far beyond its edge, in half edges: rounding.
 ON_EDGE = 1e-7
@@ -39,11 +40,15 @@ NEARBY, NEAR_A_RIM, CURVED = 1.1, 2.2, 0.25
 OUTSIDE_COST = 4.0
 
 
-@routine
+@equation
+def is_triangle(data, facet):
+    return data.facet_node[facet, 2] == data.facet_node[facet, 3]
+
+
+@inlined_routine
 def largest_outside(data, facet, xi, eta):
     """Return how far beyond its edges facet coordinates lie [half edges], and over which edge."""
-    is_triangle = data.facet_node[facet, 2] == data.facet_node[facet, 3]
-    beyond = outside(is_triangle, xi, eta)
+    beyond = outside(is_triangle(data, facet), xi, eta)
     most, edge = beyond[0], 0
     for k in range(1, 4):
         if beyond[k] > most:
@@ -51,14 +56,16 @@ def largest_outside(data, facet, xi, eta):
     return most, edge
 
 
-@routine
-def walk(position, data, slopes, facet, point):
-    """Follow a point [m] over the edges of facets; return facet and facet coordinates."""
+@inlined_routine
+def walk(position, data, slopes, facet, xi, eta, point):
+    """Follow a point [m] over the edges of facets; return facet and facet coordinates.
+
+    xi, eta : where to begin on the facet.
+    """
     last = NONE
-    xi, eta = project(position, data.facet_node, slopes, facet, point)
+    xi, eta = project(position, data.facet_node, slopes, facet, xi, eta, point)
     for _ in range(LONGEST_WALK):
-        is_triangle = data.facet_node[facet, 2] == data.facet_node[facet, 3]
-        beyond = outside(is_triangle, xi, eta)
+        beyond = outside(is_triangle(data, facet), xi, eta)
         most, following = ON_EDGE, NONE
         for k in range(4):
             across = data.neighbour[facet, k]
@@ -67,17 +74,18 @@ def walk(position, data, slopes, facet, point):
         if following < 0:
             break
         last, facet = facet, following
-        xi, eta = project(position, data.facet_node, slopes, facet, point)
+        xi, eta = middle_of(is_triangle(data, facet))
+        xi, eta = project(position, data.facet_node, slopes, facet, xi, eta, point)
     return facet, xi, eta
 
 
-@routine
+@inlined_routine
 def furthest_outside(data, point, facet):
     """Return how far outside a rim a point can still lie with a part of its area over the facet."""
     return ON_EDGE + 1.5 * data.spacing[point] / data.facet_edge[facet]
 
 
-@routine
+@inlined_routine
 def looks_at(position, data, point, normal, facing):
     """Tell whether a point's side of its ply looks at a surface of this normal."""
     across = minus(vector_of(position, point), vector_of(position, data.partner[point]))
@@ -177,7 +185,7 @@ def build_grid(position, data):
     return Grid(low, size, count, start, entry, middle, outwards)
 
 
-@routine
+@inlined_routine
 def nearest_facet(position, data, slopes, point, grid):
     """Return the facet that a point faces, or -1, its coordinates and its cost.
 
@@ -197,7 +205,7 @@ def nearest_facet(position, data, slopes, point, grid):
     for k in range(grid.start[cell + 1] - 1, grid.start[cell] - 1, -1):
         facet = grid.entry[k]
         other = data.facet_ply[facet]
-        if other == ply or data.law[ply, other] < 0:
+        if other == ply or data.interface[ply, other] < 0:
             continue
         outwards = (grid.outwards[facet, 0], grid.outwards[facet, 1], grid.outwards[facet, 2])
         if dot(across, outwards) > -0.5 * FACING * thickness:
@@ -206,11 +214,12 @@ def nearest_facet(position, data, slopes, point, grid):
         away = minus(x, middle)
         height = dot(away, outwards)
         aside = NEARBY if data.rim_start[facet] == data.rim_start[facet + 1] else NEAR_A_RIM
-        if abs(height) > data.depth[ply, other] + CURVED * data.widest:
+        if abs(height) > data.far[ply, other] + CURVED * data.widest:
             continue
         if dot(away, away) - height * height > (aside * data.widest) ** 2:
             continue
-        xi, eta = project(position, data.facet_node, slopes, facet, x)
+        xi, eta = middle_of(is_triangle(data, facet))
+        xi, eta = project(position, data.facet_node, slopes, facet, xi, eta, x)
         most, edge = largest_outside(data, facet, xi, eta)
         beside = max(most, 0.0)
         if most > ON_EDGE:
@@ -221,7 +230,7 @@ def nearest_facet(position, data, slopes, point, grid):
             if most > allowed:
                 continue
         _, normal, _, gap = spring_at(position, data.facet_node, slopes, facet, xi, eta, x)
-        if abs(gap) > data.depth[ply, other]:
+        if gap > data.far[ply, other] or -gap > data.depth[ply, other]:
             continue
         cost = abs(gap) / data.reach + OUTSIDE_COST * beside
         if cost < least and looks_at(position, data, point, normal, FACING):

@@ -14,12 +14,12 @@ from __future__ import annotations
 import math
 
 from lcmchain.elements.vectors import cross, dot, plus, scaled
-from lcmchain.jit import equation, routine
+from lcmchain.jit import equation, ordered_span_routine
 
 # Slopes of a facet: two for each corner.
 SLOPES = 8
 # Projection: iterations at most, and when a change of a facet coordinate is no change any more.
-ITERATIONS, CONVERGED = 8, 1e-11
+ITERATIONS, CONVERGED = 8, 1e-9
 # Furthest facet coordinate beyond the middle at which weights are taken: half an edge outside.
 FURTHEST = 2.0
 
@@ -86,6 +86,20 @@ def shape(is_triangle, xi, eta):
 
 
 @equation
+def middle_of(is_triangle):
+    """Return the facet coordinates of the middle."""
+    return (1.0 / 3.0, 1.0 / 3.0) if is_triangle else (0.0, 0.0)
+
+
+@equation
+def coordinates_of(is_triangle, w0, w1, w2, w3):
+    """Return the facet coordinates of weights of the corners."""
+    if is_triangle:
+        return w1, w2
+    return w1 + w2 - w0 - w3, w2 + w3 - w0 - w1
+
+
+@equation
 def tangents(is_triangle, xi, eta, corners):
     """Return the derivatives of the position on a facet."""
     p0, p1, p2, p3 = corners
@@ -124,13 +138,15 @@ def smooth_height(frame, slopes, facet, w, corners, x, normal):
     return 0.5 * height
 
 
-@routine
-def project(position, facet_node, slopes, facet, point):
-    """Return the facet coordinates where a point [m] lies straight over the smooth surface."""
+@ordered_span_routine
+def project(position, facet_node, slopes, facet, xi, eta, point):
+    """Return the facet coordinates where a point [m] lies straight over the smooth surface.
+
+    xi, eta : where to begin.
+    """
     corners = corners_of(position, facet_node, facet)
     frame = frame_of(corners)
     is_triangle = facet_node[facet, 2] == facet_node[facet, 3]
-    xi = eta = 1.0 / 3.0 if is_triangle else 0.0
     for _ in range(ITERATIONS):
         w = shape(is_triangle, xi, eta)
         x = weighted(w, corners[0], corners[1], corners[2], corners[3])
@@ -159,7 +175,7 @@ def outside(is_triangle, xi, eta):
     return (-1.0 - eta, xi - 1.0, eta - 1.0, -1.0 - xi)
 
 
-@routine
+@ordered_span_routine
 def spring_at(position, facet_node, slopes, facet, xi, eta, point):
     """Return weights, normal, offset and gap of a point [m] over a facet, at facet coordinates.
 
@@ -181,7 +197,7 @@ def spring_at(position, facet_node, slopes, facet, xi, eta, point):
     return w, normal, offset, dot(normal, minus(point, x)) + offset
 
 
-@routine
+@ordered_span_routine
 def facet_slopes(position, facet_node, normals, facet, slopes):
     """Write the slopes of a facet for normals (node_count, 3) of the nodes, of any length."""
     corners = corners_of(position, facet_node, facet)

@@ -15,11 +15,14 @@ import numpy as np
 from lcmchain.cache_lines import aligned
 from lcmchain.effects.contact_depth import stiffening_of
 from lcmchain.errors import InputError
+from lcmchain.interfaces.law import MOST_LAWS, NO_LAW
+from lcmchain.interfaces.rows import row_count
 from lcmchain.interfaces.table import Interface
 from lcmchain.mesh.cells import by_node
 from lcmchain.quantities.places import millimetres
+from lcmchain.tools.span_rows import NODE_CHUNK, SPAN
 
-#: No facet, no neighbour, no law.
+#: No facet, no neighbour, no interface.
 NONE = -1
 
 # Rim edges nearer to the middle of a facet than this multiple of its own half diagonal and of the
@@ -41,6 +44,9 @@ STEPS_PER_SLOPES = 250
 # thickness: thickness is then right within 0.1 %, and plies that only lie on each other are left.
 STEPS_PER_DEPTH, DEPTH_LEFT = 500.0, 1e-3
 
+# Points are found up to this multiple of the gap at which laws act.
+REACH_MARGIN = 1.2
+
 # An overlap at the start deeper than this part of the thinner ply is an error.
 DEEPEST_START = 0.5
 # It is told where middles of facets lie over each other, less far aside than this part of an edge:
@@ -60,14 +66,19 @@ class InterfaceData(NamedTuple):
     neighbour : (facet_count, 4) int32, facet across the edge from corner k to the next one.
     rim_start : (facet_count + 1,) int32, entries of ``rim`` near each facet.
     rim : (n, 2) int32, nodes of edges without a neighbour, the facet on the left seen from outside.
-    law : (ply_count, ply_count) int32, entry of the laws below, -1 where two plies do not touch.
-    penalty : of each law [Pa/m]. friction, tangential_ratio : of each law.
+    lane : (node_count,) int32, place of every node where chunks begin at whole spans of 16.
+    row_size : numbers of a span in ``State.ply_rows``.
+    interface : (ply_count, ply_count) int32, number of the interface, -1 where two plies do not
+        touch. interface_count : how many there are.
+    penalty : of each interface [Pa/m]. stiffer : its stiffest spring over that of the pressure.
     depth : (ply_count, ply_count) half the thickness of the thinner of two plies [m].
+    near, far : (ply_count, ply_count) gap below which a law acts, and up to which points are found.
     area : (node_count,) of the points [m²].
     reach : largest of ``depth`` [m]. widest : longest edge of all facets [m].
     inner : (node_count, n) int32, nodes inside of a node at a rim, -1 where there are fewer.
     omega2 : of plies of equal meshes in full contact on the stiffest law [1/s²].
     damping_time : damping over stiffness of the springs along their normals [s].
+    sliding_rate : damping over mass of what resists sliding by its speed, at most [1/s].
     slide : part of an edge by which points slide until their springs are renewed.
     slope_steps : between two renewals of the facets' slopes.
     depth_steps : over which depths go to zero, but for ``depth_left``, a part of the thickness.
@@ -85,17 +96,22 @@ class InterfaceData(NamedTuple):
     neighbour: np.ndarray
     rim_start: np.ndarray
     rim: np.ndarray
-    law: np.ndarray
+    lane: np.ndarray
+    row_size: int
+    interface: np.ndarray
+    interface_count: int
     penalty: np.ndarray
-    friction: np.ndarray
-    tangential_ratio: np.ndarray
+    stiffer: np.ndarray
     depth: np.ndarray
+    near: np.ndarray
+    far: np.ndarray
     area: np.ndarray
     reach: float
     widest: float
     inner: np.ndarray
     omega2: float
     damping_time: float
+    sliding_rate: float
     slide: float
     slope_steps: int
     depth_steps: float
@@ -103,12 +119,23 @@ class InterfaceData(NamedTuple):
     stiffening: float
 
 
+class PlyContact(NamedTuple):
+    """The contact between the plies of a model.
+
+    data : its constants. laws : of the interfaces, with :data:`lcmchain.interfaces.law.NO_LAW` in
+    the places that are left.
+    """
+
+    data: InterfaceData
+    laws: tuple[Any, ...]
+
+
 def build_interfaces(
     interfaces: Sequence[Interface],
     bodies: Sequence[Any],
     automatic_penalty: Callable[[Any], float],
-) -> InterfaceData | None:
-    """Return the constants of the contact between plies; None where none touch.
+) -> PlyContact | None:
+    """Return the contact between plies; None where none touch.
 
     Parameters
     ----------
@@ -129,7 +156,7 @@ def build_interfaces(
                 'other ply could lie; use element = "solid-shell"',
                 key="element",
             )
-    law, entries = _laws(interfaces, [body.name for body in bodies])
+    interface, entries = _interfaces(interfaces, [body.name for body in bodies])
     penalties = np.array(
         [
             min(automatic_penalty(bodies[a]), automatic_penalty(bodies[b]))
@@ -138,7 +165,8 @@ def build_interfaces(
             for it, a, b in entries
         ]
     )
-    friction = np.array([float(it.friction) for it, _, _ in entries])
+    tables = [it.all_laws() for it, _, _ in entries]
+    laws = _gathered(tables)
     faces = [_faces_of(body) for body in bodies]
     facet_node = np.concatenate([face for pair in faces for face in pair])
     counts = np.array([body.mesh.element_count for body in bodies])
@@ -155,7 +183,14 @@ def build_interfaces(
     rim_start, rim = _rims(position, facet_node, neighbour, surface, edges.max())
     thickness = np.array([body.mesh.thickness for body in bodies])
     depth = 0.5 * np.minimum(thickness, thickness[:, np.newaxis])
-    omega2 = omega2_of_equal_plies(penalties, bodies)
+    reaches = np.array([max((law.reach() for law in own), default=0.0) for own in tables])
+    near = np.where(interface == NONE, 0.0, np.append(reaches, 0.0)[interface])
+    # points are found a little before a law acts on them
+    far = np.maximum(depth, REACH_MARGIN * near)
+    slopes = np.array([max((law.stiffness() for law in own), default=0.0) for own in tables])
+    viscosity = max(sum(law.slip_viscosity() for law in own) for own in tables)
+    stiffer = np.maximum(slopes / penalties, 1.0)
+    omega2 = omega2_of_equal_plies(penalties * stiffer, bodies)
     data = InterfaceData(
         ply=np.repeat(np.arange(len(bodies)), [b.mesh.node_count for b in bodies]).astype(np.int32),
         partner=np.concatenate([_partners(body) for body in bodies]).astype(np.int32),
@@ -168,17 +203,22 @@ def build_interfaces(
         neighbour=neighbour,
         rim_start=rim_start,
         rim=rim,
-        law=law,
+        lane=_lanes([body.mesh.node_count for body in bodies]),
+        row_size=row_count(laws) * SPAN,
+        interface=interface,
+        interface_count=len(entries),
         penalty=penalties.astype(float),
-        friction=friction,
-        tangential_ratio=np.array([float(it.tangential_ratio) for it, _, _ in entries]),
+        stiffer=stiffer,
         depth=depth,
+        near=near,
+        far=far,
         area=aligned(np.concatenate([body.node_area for body in bodies])),
-        reach=float(depth.max()),
+        reach=float(far.max()),
         widest=float(edges.max()),
         inner=_inner_nodes(facet_node, neighbour, node_count),
         omega2=omega2,
-        damping_time=2.0 * DAMPING_RATIO / np.sqrt(omega2),
+        damping_time=2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies)),
+        sliding_rate=2.0 * viscosity * largest_area_by_mass(bodies),
         slide=SLIDE,
         slope_steps=STEPS_PER_SLOPES,
         depth_steps=STEPS_PER_DEPTH,
@@ -186,7 +226,43 @@ def build_interfaces(
         stiffening=min(stiffening_of(body.material) for body in bodies),
     )
     _require_apart(data, position, [body.name for body in bodies])
-    return data
+    return PlyContact(data, laws)
+
+
+def _gathered(tables: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
+    """Return the laws of all interfaces from the tables of each.
+
+    Raises
+    ------
+    InputError : more kinds of laws than the loop has places for, or one twice on an interface.
+    """
+    kinds = list(dict.fromkeys(type(table) for own in tables for table in own))
+    if len(kinds) > MOST_LAWS:
+        names = ", ".join(kind.__name__ for kind in kinds)
+        raise InputError(
+            f"use {len(kinds)} kinds of laws together ({names}); a model has at most {MOST_LAWS}",
+            key="interfaces",
+        )
+    gathered = []
+    for kind in kinds:
+        of_kind = [[table for table in own if type(table) is kind] for own in tables]
+        for number, own in enumerate(of_kind):
+            if len(own) > 1:
+                raise InputError(
+                    f"has the law {own[0].type} {len(own)} times; give it once",
+                    key=f"interfaces[{number}].laws",
+                )
+        gathered.append(kind.gathered([own[0] if own else None for own in of_kind]))
+    return (*gathered, *[NO_LAW] * (MOST_LAWS - len(gathered)))
+
+
+def _lanes(node_counts: Sequence[int]) -> np.ndarray:
+    """Return the place of every node where the chunks of every body begin at whole spans."""
+    places, first = [], 0
+    for count in node_counts:
+        places.append(first + np.arange(count))
+        first += -(-count // NODE_CHUNK) * NODE_CHUNK
+    return np.concatenate(places).astype(np.int32)
 
 
 def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[str]) -> None:
@@ -201,7 +277,7 @@ def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[st
     middle = corner.mean(axis=1)
     normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
     normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
-    for point_ply, facet_ply in zip(*np.nonzero(data.law != NONE), strict=True):
+    for point_ply, facet_ply in zip(*np.nonzero(data.interface != NONE), strict=True):
         own = np.flatnonzero(data.facet_ply == point_ply)
         points, outwards = middle[own], normal[own]
         facets = np.flatnonzero(data.facet_ply == facet_ply)
@@ -227,16 +303,20 @@ def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[st
                 )
 
 
+def largest_area_by_mass(bodies: Sequence[Any]) -> float:
+    """Return the largest area over mass of a node [m²/kg]."""
+    return max(float(np.max(body.node_area / body.inertial_mass)) for body in bodies)
+
+
 def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Any]) -> float:
-    """Return ω² [1/s²] of plies of equal meshes in full contact, on the stiffest law at most."""
-    lightest = max(float(np.max(body.node_area / body.inertial_mass)) for body in bodies)
-    return 2.0 * float(penalties.max()) * lightest
+    """Return ω² [1/s²] of plies of equal meshes in full contact, on the stiffest interface."""
+    return 2.0 * float(penalties.max()) * largest_area_by_mass(bodies)
 
 
-def _laws(
+def _interfaces(
     interfaces: Sequence[Interface], names: Sequence[str]
 ) -> tuple[np.ndarray, list[tuple[Interface, int, int]]]:
-    """Return the law of every pair of plies, and the laws: a table and the two plies it is for."""
+    """Return the interface of every pair of plies, and of each its table and the two plies."""
     law = np.full((len(names), len(names)), NONE, dtype=np.int32)
     entries: list[tuple[Interface, int, int]] = []
     for index, interface in enumerate(interfaces):

@@ -29,6 +29,7 @@ from lcmchain.quantities.units import (
     PRESSURE,
     QUANTITY_PATTERN,
     RATE,
+    SPEED,
     STIFFNESS,
     TEMPERATURE,
     TIME,
@@ -383,6 +384,7 @@ PositiveMass = Annotated[float, Quantity(MASS, POSITIVE)]
 FlowRate = Annotated[float, Quantity(FLOW_RATE)]
 Force = Annotated[float, Quantity(FORCE)]
 Pressure = Annotated[float, Quantity(PRESSURE)]
+Speed = Annotated[float, Quantity(SPEED, NOT_NEGATIVE)]
 Acceleration = Annotated[float, Quantity(ACCELERATION)]
 Angle = Annotated[float, Quantity(ANGLE)]
 AcuteAngle = Annotated[

@@ -74,6 +74,7 @@ PENALTY = Dimension(
     "contact stiffness per area", "Pa/m", "1 MPa/mm", ("MPa/mm", "Pa/m", "N/mm^3"), 1e-6, 1e21
 )
 RATE = Dimension("rate", "1/s", "50 1/s", ("1/s", "1/ms", "Hz"), 1e-12, 1e15)
+SPEED = Dimension("speed", "m/s", "10 mm/s", ("mm/s", "m/s", "mm/min", "m/min"), 1e-15, 1e6)
 ACCELERATION = Dimension("acceleration", "m/s^2", "9.81 m/s^2", ("m/s^2", "mm/s^2"), 1e-12, 1e12)
 FLOW_RATE = Dimension(
     "flow rate", "m^3/s", "5 ml/s", ("ml/s", "cm^3/s", "ml/min", "l/min", "m^3/s"), 1e-18, 1e6

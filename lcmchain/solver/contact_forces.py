@@ -19,11 +19,11 @@ from lcmchain.effects.interaction import add_to_nodes, on_nodes, scratch_size
 from lcmchain.elements.lane_runs import copy_lanes
 from lcmchain.elements.vectors import dot, plus, products, scaled
 from lcmchain.jit import equation, span_part, span_routine
-from lcmchain.model import SPANS_OF_CHUNK
 from lcmchain.state import CONTACT, CONTACT_DAMPING, EXTERNAL, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
 from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, NORMAL_X, span_distances
 from lcmchain.tools.span_rows import (
     SPAN,
+    SPANS_OF_CHUNK,
     load_row,
     load_rows,
     put_vector,

@@ -6,9 +6,8 @@ import numpy as np
 from numba import prange
 
 from lcmchain.jit import kernel, routine, span_routine
-from lcmchain.model import SPANS_OF_CHUNK
 from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, span_distances
-from lcmchain.tools.span_rows import SPAN
+from lcmchain.tools.span_rows import SPAN, SPANS_OF_CHUNK
 
 
 @kernel

@@ -36,6 +36,7 @@ from lcmchain.effects.interaction import (
 from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import SolidShellData, forces_of_block
+from lcmchain.elements.solid_shell.together import put_together, same_kernel
 from lcmchain.jit import (
     entry,
     equation,
@@ -116,7 +117,7 @@ def advance(arrays, bodies, fibre_bending, interactions, environment, averaging,
 
 
 class OrderedBody(NamedTuple):
-    """A body and the order of a step for it.
+    """A body, or several of one kind, and the order of a step for it.
 
     schedule : None for a body whose loops run through all of it one after the other; then
         ``unscheduled`` is True, else None.
@@ -130,45 +131,50 @@ class OrderedBody(NamedTuple):
 def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendingData | None]:
     """Return the bodies of a model for :func:`advance`, and the fibres' bending.
 
+    Bodies of one kind are put together (:mod:`lcmchain.elements.solid_shell.together`).
+
     Parameters
     ----------
     part_count : in so many parts at most the work of a body is divided.
     """
     bending = None if model.fibre_bending is None else model.fibre_bending.data
     force_slot = model.nodes.force_slot
-    places = [np.zeros(0, dtype=np.int32)]
-    schedules: list[Schedule | None] = []
-    several = len(model.placed) > 1
-    all_placed = [_of_one_kind(placed) if several else placed for placed in model.placed]
-    for placed in all_placed:
-        bending_place = np.arange(placed.last_bending - placed.first_bending, dtype=np.int32)
-        if isinstance(placed.data, SolidShellData):
-            schedule = build_schedule(placed, bending, force_slot, part_count)
-            force_slot, bending_place = schedule.force_slot, schedule.bending_place
-            schedules.append(schedule)
+    groups: list[list[PlacedBody]] = []
+    for placed in sorted(model.placed, key=lambda placed: placed.first_force):
+        if groups and same_kernel(groups[-1][0].data, placed.data):
+            groups[-1].append(placed)
         else:
-            schedules.append(None)
-        places.append(placed.first_bending + bending_place)
+            groups.append([placed])
+    places = [np.zeros(0, dtype=np.int32)]
+    found: list[tuple[PlacedBody, Schedule | None]] = []
+    for group in groups:
+        first, last = group[0], group[-1]
+        bending_place = np.arange(last.last_bending - first.first_bending, dtype=np.int32)
+        schedule = None
+        if isinstance(first.data, SolidShellData):
+            data = put_together([placed.data for placed in group])
+            if len(groups) > 1:
+                # with code for blocks of any kind groups are more often of one type for the loop
+                data = data._replace(general=True)
+            first = first._replace(
+                data=data, last_force=last.last_force, last_history=last.last_history
+            )
+            schedule = build_schedule(
+                group, data.corner_node, bending, force_slot, model.nodes.chunk_start, part_count
+            )
+            force_slot, bending_place = schedule.force_slot, schedule.bending_place
+        found.append((first, schedule))
+        places.append(group[0].first_bending + bending_place)
     bodies = [
         OrderedBody(placed, None, True)
         if schedule is None
         # a node finds its forces where the orders of all bodies have them
         else OrderedBody(placed, schedule._replace(force_slot=force_slot), None)
-        for placed, schedule in zip(all_placed, schedules, strict=True)
+        for placed, schedule in found
     ]
     if bending is not None:
         bending = at_places(bending, np.concatenate(places).astype(np.int32))
     return tuple(bodies), bending
-
-
-def _of_one_kind(placed: PlacedBody) -> PlacedBody:
-    """Return a body with the code for blocks of any kind, whether it has such blocks or not.
-
-    Plies of one fabric are then of one type, and the loop over them is compiled once.
-    """
-    if not isinstance(placed.data, SolidShellData):
-        return placed
-    return placed._replace(data=placed.data._replace(general=True))
 
 
 @routine

@@ -16,18 +16,18 @@ from lcmchain.effects.interaction import (
 from lcmchain.interfaces.forces import STEPS_LEFT, add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.limits import omega2_bound
 from lcmchain.interfaces.refresh import refresh
-from lcmchain.interfaces.surfaces import InterfaceData
+from lcmchain.interfaces.surfaces import InterfaceData, PlyContact
 from lcmchain.jit import equation, routine
 from lcmchain.state import CONTACT, CONTACT_DAMPING, FRICTION, PLY_REFRESH, State
 
 
-@implements(begin_steps, InterfaceData)
+@implements(begin_steps, PlyContact)
 @equation
 def list_points_of_nodes(plies, arrays):
-    list_points(plies, arrays)
+    list_points(plies.data, arrays)
 
 
-@implements(before_nodes, InterfaceData)
+@implements(before_nodes, PlyContact)
 @equation
 def press_plies(plies, arrays, dt_last, dt):
     move_plies(plies, arrays, dt_last, dt)
@@ -37,15 +37,16 @@ def press_plies(plies, arrays, dt_last, dt):
 def move_plies(plies, arrays, dt_last, dt):
     """Make the forces of all points between plies, on springs that are renewed when it is time."""
     if arrays.ply_counters[STEPS_LEFT] <= 0:
-        arrays.work[PLY_REFRESH] -= refresh(plies, arrays, dt_last, dt)
-    forces_of_points(plies, arrays, dt_last)
+        arrays.work[PLY_REFRESH] -= refresh(plies.data, plies.laws, arrays, dt_last, dt)
+    first, second, third, fourth, fifth, sixth = plies.laws
+    forces_of_points(plies.data, first, second, third, fourth, fifth, sixth, arrays, dt_last)
     arrays.ply_counters[STEPS_LEFT] -= 1
 
 
-@implements(on_nodes, InterfaceData)
+@implements(on_nodes, PlyContact)
 @equation
 def the_plies(plies):
-    return plies
+    return plies.data
 
 
 @implements(add_to_nodes, InterfaceData)
@@ -57,7 +58,8 @@ def ply_forces_of_chunk(plies, arrays, environment, chunk, first, last, dt_last,
     sums[CONTACT_DAMPING] += damped
 
 
-@bound.register(InterfaceData)
-def _bound_of_plies(plies: InterfaceData, model: Any, state: State, ahead: float) -> Bound:
+@bound.register(PlyContact)
+def _bound_of_plies(plies: PlyContact, model: Any, state: State, ahead: float) -> Bound:
     omega2 = omega2_bound(model, state)
-    return Bound(omega2, plies.damping_time * omega2, "contact between plies")
+    rate = plies.data.damping_time * omega2 + plies.data.sliding_rate
+    return Bound(omega2, rate, "contact between plies")

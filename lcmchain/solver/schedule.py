@@ -14,6 +14,7 @@ The order holds for any numbering of elements and nodes. A numbering along the s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from lcmchain.effects.fibre_bending import (
 )
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
-from lcmchain.model import NODE_CHUNK, PlacedBody
+from lcmchain.model import PlacedBody
 
 #: Blocks of 16 elements in a tile, at most: few enough for what they write to stay in the nearer
 #: caches, and enough for the code of one loop to stay at hand before that of the next one follows.
@@ -46,7 +47,8 @@ class Schedule(NamedTuple):
     phase_start : (phase_count + 1,) first part of each phase. part_start : (parts + 1,) first tile
     of each part. block, middle, vector, sum, chunk : numbers of the pieces, tile by tile; those of
     the bending are empty without it. block_start and so on : (tile_count + 1,) where those of each
-    tile begin. Blocks of elements are numbered within the body, all others within the model.
+    tile begin. Blocks of elements are numbered within what is put together, all others within the
+    model.
     place, bending_place : where the blocks of elements and those of the bending write, in blocks
     from the beginning of what the body has. force_slot : as in
     :class:`lcmchain.model.NodeData`, for these places.
@@ -102,43 +104,56 @@ class _Tiles(NamedTuple):
 
 
 def build_schedule(
-    placed: PlacedBody,
+    bodies: Sequence[PlacedBody],
+    corner_node: np.ndarray,
     bending_data: FibreBendingData | None,
     force_slot: np.ndarray,
+    chunk_start: np.ndarray,
     part_count: int,
 ) -> Schedule:
-    """Return the order of a step of a body of solid-shells.
+    """Return the order of a step of a body of solid-shells, or of several that are put together.
 
     Parameters
     ----------
+    bodies : whose forces and blocks of the fibres' bending follow each other.
+    corner_node : nodes of the corners of all of their blocks.
     bending_data : of the fibres of all bodies, or None.
     force_slot : where each node of the model finds its forces.
+    chunk_start : first node of every chunk of the model, and the number of nodes.
     part_count : at most so many parts; a small sheet has fewer.
     """
-    corner_nodes = placed.data.corner_node.reshape(-1, 8 * LANES) - placed.first_node
-    node_count = placed.last_node - placed.first_node
+    corner_nodes = corner_node.reshape(-1, 8 * LANES)
+    node_count = int(chunk_start[-1])
+    chunk_numbers = np.concatenate(
+        [np.arange(body.first_chunk, body.last_chunk) for body in bodies]
+    )
+    # of all nodes of the model; those of other bodies are not asked for
+    own_chunk = np.zeros(chunk_start.size - 1, dtype=np.int64)
+    own_chunk[chunk_numbers] = np.arange(chunk_numbers.size)
+    chunk_of = own_chunk[np.repeat(np.arange(own_chunk.size), np.diff(chunk_start))]
+    first_bending, last_bending = bodies[0].first_bending, bodies[-1].last_bending
     parts = min(part_count, -(-len(corner_nodes) // LEAST_PART))
     tiles = _tiles(len(corner_nodes), parts)
 
     # a node is there from the first of its elements on, and free to move after the last one
     block = np.repeat(np.arange(len(corner_nodes)), 8 * LANES)
     node, tile = corner_nodes.ravel(), tiles.of_block[block]
-    chunk_needs, bending = [(node // NODE_CHUNK, tile)], NO_BENDING
-    if bending_data is not None and placed.last_bending > placed.first_bending:
+    chunk_needs, bending = [(chunk_of[node], tile)], NO_BENDING
+    if bending_data is not None and last_bending > first_bending:
         first = np.full(node_count, tiles.last)
         np.minimum.at(first, node, tile)
-        bending = _bending(bending_data, placed, first, tiles)
+        bending = _bending(bending_data, first_bending, last_bending, first, tiles)
         chunk_needs += [
-            (bending.node // NODE_CHUNK, stage[bending.node_piece])
+            (chunk_of[bending.node], stage[bending.node_piece])
             for stage in (bending.middle, bending.sum)
         ]
     piece, needed = map(np.concatenate, zip(*chunk_needs, strict=True))
-    chunks = tiles.after(piece, needed, -(-node_count // NODE_CHUNK))
+    chunks = tiles.after(piece, needed, chunk_numbers.size)
 
-    used = tiles.after(block, chunks[node // NODE_CHUNK], len(corner_nodes))
+    used = tiles.after(block, chunks[chunk_of[node]], len(corner_nodes))
     place = _places(tiles, tiles.of_block, used)
     piece = np.concatenate([bending.used_piece, bending.node_piece])
-    tile = np.concatenate([bending.used_tile, chunks[bending.node // NODE_CHUNK]])
+    tile = np.concatenate([bending.used_tile, chunks[chunk_of[bending.node]]])
     bending_place = _places(tiles, bending.middle, tiles.after(piece, tile, bending.middle.size))
 
     part_start, phase_start = list(tiles.part_start), list(range(0, len(tiles.part_start), parts))
@@ -149,12 +164,13 @@ def build_schedule(
         part_start += list(tiles.last + 1 + np.arange(parts + 1))
         phase_start += [phase_start[-1] + 1, phase_start[-1] + 1 + parts]
     stages = (tiles.of_block, bending.middle, bending.vector, bending.sum, chunks)
-    numbers = (0, *[placed.first_bending] * 3, placed.first_chunk)
+    bent = first_bending + np.arange(last_bending - first_bending)
+    numbers = (np.arange(len(corner_nodes)), bent, bent, bent, chunk_numbers)
     arrays: list[Any] = [phase_start, part_start]
     for of, number in zip(stages, numbers, strict=True):
         order, start = _queue(of, part_start[-1])
-        arrays += [number + order, start]
-    force_slot = _moved(force_slot, placed.first_force, CORNER_ROWS, place)
+        arrays += [number[order], start]
+    force_slot = _moved(force_slot, bodies[0].first_force, CORNER_ROWS, place)
     force_slot = _moved(force_slot, bending.first_force, FORCE_ROWS, bending_place)
     arrays += [place, bending_place, force_slot]
     return Schedule(*(np.asarray(array, dtype=np.int32) for array in arrays))
@@ -220,7 +236,7 @@ def _moved(slot: np.ndarray, first: int, rows: int, place: np.ndarray) -> np.nda
 class _Bending(NamedTuple):
     """Where the stages of the fibres' bending are done.
 
-    middle, vector, sum : (piece_count,) tile of each piece. node, node_piece : nodes of the body
+    middle, vector, sum : (piece_count,) tile of each piece. node, node_piece : nodes of the model
     and the pieces that read them, and write the force on them. used_piece, used_tile : pieces, and
     tiles in which another one reads what they write. first_force : where their forces begin.
     """
@@ -239,18 +255,18 @@ NO_BENDING = _Bending(0, *[np.zeros(0, dtype=np.int64)] * 7)
 
 
 def _bending(
-    data: FibreBendingData, placed: PlacedBody, first_tile: np.ndarray, tiles: _Tiles
+    data: FibreBendingData, first: int, last: int, first_tile: np.ndarray, tiles: _Tiles
 ) -> _Bending:
-    """Return where the stages of the fibres' bending are done, by blocks of the body.
+    """Return where the stages of the fibres' bending are done, for blocks ``first`` to ``last``.
 
     Parameters
     ----------
-    first_tile : (node_count,) in which each node is read first.
+    first_tile : (node_count,) in which each node of the model is read first.
     """
-    first, count = placed.first_bending, placed.last_bending - placed.first_bending
+    count = last - first
     own = np.arange(count)
     indices = data.indices.reshape(-1, INDEX_ROWS, LANES)[first : first + count]
-    node = indices[:, :2].ravel() - placed.first_node
+    node = indices[:, :2].ravel()
     before_and_after = indices[:, 2:6] - first * MIDDLE_ROWS * LANES
     sources = indices[:, 6:] - first * VECTOR_ROWS * LANES
     node_piece = np.repeat(own, 2 * LANES)

@@ -13,6 +13,10 @@ from lcmchain.jit import equation, span_part
 
 #: Nodes of a span, as many as a block has lanes.
 SPAN = LANES
+#: Spans of a chunk of nodes, the work that one thread does at a time; chunks are numbered body by
+#: body, and the last one of a body may be shorter.
+SPANS_OF_CHUNK = 8
+NODE_CHUNK = SPANS_OF_CHUNK * SPAN
 
 
 @span_part

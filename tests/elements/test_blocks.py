@@ -15,9 +15,10 @@ from lcmchain.elements.blocks import (
 )
 from lcmchain.elements.solid_shell.kernel import ALIGNED_ROWS, GENERAL
 from lcmchain.mesh.numbering import STRETCH
-from lcmchain.model import NODE_CHUNK, build_model
+from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
+from lcmchain.tools.span_rows import NODE_CHUNK
 
 SCENE = """
 process = { time = "2 ms" }

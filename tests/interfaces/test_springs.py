@@ -9,10 +9,12 @@ import pytest
 from stacks import T, ply, scene_of, stack
 
 from lcmchain.interfaces import forces
-from lcmchain.interfaces.forces import SHARE, add_ply_forces, forces_of_points, list_points
+from lcmchain.interfaces.forces import add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.refresh import refresh, renew_slopes
 from lcmchain.interfaces.rims import share_over
+from lcmchain.interfaces.rows import SHARE
 from lcmchain.interfaces.springs import project, spring_at
+from lcmchain.tools.span_rows import SPAN
 
 DEPTH = 20e-6  # of one ply in the other [m]
 
@@ -34,34 +36,36 @@ def sim():
 def renew(sim):
     """Renew the springs of plies at rest; return what that puts in [J]."""
     sim.arrays.ply_counters[forces.LAST_STEPS] = 0
-    return refresh(sim.model.ply_contact, sim.arrays, 0.0, 1e-6)
+    return refresh(*sim.model.ply_contact, sim.arrays, 0.0, 1e-6)
 
 
-def without_friction(sim):
-    data = sim.model.ply_contact
-    return data._replace(friction=np.zeros_like(data.friction))
+def of_points(sim, row):
+    """A row of all points (node_count,)."""
+    data = sim.model.ply_contact.data
+    span, lane = np.divmod(data.lane, SPAN)
+    return sim.state.ply_rows[span * data.row_size + row * SPAN + lane]
 
 
 def forces_at(sim, position):
     """Forces of the frozen springs on all nodes (3, node_count) [N], and their energy [J]."""
-    data, arrays = without_friction(sim), sim.arrays
-    kept, springs = arrays.position.copy(), arrays.ply_spring.copy()
+    (data, laws), arrays = sim.model.ply_contact, sim.arrays
+    kept, springs = arrays.position.copy(), arrays.ply_rows.copy()
     arrays.position[:] = position
     list_points(data, arrays)
-    forces_of_points(data, arrays, 0.0)
+    forces_of_points(data, *laws, arrays, 0.0)
     arrays.force[:] = 0.0
     stored = 0.0
     for chunk, (first, last) in enumerate(pairwise(arrays.chunk_start.tolist())):
         stored += add_ply_forces(data, arrays, chunk, first, last)[0]
     arrays.position[:] = kept
-    arrays.ply_spring[:] = springs
+    arrays.ply_rows[:] = springs
     return arrays.force.copy(), stored
 
 
 def test_forces_are_the_slope_of_the_energy(sim):
     """Also those by which the share at a rim changes."""
     position = sim.state.position
-    shares = sim.state.ply_spring[sim.state.ply_facet >= 0, SHARE]
+    shares = of_points(sim, SHARE)[sim.state.ply_facet >= 0]
     assert (shares != 1.0).sum() > 10
     force, _ = forces_at(sim, position)
     rng = np.random.default_rng(0)
@@ -86,7 +90,7 @@ def test_the_surface_is_smooth_and_exact_for_a_parabola():
     radius = 0.04
     sheet = ply("a", width=30.0, height=15.0)
     sim = stack([sheet, ply("b", z=50.0)], scene_of())
-    data, arrays = sim.model.ply_contact, sim.arrays
+    data, arrays = sim.model.ply_contact.data, sim.arrays
     count = sheet.mesh.node_count
     x = arrays.position[0, :count]
     arrays.position[2, :count] += x**2 / (2.0 * radius)
@@ -98,7 +102,9 @@ def test_the_surface_is_smooth_and_exact_for_a_parabola():
         corner = arrays.position[:2, data.facet_node[upper]]
         near = (np.abs(corner.mean(axis=2) - np.array(point[:2])[:, None]) <= 2.5e-3).all(axis=0)
         facet = upper[np.flatnonzero(near)[0]]
-        xi, eta = project(arrays.position, data.facet_node, arrays.ply_slope, facet, point)
+        xi, eta = project(
+            arrays.position, data.facet_node, arrays.ply_slope, facet, 0.0, 0.0, point
+        )
         _, normal, _, gap = spring_at(
             arrays.position, data.facet_node, arrays.ply_slope, facet, xi, eta, point
         )
@@ -113,7 +119,7 @@ def test_the_share_of_a_rim_point_is_that_of_its_area():
     for part, wanted in [(0.0, 1.0), (0.1, 0.8), (0.25, 0.5), (0.5, 0.0)]:
         plies = [ply("a", z=0.5 * T), ply("b", shift=(part * step, 0.0, 0.0), z=1.5 * T)]
         sim = stack(plies, scene_of())
-        data, position = sim.model.ply_contact, sim.state.position
+        data, position = sim.model.ply_contact.data, sim.state.position
         first = sim.model.bodies[1].first_node
         place = plies[1].mesh.node_positions
         here = (place[:, 0] > place[:, 0].max() - 1e-9) & (place[:, 2] < 1.1e-3 * T)
@@ -129,7 +135,7 @@ def test_the_share_of_a_rim_point_is_that_of_its_area():
 
 
 def test_points_stand_in_the_list_of_their_facets_corners_in_order(sim):
-    data, arrays = sim.model.ply_contact, sim.arrays
+    data, arrays = sim.model.ply_contact.data, sim.arrays
     list_points(data, arrays)
     for node in range(0, sim.model.node_count, 7):
         found = arrays.ply_item[arrays.ply_start[node] : arrays.ply_start[node + 1]]
@@ -144,7 +150,7 @@ def test_a_refresh_at_rest_changes_nothing(sim):
     """Made again where they are, springs have the same energy: half of ½ κ depth² A of each ply."""
     assert abs(renew(sim)) < 1e-12
     stored = forces_at(sim, sim.state.position)[1]
-    penalty = sim.model.ply_contact.penalty[0]
+    penalty = sim.model.ply_contact.data.penalty[0]
     area = 1e-6 * (30.0 - 3.3) * (15.0 - 0.7)
     assert stored == pytest.approx(0.5 * penalty * DEPTH**2 * area, rel=2e-2)
 
@@ -155,7 +161,7 @@ def test_what_hangs_down_beyond_a_rim_is_let_go_and_what_is_over_the_ply_is_told
     position, first = state.position, sim.model.bodies[1].first_node
     upper = np.flatnonzero(state.ply_facet[first:] >= 0) + first
     outside = position[0, upper] > 15.5e-3  # the lower ply ends at 15 mm
-    partly = state.ply_spring[upper, SHARE] > 0.05
+    partly = of_points(sim, SHARE)[upper] > 0.05
     before = state.copy()
     for point, told in (
         (upper[outside & partly][0], False),

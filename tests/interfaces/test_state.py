@@ -11,8 +11,8 @@ from test_sliding import sled
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.limits import omega2_bound
 from lcmchain.interfaces.table import Interface
-from lcmchain.model import NODE_CHUNK
 from lcmchain.solver.simulation import Simulation
+from lcmchain.tools.span_rows import NODE_CHUNK
 
 
 def assert_identical(a, b):

@@ -19,7 +19,7 @@ def test_a_ply_may_begin_where_another_one_ends():
 
 
 def data_of(*interfaces):
-    return stack(PAIR, scene_of(), *interfaces).model.ply_contact
+    return stack(PAIR, scene_of(), *interfaces).model.ply_contact.data
 
 
 @pytest.fixture(scope="module")
@@ -63,13 +63,16 @@ def test_every_node_has_its_partner_on_the_other_face(data, position):
 
 
 def test_the_law_named_last_holds():
-    data = data_of(Interface(friction=0.1), Interface(between=("b", "a"), friction=0.3))
-    assert data.friction[data.law[0, 1]] == data.friction[data.law[1, 0]] == 0.3
-    assert data.law[0, 0] == data.law[1, 1] == NONE
+    model = stack(
+        PAIR, scene_of(), Interface(friction=0.1), Interface(between=("b", "a"), friction=0.3)
+    ).model
+    data, (law, *_) = model.ply_contact
+    assert law.friction[data.interface[0, 1]] == law.friction[data.interface[1, 0]] == 0.3
+    assert data.interface[0, 0] == data.interface[1, 1] == NONE
 
 
 def test_both_plies_feel_each_other(data):
-    assert data.law[0, 1] == data.law[1, 0] == 0
+    assert data.interface[0, 1] == data.interface[1, 0] == 0
 
 
 def test_the_automatic_stiffness_is_that_of_the_softer_ply():

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lcmchain.model import SPANS_OF_CHUNK
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import EXTERNAL
+from lcmchain.tools.span_rows import SPANS_OF_CHUNK
 
 GRAVITY = 9.81
 MU = 0.157

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from lcmchain.effects.fibre_bending import FORCE_ROWS, INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.elements.blocks import LANES, in_blocks
 from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
-from lcmchain.model import NODE_CHUNK, PlacedBody, build_model
+from lcmchain.model import PlacedBody, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.schedule import LEAST_PART, build_schedule
 from lcmchain.solver.simulation import Simulation
+from lcmchain.tools.span_rows import NODE_CHUNK
 
 STAGES = ("block", "middle", "vector", "sum", "chunk")
 
@@ -48,7 +49,10 @@ def is_after(later, earlier):
 def schedule_of(model, parts, number=0):
     """The order of a step of one of the bodies."""
     bending = None if model.fibre_bending is None else model.fibre_bending.data
-    return build_schedule(model.placed[number], bending, model.nodes.force_slot, parts)
+    placed, nodes = model.placed[number], model.nodes
+    return build_schedule(
+        [placed], placed.data.corner_node, bending, nodes.force_slot, nodes.chunk_start, parts
+    )
 
 
 def require_order(model, schedule):
@@ -176,15 +180,18 @@ def test_any_numbering_of_elements_and_nodes_will_do(seed, parts, element_count,
     data = SimpleNamespace(
         indices=indices, start=np.zeros(-(-mid_count // LANES)), first_force=size
     )
+    chunk_start = np.append(np.arange(0, node_count, NODE_CHUNK), node_count)
     placed = PlacedBody(
-        SimpleNamespace(corner_node=in_blocks(nodes)), 0, node_count, 0, 0, 0, size, 0, 0,
-        0, data.start.size,
+        SimpleNamespace(corner_node=in_blocks(nodes)), 0, node_count, 0, chunk_start.size - 1,
+        0, size, 0, 0, 0, data.start.size,
     )  # fmt: skip
     model = SimpleNamespace(
         placed=(placed,),
         fibre_bending=SimpleNamespace(data=data),
         node_count=node_count,
-        nodes=SimpleNamespace(force_slot=random.integers(0, 2 * size, (3, node_count))),
+        nodes=SimpleNamespace(
+            force_slot=random.integers(0, 2 * size, (3, node_count)), chunk_start=chunk_start
+        ),
     )
     # tiles of a block or two: many turns for so few elements
     with patch("lcmchain.solver.schedule.TILE", int(random.integers(1, 3))):
@@ -220,7 +227,7 @@ def test_the_number_of_parts_changes_no_bit(monkeypatch, angle):
         assert (simulation.model.body.data.general is None) == (angle == "0 deg")
         monkeypatch.setattr(
             "lcmchain.solver.loop.build_schedule",
-            lambda placed, bending, slot, _: build_schedule(placed, bending, slot, parts),
+            lambda *arguments: build_schedule(*arguments[:-1], parts),
         )
         simulation.advance_to(2e-3)
         return {name: array.tobytes() for name, array in simulation.state.as_dict().items()}

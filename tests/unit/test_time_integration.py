@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lcmchain.elements.family import internal_forces
-from lcmchain.model import NODE_CHUNK, build_model
+from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import (
     CALM_CHUNKS_PER_FREQUENCY,
@@ -18,6 +18,7 @@ from lcmchain.solver.simulation import (
     Simulation,
 )
 from lcmchain.state import EXTERNAL, LAST_STEP, OMEGA2, PLY_REFRESH, RENEWAL, RENEWED
+from lcmchain.tools.span_rows import NODE_CHUNK
 from lcmchain.verification.random_elements import corner_forces
 
 SHEET = """
