@@ -30,7 +30,5 @@ def active(model: Any) -> list[Effect]:
         return [Effect("contact between plies", False, "they pass through each other")]
     stiffness = f"stiffness {span(1e-9 * contact.data.penalty)} N/mm^3"
     effects = [Effect("contact between plies", True, stiffness)]
-    effects += [
-        Effect(law.title, True, law.reason()) for law in contact.laws if not isinstance(law, NoLaw)
-    ]
-    return effects
+    laws = [law for law in contact.laws if not isinstance(law, NoLaw)]
+    return [*effects, *(Effect(law.title(), True, law.reason()) for law in laws)]

@@ -7,8 +7,8 @@ function of the protocol below is computed; a kernel calls the functions of the 
 has, which are inlined, and nothing else in the program needs to know them. Its scene table, an
 :class:`InterfaceLawTable`, makes the NamedTuple.
 
-A law lists in ``remembers`` how many numbers every point of contact keeps for it, at most
-:data:`MOST_MEMORY`, zero at first. Kernels hand them over as a tuple. It has a ``title``, and its
+A law says with ``remembers()`` how many numbers every point of contact keeps for it, at most
+:data:`MOST_MEMORY`, zero at first. Kernels hand them over as a tuple. It has a ``title()``, and its
 ``reason()`` says in a few words how strong it is, for the list of effects.
 
 A point stands for half the area around its node: the points of both faces that meet carry half of
@@ -136,7 +136,8 @@ def _nothing(law, values, memory, touch):
 
 def memory_size(law: Any) -> int:
     """Return how many numbers per point the law remembers."""
-    return getattr(law if isinstance(law, type) else type(law), "remembers", 0)
+    kind = law if isinstance(law, type) else type(law)
+    return kind.remembers() if hasattr(kind, "remembers") else 0
 
 
 @overload(memory_size, jit_options=INLINED)

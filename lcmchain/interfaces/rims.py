@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from lcmchain.elements.vectors import dot
+from lcmchain.elements.vectors import dot, plus, scaled
 from lcmchain.interfaces.springs import corners_of, frame_of, minus, vector_of, weighted
 from lcmchain.jit import equation, inlined_routine, ordered_span_routine
 
@@ -85,7 +85,7 @@ def share_over(position, data, point, facet):
     distance, _, _ = signed_distance(position, data.rim, first, last, corners[0], e1, e2, u, v)
     if abs(distance) > AREA_REACH * data.spacing[point]:
         return 1.0 if distance > 0.0 else 0.0, (0.0, 0.0, 0.0)
-    total, count, total_u, total_v = 0.0, 0, 0.0, 0.0
+    share, share_u, share_v = 0.0, 0.0, 0.0
     for k in range(data.ring.shape[1]):
         around = data.ring[point, k]
         if around < 0:
@@ -93,6 +93,7 @@ def share_over(position, data, point, facet):
         own = corners_of(position, data.facet_node, around)
         corner = data.ring_corner[point, k]
         size = 0.25 * data.facet_edge[around]
+        part = 0.25 * data.ring_part[point, k]  # of a sample
         for sample in range(4):
             a = NEAR if sample % 2 == 0 else FAR
             b = NEAR if sample < 2 else FAR
@@ -103,21 +104,13 @@ def share_over(position, data, point, facet):
                 position, data.rim, first, last, corners[0], e1, e2, u, v
             )
             covered = 0.5 + distance / size
-            count += 1
             if covered >= 1.0:
-                total += 1.0
+                share += part
             elif covered > 0.0:
-                total += covered
-                total_u += grad_u / size
-                total_v += grad_v / size
-    share = total / count
+                share += part * covered
+                share_u += part * grad_u / size
+                share_v += part * grad_v / size
     # up to rounding: a rim of the point on the rim of the facets
     if share > 1.0 - 1e-9:
         return 1.0, (0.0, 0.0, 0.0)
-    total_u, total_v = total_u / count, total_v / count
-    gradient = (
-        total_u * e1[0] + total_v * e2[0],
-        total_u * e1[1] + total_v * e2[1],
-        total_u * e1[2] + total_v * e2[2],
-    )
-    return share, gradient
+    return share, plus(share_u, e1, scaled(share_v, e2))

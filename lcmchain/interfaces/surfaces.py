@@ -60,7 +60,8 @@ class InterfaceData(NamedTuple):
     ply : (node_count,) int32, body of every node, which is a point. partner : (node_count,) int32
         node on the other face of the ply. spacing : (node_count,) edge length around it [m].
     ring, ring_corner : (node_count, valence) int32, facets that have the node as a corner, and
-        which one; -1 where there are fewer.
+        which one; -1 where there are fewer. ring_part : (node_count, valence) part of the node's
+        area that lies on each, 0 where there are fewer.
     facet_node : (facet_count, 4) int32, counterclockwise seen from outside; a triangle repeats its
         last node. facet_ply : (facet_count,) int32. facet_edge : (facet_count,) its shortest [m].
     neighbour : (facet_count, 4) int32, facet across the edge from corner k to the next one.
@@ -90,6 +91,7 @@ class InterfaceData(NamedTuple):
     spacing: np.ndarray
     ring: np.ndarray
     ring_corner: np.ndarray
+    ring_part: np.ndarray
     facet_node: np.ndarray
     facet_ply: np.ndarray
     facet_edge: np.ndarray
@@ -197,6 +199,7 @@ def build_interfaces(
         spacing=aligned(spacing),
         ring=ring,
         ring_corner=ring_corner,
+        ring_part=_parts_of_area(position[facet_node], ring),
         facet_node=facet_node.astype(np.int32),
         facet_ply=facet_ply.astype(np.int32),
         facet_edge=aligned(shortest),
@@ -385,6 +388,22 @@ def _rings(facet_node: np.ndarray, node_count: int) -> tuple[np.ndarray, np.ndar
     corner, node = corner[~repeated], node[~repeated]
     found = np.ascontiguousarray(by_node(node, corner, node_count, NONE).T)
     return found // 4, np.where(found < 0, NONE, found % 4).astype(np.int32)
+
+
+def _parts_of_area(corner: np.ndarray, ring: np.ndarray) -> np.ndarray:
+    """Return which part of each node's area lies on the facets around it.
+
+    Facets divide their area evenly among their corners.
+
+    Parameters
+    ----------
+    corner : (facet_count, 4, 3) positions [m].
+    """
+    across = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+    is_triangle = (corner[:, 2] == corner[:, 3]).all(axis=1)
+    area = np.linalg.norm(across, axis=1) / np.where(is_triangle, 3.0, 4.0)
+    own = np.where(ring == NONE, 0.0, area[ring])
+    return np.ascontiguousarray(own / own.sum(axis=1, keepdims=True))
 
 
 def _inner_nodes(facet_node: np.ndarray, neighbour: np.ndarray, node_count: int) -> np.ndarray:

@@ -34,6 +34,8 @@ DISCRIMINATORS = {
     "temperature": "law",
     "closure": "type",
 }
+#: The same for lists of tables with forms.
+LIST_DISCRIMINATORS = {"laws": "type"}
 
 #: Table of materials that have names of their own.
 NAMED_MATERIALS = "materials"
@@ -192,13 +194,16 @@ def _without_tags(location: Sequence[str | int], data: Any) -> tuple[str | int, 
             result.append(step)
         # "resin" names a table with forms here and one without there
         is_named_material = result[:-1] == [NAMED_MATERIALS]
-        may_choose = not choosing and (step in DISCRIMINATORS or is_named_material)
+        is_of_list = isinstance(step, int) and result[-2:-1] and result[-2] in LIST_DISCRIMINATORS
+        may_choose = not choosing and (step in DISCRIMINATORS or is_named_material or is_of_list)
         choosing = may_choose and len(models_of(annotation_at(result, data))) > 1
     return tuple(result)
 
 
 def _discriminator(location: Sequence[str | int]) -> str:
     """Return the entry that chooses between the forms of the table at a location."""
+    if isinstance(location[-1], int):
+        return LIST_DISCRIMINATORS[str(location[-2])]
     is_named_material = tuple(location[:-1]) == (NAMED_MATERIALS,)
     return DISCRIMINATORS["material" if is_named_material else str(location[-1])]
 

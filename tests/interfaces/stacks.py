@@ -16,6 +16,7 @@ from lcmchain.model import Sheet, assemble_bodies
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import PLY_REFRESH
+from lcmchain.tools.span_rows import SPAN
 from lcmchain.tools.table import build_tool_table
 
 T = 1.004  # thickness of a ply [mm]
@@ -126,3 +127,10 @@ def inner(body, margin):
 def booked(sim):
     """What renewals of the springs have put in [J]."""
     return -float(sim.state.work[PLY_REFRESH])
+
+
+def of_points(sim, row):
+    """A row of all points (node_count,)."""
+    data = sim.model.ply_contact.data
+    span, lane = np.divmod(data.lane, SPAN)
+    return sim.state.ply_rows[span * data.row_size + row * SPAN + lane]

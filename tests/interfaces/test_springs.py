@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from stacks import T, ply, scene_of, stack
+from stacks import T, of_points, ply, scene_of, stack
 
 from lcmchain.interfaces import forces
 from lcmchain.interfaces.forces import add_ply_forces, forces_of_points, list_points
@@ -14,7 +14,6 @@ from lcmchain.interfaces.refresh import refresh, renew_slopes
 from lcmchain.interfaces.rims import share_over
 from lcmchain.interfaces.rows import SHARE
 from lcmchain.interfaces.springs import project, spring_at
-from lcmchain.tools.span_rows import SPAN
 
 DEPTH = 20e-6  # of one ply in the other [m]
 
@@ -37,13 +36,6 @@ def renew(sim):
     """Renew the springs of plies at rest; return what that puts in [J]."""
     sim.arrays.ply_counters[forces.LAST_STEPS] = 0
     return refresh(*sim.model.ply_contact, sim.arrays, 0.0, 1e-6)
-
-
-def of_points(sim, row):
-    """A row of all points (node_count,)."""
-    data = sim.model.ply_contact.data
-    span, lane = np.divmod(data.lane, SPAN)
-    return sim.state.ply_rows[span * data.row_size + row * SPAN + lane]
 
 
 def forces_at(sim, position):

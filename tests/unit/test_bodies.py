@@ -96,10 +96,11 @@ SHEETS = {
         sheet("flat", FABRIC, MembraneShellElement(), shift=0.1),
     ],
     "one law twice": [sheet("left", FABRIC), sheet("right", FABRIC, shift=0.1)],
-    "one law around another": [
-        sheet("left", FABRIC),
+    # sheets of one kind and mesh are one for the loop, also around another one
+    "one kind around another": [
+        sheet("first", FABRIC),
         sheet("rubber", RUBBER, shift=0.1),
-        sheet("right", FABRIC, shift=0.2),
+        sheet("second", FABRIC),
     ],
 }
 
@@ -157,8 +158,10 @@ def test_ranges_follow_each_other_without_gaps():
         first.mesh.node_count, first.mesh.element_count
     )  # fmt: skip
     assert model.placed[0].last_force == model.placed[1].first_force
-    # bodies of one kind are one for the loop
-    left, rubber, right = simulation(*SHEETS["one law around another"]).model.placed
+    # bodies of one kind and mesh are one for the loop
+    fabric, rubber = SHEETS["two laws"]
+    sheets = [fabric, rubber, fabric._replace(name="again")]
+    left, rubber, right = simulation(*sheets).model.placed
     assert (left.last_force, right.last_force) == (right.first_force, rubber.first_force)
     assert (left.last_history, right.last_history) == (right.first_history, rubber.first_history)
     assert (left.last_chunk, rubber.last_chunk) == (rubber.first_chunk, right.first_chunk)

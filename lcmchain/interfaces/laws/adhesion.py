@@ -38,8 +38,13 @@ class Adhesion(NamedTuple):
     on: np.ndarray
     off: np.ndarray
 
-    remembers = 1  # 1 for a point that sticks
-    title = "adhesion between plies"
+    @staticmethod
+    def remembers() -> int:
+        return 1  # 1 for a point that sticks
+
+    @staticmethod
+    def title() -> str:
+        return "adhesion between plies"
 
     def reason(self) -> str:
         return f"tension {span(1e-6 * self.stress[self.stress > 0.0])} MPa"

@@ -40,8 +40,13 @@ class Coulomb(NamedTuple):
     friction: np.ndarray
     ratio: np.ndarray
 
-    remembers = SLIP
-    title = "friction between plies"
+    @staticmethod
+    def remembers() -> int:
+        return SLIP
+
+    @staticmethod
+    def title() -> str:
+        return "friction between plies"
 
     def reason(self) -> str:
         return f"coefficient {span(self.friction)}"

@@ -47,8 +47,13 @@ class FrictionMap(NamedTuple):
     friction: np.ndarray
     ratio: np.ndarray
 
-    remembers = SLIP
-    title = "friction between plies by pressure and speed"
+    @staticmethod
+    def remembers() -> int:
+        return SLIP
+
+    @staticmethod
+    def title() -> str:
+        return "friction between plies by pressure and speed"
 
     def reason(self) -> str:
         return f"coefficient {span(self.friction)}"
@@ -162,11 +167,13 @@ class FrictionMapTable(InterfaceLawTable):
         pressure, speed = rows_of(tables, "pressure"), rows_of(tables, "speed")
         friction = rows_of(tables, "friction")
         return FrictionMap(
-            starts(pressure),
-            starts(speed),
-            starts(friction),
-            *(np.concatenate(rows) for rows in (pressure, speed, friction)),
-            np.array([0.5 if table is None else table.tangential_ratio for table in tables]),
+            pressure_start=starts(pressure),
+            speed_start=starts(speed),
+            friction_start=starts(friction),
+            pressure=np.concatenate(pressure),
+            speed=np.concatenate(speed),
+            friction=np.concatenate(friction),
+            ratio=np.array([0.5 if t is None else t.tangential_ratio for t in tables]),
         )
 
     def in_words(self) -> str:

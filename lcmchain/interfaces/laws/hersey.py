@@ -53,8 +53,13 @@ class Hersey(NamedTuple):
     viscosity: np.ndarray
     ratio: np.ndarray
 
-    remembers = SLIP
-    title = "friction between plies by Hersey number"
+    @staticmethod
+    def remembers() -> int:
+        return SLIP
+
+    @staticmethod
+    def title() -> str:
+        return "friction between plies by Hersey number"
 
     def reason(self) -> str:
         return f"coefficient {span(self.friction)}"

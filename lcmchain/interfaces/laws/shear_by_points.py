@@ -40,8 +40,13 @@ class ShearByPoints(NamedTuple):
     stiffness: np.ndarray
     distance: np.ndarray
 
-    remembers = SLIP + 1  # and the plastic slip so far
-    title = "shear stress between plies by points"
+    @staticmethod
+    def remembers() -> int:
+        return SLIP + 1  # and the plastic slip so far
+
+    @staticmethod
+    def title() -> str:
+        return "shear stress between plies by points"
 
     def reason(self) -> str:
         return f"up to {1e-3 * self.stress.max():.3g} kPa"

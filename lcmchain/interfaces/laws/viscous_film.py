@@ -36,8 +36,13 @@ class ViscousFilm(NamedTuple):
     viscosity: np.ndarray
     thickness: np.ndarray
 
-    remembers = 3  # force after the last step
-    title = "viscous film between plies"
+    @staticmethod
+    def remembers() -> int:
+        return 3  # force after the last step
+
+    @staticmethod
+    def title() -> str:
+        return "viscous film between plies"
 
     def reason(self) -> str:
         return f"viscosity {span(self.viscosity[self.viscosity > 0.0])} Pa s"
