@@ -18,6 +18,8 @@ from scipy.spatial import cKDTree
 
 from lcmchain.fields.derived import face_area_vectors
 from lcmchain.fields.ugrid import UgridMesh
+from lcmchain.materials.law import Material
+from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,6 +90,33 @@ class StackedPly:
     initial_thickness: float
     areal_mass: np.ndarray
     fibre_density: float | None
+
+    @classmethod
+    def of_mesh(
+        cls,
+        mesh: SheetMesh,
+        material: Material,
+        positions: np.ndarray,
+        fields: Mapping[str, np.ndarray],
+    ) -> StackedPly:
+        """Return a ply by its mesh.
+
+        positions : of its nodes (F, node_count, 3) [m]. fields : of its elements, (F, m) or for
+            one frame (m,).
+        """
+        faces = mesh.sheet_faces
+        if faces.shape[1] == 3:
+            faces = np.pad(faces, ((0, 0), (0, 1)), constant_values=NO_NODE)
+        last = np.where(faces[:, 3] == NO_NODE, faces[:, 2], faces[:, 3])
+        thickness = fields.get("thickness")
+        return cls(
+            faces=np.column_stack([faces[:, :3], last]),
+            positions=mesh.mid_surface(positions),
+            thickness=None if thickness is None else np.atleast_2d(thickness),
+            initial_thickness=material.thickness,
+            areal_mass=np.atleast_2d(fields["areal_fibre_mass"]),
+            fibre_density=material.fibre_density,
+        )
 
     @cached_property
     def around(self) -> np.ndarray:

@@ -243,7 +243,7 @@ class Scene(SceneModel):
     def only_ply(self, asker: str) -> PlySettings:
         """Return the one sheet of a scene, for what knows one.
 
-        asker : who asks, in words that precede "takes one sheet", such as ``lcmchain fmu build``.
+        asker : who asks, in words that precede "takes one sheet", such as ``lcmchain coupon``.
 
         Raises
         ------

@@ -220,7 +220,7 @@ def test_an_overlap_of_up_to_half_a_thickness_and_a_gap_are_allowed(scene_of):
 
 
 @pytest.mark.parametrize(
-    "command", ["lcmchain coupon", "lcmchain fmu build", "lcmchain study accuracy"]
+    "command", ["lcmchain coupon", "lcmchain study effects", "lcmchain study accuracy"]
 )
 def test_what_takes_one_sheet_names_the_command_and_the_entry(scene_of, command):
     short = 'layup = "[0]2"\n' + PRESET + BLANK
