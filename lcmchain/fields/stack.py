@@ -164,7 +164,7 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
             if other is ply:
                 continue
             for frame in frames:
-                met = _faces_met(ply, other, frame, reach)
+                met = faces_met(ply, other, frame, reach)
                 there = met >= 0
                 count[frame] += there
                 mass[frame, there] += other.areal_mass[frame, met[there]]
@@ -179,8 +179,11 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
     return found
 
 
-def _faces_met(ply: StackedPly, other: StackedPly, frame: int, reach: float) -> np.ndarray:
-    """Return which face of another ply the column of every face meets first (m,), -1 for none."""
+def faces_met(ply: StackedPly, other: StackedPly, frame: int, reach: float) -> np.ndarray:
+    """Return which face of another ply the column of every face meets first (m,), -1 for none.
+
+    reach : how far the column goes to either side [m].
+    """
     corners = ply.positions[frame][ply.faces]
     start, normal = _centres(corners), face_area_vectors(corners)
     size = np.linalg.norm(normal, axis=1, keepdims=True)

@@ -494,12 +494,19 @@ class Scene(SceneModel):
                 "slide: press with a tool, or form one sheet",
                 field="pressure",
             )
-        if self.infiltration is not None:
-            raise wrong(
-                "fills one sheet; resin that flows from ply to ply of a stack is not simulated: "
-                "leave it out, and fill a mesh of the part ([mapping.infiltration])",
-                field="infiltration",
-            )
+        for key, case in self._cases():
+            if case.with_forming is not None:
+                raise wrong(
+                    "lets resin flow in one sheet while it is formed; from ply to ply of a stack "
+                    "that slides it is not simulated: leave it out, and the formed stack is filled",
+                    field=f"{key}.with_forming",
+                )
+            if case.closure is not None:
+                raise wrong(
+                    "presses one sheet, whose compaction law tells how thick it becomes; leave it "
+                    "out, and the formed stack is filled as thick as it is",
+                    field=f"{key}.closure",
+                )
 
     def _check_draping(self) -> None:
         """Refuse what a net without forces knows nothing of."""
@@ -530,16 +537,18 @@ class Scene(SceneModel):
                 found[target.name] = target.infiltration, target
         return found
 
-    def _check_infiltrations(self) -> None:
-        """Refuse an infiltration that the formed sheet has nothing for."""
-        keys = [("infiltration", self.infiltration)]
-        keys += [
+    def _cases(self) -> list[tuple[str, Infiltration]]:
+        """Return every infiltration behind its key."""
+        cases = [("infiltration", self.infiltration)]
+        cases += [
             (f'mapping[{index}] "{target.name}".infiltration', target.infiltration)
             for index, target in enumerate(self.mapping)
         ]
-        for key, case in keys:
-            if case is None:
-                continue
+        return [(key, case) for key, case in cases if case is not None]
+
+    def _check_infiltrations(self) -> None:
+        """Refuse an infiltration that the formed sheet has nothing for."""
+        for key, case in self._cases():
             if not self.stack.has_thickness:
                 raise wrong(
                     f'needs the thickness, which element = "{self.element.type}" does not '
@@ -554,12 +563,12 @@ class Scene(SceneModel):
                     f"[{key.partition('[')[0]}{'.infiltration' if '[' in key else ''}]",
                     field="permeability",
                 )
-        for (key, case), target in zip(keys[1:], self.mapping, strict=True):
-            if case is not None and case.with_forming is not None:
+        for index, target in enumerate(self.mapping):
+            if target.infiltration is not None and target.infiltration.with_forming is not None:
                 raise wrong(
                     f"flows in a mesh of its own, {target.mesh}; with_forming stands in "
                     "[infiltration], that of the sheet",
-                    field=f"{key}.with_forming",
+                    field=f'mapping[{index}] "{target.name}".infiltration.with_forming',
                 )
         for key, place in self.infiltration.places() if self.infiltration is not None else ():
             if place.set is not None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcmchain.errors import InputError, first_few
 from lcmchain.fields.ugrid import TIME
+from lcmchain.mapping.plies import SHARE
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.mapping.target import TargetMesh
 
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 
 #: Families closer to each other than this have no plane between them.
 CLOSEST_FAMILIES = np.radians(1.0)
-
-#: What the share of a ply in the cells is called, before the name of the ply.
-SHARE = "ply_share_"
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,15 @@ PRESET = 'material = { preset = "MD600" }\n'
 BLANK = 'blank = { size = ["40 mm", "20 mm"], edge_length = "5 mm" }\n'
 PLY = '[[plies]]\nsize = ["40 mm", "20 mm"]\nedge_length = "5 mm"\n'
 TWO = '[materials.lower]\npreset = "MD600"\n[materials.upper]\npreset = "glass-plain-600"\n'
+RESIN = """[permeability]
+law = "gebart"
+fibre_radius = "3.5 um"
+[infiltration]
+time = "1 h"
+resin = { law = "constant", viscosity = "0.1 Pa*s", density = "1100 kg/m^3" }
+gates = [{ name = "left", box = ["-21 -11 -1 mm", "-19 11 9 mm"], pressure = "3 bar" }]
+vents = [{ name = "right", box = ["19 -11 -1 mm", "21 11 9 mm"] }]
+"""
 T = 1.004e-3  # thickness of MD600 [m]
 
 
@@ -180,6 +189,16 @@ WRONG = {
     ),
     "interfaces of one sheet": (PRESET + BLANK + "[[interfaces]]\n", "the scene has one sheet"),
     "a net": ('element = "kinematic"\n' + PRESET + PLY + PLY, 'element: is "kinematic"'),
+    "resin while it is formed": (
+        PRESET + PLY + PLY + RESIN.replace("gates", "# gates")
+        + 'film = { thickness = "1 mm", pressure = "1 bar" }\nwith_forming = { window = "1 ms" }\n',
+        r"infiltration.with_forming: lets resin flow in one sheet",
+    ),
+    "a bag over it": (
+        PRESET + PLY + PLY + RESIN + 'vent_pressure = "0 bar"\n'
+        'closure = { type = "bag", pressure = "1 bar" }\n',
+        r"infiltration.closure: presses one sheet",
+    ),
     "a pressure": (
         PRESET + PLY + PLY + '[[pressure]]\nname = "bag"\nface = "top"\nvalue = "1 kPa"\n',
         "pressure: acts on the faces of one sheet",
@@ -209,6 +228,11 @@ def test_a_wrong_stack_is_one_error_that_names_the_key(scene_of, name):
     with pytest.raises(InputError, match=message) as caught:
         build_model(scene_of(text))
     assert "errors:" not in str(caught.value)
+
+
+def test_a_formed_stack_may_be_filled(scene_of):
+    scene = scene_of(PRESET + PLY + PLY + RESIN)
+    assert list(scene.infiltrations) == ["sheet"]
 
 
 def test_an_overlap_of_up_to_half_a_thickness_and_a_gap_are_allowed(scene_of):
