@@ -30,6 +30,8 @@ from lcmchain.mapping.weights import MappingWeights, Status, mesh_key
 EVEN = 1e-9
 #: What the share of a ply in the cells is called, before the name of the ply.
 SHARE = "ply_share_"
+#: What its place along the normal of a shell is called.
+HEIGHT = "ply_height_"
 #: Share of a ply's area that may lie beside the largest one without a word.
 LEAST_BEYOND = 1e-3
 
@@ -110,9 +112,11 @@ def transfer_plies(sheet: Sheet, target: TargetMesh, weights: MappingWeights) ->
 
     Every field of a ply has the ply's name before its own, and so have all of its values: a cell
     without the ply has none. ``ply_share_NAME`` is the share of the cell that a ply has: of its
-    volume, or of a shell's thickness. Thickness, areal mass and fibre volume fraction without a
-    name are those of all plies, and the permeability is that of the layers that they make; any
-    other field without a name is that of the ply with the largest share, of several the first.
+    volume, or of a shell's thickness. ``ply_height_NAME`` is how far the ply's mid-surface lies
+    from a shell along its normal, which tells the order of the plies there. Thickness, areal mass
+    and fibre volume fraction without a name are those of all plies, and the permeability is that
+    of the layers that they make; any other field without a name is that of the ply with the
+    largest share, of several the first.
     """
     names = sheet.ply_names
     shares = _shares(sheet, weights)
@@ -137,6 +141,9 @@ def transfer_plies(sheet: Sheet, target: TargetMesh, weights: MappingWeights) ->
         axes |= {f"{name}_{key}": values for key, values in mapped.axes.items()}
         directions |= {f"{name}_{key}": found for key, found in mapped.directions.items()}
         scalars[f"{SHARE}{name}"] = np.where(weights.mapped, share, np.nan)
+    if not target.is_solid:
+        for name, ply, ply_weights in zip(names, plies, own):
+            scalars[f"{HEIGHT}{name}"] = _heights(ply, target, ply_weights)
     return replace(each[0], scalars=scalars, directions=directions, axes=axes)
 
 
@@ -149,6 +156,9 @@ def described(sheet: Sheet, variable: str) -> dict[str, Any]:
         if variable == f"{SHARE}{name}":
             text = f"share of the cell that the ply {name} has"
             return {"units": "1", "long_name": text, "comment": "of a shell, of its thickness"}
+        if variable == f"{HEIGHT}{name}":
+            text = f"place of the mid-surface of the ply {name} along the normal of the cell"
+            return {"units": "m", "long_name": text, "comment": "from the cell's own plane"}
         about = known.get(variable.removeprefix(f"{name}_"))
         if variable.startswith(f"{name}_") and about is not None:
             return about | {"long_name": f"{about.get('long_name', variable)}, ply {name}"}
@@ -334,6 +344,13 @@ def _thickness(ply: Sheet, weights: MappingWeights) -> np.ndarray:
     if "thickness" not in ply.scalars:
         return np.ones(weights.cell_count)
     return np.nan_to_num(mean_over_cells(ply.surface, weights, ply.scalars["thickness"]))
+
+
+def _heights(ply: Sheet, target: TargetMesh, weights: MappingWeights) -> np.ndarray:
+    """Distance of a ply's mid-surface from each cell along the normal of the cell [m], (C,)."""
+    places = [mean_over_cells(ply.surface, weights, x) for x in ply.surface.centroids.T]
+    away = np.stack(places, axis=1) - target.surface.centroids
+    return np.einsum("ci,ci->c", away, target.surface.normals)
 
 
 def _totals(
