@@ -488,10 +488,11 @@ class Scene(SceneModel):
 
     def _check_what_knows_one_sheet(self) -> None:
         """Refuse the loads and stages that a stack would need a rule of its own for."""
-        if self.pressure:
+        if self.pressure and not self.stack.has_one_outline:
             raise wrong(
-                "acts on the faces of one sheet; which plies of a stack it meets changes as they "
-                "slide: press with a tool, or form one sheet",
+                "acts on the outer faces of a stack, but its plies have unlike outlines: which "
+                "faces lie bare beside a smaller ply changes as they slide; give all plies one "
+                "outline, or press with a tool",
                 field="pressure",
             )
         for key, case in self._cases():

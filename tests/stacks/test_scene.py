@@ -23,6 +23,7 @@ resin = { law = "constant", viscosity = "0.1 Pa*s", density = "1100 kg/m^3" }
 gates = [{ name = "left", box = ["-21 -11 -1 mm", "-19 11 9 mm"], pressure = "3 bar" }]
 vents = [{ name = "right", box = ["19 -11 -1 mm", "21 11 9 mm"] }]
 """
+BAG = '[[pressure]]\nname = "bag"\nface = "top"\nvalue = "1 kPa"\n'
 T = 1.004e-3  # thickness of MD600 [m]
 
 
@@ -199,9 +200,9 @@ WRONG = {
         'closure = { type = "bag", pressure = "1 bar" }\n',
         r"infiltration.closure: presses one sheet",
     ),
-    "a pressure": (
-        PRESET + PLY + PLY + '[[pressure]]\nname = "bag"\nface = "top"\nvalue = "1 kPa"\n',
-        "pressure: acts on the faces of one sheet",
+    "a pressure on a smaller ply": (
+        PRESET + PLY + PLY.replace('"20 mm"', '"15 mm"') + BAG,
+        "pressure: acts on the outer faces of a stack, but its plies have unlike outlines",
     ),
     "value of a named material": (
         PLY + 'material = "lower"\n[materials.lower]\npreset = "MD600"\nthickness = "3 N"\n',
@@ -228,6 +229,11 @@ def test_a_wrong_stack_is_one_error_that_names_the_key(scene_of, name):
     with pytest.raises(InputError, match=message) as caught:
         build_model(scene_of(text))
     assert "errors:" not in str(caught.value)
+
+
+def test_a_stack_of_one_outline_may_be_pressed(scene_of):
+    scene = scene_of(PRESET + PLY + PLY.replace("5 mm", "4 mm") + 'fibre_angle = "45 deg"\n' + BAG)
+    assert scene.stack.has_one_outline and len(scene.pressure) == 1
 
 
 def test_a_formed_stack_may_be_filled(scene_of):
