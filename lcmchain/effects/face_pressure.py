@@ -1,9 +1,10 @@
 """Pressure on the faces of a sheet: a vacuum bag, a diaphragm, a film of fluid.
 
 Adds: on the bottom or top face of every element the exact virtual work of a pressure that follows
-the face, f = p ∫ N g1 × g2 dξ dη over the bilinear face. Of a stack the outer faces are pressed: the
-bottom of the lowest ply and the top of the uppermost; contact hands it on. Together with a pore pressure of the same
-size in the elements only the edges of the sheet are loaded: the same faces bound both.
+the face, f = p ∫ N g1 × g2 dξ dη over the bilinear face. Of a stack the outer faces are pressed:
+the bottom of the lowest ply and the top of the uppermost; contact hands it on. Together with a pore
+pressure of the same size in the elements only the edges of the sheet are loaded: the same faces
+bound both.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 4.9 (pressure that follows).
 Stability limit: its load stiffness, about p (1/l1 + 1/l2) / (ρ h), is added to the ω² of the
 elements with the largest pressure of the table.

@@ -259,6 +259,23 @@ class Scene(SceneModel):
             )
         return stack[0]
 
+    def shared_blank(self, asker: str) -> Blank:
+        """Return ``[blank]``, from which all plies are cut, for what varies one edge length.
+
+        asker : who asks, in words that precede "varies one edge length".
+
+        Raises
+        ------
+        InputError : the plies are entries of ``[[plies]]`` with an edge length each.
+        """
+        if self.blank is None:
+            raise InputError(
+                f"names {len(self.plies)} plies with an edge_length each, but {asker} varies one "
+                "edge length; write plies of one outline as layup, beside [blank]",
+                key="plies",
+            )
+        return self.blank
+
     @property
     def history_interval(self) -> float:
         """Time between two samples of the histories [s]."""

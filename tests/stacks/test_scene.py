@@ -249,9 +249,7 @@ def test_an_overlap_of_up_to_half_a_thickness_and_a_gap_are_allowed(scene_of):
     assert scene_of(PRESET + PLY + PLY + beside).stack[1].blank.height == 0.0
 
 
-@pytest.mark.parametrize(
-    "command", ["lcmchain coupon", "lcmchain study effects", "lcmchain study accuracy"]
-)
+@pytest.mark.parametrize("command", ["lcmchain coupon", "a hard case"])
 def test_what_takes_one_sheet_names_the_command_and_the_entry(scene_of, command):
     short = 'layup = "[0]2"\n' + PRESET + BLANK
     for text, key in ((PRESET + PLY + PLY, "plies"), (short, "layup")):
