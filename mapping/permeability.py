@@ -47,7 +47,7 @@ def map_permeability(
         summed = np.bincount(cell, weights.average * values, minlength=weights.cell_count)
         return np.where(weights.mapped, summed, np.nan)
 
-    return _principal(*(mean(component) for component in (k11, k22, k12, k33)), first, normals)
+    return _principal(mean(k11), mean(k22), mean(k12), mean(k33), first, normals)
 
 
 def through_layers(
