@@ -61,13 +61,14 @@ def falling(x, y):
 
 
 def test_every_ply_is_compared_with_the_same_ply():
-    """Their meshes lie over each other: fields of one must not be taken for those of another."""
-    coarse, fine = stack((7, 9), (rising, falling)), stack((12, 10), (rising, falling))
+    """Fields of one must not be taken for those of another, here at the very same place."""
+    fields = rising, falling
+    coarse, fine = (stack(counts, fields, height=0.0) for counts in ((7, 9), (12, 10)))
     carried, areas = carry(coarse, fine, ["shear_angle"])
     np.testing.assert_allclose(carried["shear_angle"], fine.values["shear_angle"], atol=1e-12)
     assert areas.sum() == pytest.approx(2.0 * SIZE**2, rel=1e-12)
     assert differences(coarse, fine)["shear_angle"].largest < 1e-12
-    swapped = stack((12, 10), (falling, rising))
+    swapped = stack((12, 10), (falling, rising), height=0.0)
     assert differences(coarse, swapped)["shear_angle"].typical > 0.3
 
 
