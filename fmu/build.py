@@ -14,6 +14,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.check import require_no_initial_overlap
@@ -161,15 +163,18 @@ def _forming_entries(
     interface: int = 0,
 ) -> dict[str, Any]:
     """Check a scene for forming, write its interface, and return what its unit holds about it."""
-    from lcmchain.fmu.forming import ASKER, abilities_of, sheet_mesh
+    from lcmchain.fmu.forming import abilities_of, meshes_of
     from lcmchain.fmu.forming_variables import FIELDS_OF_FMI2, FLUID_FIELDS_OF_FMI2, field_names
     from lcmchain.fmu.interface_fields import INTERFACE_FILE, interface_of
 
-    blank = scene.only_ply(ASKER).build_blank()
+    blanks = [ply.build_blank() for ply in scene.stack]
     tools = build_tool_table(
-        scene.tools, scene.source.directory, scene.process.time, blank=blank.node_positions
+        scene.tools,
+        scene.source.directory,
+        scene.process.time,
+        blank=np.concatenate([blank.node_positions for blank in blanks]),
     )
-    require_no_initial_overlap(scene, tools, [blank])
+    require_no_initial_overlap(scene, tools, blanks)
     pore_pressure = pore_pressure or scene.wet_forming is not None
     require_time_for_fluid(time_is_found=scene.time_is_found, pore_pressure=pore_pressure)
     known = field_names(abilities_of(scene, pore_pressure=pore_pressure))
@@ -182,7 +187,7 @@ def _forming_entries(
         fields = [name for name in FIELDS_OF_FMI2 if name in known]
         fields += FLUID_FIELDS_OF_FMI2 if pore_pressure else ()
     title = f"interface of {scene.title}"
-    interface_of(sheet_mesh(scene), interface).write(resources / INTERFACE_FILE, {"title": title})
+    interface_of(meshes_of(scene), interface).write(resources / INTERFACE_FILE, {"title": title})
     return {"fields": None if fields is None else list(fields), "pore_pressure": pore_pressure}
 
 

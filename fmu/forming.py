@@ -19,6 +19,7 @@ from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.elements.families import family_of
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
+from lcmchain.fields.stack import StackedPly, columns_of
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.fmu import forming_state
 from lcmchain.fmu.forming_variables import (
@@ -29,8 +30,10 @@ from lcmchain.fmu.forming_variables import (
     FLUID_OUTPUTS,
     RATES,
     SOLVER,
+    STACK,
     TOOLS,
     Abilities,
+    PlyAbilities,
     forming_variables,
 )
 from lcmchain.fmu.frames import require_writable, with_present, write_result
@@ -50,14 +53,9 @@ from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 TRAVEL_TOLERANCE = 1e-6
 
 
-#: Who asks for the one sheet of a scene.
-ASKER = "lcmchain fmu build"
-
-
-def sheet_mesh(scene: Scene) -> SheetMesh:
-    """Return the mesh whose elements a unit counts: that of the model of the scene."""
-    ply = scene.only_ply(ASKER)
-    return family_of(ply.element).mesh_of(ply.build_blank())
+def meshes_of(scene: Scene) -> list[SheetMesh]:
+    """Return the meshes whose elements a unit counts: those of the model, bottom first."""
+    return [family_of(ply.element).mesh_of(ply.build_blank()) for ply in scene.stack]
 
 
 def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int = 0) -> Abilities:
@@ -65,26 +63,45 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int 
 
     Raises
     ------
-    InputError : a pore pressure is asked for, but the elements have no thickness.
+    InputError : a pore pressure is asked for, but the elements have no thickness, or there are
+        several plies.
     """
-    ply = scene.only_ply(ASKER)
-    has_thickness = ply.element.type == "solid-shell"
-    if pore_pressure and not has_thickness:
+    stack = scene.stack
+    flat = next((ply.element.type for ply in stack if ply.element.type != "solid-shell"), None)
+    if pore_pressure and flat is not None:
         raise InputError(
-            f'a fluid acts in the thickness of the sheet, which element = "{ply.element.type}" '
+            f'a fluid acts in the thickness of the sheet, which element = "{flat}" '
             'does not predict; use element = "solid-shell"',
             key="element",
         )
+    if pore_pressure and len(stack) > 1:
+        raise InputError(
+            f"names {len(stack)} plies, but a fluid in the pores is coupled with one sheet: how "
+            "it flows from ply to ply is not simulated; leave --pore-pressure out",
+            key="plies" if scene.plies else "layup",
+        )
+    plies = [
+        PlyAbilities(
+            name=ply.name,
+            element_count=mesh.element_count,
+            edge_length=ply.blank.edge_length,
+            has_thickness=ply.element.type == "solid-shell",
+            has_fibre_volume_fraction=ply.element.type == "solid-shell"
+            and ply.material.fibre_density is not None,
+        )
+        for ply, mesh in zip(stack, meshes_of(scene), strict=True)
+    ]
     return Abilities(
         tools=[(tool.name, tool.motion.kind) for tool in scene.tools],
-        element_count=sheet_mesh(scene).element_count,
-        edge_length=ply.blank.edge_length,
+        element_count=sum(ply.element_count for ply in plies),
+        edge_length=stack.shortest_edge,
         title=scene.title,
-        has_thickness=has_thickness,
-        has_fibre_volume_fraction=has_thickness and ply.material.fibre_density is not None,
+        has_thickness=any(ply.has_thickness for ply in plies),
+        has_fibre_volume_fraction=any(ply.has_fibre_volume_fraction for ply in plies),
         takes_pore_pressure=pore_pressure,
         surroundings=surroundings_of(scene),
         patch_count=patch_count,
+        plies=plies if len(plies) > 1 else (),
     )
 
 
@@ -300,6 +317,7 @@ class FormingPart(Part):
             RATES: self._rate_outputs,
             SOLVER: self._solver_outputs,
             FLUID: self._fluid_outputs,
+            STACK: self._stack_outputs,
         }
         return at_interface(self._interface, compute[group](), self.step)
 
@@ -325,33 +343,68 @@ class FormingPart(Part):
             "energy_balance_error": energy["balance_error"],
         }
 
-    def _fields_at(self, position: np.ndarray) -> dict[str, np.ndarray]:
-        (body,) = self.simulation.model.bodies
-        return derive_fields(body.mesh, body.material, np.ascontiguousarray(position.T))
+    @property
+    def _prefixes(self) -> list[str]:
+        """What the names of the outputs of each body begin with: its ply, in a stack."""
+        bodies = self.simulation.model.bodies
+        return [f"{quoted(body.name)}." for body in bodies] if len(bodies) > 1 else [""]
+
+    def _fields_at(self, position: np.ndarray) -> list[dict[str, np.ndarray]]:
+        """Return the fields of each body at positions of all nodes (3, node_count)."""
+        return [
+            derive_fields(body.mesh, body.material, _own(body, position))
+            for body in self.simulation.model.bodies
+        ]
 
     def _field_outputs(self) -> dict[str, float | np.ndarray]:
         position = self.simulation.state.position
-        fields = self._fields_at(position)
-        angle = fields["shear_angle"]
-        values: dict[str, float | np.ndarray] = {
-            "shear_angle": angle,
-            "shear_angle_max": np.abs(angle).max(),
-        }
+        bodies, each = self.simulation.model.bodies, self._fields_at(position)
+        values: dict[str, float | np.ndarray] = {}
+        for prefix, body, fields in zip(self._prefixes, bodies, each, strict=True):
+            for name in ("shear_angle", "thickness", "fibre_volume_fraction"):
+                if name in fields:
+                    values[f"{prefix}{name}"] = fields[name]
+                    values |= _extrema(f"{prefix}{name}", fields[name])
+            if f"{prefix}position_x" in self.values.layout.slots:
+                centres = _own(body, position)[body.mesh.elements].mean(axis=1)
+                values |= {f"{prefix}position_{axis}": x for axis, x in zip("xyz", centres.T)}
+        if len(bodies) > 1:
+            for name in ("shear_angle", "thickness", "fibre_volume_fraction"):
+                known = [fields[name] for fields in each if name in fields]
+                values |= _extrema(name, np.concatenate(known)) if known else {}
+        return values
+
+    def _stack_outputs(self) -> dict[str, float | np.ndarray]:
+        """What lies over each other, on the elements of all plies in the order of the plies."""
+        position = self.simulation.state.position
+        plies = [
+            StackedPly.of_mesh(body.mesh, body.material, _own(body, position)[None], fields)
+            for body, fields in zip(
+                self.simulation.model.bodies, self._fields_at(position), strict=True
+            )
+        ]
+        columns = columns_of(plies)
+        values: dict[str, float | np.ndarray] = {}
         for name in ("thickness", "fibre_volume_fraction"):
-            if name in fields:
-                field = fields[name]
-                values |= {name: field, f"{name}_min": field.min(), f"{name}_max": field.max()}
-        if "position_x" not in self.values.layout.slots:
-            return values
-        (body,) = self.simulation.model.bodies
-        centres = position[:, body.mesh.elements].mean(axis=2)
-        return values | {f"position_{axis}": x for axis, x in zip("xyz", centres)}
+            of_plies = [getattr(column, name) for column in columns]
+            if all(field is not None for field in of_plies):
+                values[f"stack_{name}"] = np.concatenate(of_plies, axis=1)[0]
+                values |= _extrema(f"stack_{name}", np.concatenate(of_plies, axis=1)[0])
+        return values
 
     def _rate_outputs(self) -> dict[str, np.ndarray]:
-        now = self._fields_at(self.simulation.state.position)["thickness"]
-        if self.step == 0.0:
-            return {"thickness_rate": np.zeros_like(now)}
-        return {"thickness_rate": (now - self._fields_at(self.before)["thickness"]) / self.step}
+        rates = {}
+        each, before = self._fields_at(self.simulation.state.position), None
+        if self.step > 0.0:
+            before = self._fields_at(self.before)
+        for index, (prefix, fields) in enumerate(zip(self._prefixes, each, strict=True)):
+            if "thickness" not in fields:
+                continue
+            now, rate = fields["thickness"], np.zeros_like(fields["thickness"])
+            if before is not None:
+                rate = (now - before[index]["thickness"]) / self.step
+            rates[f"{prefix}thickness_rate"] = rate
+        return rates
 
     def _fluid_outputs(self) -> dict[str, np.ndarray]:
         assert self.wet is not None
@@ -365,3 +418,16 @@ class FormingPart(Part):
             "critical_time_step": self.critical_step,
             "step_count": self.simulation.state.step_count,
         }
+
+
+def _own(body: Any, position: np.ndarray) -> np.ndarray:
+    """Return a body's part (n, 3) of the positions of all nodes (3, node_count)."""
+    nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
+    return np.ascontiguousarray(position[:, nodes].T)
+
+
+def _extrema(name: str, field: np.ndarray) -> dict[str, float]:
+    """Return the extrema of a field by the names of their outputs."""
+    if name.rpartition(".")[2] == "shear_angle":  # signed: what counts is its size
+        return {f"{name}_max": np.abs(field).max()}
+    return {f"{name}_min": field.min(), f"{name}_max": field.max()}

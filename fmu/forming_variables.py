@@ -17,8 +17,8 @@ from lcmchain.fmu.variables import (
 from lcmchain.tools.motion import FIXED, GUIDED
 
 # Groups: outputs that are computed together.
-TOOLS, ENERGY, FIELDS, RATES, SOLVER, FLUID = (
-    "tools", "energy", "fields", "rates", "solver", "fluid",
+TOOLS, ENERGY, FIELDS, RATES, SOLVER, FLUID, STACK = (
+    "tools", "energy", "fields", "rates", "solver", "fluid", "stack",
 )  # fmt: skip
 
 #: Pore pressure that the fluid gives [Pa] per element; the unit's one field input.
@@ -86,6 +86,19 @@ FIELD_OUTPUTS = (
     ("position_y", "m", "Length", FIELDS, "y of the element's centre"),
     ("position_z", "m", "Length", FIELDS, "z of the element's centre"),
 )
+#: Fields of a stack of plies, one value per element of all plies: what lies over each other there.
+STACK_FIELDS = (
+    ("stack_thickness", "m", "Thickness", STACK, "thickness of all plies over each other"),
+    ("stack_fibre_volume_fraction", "1", "Fraction", STACK,
+     "fibre volume fraction of all plies over each other"),
+)  # fmt: skip
+#: Extrema that every ply of a stack has beside those of all plies.
+PLY_SCALARS = tuple(entry for entry in SCALAR_OUTPUTS if entry[3] == FIELDS)
+STACK_SCALARS = tuple(
+    (f"{name}_{end}", unit, declared, group, f"{size} {text}")
+    for name, unit, declared, group, text in STACK_FIELDS
+    for end, size in (("min", "smallest"), ("max", "largest"))
+)
 #: Input that says how the pore pressure is meant.
 AT_REST = "pore_pressure_at_rest"
 #: Fields that a fluid in the pores exchanges, by the names of
@@ -106,23 +119,42 @@ FLUID_OUTPUTS: tuple[tuple[str, str, str | None, str, str], ...] = (
 )  # fmt: skip
 
 #: Fields of a unit of FMI 2 unless others are asked for: there every entry is a variable.
-FIELDS_OF_FMI2 = ("thickness", "fibre_volume_fraction")
+FIELDS_OF_FMI2 = (
+    "thickness", "fibre_volume_fraction", "stack_thickness", "stack_fibre_volume_fraction",
+)  # fmt: skip
 #: Those that are added with a fluid.
 FLUID_FIELDS_OF_FMI2 = (
     "volume_rate", "volume_rate_slope", "reference_pressure", "pore_resistance", "fluid_thickness",
 )  # fmt: skip
 
 
+class PlyAbilities(NamedTuple):
+    """What decides which variables a ply of a stack has; entries as in :class:`Abilities`."""
+
+    name: str
+    element_count: int
+    edge_length: float
+    has_thickness: bool
+    has_fibre_volume_fraction: bool
+
+    @property
+    def prefix(self) -> str:
+        """What the names of its variables begin with."""
+        return f"{quoted(self.name)}."
+
+
 class Abilities(NamedTuple):
     """What decides which variables a unit has.
 
     tools : name and kind of motion (:mod:`lcmchain.tools.motion`) of every tool.
-    element_count : elements of the blank. edge_length : of the blank [m]. title : of the scene.
-    has_thickness : whether the elements predict a thickness.
+    element_count : elements of the blank. edge_length : of the blank [m], the shortest one of a
+        stack. title : of the scene.
+    has_thickness : whether the elements predict a thickness, in a stack those of any ply.
     has_fibre_volume_fraction : whether they do, and the material states the density of its fibres.
     takes_pore_pressure : whether a fluid may act in the pores. surroundings : pressure around the
         sheet [Pa], in the scale of the fluid's.
     patch_count : values of a field at an interface coarser than the elements, 0 for one of each.
+    plies : those of a stack, bottom first; none for one sheet.
     """
 
     tools: Sequence[tuple[str, int]]
@@ -134,6 +166,7 @@ class Abilities(NamedTuple):
     takes_pore_pressure: bool
     patch_count: int = 0
     surroundings: float = 0.0
+    plies: Sequence[PlyAbilities] = ()
 
     @property
     def field_size(self) -> int:
@@ -161,6 +194,7 @@ def forming_variables(
     """
     inputs, outputs = _of_tools(abilities.tools)
     scalars = [_output(*entry) for entry in SCALAR_OUTPUTS]
+    scalars += _scalars_of_plies(abilities)
     if abilities.takes_pore_pressure:
         inputs.append(
             Variable(
@@ -201,31 +235,69 @@ def forming_variables(
         *_fields(abilities, fields),
         STEP_OUTCOME,
     )
-    left_out = {
-        f"{name}{suffix}" for name in _unknown(abilities) for suffix in ("", "_min", "_max")
-    }
+    left_out = {f"{name}{end}" for name in _unknown(abilities) for end in ("", "_min", "_max")}
     return tuple(v for v in variables if v.name not in left_out)
 
 
-def _unknown(abilities: Abilities) -> tuple[str, ...]:
+def _unknown(abilities: Abilities) -> set[str]:
+    """Return the fields that the elements do not predict, by the names of their variables."""
+    found = set(_unknown_of_sheet(abilities))
+    for ply in abilities.plies:
+        found |= {f"{ply.prefix}{name}" for name in _unknown_of_sheet(ply)}
+        # a sum over the plies is not known where one of them is not
+        found |= {f"stack_{name}" for name in _unknown_of_sheet(ply)}
+    return found
+
+
+def _unknown_of_sheet(sheet: Abilities | PlyAbilities) -> tuple[str, ...]:
     """Return the fields of :data:`FIELD_OUTPUTS` that the elements do not predict."""
-    left_out = () if abilities.has_thickness else ("thickness", "thickness_rate")
-    return left_out + (() if abilities.has_fibre_volume_fraction else ("fibre_volume_fraction",))
+    left_out = () if sheet.has_thickness else ("thickness", "thickness_rate")
+    return left_out + (() if sheet.has_fibre_volume_fraction else ("fibre_volume_fraction",))
 
 
 def field_names(abilities: Abilities) -> list[str]:
-    """Return the names of all fields that a unit can give."""
-    left_out = _unknown(abilities)
-    entries = FIELD_OUTPUTS + (FLUID_OUTPUTS if abilities.takes_pore_pressure else ())
-    return [entry[0] for entry in entries if entry[0] not in left_out]
+    """Return the names of all fields that a unit can give.
+
+    One name stands for the field on every ply of a stack.
+    """
+    unknown = _unknown(abilities)
+    known = [field for field, variable in _all_fields(abilities) if variable.name not in unknown]
+    return list(dict.fromkeys(known))
 
 
 def _fields(abilities: Abilities, names: Sequence[str] | None) -> list[Variable]:
+    return [v for field, v in _all_fields(abilities) if names is None or field in names]
+
+
+def _all_fields(abilities: Abilities) -> list[tuple[str, Variable]]:
+    """Return the variables of all fields, each behind the name that asks for it."""
     count = abilities.field_size
-    found = [_output(*e, size=count) for e in FIELD_OUTPUTS if names is None or e[0] in names]
-    if abilities.takes_pore_pressure:
-        found += [_output(*e, size=count) for e in FLUID_OUTPUTS if names is None or e[0] in names]
-    return found
+    if not abilities.plies:
+        found = [(entry[0], _output(*entry, size=count)) for entry in FIELD_OUTPUTS]
+        if abilities.takes_pore_pressure:
+            found += [(entry[0], _output(*entry, size=count)) for entry in FLUID_OUTPUTS]
+        return found
+    found = [
+        (entry[0], _of_ply(ply, entry, size=ply.element_count))
+        for ply in abilities.plies
+        for entry in FIELD_OUTPUTS
+    ]
+    return found + [(entry[0], _output(*entry, size=count)) for entry in STACK_FIELDS]
+
+
+def _scalars_of_plies(abilities: Abilities) -> list[Variable]:
+    """Extrema of every ply, and of what lies over each other."""
+    if not abilities.plies:
+        return []
+    found = [_of_ply(ply, entry) for ply in abilities.plies for entry in PLY_SCALARS]
+    return found + [_output(*entry) for entry in STACK_SCALARS]
+
+
+def _of_ply(ply: PlyAbilities, entry: tuple[str, ...], size: int | None = None) -> Variable:
+    name, unit, declared, group, text = entry
+    return _output(
+        f"{ply.prefix}{name}", unit, declared, group, f"ply {ply.name}: {text}", size=size
+    )
 
 
 def _of_tools(tools: Sequence[tuple[str, int]]) -> tuple[list[Variable], list[Variable]]:
@@ -256,6 +328,15 @@ def _constants(abilities: Abilities) -> list[Variable]:
         constant("edge_length", Kind.REAL, "edge length of the elements of the blank",
                  abilities.edge_length, "m", "Length"),
         constant("element_count", Kind.INTEGER, "elements of the blank", abilities.element_count),
+        *(
+            constant(f"{ply.prefix}{name}", kind, f"ply {ply.name}: {text}", *start)
+            for ply in abilities.plies
+            for name, kind, text, start in (
+                ("edge_length", Kind.REAL, "edge length of the elements",
+                 (ply.edge_length, "m", "Length")),
+                ("element_count", Kind.INTEGER, "elements", (ply.element_count,)),
+            )
+        ),
     ]  # fmt: skip
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from lcmchain.errors import InputError
 from lcmchain.mapping.interface import Interface
-from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 
 #: Name of its file in the resources of a unit.
 INTERFACE_FILE = "interface.nc"
@@ -17,15 +18,30 @@ INTERFACE_FILE = "interface.nc"
 SUMMED = ("volume", "volume_rate", "volume_rate_slope", "area", "area_rate")
 
 
-def interface_of(mesh: SheetMesh, count: int) -> Interface:
-    """Return the interface of an undeformed blank: ``count`` patches, 0 for its elements.
+def interface_of(meshes: Sequence[SheetMesh], count: int) -> Interface:
+    """Return the interface of undeformed plies: ``count`` patches, 0 for their elements.
 
     Raises
     ------
-    InputError : fewer patches than the blank has loose pieces.
+    InputError : patches of several plies are asked for, or fewer than the blank has loose pieces.
     """
-    points = np.ascontiguousarray(mesh.mid_surface(mesh.node_positions))
-    return Interface.of_mesh(points, mesh.sheet_faces, count)
+    sheets = [np.ascontiguousarray(mesh.mid_surface(mesh.node_positions)) for mesh in meshes]
+    if len(meshes) == 1:
+        return Interface.of_mesh(sheets[0], meshes[0].sheet_faces, count)
+    if count:
+        raise InputError(
+            f"groups the elements of one sheet, but the scene names {len(meshes)} plies, whose "
+            "fields are exchanged one by one; leave it out",
+            key="--interface",
+        )
+    faces, first = [], 0
+    for mesh, points in zip(meshes, sheets, strict=True):
+        own = mesh.sheet_faces
+        own = np.pad(own, ((0, 0), (0, 4 - own.shape[1])), constant_values=NO_NODE)
+        faces.append(np.where(own == NO_NODE, NO_NODE, own + first))
+        first += len(points)
+    ply = np.repeat(np.arange(len(meshes)), [mesh.element_count for mesh in meshes])
+    return Interface.of_mesh(np.concatenate(sheets), np.concatenate(faces), part=ply)
 
 
 def at_interface(interface: Interface, found: Mapping[str, Any], step: float) -> dict[str, Any]:

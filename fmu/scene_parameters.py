@@ -11,6 +11,7 @@ as the unit was built with.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
@@ -21,6 +22,11 @@ from lcmchain.fmu.variables import UNITS, Kind, Variable, quoted
 from lcmchain.quantities.entry_types import Number, Quantity
 from lcmchain.scene import Scene
 from lcmchain.scene.overrides import _steps
+
+#: Tables that decide the mesh or the files.
+OF_THE_BUILD = (
+    "blank", "plies", "layup", "element", "output", "fmu", "mapping", "infiltration",
+)  # fmt: skip
 
 #: Always parameters, where the scene has tools.
 FRICTION = "contact.friction"
@@ -63,7 +69,7 @@ def overrides(parameters: Iterable[SceneParameter], values: dict[str, float]) ->
 
 
 def _parameter(scene: Scene, key: str) -> SceneParameter:
-    if key.split(".")[0] in ("blank", "element", "output", "fmu", "mapping", "infiltration"):
+    if re.split(r"[.\[]", key)[0] in OF_THE_BUILD:
         raise InputError(
             f'"{key}" cannot be a parameter of the unit: it decides the mesh or the files; set it '
             "when the unit is built (--set)",

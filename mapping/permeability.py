@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lcmchain.mapping.gradients import limited_gradients, limited_tensor_gradients
@@ -45,7 +47,54 @@ def map_permeability(
         summed = np.bincount(cell, weights.average * values, minlength=weights.cell_count)
         return np.where(weights.mapped, summed, np.nan)
 
-    k11, k22, k12, k33 = (mean(component) for component in (k11, k22, k12, k33))
+    return _principal(mean(k11), mean(k22), mean(k12), mean(k33), first, normals)
+
+
+def through_layers(
+    thickness: np.ndarray, layers: Sequence[PrincipalPermeability], normals: np.ndarray
+) -> PrincipalPermeability:
+    """Return the permeability of layers that lie over each other in every cell.
+
+    Along the sheet they conduct side by side: the tensor is the mean of theirs by thickness, each
+    turned with its normal into the plane of the cell. Through it they conduct one after the other:
+    1/k3 is the mean of theirs. That holds for flow that is even over the thickness; resistances
+    between layers are not known.
+
+    Parameters
+    ----------
+    thickness : of the layers, or their shares in it, shape (P, C); 0 where a cell has none.
+    layers : P of them, (C,) cells each; a layer that a cell does not have counts for nothing.
+    normals : unit normals of the cells, shape (C, 3).
+    """
+    first, second = _basis(normals)
+    total = thickness.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shares = thickness / total
+        k11, k22, k12, resistance = np.zeros((4, len(normals)))
+        for share, (values, axes) in zip(shares, layers, strict=True):
+            there = share > 0.0
+            for number in (0, 1):
+                along = _turned(axes[:, number], axes[:, 2], normals)
+                u, v = _dot(along, first), _dot(along, second)
+                k = share * values[:, number]
+                k11 += np.where(there, k * u * u, 0.0)
+                k22 += np.where(there, k * v * v, 0.0)
+                k12 += np.where(there, k * u * v, 0.0)
+            resistance += np.where(there, share / values[:, 2], 0.0)
+        k11, k22, k12 = (np.where(total > 0.0, component, np.nan) for component in (k11, k22, k12))
+        return _principal(k11, k22, k12, 1.0 / resistance, first, normals)
+
+
+def _principal(
+    k11: np.ndarray,
+    k22: np.ndarray,
+    k12: np.ndarray,
+    k33: np.ndarray,
+    first: np.ndarray,
+    normals: np.ndarray,
+) -> PrincipalPermeability:
+    """Return principal values and axes of tensors given in the frame of ``first`` and normals."""
+    second = np.cross(normals, first)
     middle, half = 0.5 * (k11 + k22), np.hypot(0.5 * (k11 - k22), k12)
     values = np.stack([middle + half, middle - half, k33], axis=1)
     turn = 0.5 * np.arctan2(k12, 0.5 * (k11 - k22))[:, None]

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from lcmchain.errors import InputError
+from lcmchain.fields.stack import REACH, StackedPly, faces_met
 from lcmchain.mapping.averages import mean_over_cells
 from lcmchain.mapping.bodies import present
 from lcmchain.mapping.orientation import MappedDirections
-from lcmchain.mapping.sheet import PrincipalPermeability, Sheet
+from lcmchain.mapping.permeability import through_layers
+from lcmchain.mapping.sheet import (
+    PERMEABILITIES,
+    PERMEABILITY_AXES,
+    PrincipalPermeability,
+    Sheet,
+)
 from lcmchain.mapping.solids.fields import ATTRIBUTES
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import TargetMesh
@@ -20,6 +28,12 @@ from lcmchain.mapping.weights import MappingWeights, Status, mesh_key
 
 #: Share of a cell that one ply may have more than another one by rounding: the first one leads.
 EVEN = 1e-9
+#: What the share of a ply in the cells is called, before the name of the ply.
+SHARE = "ply_share_"
+#: What its place along the normal of a shell is called.
+HEIGHT = "ply_height_"
+#: Share of a ply's area that may lie beside the largest one without a word.
+LEAST_BEYOND = 1e-3
 
 
 def of_ply(sheet: Sheet, number: int) -> Sheet:
@@ -98,8 +112,10 @@ def transfer_plies(sheet: Sheet, target: TargetMesh, weights: MappingWeights) ->
 
     Every field of a ply has the ply's name before its own, and so have all of its values: a cell
     without the ply has none. ``ply_share_NAME`` is the share of the cell that a ply has: of its
-    volume, or of a shell's thickness. Thickness, areal mass and fibre volume fraction without a
-    name are those of all plies; any other field without a name is that of the ply with the
+    volume, or of a shell's thickness. ``ply_height_NAME`` is how far the ply's mid-surface lies
+    from a shell along its normal, which tells the order of the plies there. Thickness, areal mass
+    and fibre volume fraction without a name are those of all plies, and the permeability is that
+    of the layers that they make; any other field without a name is that of the ply with the
     largest share, of several the first.
     """
     names = sheet.ply_names
@@ -112,11 +128,22 @@ def transfer_plies(sheet: Sheet, target: TargetMesh, weights: MappingWeights) ->
     scalars |= _totals(weights, own, each, shares)
     axes = _leading([mapped.axes for mapped in each], leading)
     directions = _leading_directions([mapped.directions for mapped in each], leading)
+    if sheet.permeability is not None:
+        found = _permeability(
+            [(mapped.scalars, mapped.axes) for mapped in each],
+            np.where(weights.mapped, shares, 0.0),
+            axes[PERMEABILITY_AXES[2]] if target.is_solid else target.surface.normals,
+        )
+        scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
+        axes |= {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
     for name, mapped, share in zip(names, each, shares):
         scalars |= {f"{name}_{key}": values for key, values in mapped.scalars.items()}
         axes |= {f"{name}_{key}": values for key, values in mapped.axes.items()}
         directions |= {f"{name}_{key}": found for key, found in mapped.directions.items()}
-        scalars[f"ply_share_{name}"] = np.where(weights.mapped, share, np.nan)
+        scalars[f"{SHARE}{name}"] = np.where(weights.mapped, share, np.nan)
+    if not target.is_solid:
+        for name, ply, ply_weights in zip(names, plies, own):
+            scalars[f"{HEIGHT}{name}"] = _heights(ply, target, ply_weights)
     return replace(each[0], scalars=scalars, directions=directions, axes=axes)
 
 
@@ -126,13 +153,147 @@ def described(sheet: Sheet, variable: str) -> dict[str, Any]:
     if variable in known or not sheet.is_stack:
         return known.get(variable, {})
     for name in sorted(sheet.ply_names, key=len, reverse=True):
-        if variable == f"ply_share_{name}":
+        if variable == f"{SHARE}{name}":
             text = f"share of the cell that the ply {name} has"
             return {"units": "1", "long_name": text, "comment": "of a shell, of its thickness"}
+        if variable == f"{HEIGHT}{name}":
+            text = f"place of the mid-surface of the ply {name} along the normal of the cell"
+            return {"units": "m", "long_name": text, "comment": "from the cell's own plane"}
         about = known.get(variable.removeprefix(f"{name}_"))
         if variable.startswith(f"{name}_") and about is not None:
             return about | {"long_name": f"{about.get('long_name', variable)}, ply {name}"}
     return {}
+
+
+def on_faces_of_one(sheet: Sheet) -> tuple[Sheet, tuple[str, ...]]:
+    """Return a stack as one sheet, on the faces of its largest ply, and what a user should know.
+
+    At every face count the layers that its normal meets, itself among them
+    (:mod:`lcmchain.fields.stack`). Fields have the names of :func:`transfer_plies`.
+
+    Raises
+    ------
+    InputError : a ply has no thickness.
+    """
+    names = sheet.ply_names
+    plies = [of_ply(sheet, number) for number in range(len(names))]
+    for name, ply in zip(names, plies, strict=True):
+        if "thickness" not in ply.scalars:
+            raise InputError(
+                f'the ply "{name}" has no thickness; form it with element = "solid-shell"',
+                file=sheet.name,
+            )
+    stacked = [_stacked(ply) for ply in plies]
+    reach = REACH * sum(float(ply.scalars["thickness"].max()) for ply in plies)
+    base = int(np.argmax([ply.surface.areas.sum() for ply in plies]))
+    own = plies[base].surface
+    met = [
+        np.arange(own.face_count) if other is stacked[base]
+        else faces_met(stacked[base], other, 0, reach)
+        for other in stacked
+    ]  # fmt: skip
+    there = np.stack([faces >= 0 for faces in met])
+
+    def gathered(fields):
+        return [
+            {name: _at(values, faces) for name, values in fields(ply).items()}
+            for ply, faces in zip(plies, met, strict=True)
+        ]
+
+    each, vectors = gathered(lambda ply: ply.scalars), gathered(lambda ply: ply.directions)
+    thickness = np.where(there, np.stack([fields["thickness"] for fields in each]), 0.0)
+    shares = thickness / thickness.sum(axis=0)
+    leading = np.argmax(shares >= shares.max(axis=0) - EVEN, axis=0)
+    scalars, directions = _leading(each, leading), _leading(vectors, leading)
+    scalars["thickness"] = thickness.sum(axis=0)
+    for name, part in (("areal_fibre_mass", there), ("fibre_volume_fraction", shares)):
+        if all(name in fields for fields in each):
+            values = np.stack([fields[name] for fields in each])
+            scalars[name] = np.where(there, part * values, 0.0).sum(axis=0)
+    permeability = None
+    if sheet.permeability is not None:
+        unknown = PrincipalPermeability(np.full((1, 3), np.nan), np.full((1, 3, 3), np.nan))
+        layers = [
+            PrincipalPermeability(*(_at(values, faces) for values in ply.permeability))
+            if ply.permeability is not None
+            else PrincipalPermeability(*(_at(values, 0 * faces) for values in unknown))
+            for ply, faces in zip(plies, met, strict=True)
+        ]
+        permeability = through_layers(thickness, layers, own.normals)
+    for name, fields, found, share in zip(names, each, vectors, shares, strict=True):
+        scalars |= {f"{name}_{key}": values for key, values in fields.items()}
+        directions |= {f"{name}_{key}": values for key, values in found.items()}
+        scalars[f"{SHARE}{name}"] = share
+    variables = [*scalars, *(f"{stem}_{axis}" for stem in directions for axis in "xyz")]
+    one = replace(
+        sheet, surface=own, scalars=scalars, directions=directions, permeability=permeability,
+        attributes={name: described(sheet, name) for name in variables} | dict(sheet.attributes),
+        ply=None, ply_names=(),
+    )  # fmt: skip
+    return one, tuple(_beyond(names, stacked, plies, base, reach))
+
+
+def _stacked(ply: Sheet) -> StackedPly:
+    """Return what columns need of a ply."""
+    faces, thickness = ply.surface.faces, ply.scalars["thickness"]
+    last = np.where(faces[:, 3] < 0, faces[:, 2], faces[:, 3])
+    return StackedPly(
+        np.column_stack([faces[:, :3], last]),
+        ply.surface.points[None],
+        thickness[None],
+        float(thickness.max()),
+        np.ones((1, len(faces))),
+        None,
+    )
+
+
+def _at(values: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return values at faces, not a number where there is none (-1)."""
+    return np.where((faces >= 0).reshape(-1, *[1] * (values.ndim - 1)), values[faces], np.nan)
+
+
+def _beyond(
+    names: tuple[str, ...],
+    stacked: list[StackedPly],
+    plies: list[Sheet],
+    base: int,
+    reach: float,
+) -> Iterator[str]:
+    """Say of each ply what of it lies beside the one whose faces are taken."""
+    for name, other, ply in zip(names, stacked, plies, strict=True):
+        if other is stacked[base]:
+            continue
+        areas = ply.surface.areas
+        share = areas[faces_met(other, stacked[base], 0, reach) < 0].sum() / areas.sum()
+        if share > LEAST_BEYOND:
+            yield (
+                f'{100.0 * share:.2g} % of the ply "{name}" lie beside "{names[base]}", the '
+                "largest ply, on whose faces the stack is taken: they are left out; map onto a "
+                "mesh of the part (--mesh) to have them"
+            )
+
+
+def _permeability(
+    each: list[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]],
+    shares: np.ndarray,
+    normals: np.ndarray,
+) -> PrincipalPermeability:
+    """Return the permeability of all plies together, from the values and axes of each."""
+    count = len(normals)
+    layers = []
+    for scalars, axes in each:
+        if PERMEABILITIES[0] not in scalars:
+            layers.append(
+                PrincipalPermeability(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
+            )
+            continue
+        layers.append(
+            PrincipalPermeability(
+                np.stack([scalars[name] for name in PERMEABILITIES], axis=1),
+                np.stack([axes[name] for name in PERMEABILITY_AXES], axis=1),
+            )
+        )
+    return through_layers(shares, layers, normals)
 
 
 def _shares(sheet: Sheet, weights: MappingWeights) -> np.ndarray:
@@ -183,6 +344,13 @@ def _thickness(ply: Sheet, weights: MappingWeights) -> np.ndarray:
     if "thickness" not in ply.scalars:
         return np.ones(weights.cell_count)
     return np.nan_to_num(mean_over_cells(ply.surface, weights, ply.scalars["thickness"]))
+
+
+def _heights(ply: Sheet, target: TargetMesh, weights: MappingWeights) -> np.ndarray:
+    """Distance of a ply's mid-surface from each cell along the normal of the cell [m], (C,)."""
+    places = [mean_over_cells(ply.surface, weights, x) for x in ply.surface.centroids.T]
+    away = np.stack(places, axis=1) - target.surface.centroids
+    return np.einsum("ci,ci->c", away, target.surface.normals)
 
 
 def _totals(

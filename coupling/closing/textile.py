@@ -27,11 +27,13 @@ def compaction_of(part: FormedPart) -> CellCompaction:
             "from a forming result of lcmchain run, or a file mapped from one",
             file=part.file,
         )
-    material = formed_material(str(text)).build()
-    if any(str(name).startswith("ply_share_") for name in part.dataset.data_vars):
+    if part.ply_names:
         raise InputError(
-            "is made of several sheets; a closure presses a single one so far", file=part.file
+            f"is a stack of {len(part.ply_names)} plies; a closure presses a single sheet, whose "
+            "one compaction law tells how thick it becomes: leave the closure out",
+            file=part.file,
         )
+    material = formed_material(str(text)).build()
     fraction, thickness = part.cell("fibre_volume_fraction"), part.cell("thickness")
     areal_mass = material.fibre_density * fraction * thickness
     return CellCompaction(

@@ -15,7 +15,14 @@ from lcmchain.errors import InputError
 from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
 from lcmchain.mapping.files import compact
-from lcmchain.mapping.sheet import FIBRE_FAMILIES, file_sha256, read_sheet
+from lcmchain.mapping.permeability import through_layers
+from lcmchain.mapping.plies import SHARE, on_faces_of_one
+from lcmchain.mapping.sheet import (
+    FIBRE_FAMILIES,
+    PrincipalPermeability,
+    file_sha256,
+    read_sheet,
+)
 from lcmchain.mapping.structure.formed import mapped_state
 from lcmchain.mapping.structure.stage import is_mapped, open_mapped
 from lcmchain.mapping.target import TargetMesh
@@ -63,6 +70,12 @@ class FormedPart:
             raise InputError(f"there is no {name}; {_remedy(name)}", file=self.file)
         return np.asarray(self.dataset[name].values, dtype=float)
 
+    @property
+    def ply_names(self) -> tuple[str, ...]:
+        """Plies of a stack, whose fields have their names before their own; none of one sheet."""
+        names = map(str, self.dataset.data_vars)
+        return tuple(name.removeprefix(SHARE) for name in names if name.startswith(SHARE))
+
     def number(self, cell: int) -> int:
         """Number of a cell in the user's file."""
         return int(self.target.cell_ids[cell])
@@ -77,10 +90,13 @@ def read_formed_part(
 ) -> FormedPart:
     """Read a mapped file, or a forming result, of which the sheet's own faces are then filled.
 
+    A stack of plies is filled as one sheet: on the faces of its largest ply, with what lies over
+    each other there (:func:`lcmchain.mapping.plies.on_faces_of_one`).
+
     Raises
     ------
-    InputError : it is neither, its run was not complete (unless allowed), a stack of sheets that
-        are meshes of their own, or a field is missing that infiltration needs.
+    InputError : it is neither, its run was not complete (unless allowed), or a field is missing
+        that infiltration needs.
     """
     path = Path(path)
     if path.is_dir():
@@ -135,30 +151,42 @@ def with_permeability(
                 file=part.file,
             )
         return part
-    families = [
-        np.stack([part.cell(f"{family}_{axis}") for axis in "xyz"], axis=1)
-        for family in FIBRE_FAMILIES
-    ]
-    found = principal_permeabilities(
-        law,
-        part.cell("fibre_volume_fraction"),
-        *families,
-        out_of_range="nan",
-        directory=directory,
-    )
+    found = _by_law(part, law, directory)
     dataset = part.dataset.copy()
     for number in (1, 2, 3):
         field = FIELDS[f"permeability_{number}"]
         about = field.attributes(field.name)
         about["long_name"] = f"{field.long_name} ({law.law})"
-        dataset[field.name] = part.mesh.on_cells(getattr(found, f"k{number}"), _open(about))
+        dataset[field.name] = part.mesh.on_cells(found.values[:, number - 1].copy(), _open(about))
         axes = FIELDS[f"permeability_direction_{number}"]
-        for axis, values in zip("xyz", getattr(found, f"direction_{number}").T, strict=True):
+        for axis, values in zip("xyz", found.axes[:, number - 1].T, strict=True):
             name = f"{axes.name}_{axis}"
             dataset[name] = part.mesh.on_cells(
                 np.ascontiguousarray(values), _open(axes.attributes(name))
             )
     return replace(part, dataset=dataset)
+
+
+def _by_law(part: FormedPart, law: Permeability, directory: Path | None) -> PrincipalPermeability:
+    """Return what a law makes of the textile of every cell, in a stack of the layers there."""
+
+    def of_textile(prefix: str) -> PrincipalPermeability:
+        families = [
+            np.stack([part.cell(f"{prefix}{family}_{axis}") for axis in "xyz"], axis=1)
+            for family in FIBRE_FAMILIES
+        ]
+        fraction = part.cell(f"{prefix}fibre_volume_fraction")
+        found = principal_permeabilities(
+            law, fraction, *families, out_of_range="nan", directory=directory
+        )
+        return PrincipalPermeability(np.stack(found[:3], axis=1), np.stack(found[3:], axis=1))
+
+    plies = part.ply_names
+    if not plies:
+        return of_textile("")
+    shares = np.stack([np.nan_to_num(part.cell(f"{SHARE}{name}")) for name in plies])
+    layers = [of_textile(f"{name}_") for name in plies]
+    return through_layers(shares, layers, part.target.surface.normals)
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -226,12 +254,9 @@ def _parts(dataset: xr.Dataset) -> dict[str, np.ndarray]:
 def _sheet_part(path: Path, frame: int) -> FormedPart:
     """The faces of a forming result's own sheet."""
     sheet = read_sheet(path, frame=frame)
+    warnings: tuple[str, ...] = ()
     if sheet.is_stack:
-        raise InputError(
-            f"the result has {len(sheet.ply_names)} sheets, each with faces of its own; map them "
-            "onto one mesh first (lcmchain map, or --mesh), which adds up their thickness",
-            file=path,
-        )
+        sheet, warnings = on_faces_of_one(sheet)
     # one block of each shape, and no node without a face
     order = np.argsort(sheet.surface.faces[:, 3] < 0, kind="stable")
     used, faces = compact(sheet.surface.faces[order])
@@ -258,7 +283,7 @@ def _sheet_part(path: Path, frame: int) -> FormedPart:
     attributes = dict(sheet.provenance)
     if sheet.time is not None:
         attributes["forming_time_s"] = sheet.time
-    return FormedPart(target, mesh.dataset(variables, attributes), str(path))
+    return FormedPart(target, mesh.dataset(variables, attributes), str(path), warnings)
 
 
 def _one_state(dataset: xr.Dataset) -> xr.Dataset:

@@ -166,6 +166,9 @@ def _with_regions(
             given = getattr(region, name)
             if given is not None:
                 values[rows] = given
+        for ply in part.ply_names if name == "fibre_volume_fraction" else ():
+            own = f"{ply}_{name}"  # all plies become as much denser
+            dataset[own] = dataset[own].copy(data=values / part.cell(name) * part.cell(own))
         dataset[name] = dataset[name].copy(data=values)
     part = with_permeability(replace(part, dataset=dataset), case.permeability, directory)
     dataset = part.dataset.copy()

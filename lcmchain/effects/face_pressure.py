@@ -1,8 +1,10 @@
 """Pressure on the faces of a sheet: a vacuum bag, a diaphragm, a film of fluid.
 
 Adds: on the bottom or top face of every element the exact virtual work of a pressure that follows
-the face, f = p ∫ N g1 × g2 dξ dη over the bilinear face. Together with a pore pressure of the same
-size in the elements only the edges of the sheet are loaded: the same faces bound both.
+the face, f = p ∫ N g1 × g2 dξ dη over the bilinear face. Of a stack the outer faces are pressed:
+the bottom of the lowest ply and the top of the uppermost; contact hands it on. Together with a pore
+pressure of the same size in the elements only the edges of the sheet are loaded: the same faces
+bound both.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 4.9 (pressure that follows).
 Stability limit: its load stiffness, about p (1/l1 + 1/l2) / (ρ h), is added to the ω² of the
 elements with the largest pressure of the table.
@@ -201,8 +203,10 @@ def face_forces(elements, position, bottom, top, added, load):
             own[:] = 0.0
         for lane in range(LANES):
             # outward normals: -ζ of the bottom face, ζ of the top; the pressure acts against them
-            add_face_load(own, lane, 0, bottom, face_modes_of_lane(position, nodes, lane, 0))
-            add_face_load(own, lane, 4, -top, face_modes_of_lane(position, nodes, lane, 4))
+            below = bottom * elements.bottom[block * LANES + lane]
+            above = top * elements.top[block * LANES + lane]
+            add_face_load(own, lane, 0, below, face_modes_of_lane(position, nodes, lane, 0))
+            add_face_load(own, lane, 4, -above, face_modes_of_lane(position, nodes, lane, 4))
 
 
 @equation

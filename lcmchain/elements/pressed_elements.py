@@ -27,11 +27,14 @@ class PressedElements(NamedTuple):
     corner_node : (block_count * 8 * 16,) int32, nodes of the model.
     mass : (block_count * 16,) [kg], 0 in lanes that only repeat an element.
     place : (element_count,) where an element of the model stands among the lanes.
+    bottom, top : (block_count * 16,) 1 where the face is an outer one, 0 where it looks at a ply.
     """
 
     corner_node: np.ndarray
     mass: np.ndarray
     place: np.ndarray
+    bottom: np.ndarray
+    top: np.ndarray
 
     @property
     def padded_count(self) -> int:
@@ -50,14 +53,15 @@ def pressed_elements(bodies: Sequence[Any], *, key: str) -> PressedElements:
 
     Parameters
     ----------
-    bodies : see :class:`lcmchain.elements.family.Body`.
+    bodies : see :class:`lcmchain.elements.family.Body`; of several the first lies lowest, and its
+        bottom and the top of the last are the outer faces.
     key : scene entry that asks for a pressure.
 
     Raises
     ------
     InputError : a body without thickness.
     """
-    places, masses, first = [], [], 0
+    places, masses, bottoms, tops, first = [], [], [], [], 0
     for body in bodies:
         if not body.mesh.has_thickness:
             raise InputError(
@@ -70,11 +74,15 @@ def pressed_elements(bodies: Sequence[Any], *, key: str) -> PressedElements:
         mass[:count] = body.material.density * body.geometry.volume
         places.append(first + np.arange(count))
         masses.append(mass)
+        bottoms.append(np.full(mass.size, float(body is bodies[0])))
+        tops.append(np.full(mass.size, float(body is bodies[-1])))
         first += mass.size
     return PressedElements(
         corner_node=np.concatenate([body.data.corner_node for body in bodies]),
         mass=np.concatenate(masses),
         place=np.concatenate(places),
+        bottom=np.concatenate(bottoms),
+        top=np.concatenate(tops),
     )
 
 

@@ -370,23 +370,12 @@ def _through_stack(
     sheets: Sequence[SheetFrames], fields: Sequence[dict[str, tuple[np.ndarray, dict[str, Any]]]]
 ) -> list[dict[str, tuple[np.ndarray, dict[str, Any]]]]:
     """Return the fields of the stack on the faces of each ply."""
-    plies = []
-    for sheet, own in zip(sheets, fields, strict=True):
-        faces = sheet.mesh.sheet_faces
-        if faces.shape[1] == 3:
-            faces = np.pad(faces, ((0, 0), (0, 1)), constant_values=NO_NODE)
-        last = np.where(faces[:, 3] == NO_NODE, faces[:, 2], faces[:, 3])
-        thickness = own.get("thickness")
-        plies.append(
-            StackedPly(
-                faces=np.column_stack([faces[:, :3], last]),
-                positions=sheet.mesh.mid_surface(sheet.positions),
-                thickness=None if thickness is None else thickness[0],
-                initial_thickness=sheet.material.thickness,
-                areal_mass=own["areal_fibre_mass"][0],
-                fibre_density=sheet.material.fibre_density,
-            )
+    plies = [
+        StackedPly.of_mesh(
+            sheet.mesh, sheet.material, sheet.positions, {name: own[name][0] for name in own}
         )
+        for sheet, own in zip(sheets, fields, strict=True)
+    ]
     found = []
     for columns in columns_of(plies):
         values = {

@@ -18,6 +18,8 @@ from scipy.spatial import cKDTree
 
 from lcmchain.fields.derived import face_area_vectors
 from lcmchain.fields.ugrid import UgridMesh
+from lcmchain.materials.law import Material
+from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -89,6 +91,33 @@ class StackedPly:
     areal_mass: np.ndarray
     fibre_density: float | None
 
+    @classmethod
+    def of_mesh(
+        cls,
+        mesh: SheetMesh,
+        material: Material,
+        positions: np.ndarray,
+        fields: Mapping[str, np.ndarray],
+    ) -> StackedPly:
+        """Return a ply by its mesh.
+
+        positions : of its nodes (F, node_count, 3) [m]. fields : of its elements, (F, m) or for
+            one frame (m,).
+        """
+        faces = mesh.sheet_faces
+        if faces.shape[1] == 3:
+            faces = np.pad(faces, ((0, 0), (0, 1)), constant_values=NO_NODE)
+        last = np.where(faces[:, 3] == NO_NODE, faces[:, 2], faces[:, 3])
+        thickness = fields.get("thickness")
+        return cls(
+            faces=np.column_stack([faces[:, :3], last]),
+            positions=mesh.mid_surface(positions),
+            thickness=None if thickness is None else np.atleast_2d(thickness),
+            initial_thickness=material.thickness,
+            areal_mass=np.atleast_2d(fields["areal_fibre_mass"]),
+            fibre_density=material.fibre_density,
+        )
+
     @cached_property
     def around(self) -> np.ndarray:
         """Faces that share a node with each face, itself among them; (m, K), -1 after the last."""
@@ -135,7 +164,7 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
             if other is ply:
                 continue
             for frame in frames:
-                met = _faces_met(ply, other, frame, reach)
+                met = faces_met(ply, other, frame, reach)
                 there = met >= 0
                 count[frame] += there
                 mass[frame, there] += other.areal_mass[frame, met[there]]
@@ -150,8 +179,11 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
     return found
 
 
-def _faces_met(ply: StackedPly, other: StackedPly, frame: int, reach: float) -> np.ndarray:
-    """Return which face of another ply the column of every face meets first (m,), -1 for none."""
+def faces_met(ply: StackedPly, other: StackedPly, frame: int, reach: float) -> np.ndarray:
+    """Return which face of another ply the column of every face meets first (m,), -1 for none.
+
+    reach : how far the column goes to either side [m].
+    """
     corners = ply.positions[frame][ply.faces]
     start, normal = _centres(corners), face_area_vectors(corners)
     size = np.linalg.norm(normal, axis=1, keepdims=True)

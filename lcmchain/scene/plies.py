@@ -225,6 +225,12 @@ class Stack(Sequence[PlySettings]):
         )
 
     @property
+    def has_one_outline(self) -> bool:
+        """Whether all plies cover the same part of the plane at the start."""
+        first, *others = (ply.outline for ply in self.plies)
+        return all(o.shape == first.shape and np.allclose(o, first, atol=1e-9) for o in others)
+
+    @property
     def shortest_edge(self) -> float:
         """Shortest edge length of the plies [m]."""
         return min(ply.blank.edge_length for ply in self.plies)

@@ -243,7 +243,7 @@ class Scene(SceneModel):
     def only_ply(self, asker: str) -> PlySettings:
         """Return the one sheet of a scene, for what knows one.
 
-        asker : who asks, in words that precede "takes one sheet", such as ``lcmchain fmu build``.
+        asker : who asks, in words that precede "takes one sheet", such as ``lcmchain coupon``.
 
         Raises
         ------
@@ -258,6 +258,23 @@ class Scene(SceneModel):
                 key="plies" if self.plies else "layup",
             )
         return stack[0]
+
+    def shared_blank(self, asker: str) -> Blank:
+        """Return ``[blank]``, from which all plies are cut, for what varies one edge length.
+
+        asker : who asks, in words that precede "varies one edge length".
+
+        Raises
+        ------
+        InputError : the plies are entries of ``[[plies]]`` with an edge length each.
+        """
+        if self.blank is None:
+            raise InputError(
+                f"names {len(self.plies)} plies with an edge_length each, but {asker} varies one "
+                "edge length; write plies of one outline as layup, beside [blank]",
+                key="plies",
+            )
+        return self.blank
 
     @property
     def history_interval(self) -> float:
@@ -488,18 +505,26 @@ class Scene(SceneModel):
 
     def _check_what_knows_one_sheet(self) -> None:
         """Refuse the loads and stages that a stack would need a rule of its own for."""
-        if self.pressure:
+        if self.pressure and not self.stack.has_one_outline:
             raise wrong(
-                "acts on the faces of one sheet; which plies of a stack it meets changes as they "
-                "slide: press with a tool, or form one sheet",
+                "acts on the outer faces of a stack, but its plies have unlike outlines: which "
+                "faces lie bare beside a smaller ply changes as they slide; give all plies one "
+                "outline, or press with a tool",
                 field="pressure",
             )
-        if self.infiltration is not None:
-            raise wrong(
-                "fills one sheet; resin that flows from ply to ply of a stack is not simulated: "
-                "leave it out, and fill a mesh of the part ([mapping.infiltration])",
-                field="infiltration",
-            )
+        for key, case in self._cases():
+            if case.with_forming is not None:
+                raise wrong(
+                    "lets resin flow in one sheet while it is formed; from ply to ply of a stack "
+                    "that slides it is not simulated: leave it out, and the formed stack is filled",
+                    field=f"{key}.with_forming",
+                )
+            if case.closure is not None:
+                raise wrong(
+                    "presses one sheet, whose compaction law tells how thick it becomes; leave it "
+                    "out, and the formed stack is filled as thick as it is",
+                    field=f"{key}.closure",
+                )
 
     def _check_draping(self) -> None:
         """Refuse what a net without forces knows nothing of."""
@@ -530,16 +555,18 @@ class Scene(SceneModel):
                 found[target.name] = target.infiltration, target
         return found
 
-    def _check_infiltrations(self) -> None:
-        """Refuse an infiltration that the formed sheet has nothing for."""
-        keys = [("infiltration", self.infiltration)]
-        keys += [
+    def _cases(self) -> list[tuple[str, Infiltration]]:
+        """Return every infiltration behind its key."""
+        cases = [("infiltration", self.infiltration)]
+        cases += [
             (f'mapping[{index}] "{target.name}".infiltration', target.infiltration)
             for index, target in enumerate(self.mapping)
         ]
-        for key, case in keys:
-            if case is None:
-                continue
+        return [(key, case) for key, case in cases if case is not None]
+
+    def _check_infiltrations(self) -> None:
+        """Refuse an infiltration that the formed sheet has nothing for."""
+        for key, case in self._cases():
             if not self.stack.has_thickness:
                 raise wrong(
                     f'needs the thickness, which element = "{self.element.type}" does not '
@@ -554,12 +581,12 @@ class Scene(SceneModel):
                     f"[{key.partition('[')[0]}{'.infiltration' if '[' in key else ''}]",
                     field="permeability",
                 )
-        for (key, case), target in zip(keys[1:], self.mapping, strict=True):
-            if case is not None and case.with_forming is not None:
+        for index, target in enumerate(self.mapping):
+            if target.infiltration is not None and target.infiltration.with_forming is not None:
                 raise wrong(
                     f"flows in a mesh of its own, {target.mesh}; with_forming stands in "
                     "[infiltration], that of the sheet",
-                    field=f"{key}.with_forming",
+                    field=f'mapping[{index}] "{target.name}".infiltration.with_forming',
                 )
         for key, place in self.infiltration.places() if self.infiltration is not None else ():
             if place.set is not None:

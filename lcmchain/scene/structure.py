@@ -147,10 +147,12 @@ class Structure(SceneModel):
     family_1_share: Annotated[float, Number(0.5, Range(0.0, 1.0))] = Field(
         default=0.5, description="Share of the first fibre family in the fibre mass."
     )
-    lay_up: Literal["interleaved", "stacked", "symmetric"] = Field(
+    lay_up: Literal["interleaved", "plies", "stacked", "symmetric"] = Field(
         default="interleaved",
-        description="Families mixed over the thickness, the second above the first (as the "
-        "normal of the cell points), or the first in two halves outside.",
+        description="All families mixed over the thickness; the plies of a stack over each other, "
+        "each with its families mixed; the second family of a ply above the first (as the "
+        "normal of the cell points, or from the lowest to the highest ply of a stack), or the "
+        "first in two halves outside.",
     )
     elements: Literal["quadratic", "as_mesh"] = Field(
         default="quadratic",

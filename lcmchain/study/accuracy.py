@@ -162,6 +162,12 @@ def study_accuracy(
             f'the reference of the study, "{last.name}", failed: {reference.failure}; choose '
             "another one with --finest or --vary"
         )
+    if all(outcomes[v.name].failure for v in others):
+        first = others[0].name
+        raise InputError(
+            "nothing is left to compare: all other settings failed, the first "
+            f'("{first}") since {outcomes[first].failure}; choose finer ones with --vary'
+        )
     scene = text.scene()
     stays = "" if vary else why_time_stays(scene)
     return AccuracyStudy(

@@ -114,7 +114,7 @@ class Chooser:
         self.text, self.wish, self.progress = text, wish, progress
         self.announce = announce or (lambda _: None)
         self.scene = text.scene()
-        self.sheet = self.scene.only_ply("lcmchain run with --within or --budget")
+        self.blank = self.scene.shared_blank("lcmchain run with --within or --budget")
         self.is_laid = self.scene.element.type == "kinematic"
         self.time_stays = why_time_stays(self.scene)
         self.threads, self.study = threads, Study(text, folder, Workers(1, threads))
@@ -542,7 +542,7 @@ class Chooser:
     def _choice(self, *, settled: bool = False) -> Choice:
         """Return what keeps the wish by what is known so far."""
         laws, left = error_laws(self._counted), self._time_left()
-        own_edge = self.sheet.blank.edge_length
+        own_edge = self.blank.edge_length
         shortest = shortest_edges(self.scene)
         known = Knowledge(self.levels, laws, own_edge, shortest, left, self._beginnings(), settled)
         choice, worst = choose(self.wish, self.candidates, known)
@@ -562,7 +562,7 @@ class Chooser:
 
     def _too_long(self, choice: Choice) -> bool:
         """Tell whether a run would take longer than anybody expects who has set no budget."""
-        as_it_is = self._expected_seconds(self.sheet.blank.edge_length)
+        as_it_is = self._expected_seconds(self.blank.edge_length)
         longest = max(LONGEST_RUN, TIMES_THE_SCENE * as_it_is)
         return self.wish.budget is None and choice.run_seconds > longest
 
@@ -615,7 +615,7 @@ class Chooser:
     @property
     def _size(self) -> float:
         """Edge of a square as large as the blank [m]."""
-        width, height = self.sheet.blank.extent
+        width, height = self.blank.extent
         return math.sqrt(width * height)
 
     def scene_of(self, choice: Choice) -> Scene:

@@ -111,9 +111,10 @@ def differences(outcome: Outcome, reference: Outcome) -> dict[str, Difference]:
     """Return the differences of a run from a reference by the names of ``QUANTITIES``.
 
     Quantities that either does not have (a rung without thickness, a scene without tools) are not
-    a number; so are all of a run that failed.
+    a number; so are all of a run that failed, or of stacks of unlike numbers of plies.
     """
-    if outcome.failure or reference.failure:
+    unlike = len(outcome.plies) != len(reference.plies)
+    if outcome.failure or reference.failure or unlike:
         return dict.fromkeys(BY_NAME, NONE)
     found = dict.fromkeys(BY_NAME, NONE)
     names = [name for name in reference.values if name in outcome.values]
@@ -147,6 +148,8 @@ def carry(
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Carry fields of a run onto the undeformed faces of another, place by place of the material.
 
+    Every ply of a stack is carried onto the same ply.
+
     Returns
     -------
     Means over the faces (F,) by name, and the areas of the faces that the other sheet covers [m²].
@@ -157,29 +160,35 @@ def carry(
     from lcmchain.mapping.transfer import covered_areas, transfer_average
     from lcmchain.mapping.weights import compute_weights
 
-    surface = Surface(outcome.reference, outcome.faces)
-    sheet = Sheet(surface, {name: outcome.values[name] for name in names}, {})
-    target, face = as_target(Surface(onto.reference, onto.faces))
-    weights = compute_weights(sheet, target)
-    row = np.argsort(face)  # the target orders its cells by type
-    carried = {name: transfer_average(sheet, weights, outcome.values[name])[row] for name in names}
-    return carried, covered_areas(weights)[row]
+    carried = {name: np.full(len(onto.faces), np.nan) for name in names}
+    areas = np.zeros(len(onto.faces))
+    for mine, others in zip(outcome.plies, onto.plies, strict=True):
+        values = {name: outcome.values[name][mine] for name in names}
+        sheet = Sheet(Surface(outcome.reference, outcome.faces[mine]), values, {})
+        target, face = as_target(Surface(onto.reference, onto.faces[others]))
+        weights = compute_weights(sheet, target)
+        rows = others[face]  # the target orders its cells by type
+        for name in names:
+            carried[name][rows] = transfer_average(sheet, weights, values[name])
+        areas[rows] = covered_areas(weights)
+    return carried, areas
 
 
 def contour_difference(outcome: Outcome, reference: Outcome) -> Difference:
-    """Return how far the formed edges lie from each other, both ways [m]."""
-    edges = [boundary(o.faces) for o in (outcome, reference)]
-    if min(len(e) for e in edges) == 0:
-        return NONE
+    """Return how far the formed edges lie from each other, both ways [m]; ply by ply of a stack."""
     distances, lengths = [], []
-    for (a, mine), (b, others) in (
-        ((outcome, edges[0]), (reference, edges[1])),
-        ((reference, edges[1]), (outcome, edges[0])),
-    ):
-        middles = a.formed[mine].mean(axis=1)
-        distances.append(distances_to_segments(middles, b.formed[others]))
-        length = np.linalg.norm(a.formed[mine[:, 1]] - a.formed[mine[:, 0]], axis=1)
-        lengths.append(length / length.sum())
+    for mine, others in zip(outcome.plies, reference.plies, strict=True):
+        edges = [boundary(outcome.faces[mine]), boundary(reference.faces[others])]
+        if min(len(e) for e in edges) == 0:
+            return NONE
+        for (a, own), (b, far) in (
+            ((outcome, edges[0]), (reference, edges[1])),
+            ((reference, edges[1]), (outcome, edges[0])),
+        ):
+            middles = a.formed[own].mean(axis=1)
+            distances.append(distances_to_segments(middles, b.formed[far]))
+            length = np.linalg.norm(a.formed[own[:, 1]] - a.formed[own[:, 0]], axis=1)
+            lengths.append(length / length.sum())
     return Difference.of_field(np.concatenate(distances), np.concatenate(lengths))
 
 

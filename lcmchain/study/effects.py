@@ -77,7 +77,6 @@ def study_effects(
     SimulationInterrupted : Ctrl-C; the same call goes on from what is there.
     """
     scene = text.scene()
-    scene.only_ply("lcmchain study effects")  # fields are compared place by place of one sheet
     effects = switchable_effects(scene)
     if not effects:
         raise InputError("the scene has no effect that could be switched", file=text.path)

@@ -104,11 +104,11 @@ def number_of(text: Source, key: str, value: str) -> float | None:
 
 def scene_name(scene: Scene) -> str:
     """Return the name of the setting that is the scene as it stands."""
-    return _edge_text(_blank(scene).edge_length)
+    return _edge_text(scene.stack.shortest_edge)
 
 
 def _blank(scene: Scene) -> Blank:
-    return scene.only_ply("lcmchain study accuracy").blank
+    return scene.shared_blank("lcmchain study accuracy")
 
 
 def _with_edge(scene: Scene, factor: float) -> Variant:

@@ -18,6 +18,7 @@ from lcmchain.fields.history_group import HISTORY
 from lcmchain.fields.loads import quoted_force
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.fields.stack import PLY
 
 if TYPE_CHECKING:
     from lcmchain.scene import Scene
@@ -48,6 +49,7 @@ class Outcome:
     seconds : solver time, without compilation [s]. threads : that it took.
     reference, formed : positions of the nodes of the mid-surface [m], (N, 3), undeformed and at
         the end; faces : their corners (F, 4), -1 in the last column of a triangle.
+    ply : of a stack, that every face belongs to (F,), from 0 the lowest; empty for one sheet.
     values : of the faces at the end by name, (F,), as in ``forming.nc``.
     numbers : by name as in ``summary.json``, ``forming_work_J``, the work put in from outside, and
         of a coupon ``clamp_force_max_N``.
@@ -68,6 +70,14 @@ class Outcome:
     force: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
     failure: str = ""
     doubts: dict[str, int] = field(default_factory=dict)
+    ply: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+
+    @property
+    def plies(self) -> list[np.ndarray]:
+        """Rows of the faces of every ply, the lowest first; all of one sheet."""
+        if len(self.ply) == 0:
+            return [np.arange(len(self.faces))]
+        return [np.flatnonzero(self.ply == number) for number in range(int(self.ply.max()) + 1)]
 
     def worse_than(self, other: Outcome) -> list[str]:
         """Return the checks that have a worse grade than in another run, but for the meshes'."""
@@ -79,7 +89,7 @@ class Outcome:
 
     def equals(self, other: Outcome) -> bool:
         """Tell whether the results are the same to the last bit; times may differ."""
-        arrays = ("reference", "formed", "faces", "force")
+        arrays = ("reference", "formed", "faces", "force", "ply")
         return (
             self.failure == other.failure
             and self.values.keys() == other.values.keys()
@@ -126,7 +136,14 @@ def outcome_of_sheet(
         faces=faces,
         values={n: np.asarray(sheet[n].values[-1], dtype=float) for n in FIELDS if n in sheet},
         numbers={n: float(numbers[n]) for n in NUMBERS if numbers.get(n) is not None},
+        ply=_ply_of(sheet),
     )
+
+
+def _ply_of(sheet: xr.Dataset) -> np.ndarray:
+    """Return the ply of every face of a stack, none for one sheet."""
+    values = sheet[PLY].values if PLY in sheet else np.empty(0)
+    return np.asarray(values, dtype=np.int64)
 
 
 def _force_of(history: xr.Dataset, summary: dict) -> np.ndarray:
@@ -147,6 +164,7 @@ def write_outcome(path: Path, outcome: Outcome, fingerprint: str) -> None:
             "face_nodes": (("face", "corner"), outcome.faces.astype(np.int32)),
             "punch_force": (("sample", "part_and_force"), outcome.force),
             **{f"face_{name}": ("face", values) for name, values in outcome.values.items()},
+            **({"ply": ("face", outcome.ply.astype(np.int32))} if len(outcome.ply) else {}),
         },
         attrs={
             "fingerprint": fingerprint,
@@ -190,6 +208,7 @@ def read_outcome(path: Path, fingerprint: str) -> Outcome | None:
         },
         force=dataset["punch_force"].values,
         failure=str(about["failure"]),
+        ply=np.asarray(dataset["ply"].values if "ply" in dataset else np.empty(0), dtype=np.int64),
         doubts={
             name.removeprefix("doubt_"): int(grade)
             for name, grade in about.items()

@@ -15,7 +15,7 @@ from lcmchain.errors import InputError
 from lcmchain.mapping.structure.materials import Materials
 from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
 from lcmchain.mapping.structure.places import cells_at, nodes_at, sides_at
-from lcmchain.mapping.structure.sections import Sections, layers_of
+from lcmchain.mapping.structure.sections import THINNEST_LAYER, Sections
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.quantities.places import millimetres
 from lcmchain.scene.structure import COMPONENTS, Load, Structure
@@ -73,19 +73,20 @@ def section_lines(
     """Materials, axes and sections of all elements.
 
     A material is fully anisotropic, in the axes of its element: 1 along the first fibre family, 3
-    along the normal. Layers of quadratic shells, if they are asked for, are plies of one family.
+    along the normal. Layers of quadratic shells, if they are asked for, are plies, or plies of one
+    family.
 
     Raises
     ------
     InputError : layers with elements that CalculiX has no layers for.
     """
     units = UNITS[structure.units]
-    layered = structure.lay_up != "interleaved"
-    if layered:
+    if structure.lay_up != "interleaved":
         _require_layers(mesh, structure)
+    through = sections.through
+    layered = through is not None
     yield f"** materials and sections, {units.words}"
     yield from _material_lines(materials, units, layered)
-    layers = [layer for layer in layers_of(structure) if layer[1] > 0.0]
     solid = "*SOLID SECTION" if mesh.is_solid else "*SHELL SECTION"
     for cell, (number, axes) in enumerate(zip(mesh.cell_ids, sections.axes)):
         yield f"*ORIENTATION, NAME=LCM_O{number}, SYSTEM=RECTANGULAR"
@@ -94,12 +95,13 @@ def section_lines(
         yield f"{number},"
         material = materials.of_cell[cell] + 1
         head = f"{solid}, ELSET=LCM_E{number}"
-        if layered:
+        if through is not None:
             assert sections.thickness is not None
             yield f"{head}, COMPOSITE"
             thickness = units.length * sections.thickness[cell]
-            for family, share in layers:
-                yield f"{share * thickness:.9e}, , LCM_M{material}_{family + 1}, LCM_O{number}"
+            for kind, share in zip(through.kind[:, cell], through.share[:, cell]):
+                if share > THINNEST_LAYER:
+                    yield f"{share * thickness:.9e}, , LCM_M{material}_{kind + 1}, LCM_O{number}"
             continue
         head += f", MATERIAL=LCM_M{material}, ORIENTATION=LCM_O{number}"
         if sections.thickness is None:
@@ -201,7 +203,7 @@ def deck_names(names: Iterable[str]) -> dict[str, str]:
 
 def _material_lines(materials: Materials, units: Units, layered: bool) -> Iterator[str]:
     kinds = (
-        [(f"_{family + 1}", layer) for family, layer in enumerate(materials.layers)]
+        [(f"_{kind + 1}", layer) for kind, layer in enumerate(materials.layers)]
         if layered
         else [("", materials.stiffness)]
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from lcmchain.errors import InputError, first_few
 from lcmchain.fields.ugrid import TIME
+from lcmchain.mapping.plies import HEIGHT, SHARE
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.mapping.target import TargetMesh
 
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 
 #: Families closer to each other than this have no plane between them.
 CLOSEST_FAMILIES = np.radians(1.0)
-
-#: What the share of a ply in the cells is called, before the name of the ply.
-SHARE = "ply_share_"
 
 
 @dataclass(frozen=True)
@@ -31,12 +29,15 @@ class FormedPly:
     share : of the cell's thickness or volume, zero where the cell has nothing of the ply, (C,).
     fibre_volume_fraction : (C,). direction_1, direction_2 : unit vectors along both fibre
         families, (C, 3). They are those of the first ply where the share is zero.
+    height : place of the ply along the normal of a shell [m], (C,), None where the file does not
+        tell it; not a number where the share is zero.
     """
 
     share: np.ndarray
     fibre_volume_fraction: np.ndarray
     direction_1: np.ndarray
     direction_2: np.ndarray
+    height: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,13 @@ def _named_ply(
     share = _field(mapped, f"{SHARE}{name}", target, file)
     ply = _ply(mapped, f"{name}_", share, target, file)
     there = share > 0.0
+    height = f"{HEIGHT}{name}"
     return FormedPly(
         share,
         np.where(there, ply.fibre_volume_fraction, leading.fibre_volume_fraction),
         np.where(there[:, None], ply.direction_1, leading.direction_1),
         np.where(there[:, None], ply.direction_2, leading.direction_2),
+        _field(mapped, height, target, file) if height in mapped else None,
     )
 
 

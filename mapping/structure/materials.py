@@ -13,7 +13,8 @@ class Materials(NamedTuple):
     """Materials and the cells that have them.
 
     of_cell : material of each cell, (C,).
-    stiffness : [Pa], (M, 6, 6). layers : of each layer, (M, 6, 6). density : [kg/m3], (M,).
+    stiffness : [Pa], (M, 6, 6). layers : of each kind of layer, (M, 6, 6), where there are any.
+    density : [kg/m3], (M,).
     error : largest difference between a stiffness of a cell and that of its material, relative to
         the largest stiffness of the cell.
     """
@@ -32,7 +33,7 @@ def materials_of(sections: Sections, tolerance: float) -> Materials:
     cell. All are divided into equal steps, which are made smaller until the tolerance holds.
     """
     if tolerance == 0.0:
-        layers = tuple(layer.stiffness for layer in sections.layers)
+        layers = () if sections.through is None else sections.through.kinds
         each = np.arange(len(sections.density))
         return Materials(each, sections.stiffness, layers, sections.density, 0.0)
     mean = sections.fibre_volume_fraction.mean()
@@ -62,5 +63,6 @@ def _grouped(sections: Sections, of_cell: np.ndarray) -> Materials:
     stiffness = mean(sections.stiffness)
     off = np.abs(stiffness[of_cell] - sections.stiffness).max(axis=(1, 2))
     error = float((off / sections.stiffness.max(axis=(1, 2))).max())
-    layers = tuple(mean(layer.stiffness) for layer in sections.layers)
+    kinds = () if sections.through is None else sections.through.kinds
+    layers = tuple(mean(kind) for kind in kinds)
     return Materials(of_cell, stiffness, layers, mean(sections.density), error)

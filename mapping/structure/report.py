@@ -150,7 +150,7 @@ def deck_report(
             f"(cell {report.thickness_error_cell}); shells take it as the mean at their nodes"
         )
     report.warnings += idle_loads(mesh, structure)
-    if structure.lay_up != "interleaved":
+    if sections.through is not None:
         report.warnings.append(
             "layers give every element a thickness of its own, and CalculiX makes the joints "
             "between elements of different thickness rigid (a plate whose thickness varies by 10 % "

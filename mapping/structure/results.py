@@ -12,7 +12,7 @@ from lcmchain.mapping.structure.dat import read_printed
 from lcmchain.mapping.structure.deck import Units
 from lcmchain.mapping.structure.frd import NodalResult, read_displacements
 from lcmchain.mapping.structure.mesh import DeckMesh
-from lcmchain.mapping.structure.sections import Sections
+from lcmchain.mapping.structure.sections import THINNEST_LAYER, Sections, Through
 from lcmchain.scene.structure import Structure
 
 
@@ -66,8 +66,9 @@ def read_results(
         displacement = _on_nodes(static[-1], mesh) / units.length
         row = _rows(printed.element, mesh.cell_ids)
         of_points = printed.strain * np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
-        stress = _mean(printed.stress / units.stress, row, mesh.cell_count)
-        strain = _mean(of_points, row, mesh.cell_count)
+        part = _part_of_points(row, sections.through, mesh.cell_count)
+        stress = _mean(printed.stress / units.stress, row, part, mesh.cell_count)
+        strain = _mean(of_points, row, part, mesh.cell_count)
         fibre_strain = _along_fibres(of_points, row, sections.angle)
     return StructuralResults(
         displacement, printed.frequencies, shapes, stress, strain, fibre_strain
@@ -97,10 +98,31 @@ def _rows(numbers: np.ndarray, known: np.ndarray) -> np.ndarray:
     return rows
 
 
-def _mean(values: np.ndarray, row: np.ndarray, count: int) -> np.ndarray:
+def _part_of_points(row: np.ndarray, through: Through | None, count: int) -> np.ndarray:
+    """Return which part of its cell an integration point stands for (P,).
+
+    CalculiX prints the points of a cell one after the other, those of the lowest layer first, as
+    many in every layer however thick it is.
+    """
     points = np.bincount(row, minlength=count)
-    summed = [np.bincount(row, column, minlength=count) for column in values.T]
-    return np.stack(summed, axis=1) / points[:, None]
+    if through is None:
+        return 1.0 / points[row]
+    order = np.argsort(row, kind="stable")
+    first = np.concatenate([[0], np.cumsum(points)[:-1]])
+    number = np.empty(len(row), dtype=np.int64)
+    number[order] = np.arange(len(row)) - np.repeat(first, points)
+    written = through.share > THINNEST_LAYER
+    each = points // written.sum(axis=0)
+    # the layers that a cell has, one behind the other
+    layers = np.argsort(~written, axis=0, kind="stable")
+    layer = layers[number // each[row], row]
+    share = through.share / through.share.sum(axis=0)
+    return share[layer, row] / each[row]
+
+
+def _mean(values: np.ndarray, row: np.ndarray, part: np.ndarray, count: int) -> np.ndarray:
+    summed = [np.bincount(row, part * column, minlength=count) for column in values.T]
+    return np.stack(summed, axis=1)
 
 
 def _along_fibres(strain: np.ndarray, row: np.ndarray, angle: np.ndarray) -> np.ndarray:

@@ -28,6 +28,9 @@ CLOSEST_PACKING = np.pi / (2.0 * np.sqrt(3.0))
 #: Right angles that differ by less [rad] are the same one, whatever their sign.
 RIGHT = 1e-9
 
+#: Layers with a smaller share of the thickness are rounding, and CalculiX has no layer of none.
+THINNEST_LAYER = 1e-6
+
 #: Densities of fibres that differ by more than this are of different fibres.
 SAME_DENSITY = 0.01
 
@@ -45,6 +48,20 @@ class Layer(NamedTuple):
     fibre_volume_fraction: np.ndarray
 
 
+class Through(NamedTuple):
+    """Layers over each other through the thickness of shells.
+
+    kinds : stiffness of every material that a layer may have, in the axes of the cell [Pa], K of
+        (C, 6, 6).
+    kind, share : of the layers from the lowest to the highest along the normal of the cell,
+        (L, C); the share is that in the thickness, 0 where a cell has less layers.
+    """
+
+    kinds: tuple[np.ndarray, ...]
+    kind: np.ndarray
+    share: np.ndarray
+
+
 @dataclass(frozen=True)
 class Sections:
     """Material of the cells of a target, each in its own axes.
@@ -55,7 +72,8 @@ class Sections:
         (C, 3, 3).
     angle : from the first to the second family of the leading ply about axis 3 [rad], (C,).
     fibre_volume_fraction : (C,), of the thickness that the deck has. density : [kg/m3], (C,).
-    layers : both families of every ply.
+    layers : both families of every ply. through : what lies over each other, None where all is
+        mixed.
     stiffness : of all together [Pa], (C, 6, 6).
     second_family_error : largest angle of a second family from perpendicular [rad].
     thickness : of the cells in the deck [m], (C,), and node_thickness (N,); None for solids.
@@ -72,6 +90,7 @@ class Sections:
     layers: tuple[Layer, ...]
     stiffness: np.ndarray
     second_family_error: float
+    through: Through | None = None
     thickness: np.ndarray | None = None
     node_thickness: np.ndarray | None = None
     laminate: LaminateStiffness | None = None
@@ -90,11 +109,11 @@ def build_sections(formed: FormedCells, target: TargetMesh, structure: Structure
     Raises
     ------
     InputError : no density of the fibre, families that lie upon each other, more fibre than there
-        is room for, or several plies with a lay-up of one.
+        is room for, or plies whose order is not known.
     """
     warnings: list[str] = []
     fibre_density = _fibre_density(formed, structure, warnings)
-    _require_one_ply(formed, target, structure, warnings)
+    _warn_of_mixed_plies(formed, target, structure, warnings)
     axes = _axes(formed.leading, target)
     thickness = node_thickness = error = None
     fuller = np.ones(target.cell_count)
@@ -119,6 +138,7 @@ def build_sections(formed: FormedCells, target: TargetMesh, structure: Structure
         layers += of_families
     _require_room(v, target, warnings)
     stiffness = homogenised([each.stiffness for each in layers], [each.share for each in layers])
+    through = _through(formed, layers, target, structure)
     return Sections(
         axes=axes,
         angle=_angle(formed.leading.direction_2, axes, target),
@@ -127,9 +147,10 @@ def build_sections(formed: FormedCells, target: TargetMesh, structure: Structure
         layers=tuple(layers),
         stiffness=stiffness,
         second_family_error=second_family_error,
+        through=through,
         thickness=thickness,
         node_thickness=node_thickness,
-        laminate=None if thickness is None else _laminate(layers, stiffness, thickness, structure),
+        laminate=None if thickness is None else _laminate(through, stiffness, thickness),
         thickness_error=error,
         warnings=tuple(warnings),
     )
@@ -151,12 +172,68 @@ def _layers(
     ]
 
 
-def layers_of(structure: Structure) -> list[tuple[int, float]]:
-    """Family (0 or 1) and share of the thickness of each layer from the lowest to the highest."""
-    first = structure.family_1_share
-    if structure.lay_up == "symmetric":
-        return [(0, 0.5 * first), (1, 1.0 - first), (0, 0.5 * first)]
-    return [(0, first), (1, 1.0 - first)]
+def _through(
+    formed: FormedCells, layers: list[Layer], target: TargetMesh, structure: Structure
+) -> Through | None:
+    """Return what lies over each other in shells, None where all is mixed, and for solids.
+
+    Raises
+    ------
+    InputError : the order of the plies is not known.
+    """
+    several = len(formed.plies) > 1
+    if target.is_solid or structure.lay_up == "interleaved":
+        return None
+    if structure.lay_up == "plies" and not several:
+        return None
+    share = structure.family_1_share
+    of_ply = {
+        "plies": [(0, 1.0)],
+        "stacked": [(0, share), (1, 1.0 - share)],
+        "symmetric": [(0, 0.5 * share), (1, 1.0 - share), (0, 0.5 * share)],
+    }[structure.lay_up]
+    kinds: list[np.ndarray] = []
+    for first, second in zip(layers[::2], layers[1::2], strict=True):
+        own = [first.stiffness, second.stiffness]
+        kinds += [homogenised(own, [share, 1.0 - share])] if structure.lay_up == "plies" else own
+    each = len(kinds) // len(formed.plies)
+    order, upward = np.zeros((1, target.cell_count), dtype=np.int64), np.ones(target.cell_count)
+    if several:
+        order, upward = _order_of_plies(formed, target)
+    shares = np.stack([ply.share for ply in formed.plies])
+    found = []
+    for position in order:
+        part = np.take_along_axis(shares, position[None], axis=0)[0]
+        for (up, up_share), (down, down_share) in zip(of_ply, reversed(of_ply), strict=True):
+            family = np.where(upward > 0.0, up, down)
+            of_layer = np.where(upward > 0.0, up_share, down_share)
+            found.append((each * position + family, part * of_layer))
+    return Through(
+        tuple(kinds), np.stack([kind for kind, _ in found]), np.stack([part for _, part in found])
+    )
+
+
+def _order_of_plies(formed: FormedCells, target: TargetMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return the plies of each cell from the lowest along its normal (P, C), and its side (C,).
+
+    The side is -1 where the lowest ply of the stack lies highest: there both families of a ply are
+    the other way round, too.
+    """
+    given = [ply.height for ply in formed.plies]
+    if any(height is None for height in given):
+        raise InputError(
+            "needs the order of the plies in every cell, which this mapped file does not tell; "
+            "map the forming result again",
+            key="lay_up",
+            file=target.file,
+        )
+    there = np.stack([ply.share for ply in formed.plies]) > 0.0
+    height = np.where(there, np.stack([np.asarray(values) for values in given]), np.nan)
+    order = np.argsort(height, axis=0, kind="stable")  # what is not there comes last
+    place = np.arange(len(given))[:, None] - 0.5 * (len(given) - 1)
+    middle = np.nanmean(height, axis=0)
+    lean = np.where(there, (height - middle) * place, 0.0).sum(axis=0)
+    return order, np.where(lean < 0.0, -1.0, 1.0)
 
 
 def thickness_at_nodes(target: TargetMesh, thickness: np.ndarray) -> np.ndarray:
@@ -172,12 +249,14 @@ def thickness_at_nodes(target: TargetMesh, thickness: np.ndarray) -> np.ndarray:
 
 
 def _laminate(
-    layers: list[Layer], stiffness: np.ndarray, thickness: np.ndarray, structure: Structure
+    through: Through | None, stiffness: np.ndarray, thickness: np.ndarray
 ) -> LaminateStiffness:
-    if structure.lay_up == "interleaved":
+    if through is None:
         return interleaved(reduced(stiffness), thickness)
-    stacked = [(layers[family].stiffness, share) for family, share in layers_of(structure)]
-    return laminate([layer for layer in stacked if layer[1] > 0.0], thickness)
+    kinds, cells = np.stack(through.kinds), np.arange(len(thickness))
+    return laminate(
+        [(kinds[kind, cells], share) for kind, share in zip(through.kind, through.share)], thickness
+    )
 
 
 def _axes(leading: FormedPly, target: TargetMesh) -> np.ndarray:
@@ -224,22 +303,14 @@ def _require_apart(angle: np.ndarray, target: TargetMesh) -> None:
         )
 
 
-def _require_one_ply(
+def _warn_of_mixed_plies(
     formed: FormedCells, target: TargetMesh, structure: Structure, warnings: list[str]
 ) -> None:
-    if len(formed.plies) == 1:
-        return
-    if structure.lay_up != "interleaved":
-        raise InputError(
-            f'is "{structure.lay_up}", but the part has {len(formed.plies)} plies; write '
-            '"interleaved", or map each ply onto cells of its own',
-            key="lay_up",
-        )
-    if not target.is_solid:
+    if len(formed.plies) > 1 and structure.lay_up == "interleaved" and not target.is_solid:
         warnings.append(
             f"the {len(formed.plies)} plies are taken as mixed over the thickness: in bending a "
-            "laminate whose plies differ has another stiffness; a solid mesh with cells for each "
-            "ply has theirs"
+            'laminate whose plies differ has another stiffness; lay_up = "plies", or a solid mesh '
+            "with cells for each ply, has theirs"
         )
 
 

@@ -100,21 +100,24 @@ def reduced(stiffness: np.ndarray) -> np.ndarray:
     )
 
 
-def laminate(layers: list[tuple[np.ndarray, float]], thickness: np.ndarray) -> LaminateStiffness:
+def laminate(
+    layers: Sequence[tuple[np.ndarray, ArrayLike]], thickness: np.ndarray
+) -> LaminateStiffness:
     """Stiffness of laminates about their mid-surface by classical laminate theory.
 
     Parameters
     ----------
     layers : from the lowest to the highest, the stiffness (C, 6, 6) of each in the axes of the
-        cell, and its share of the thickness.
+        cell, and its share of the thickness, one number or (C,).
     thickness : of the cells [m], (C,).
 
     Source: Jones, Mechanics of Composite Materials, 2nd edition (1999), eqs. (4.22) to (4.24).
     """
-    lower = -0.5
+    lower = np.full((1, 1, 1), -0.5)
     moments = [np.zeros((len(thickness), 3, 3)) for _ in range(3)]
     for stiffness, share in layers:
-        plane, upper = reduced(stiffness), lower + share
+        part = np.asarray(share, dtype=float).reshape(-1, 1, 1)
+        plane, upper = reduced(stiffness), lower + part
         for order, total in enumerate(moments, start=1):
             total += plane * (upper**order - lower**order) / order
         lower = upper

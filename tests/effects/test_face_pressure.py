@@ -12,6 +12,7 @@ from lcmchain.effects.face_pressure import PressureOnFace, face_forces, face_fre
 from lcmchain.effects.supports import Support
 from lcmchain.elements.blocks import LANES
 from lcmchain.errors import InputError
+from lcmchain.fields.pressure import pressure_fields
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
@@ -199,3 +200,51 @@ def test_a_sheet_without_thickness_has_no_two_faces():
     text = SCENE.replace("ANGLE", "0") + 'element = "membrane-shell"\n'
     with pytest.raises(InputError, match="solid-shell"):
         scene_from_text(text, overrides=[BAG.replace("FACE", "top")])
+
+
+# --- a stack of plies -----------------------------------------------------------------------------
+
+STACK = """
+layup = "[0/90, 30/-60]"
+process = { time = "6 ms", mass_damping = "4000 1/s" }
+blank = { size = ["20 mm", "20 mm"], edge_length = "5 mm", height = "0.502 mm" }
+material = { preset = "MD600" }
+contact = { friction = 0.1 }
+interfaces = [{ friction = 0.2 }]
+pressure = [{ name = "bag", face = "top", value = "20 kPa", ramp = "2 ms" }]
+[[tools]]
+name = "table"
+shape = { type = "plate", side = "below" }
+"""
+
+
+def test_of_a_stack_the_outer_faces_are_pressed():
+    """The bottom of the lowest ply, the top of the uppermost, and no face between plies."""
+    model = build_model(scene_from_text(STACK.replace("[0/90, ", "[0/90, 0/90, ")))
+    bottom, top = 1.0e3, 2.5e3
+    force = forces_on_nodes(model, model.node_positions.T.copy(), bottom, top)
+    area = 20e-3 * 20e-3
+    for number, body in enumerate(model.bodies):
+        own = force[:, body.first_node :][:, : body.mesh.node_count]
+        upward = (bottom if number == 0 else 0.0) - (top if number == 2 else 0.0)
+        np.testing.assert_allclose(own.sum(axis=1), [0.0, 0.0, upward * area], atol=1e-12)
+        sides = body.mesh.sides()
+        loaded = {side for side, nodes in sides.items() if np.abs(own[2, nodes]).max() > 0.0}
+        assert loaded == [{"bottom"}, set(), {"top"}][number]
+
+
+def test_a_bag_presses_a_stack_onto_its_table():
+    """The table bears pressure times area, and both plies the pressure."""
+    simulation = Simulation.from_scene(scene_from_text(STACK))
+    simulation.advance_to(6e-3)
+    model, state = simulation.model, simulation.state
+    assert state.tool_force[0, 2] == pytest.approx(-20e3 * 4e-4, rel=0.01)
+    for body in model.bodies:
+        history = model.history_of(body, state.history)
+        found = pressure_fields(body, state.position.T, history)["compaction_pressure"]
+        centre = body.mesh.node_positions[body.mesh.elements].mean(axis=1)
+        inner = (np.abs(centre[:, :2]) < 6e-3).all(axis=1)
+        assert inner.sum() >= 4
+        np.testing.assert_allclose(found[inner], 20e3, rtol=0.02)
+    energy = simulation.energy()
+    assert abs(energy["balance_error"]) < 0.01 * energy["internal"]

@@ -11,7 +11,7 @@ import pytest
 from lcmchain import compile_cache, fingerprint
 from lcmchain.errors import SimulationError
 from lcmchain.fmu import forming
-from lcmchain.fmu.forming import sheet_mesh, variables_of
+from lcmchain.fmu.forming import meshes_of, variables_of
 from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.saved_state import PartState, SavedState, Unreadable
 from lcmchain.fmu.status import Phase, Status
@@ -253,7 +253,7 @@ def test_a_unit_counts_the_elements_of_the_model(scene_file, element, monkeypatc
     variables_of(scene)
     model = build_model(scene)
     assert counts == [model.element_count] == [400 if element == "solid-shell" else 800]
-    assert sheet_mesh(scene).element_count == counts[0]
+    assert meshes_of(scene)[0].element_count == counts[0]
 
 
 @pytest.mark.parametrize("shear", [0.3, -0.3])

@@ -1,0 +1,274 @@
+"""A stack of plies is filled as one sheet: its layers conduct side by side and one after the other.
+
+Expected values are those of the closed formulas for flat plies.
+"""
+
+import numpy as np
+import pytest
+
+from lcmchain.coupling.infiltration.formed_part import read_formed_part, with_permeability
+from lcmchain.coupling.infiltration.setup import set_up
+from lcmchain.coupling.infiltration.stage import FillOptions, fill_part
+from lcmchain.coupling.permeability import principal_permeabilities
+from lcmchain.errors import InputError
+from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
+from lcmchain.fields.ugrid import UgridMesh
+from lcmchain.mapping import map_file
+from lcmchain.mapping.permeability import through_layers
+from lcmchain.mapping.sheet import PrincipalPermeability
+from lcmchain.scene.permeability import GebartPermeability
+
+from .conftest import LENGTH, PRESSURE, VISCOSITY, WIDTH, strip, write_forming
+
+PLAIN = FillOptions(picture=False, vtu=False)
+#: Thickness, fibre volume fraction, principal permeabilities and the angle of the first axis.
+LOWER = (2e-3, 0.5, (4e-10, 1e-10, 2e-11), 0.0)
+UPPER = (1e-3, 0.6, (2e-10, 5e-11, 8e-12), 90.0)
+
+
+def fields_of(ply):
+    """Fields of a ply, whose fibres lie along the axes of its permeability."""
+    thickness, fraction, values, degrees = ply
+    turn = np.radians(degrees)
+    axes = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0]])
+    found = {"thickness": thickness, "fibre_volume_fraction": fraction,
+             "areal_fibre_mass": 1800.0 * thickness * fraction}  # fmt: skip
+    for number, (value, axis) in enumerate(zip(values, [*axes, [0.0, 0.0, 1.0]]), start=1):
+        found[f"permeability_{number}"] = value
+        for name, part in zip("xyz", axis):
+            found[f"permeability_direction_{number}_{name}"] = part
+            if number < 3:
+                found[f"fibre_direction_{number}_{name}"] = part
+    return found
+
+
+def write_stack(path, *plies, names=("lower", "upper")):
+    """A result of plies over each other: (mesh, ply) of each, the first lies lowest."""
+    sheets, points, quads, height = [], [], [], 0.0
+    for (own, cells), ply in plies:
+        write_forming(path, own, cells, **fields_of(ply))
+        with open_netcdf(path) as dataset:
+            sheets.append(dataset.load())
+        quads.append(cells + sum(map(len, points)))
+        points.append(own + [0.0, 0.0, height + 0.5 * ply[0]])
+        height += ply[0]
+    mesh = UgridMesh("sheet")
+    variables = {
+        **mesh.topology(np.concatenate(quads), long_name="sheets"),
+        **mesh.node_positions(np.concatenate(points)),
+    }
+    for name, variable in sheets[0].data_vars.items():
+        if variable.dims == (mesh.cell_dimension,):
+            values = np.concatenate([sheet[name].values for sheet in sheets])
+            variables[name] = mesh.on_cells(values, dict(variable.attrs))
+    flags = np.arange(len(plies), dtype=np.int32)
+    about = {"flag_values": flags, "flag_meanings": " ".join(names), "long_name": "ply"}
+    of_face = np.repeat(flags, [len(cells) for cells in quads])
+    variables["body"] = mesh.on_cells(of_face, about | {"units": "1"})
+    write_netcdf(path, {ROOT: mesh.dataset(variables, dict(sheets[0].attrs))})
+    return path
+
+
+def stack_of(folder, lower=LOWER, upper=UPPER, upper_mesh=None):
+    """Two plies of unlike meshes; the lower one is the larger."""
+    upper_mesh = strip(8, 4) if upper_mesh is None else upper_mesh
+    return write_stack(folder / "forming.nc", (strip(), lower), (upper_mesh, upper))
+
+
+def tensor(part):
+    """Permeability (C, 3, 3) of the cells."""
+    total = 0.0
+    for number in (1, 2, 3):
+        axis = np.stack([part.cell(f"permeability_direction_{number}_{a}") for a in "xyz"], axis=1)
+        value = part.cell(f"permeability_{number}")[:, None, None]
+        total = total + value * axis[:, :, None] * axis[:, None, :]
+    return total
+
+
+def tensor_of(values, degrees):
+    turn = np.radians(degrees)
+    axis = np.array([np.cos(turn), np.sin(turn)])
+    across = np.array([-axis[1], axis[0]])
+    return values[0] * np.outer(axis, axis) + values[1] * np.outer(across, across)
+
+
+def expected_tensor(*plies):
+    """In the plane the mean by thickness, through it the harmonic one."""
+    total = sum(ply[0] for ply in plies)
+    found = np.zeros((3, 3))
+    found[:2, :2] = sum(ply[0] / total * tensor_of(ply[2], ply[3]) for ply in plies)
+    found[2, 2] = total / sum(ply[0] / ply[2][2] for ply in plies)
+    return found
+
+
+@pytest.mark.parametrize("degrees", [90.0, 30.0])
+def test_two_plies_have_the_permeability_of_their_layers(tmp_path, degrees):
+    upper = (*UPPER[:3], degrees)
+    part = read_formed_part(stack_of(tmp_path, upper=upper))
+    assert part.target.cell_count == 36 and part.warnings == ()
+    expected = expected_tensor(LOWER, upper)
+    assert (abs(expected[0, 1]) > 1e-11) == (degrees != 90.0)
+    np.testing.assert_allclose(tensor(part), np.tile(expected, (36, 1, 1)), rtol=0, atol=1e-21)
+    np.testing.assert_allclose(part.cell("thickness"), 3e-3, rtol=1e-12)
+    fraction = (2.0 * 0.5 + 1.0 * 0.6) / 3.0
+    np.testing.assert_allclose(part.cell("fibre_volume_fraction"), fraction, rtol=1e-12)
+    mass = 1800.0 * (2e-3 * 0.5 + 1e-3 * 0.6)
+    np.testing.assert_allclose(part.cell("areal_fibre_mass"), mass, rtol=1e-12)
+    np.testing.assert_allclose(part.cell("ply_share_upper"), 1.0 / 3.0, rtol=1e-12)
+    assert part.dataset["upper_fibre_volume_fraction"].attrs["long_name"].endswith("ply upper")
+
+
+def test_a_channel_of_two_plies_fills_as_the_closed_formula_says(kit, tmp_path):
+    expected = expected_tensor(LOWER, UPPER)
+    porosity = 1.0 - 1.6 / 3.0
+    time = porosity * VISCOSITY * LENGTH**2 / (2.0 * expected[0, 0] * PRESSURE)
+    report = fill_part(
+        stack_of(tmp_path), kit.case(), name="stack", out_dir=tmp_path, options=PLAIN
+    )
+    assert report.outcome == "filled"
+    assert report.time == pytest.approx(time, rel=0.02)
+    assert report.pore_volume == pytest.approx(LENGTH * WIDTH * 3e-3 * porosity, rel=1e-9)
+
+
+def test_where_the_upper_ply_ends_the_lower_one_is_alone(kit, tmp_path):
+    """Two zones one after the other, of unlike thickness, porosity and permeability."""
+    patch = strip(6, 4, length=0.5 * LENGTH)
+    path = stack_of(tmp_path, upper_mesh=patch)
+    part = read_formed_part(path)
+    left = part.target.centroids[:, 0] < 0.5 * LENGTH
+    assert left.sum() == 18
+    np.testing.assert_allclose(part.cell("thickness"), np.where(left, 3e-3, 2e-3), rtol=1e-12)
+    assert np.isnan(part.cell("upper_thickness")[~left]).all()
+    alone = expected_tensor(LOWER)
+    np.testing.assert_allclose(tensor(part)[~left], np.tile(alone, (18, 1, 1)), atol=1e-21)
+    both = expected_tensor(LOWER, UPPER)[0, 0]
+    half, porosities = 0.5 * LENGTH, (1.0 - 1.6 / 3.0, 0.5)
+    flow = np.array([both * 3e-3, alone[0, 0] * 2e-3]) / VISCOSITY  # per width and gradient
+    first = porosities[0] * 3e-3 * half**2 / (2.0 * flow[0] * PRESSURE)
+    second = porosities[1] * 2e-3 * half**2 / PRESSURE * (1.0 / flow[0] + 0.5 / flow[1])
+    report = fill_part(path, kit.case(), name="step", out_dir=tmp_path, options=PLAIN)
+    assert report.time == pytest.approx(first + second, rel=0.02)
+
+
+def test_a_ply_twice_fills_as_one_of_twice_its_thickness(kit, tmp_path):
+    twice = stack_of(tmp_path, LOWER, LOWER, strip())
+    double = write_forming(tmp_path / "one.nc", *strip(), **fields_of((2.0 * LOWER[0], *LOWER[1:])))
+    one, other = (
+        fill_part(path, kit.case(), name=path.stem, out_dir=tmp_path, options=PLAIN)
+        for path in (twice, double)
+    )
+    assert one.time == pytest.approx(other.time, rel=1e-9)
+    assert one.pore_volume == pytest.approx(other.pore_volume, rel=1e-12)
+    assert one.gates["left"]["pressure_max"] == other.gates["left"]["pressure_max"]
+
+
+def test_a_law_acts_in_every_ply_by_itself(tmp_path):
+    """Their fibre volume fractions and directions are unlike: a mean of them has no meaning."""
+    law = GebartPermeability(law="gebart", fibre_radius=3.5e-6)
+    upper = (*UPPER[:3], 30.0)
+    part = with_permeability(read_formed_part(stack_of(tmp_path, upper=upper)), law)
+    layers = []
+    for thickness, fraction, _, degrees in (LOWER, upper):
+        # the families are at right angles: all directions of the plane are alike
+        families = np.eye(3)[:2]
+        found = principal_permeabilities(law, np.array([fraction]), *families[:, None])
+        values = [float(k[0]) for k in (found.k1, found.k2, found.k3)]
+        layers.append((thickness, fraction, values, degrees))
+    expected = np.tile(expected_tensor(*layers), (36, 1, 1))
+    np.testing.assert_allclose(tensor(part), expected, rtol=0, atol=1e-9 * expected.max())
+    assert part.cell("permeability_3")[0] != pytest.approx(
+        float(principal_permeabilities(law, np.array([1.6 / 3.0]), *families[:, None]).k3[0]),
+        rel=0.1,
+        abs=0.0,
+    )
+
+
+def test_a_mapped_stack_has_the_same_permeability(kit, tmp_path, write_quads):
+    upper = (*UPPER[:3], 30.0)
+    source = stack_of(tmp_path, upper=upper)
+    points, quads = strip(7, 2)
+    mesh = write_quads(points + [0.0, 0.0, 1.5e-3], quads)
+    map_file(source, mesh, tmp_path / "mapped.nc", kind="infiltration", picture=False)
+    part = read_formed_part(tmp_path / "mapped.nc")
+    expected = np.tile(expected_tensor(LOWER, upper), (14, 1, 1))
+    np.testing.assert_allclose(tensor(part), expected, rtol=0, atol=1e-19)
+    law = GebartPermeability(law="gebart", fibre_radius=3.5e-6)
+    own = with_permeability(read_formed_part(source), law)
+    mapped = with_permeability(part, law)
+    for name in ("permeability_1", "permeability_3"):
+        value = own.cell(name)[0]
+        np.testing.assert_allclose(mapped.cell(name), value, rtol=1e-9)
+
+
+@pytest.fixture
+def write_quads(tmp_path):
+    import meshio
+
+    def write(points, quads):
+        meshio.Mesh(points, [("quad", quads)]).write(tmp_path / "target.vtu")
+        return tmp_path / "target.vtu"
+
+    return write
+
+
+def test_a_region_makes_all_plies_as_much_denser(kit, tmp_path):
+    text = 'time = "1 h"\nresin = { law = "constant", viscosity = "0.1 Pa*s" }\n' \
+           'permeability = { law = "gebart", fibre_radius = "3.5 um" }\n' \
+           '[[regions]]\nname = "dense"\nbox = ["-1 -1 -1 mm", "150 61 9 mm"]\n' \
+           "fibre_volume_fraction = 0.6\n"  # fmt: skip
+    gate = '[[gates]]\nname = "left"\nbox = ["0 -1 -1 mm", "0 61 9 mm"]\npressure = "1 bar"\n'
+    vent = '[[vents]]\nname = "right"\nbox = ["300 -1 -1 mm", "300 61 9 mm"]\n'
+    part = set_up(read_formed_part(stack_of(tmp_path)), kit.case(text, gate, vent)).part
+    dense = part.target.centroids[:, 0] < 0.15
+    change = np.where(dense, 0.6 / (1.6 / 3.0), 1.0)
+    np.testing.assert_allclose(part.cell("lower_fibre_volume_fraction"), 0.5 * change, rtol=1e-12)
+    np.testing.assert_allclose(part.cell("upper_fibre_volume_fraction"), 0.6 * change, rtol=1e-12)
+    assert part.cell("permeability_1")[dense].max() < 0.7 * part.cell("permeability_1")[~dense][0]
+
+
+def test_what_lies_beside_the_largest_ply_is_named(tmp_path):
+    points, quads = strip(6, 4, length=0.5 * LENGTH)
+    part = read_formed_part(stack_of(tmp_path, upper_mesh=(points - [0.05, 0.0, 0.0], quads)))
+    (warning,) = part.warnings
+    assert '33 % of the ply "upper" lie beside "lower"' in warning and "--mesh" in warning
+    larger = write_stack(tmp_path / "other.nc", ((points, quads), LOWER), (strip(), UPPER))
+    part = read_formed_part(larger)
+    assert part.target.cell_count == 36 and part.warnings == ()
+    assert part.cell("ply_share_lower").max() == pytest.approx(2.0 / 3.0)
+
+
+def test_a_closure_of_a_stack_is_refused(kit, tmp_path):
+    case = kit.case('closure = { type = "bag", pressure = "1 bar" }\ntime = "1 h"\n'
+                    'resin = { law = "constant", viscosity = "0.1 Pa*s" }\n'
+                    'vent_pressure = "0 bar"\n'
+                    '[[gates]]\nname = "left"\nbox = ["0 -1 -1 mm", "0 61 9 mm"]\n'
+                    'pressure = "1 bar"\n[[vents]]\nname = "right"\n'
+                    'box = ["300 -1 -1 mm", "300 61 9 mm"]\n')  # fmt: skip
+    path = stack_of(tmp_path)
+    with open_netcdf(path) as dataset:
+        changed = dataset.load().assign_attrs(scene='material = { preset = "MD600" }')
+    write_netcdf(path, {ROOT: changed})
+    with pytest.raises(InputError, match="is a stack of 2 plies; a closure presses a single sheet"):
+        fill_part(path, case, name="bag", out_dir=tmp_path, options=PLAIN)
+
+
+def test_tilted_layers_are_turned_into_the_plane_of_the_cell():
+    """The tensor turns with the cell, and a layer on a slope keeps its values."""
+    generator = np.random.default_rng(3)
+    axes = np.linalg.qr(generator.normal(size=(2, 3, 3)))[0]
+    values = np.array([[4.0, 1.0, 0.3], [3.0, 2.0, 0.1]])
+    layers = [PrincipalPermeability(v[None], a[None]) for v, a in zip(values, axes)]
+    thickness = np.array([[2.0], [1.0]])
+    normal = axes[:1, 2]
+    alone = through_layers(thickness * [[0.0], [1.0]], layers, normal)
+    np.testing.assert_allclose(alone.values[0], values[1], rtol=1e-12)
+    np.testing.assert_allclose(np.abs(alone.axes[0, 2] @ normal[0]), 1.0, rtol=1e-12)
+    both = through_layers(thickness, layers, normal)
+    assert both.values[0, 2] == pytest.approx(3.0 / (2.0 / 0.3 + 1.0 / 0.1))
+    assert both.values[0, :2].sum() == pytest.approx((2.0 * 5.0 + 5.0) / 3.0)
+    turn = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+    turned = [PrincipalPermeability(k.values, k.axes @ turn.T) for k in layers]
+    again = through_layers(thickness, turned, normal @ turn.T)
+    np.testing.assert_allclose(again.values, both.values, rtol=1e-12)
+    none = through_layers(0.0 * thickness, layers, normal)
+    assert np.isnan(none.values).all()
