@@ -194,7 +194,7 @@ def _without_tags(location: Sequence[str | int], data: Any) -> tuple[str | int, 
             result.append(step)
         # "resin" names a table with forms here and one without there
         is_named_material = result[:-1] == [NAMED_MATERIALS]
-        is_of_list = isinstance(step, int) and result[-2:-1] and result[-2] in LIST_DISCRIMINATORS
+        is_of_list = isinstance(step, int) and len(result) > 1 and result[-2] in LIST_DISCRIMINATORS
         may_choose = not choosing and (step in DISCRIMINATORS or is_named_material or is_of_list)
         choosing = may_choose and len(models_of(annotation_at(result, data))) > 1
     return tuple(result)
