@@ -130,7 +130,6 @@ def force_on_point(data, position, facet, spring, rim, stick, anchor, force, poi
         after = cut_slip(trial, along, data.friction[law] * pressure)
         if pressure == 0.0:
             after = (0.0, 0.0, 0.0)
-            along = data.tangential_ratio[law] * spring[STIFFNESS]
         total = plus(-along, after, total)
         # ½ k (b + a)·(t - b) - ½ k (a² - b²), what the motion loses and the spring does not keep
         lost = 0.5 * along * (dot(plus(1.0, before, after), plus(-1.0, after, trial)))
