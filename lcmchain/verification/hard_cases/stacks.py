@@ -210,7 +210,7 @@ def stick_and_slip_of_plies(name: str, full: bool) -> Iterator[CaseResult]:
         name,
         "what renewals of springs put in meanwhile, over the same",
         fed,
-        1.0,
+        0.6,
         "%",
         without="slopes of facets taken anew in full: "
         f"{sticking(dragged(slope_part=1.0))[1]:.1f} %",
@@ -220,7 +220,7 @@ def stick_and_slip_of_plies(name: str, full: bool) -> Iterator[CaseResult]:
 
 
 def sticking(sim: Simulation) -> tuple[float, float]:
-    """Run to the end, and return what the last period loses and is fed, over a stroke's loss [%]."""
+    """Run to the end; return what the last period loses and is fed, over a stroke's loss [%]."""
     sim.advance_to(1e-3 * (PRESSED + STROKES * PERIOD))
     before = sim.state.work.copy()
     sim.advance_to(1e-3 * (PRESSED + (STROKES + 1) * PERIOD))
