@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -138,7 +139,7 @@ FRICTION = 0.2
 PRESSED, PERIOD, STROKES, SLIDE = 4.0, 8.0, 2, 1e-3
 
 
-def dragged(**contact: float) -> Simulation:
+def dragged(**contact: Any) -> Simulation:
     """Return a ply between two others under pressure, dragged to and fro, then held still."""
     end = PRESSED + (STROKES + 1) * PERIOD
 
@@ -531,8 +532,8 @@ def closed_tools_on_a_stack(name: str, full: bool) -> Iterator[CaseResult]:
         x = np.abs(X[:, 0])
         level.append(off[(x > 0.022) & inside(body, 4e-3)])
         bends.append(off[(x <= 0.022) & inside(body, 4e-3)])
-    for where, off, limit in (("level parts", level, 5.0), ("bends", bends, 10.0)):
-        value = 100.0 * float(np.concatenate(off).max())
+    for where, parts, limit in (("level parts", level, 5.0), ("bends", bends, 10.0)):
+        value = 100.0 * float(np.concatenate(parts).max())
         yield CaseResult(name, f"{where}: each ply against a third of the gap", value, limit, "%")
     yield overlap_result(name, deepest_overlap(sim), 30.0)
     yield balance_result(name, sim, 0.1)
