@@ -16,9 +16,9 @@ each interface, a tenth of a ply at 0.5 MPa. Depths and offsets are averaged ove
 points of both faces are held, more than meshes that do not match can follow one by one, and what
 they cannot follow would grow.
 
-The slopes of the facets' corners, which say how the smooth surface curves, follow more slowly.
-Taken anew at each refresh they answer vibrations of the plies with a delay of a part of a period,
-and feed them.
+The slopes of the facets' corners, which say how the smooth surface curves, follow more slowly, by a
+part of the way now and then. Taken anew they hold what the plies' vibrations were at that moment,
+answer these with a delay, and feed them.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def refresh(data, laws, arrays, dt_last, dt):
     """Renew all springs, and return what that puts into them [J]."""
     counters, clock = arrays.ply_counters, arrays.ply_clock
     if counters[NORMAL_STEPS_LEFT] <= 0:
-        renew_slopes(data, arrays)
+        renew_slopes(data, arrays, data.slope_part if counters[REFRESHES] > 0 else 1.0)
         counters[NORMAL_STEPS_LEFT] = data.slope_steps
     for point in range(arrays.mass.size):
         at = row_start(data, point)
@@ -157,8 +157,11 @@ def look_ahead(arrays, time):
 
 
 @routine
-def renew_slopes(data, arrays):
-    """Take the normals of the nodes, and the slopes of the facets' corners from them."""
+def renew_slopes(data, arrays, part):
+    """Take the normals of the nodes, and move the slopes of the facets' corners on to theirs.
+
+    part : of the way, 1 at the start.
+    """
     position, normals = arrays.position, arrays.ply_normal
     rim_normals = np.empty_like(normals)
     for node in range(normals.shape[0]):
@@ -193,7 +196,7 @@ def renew_slopes(data, arrays):
             if count > 0:
                 rim_normals[node, d] += normals[node, d] - total[d] / count
     for facet in range(data.facet_node.shape[0]):
-        facet_slopes(position, data.facet_node, rim_normals, facet, arrays.ply_slope)
+        facet_slopes(position, data.facet_node, rim_normals, facet, arrays.ply_slope, part)
 
 
 @kernel_part
