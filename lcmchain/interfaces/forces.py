@@ -48,7 +48,7 @@ LOST = 1  # by sliding and parting in this step [J]
 DAMPED = 2  # by damping in this step [J]
 BOOKED = 3  # what the last refresh put into the springs [J]
 STEPS_ALLOWED = 4  # until the next refresh
-FASTEST = 5  # speed of a node [m/s]
+FASTEST = 5  # at which a point goes towards or away from a ply [m/s]
 DEEPEST = 6  # gap over the largest one allowed, of the deepest point
 DEEPEST_POINT = 7
 SUM_COLUMNS = 8
@@ -63,7 +63,7 @@ REFRESHES = 5  # made so far
 PLY_COUNTERS = 6
 
 # Entries of ``State.ply_clock``.
-WAY_SINCE_SEARCH = 0  # of the fastest node since the last search [m]
+WAY_SINCE_SEARCH = 0  # of the fastest point since the last search [m]
 PLY_CLOCK = 1
 
 

@@ -93,7 +93,7 @@ from lcmchain.tools.span_rows import SPAN, put_vector
 
 # Steps between two refreshes: at most, and by how much they may grow from one to the next.
 MOST_STEPS, GROWTH = 100, 2
-# Refreshes between two searches among all facets, at most; and the way of the fastest node, as a
+# Refreshes between two searches among all facets, at most; and the way of the fastest point, as a
 # part of the reach of the search, after which it is due.
 REFRESHES_PER_SEARCH, SEARCH_WAY = 20, 0.5
 # The largest part of a depth that goes at a refresh.
@@ -216,9 +216,9 @@ def renew_chunk(data, laws, arrays, everywhere, grid, dt_last, dt, chunk):
     sums[BOOKED], sums[FASTEST], sums[DEEPEST] = 0.0, 0.0, 0.0
     sums[STEPS_ALLOWED] = float(MOST_STEPS)
     for point in range(arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]):
-        v = vector_of(arrays.velocity, point)
-        sums[FASTEST] = max(sums[FASTEST], math.sqrt(dot(v, v)))
         renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums)
+        if arrays.ply_facet[point] < 0 and arrays.ply_touching[data.partner[point]] < 0:
+            sums[FASTEST] = max(sums[FASTEST], approach(data, arrays, point))
 
 
 @inlined_routine
@@ -296,6 +296,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     speed = tangential(relative, normal)
     allowed = data.slide * data.facet_edge[facet] / max(math.sqrt(dot(speed, speed)), 1e-30)
     closing = -dot(relative, normal)
+    sums[FASTEST] = max(sums[FASTEST], abs(closing))
     apart = -(depth + offset_held)
     rows[at + LAST_GAP * SPAN] = apart + dt_last * closing
     if apart > data.near[ply, other]:
@@ -307,6 +308,21 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     sums[BOOKED] += energy_before(
         laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
     )
+
+
+@inlined_routine
+def approach(data, arrays, point):
+    """Return the speed at which a point that faces nothing may come near a ply [m/s].
+
+    That across its own ply counts in full. Along it, a point is found beyond a rim as soon as its
+    own area reaches it: what makes half an edge of way counts as the reach of the search.
+    """
+    partner = data.partner[point]
+    across = minus(vector_of(arrays.position, point), vector_of(arrays.position, partner))
+    v, normal = vector_of(arrays.velocity, point), unit(across)
+    along = tangential(v, normal)
+    slower = data.reach / (0.5 * data.spacing[point])
+    return abs(dot(v, normal)) + slower * math.sqrt(dot(along, along))
 
 
 @ordered_span_routine
@@ -362,7 +378,8 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
         if most > limit or gap > reach or not facing:
             facet = NONE
         else:
-            inside = presses and most <= 0.0
+            # no ply has room between the two
+            inside = most <= 0.0 and (presses or gap < data.thinnest)
             cost = abs(gap) / data.reach + 4.0 * max(most, 0.0)
     if everywhere and not inside:
         other, other_xi, other_eta, other_cost = nearest_facet(position, data, slopes, point, grid)

@@ -77,7 +77,8 @@ class InterfaceData(NamedTuple):
     depth : (ply_count, ply_count) half the thickness of the thinner of two plies [m].
     near, far : (ply_count, ply_count) gap below which a law acts, and up to which points are found.
     area : (node_count,) of the points [m²].
-    reach : largest of ``depth`` [m]. widest : longest edge of all facets [m].
+    reach : largest of ``far`` [m]. thinnest : half the thickness of the thinnest ply [m].
+    widest : longest edge of all facets [m].
     inner : (node_count, n) int32, nodes inside of a node at a rim, -1 where there are fewer.
     omega2 : of plies of equal meshes in full contact on the stiffest law [1/s²].
     damping_time : damping over stiffness of the springs along their normals [s].
@@ -112,6 +113,7 @@ class InterfaceData(NamedTuple):
     far: np.ndarray
     area: np.ndarray
     reach: float
+    thinnest: float
     widest: float
     inner: np.ndarray
     omega2: float
@@ -191,8 +193,8 @@ def build_interfaces(
     depth = 0.5 * np.minimum(thickness, thickness[:, np.newaxis])
     reaches = np.array([max((law.reach() for law in own), default=0.0) for own in tables])
     near = np.where(interface == NONE, 0.0, np.append(reaches, 0.0)[interface])
-    # points are found a little before a law acts on them
-    far = np.maximum(depth, REACH_MARGIN * near)
+    # points are found before they touch, and before a law acts on them
+    far = np.maximum(2.0 * depth, REACH_MARGIN * near)
     slopes = np.array([max((law.stiffness() for law in own), default=0.0) for own in tables])
     viscosity = max(sum(law.slip_viscosity() for law in own) for own in tables)
     stiffer = np.maximum(slopes / penalties, 1.0)
@@ -221,6 +223,7 @@ def build_interfaces(
         far=far,
         area=aligned(np.concatenate([body.node_area for body in bodies])),
         reach=float(far.max()),
+        thinnest=0.5 * float(thickness.min()),
         widest=float(edges.max()),
         inner=_inner_nodes(facet_node, neighbour, node_count),
         omega2=omega2,
