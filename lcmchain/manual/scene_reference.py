@@ -39,7 +39,7 @@ def scene_page() -> str:
         forms = _models_of(model_field.annotation)
         if not forms:
             continue
-        is_list = get_origin(_bare(model_field.annotation)) is tuple
+        is_list = _is_list(model_field.annotation)
         is_named = get_origin(_bare(model_field.annotation)) is dict
         path = f"[[{key}]]" if is_list else f"[{key}.NAME]" if is_named else f"[{key}]"
         parts.append(f"## {path}\n")
@@ -96,12 +96,14 @@ def _forms(
                 yield f"`{inner_key}` has the same entries as {printed[models[0]]}.\n"
             elif models:
                 shown.update(models)
-                dotted = f"{path.strip('[]')}.{inner_key}"
+                dotted = f"[{path.strip('[]')}.{inner_key}]"
+                if _is_list(inner.annotation):
+                    dotted = f"[{dotted}]"
                 inner_level = level + 1 if chooser else level
                 if not _chooser(inner):
                     of_form = f' of {chooser} = "{value}"' if chooser else ""
-                    yield f"{'#' * inner_level} [{dotted}]{of_form}\n"
-                yield from _forms(f"[{dotted}]", models, inner, inner_level, shown, printed)
+                    yield f"{'#' * inner_level} {dotted}{of_form}\n"
+                yield from _forms(dotted, models, inner, inner_level, shown, printed)
 
 
 def _table(model: type[BaseModel], chooser: str = "") -> str:
@@ -117,6 +119,8 @@ def _table(model: type[BaseModel], chooser: str = "") -> str:
 def _chooser(field: FieldInfo) -> str:
     """Return the key that chooses between the forms of a table; empty where there is one form."""
     extras = [field, *_extras(field.annotation)]
+    if _is_list(field.annotation):
+        extras += _extras(get_args(_bare(field.annotation))[0])
     return next((str(extra.discriminator) for extra in extras if _chooses(extra)), "")
 
 
@@ -205,7 +209,9 @@ def _forms_text(models: list[type[BaseModel]], field: FieldInfo | None) -> str:
     """Name the forms of a table by the key that chooses between them."""
     chooser = _chooser(field) if field is not None else ""
     values = [get_args(model.model_fields[chooser].annotation)[0] for model in models]
-    return f"table, {code(chooser)} is " + " or ".join(code(f'"{value}"') for value in values)
+    is_list = field is not None and _is_list(field.annotation)
+    table = "tables, of each" if is_list else "table,"
+    return f"{table} {code(chooser)} is " + " or ".join(code(f'"{value}"') for value in values)
 
 
 def _inner_unit(annotation: Any) -> str:
@@ -254,6 +260,10 @@ def _bare(annotation: Any) -> Any:
         parts = [part for part in get_args(annotation) if part is not type(None)]
         return _bare(parts[0]) if len(parts) == 1 else annotation
     return annotation
+
+
+def _is_list(annotation: Any) -> bool:
+    return get_origin(_bare(annotation)) is tuple
 
 
 def _extras(annotation: Any) -> list[Any]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import typer
 
 from lcmchain.cli import app
+from lcmchain.interfaces.table import AnyInterfaceLaw
 from lcmchain.manual.contents import FOLDER, TOPICS, read_page
 from lcmchain.manual.markdown import render
 from lcmchain.scene import read_scene, scene_from_text
@@ -179,3 +182,47 @@ def test_the_tutorial_works_and_its_figures_are_true(tmp_path):
     assert f"{inside} have their centre within" in text and f"{projected} are projected" in text
     assert f"the farthest over {1e3 * mapped['worst_distance']:.2f} mm" in text
     assert f"{mapped['second_family_error_max'] * 57.29578:.1f}°" in text
+
+
+def toml_blocks(topic: str) -> list[str]:
+    return re.findall(r"```toml\n(.*?)```", read_page(topic).text, re.DOTALL)
+
+
+def test_the_interface_laws_on_the_page_of_stacks_are_a_scene_and_cover_all_kinds():
+    (block,) = [text for text in toml_blocks("stacks") if "laws = [" in text]
+    scene = scene_from_text(block)
+    words = [interface.in_words() for interface in scene.interfaces]
+    assert words == [
+        "friction 0.2, film of 50 Pa s, 0.05 mm",
+        "friction 0.1 to 0.4 by Hersey number, adhesion 0.01 MPa, on 0.1 mm, off 0.11 mm",
+    ]
+    section = read_page("stacks").text.split("## Interface laws")[1].split("\n## ")[0]
+    kinds = re.findall(r"^\| `(\w+)` \| .* \|$", section, re.MULTILINE)[1:]  # below the head
+    tables = get_args(get_args(AnyInterfaceLaw)[0])
+    assert kinds == [table.model_fields["type"].default for table in tables]
+    # every entry of a law stands in its row
+    rows = {row.split("`")[1]: row for row in section.splitlines() if row.startswith("| `")}
+    for table in tables:
+        kind = table.model_fields["type"].default
+        for entry in table.model_fields:
+            shared = entry == "tangential_ratio" and kind != "coulomb"
+            assert entry == "type" or shared or f"`{entry}`" in rows[kind], (kind, entry)
+
+
+def test_the_law_of_the_page_on_extending_is_the_one_that_is_tested():
+    """But for what a reader does not need."""
+    (block,) = re.findall(r"```python\n(.*?)```", read_page("extending").text, re.DOTALL)
+    tested = (ROOT / "tests/packaging/test_outside_interface_law.py").read_text("utf-8")
+    law = tested.split("LAW = '''")[1].split("'''")[0].replace("FACTOR * ", "")
+
+    def code(text: str) -> str:
+        tree = ast.parse(text)
+        for node in ast.walk(tree):
+            if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)):
+                node.body = [n for n in node.body if not is_docstring(n)]
+        return ast.dump(tree)
+
+    def is_docstring(node: ast.AST) -> bool:
+        return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+    assert code(block) == code(law)
