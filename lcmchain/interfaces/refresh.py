@@ -297,6 +297,9 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     allowed = data.slide * data.facet_edge[facet] / max(math.sqrt(dot(speed, speed)), 1e-30)
     closing = -dot(relative, normal)
     sums[FASTEST] = max(sums[FASTEST], abs(closing))
+    if data.inner[point, 0] >= 0:
+        # a rim that slides comes over points of the other ply, which may be at rest
+        sums[FASTEST] = max(sums[FASTEST], approach_along(data, point, speed))
     apart = -(depth + offset_held)
     rows[at + LAST_GAP * SPAN] = apart + dt_last * closing
     if apart > data.near[ply, other]:
@@ -320,9 +323,14 @@ def approach(data, arrays, point):
     partner = data.partner[point]
     across = minus(vector_of(arrays.position, point), vector_of(arrays.position, partner))
     v, normal = vector_of(arrays.velocity, point), unit(across)
-    along = tangential(v, normal)
+    return abs(dot(v, normal)) + approach_along(data, point, tangential(v, normal))
+
+
+@equation
+def approach_along(data, point, v):
+    """Return what a velocity along the plies [m/s] counts for the search."""
     slower = data.reach / (0.5 * data.spacing[point])
-    return abs(dot(v, normal)) + slower * math.sqrt(dot(along, along))
+    return slower * math.sqrt(dot(v, v))
 
 
 @ordered_span_routine
