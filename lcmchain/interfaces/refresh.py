@@ -106,6 +106,10 @@ REFRESHES_PER_SEARCH, SEARCH_WAY = 20, 0.5
 LARGEST_PART = 0.2
 # How much faster than depths go to zero offsets become those of the points around.
 SMOOTHING = 2.0
+# Points slide on a ply that they press, or on which a law acts, or that is nearer than this part of
+# half the thickness of the thinner one. Plies that lie loosely on each other press here and there
+# and now and then; counted by that alone, they would hardly slide.
+TOUCHING = 0.2
 
 
 @routine
@@ -431,8 +435,9 @@ def way_to_facet(vectors, facet_node, facet, rows, at, point):
 
 @equation
 def touches(data, rows, at, gap, point, facet):
-    """Tell whether a point presses, or a law acts on it, at a gap that the laws see [m]."""
-    near = data.near[data.ply[point], data.facet_ply[facet]]
+    """Tell whether a point lies on its facet, for its slip, at a gap that the laws see [m]."""
+    ply, other = data.ply[point], data.facet_ply[facet]
+    near = max(data.near[ply, other], TOUCHING * data.depth[ply, other])
     return gap < max(rows[at + HELD * SPAN], near)
 
 
