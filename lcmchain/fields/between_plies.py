@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,17 +56,16 @@ class BetweenPlies:
         area = [body.present_node_area(np.ascontiguousarray(x.T)) for x in positions]
         return cls(rows[..., own], np.stack(area), tuple(plies))
 
-    def fields(
-        self, side: str, nodes: slice
-    ) -> Iterator[tuple[str, np.ndarray, dict[str, Any]]]:
-        """Yield name, values (F, n) and attributes of every variable of one face of the ply."""
+    def fields(self, side: str, nodes: slice) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+        """Return values (F, n) and attributes of every variable of one face of the ply."""
+        found: dict[str, tuple[np.ndarray, dict[str, Any]]] = {}
         area = self.area[:, nodes]
         for stem, row in (_STRESSES | _LENGTHS).items():
             field = FIELDS[f"{stem}_{side}"]
             for number, variable in enumerate(field.variables):
                 values = self.rows[:, row + number, nodes]
                 values = values / area if stem in _STRESSES else np.ascontiguousarray(values)
-                yield variable, values, field.attributes(variable)
+                found[variable] = values, field.attributes(variable)
         states = {"apart": APART, "sticks": STICKS, "slides": SLIDES}
         numbers = {NO_PLY: NONE} | {name: number for number, name in enumerate(self.plies)}
         for stem, row, flags in (("ply_contact", CONTACT, states), ("faced_ply", FACED, numbers)):
@@ -74,4 +73,5 @@ class BetweenPlies:
             attributes: dict[str, Any] = FIELDS[name].attributes(name)
             attributes["flag_values"] = np.array(list(flags.values()), dtype=np.int32)
             attributes["flag_meanings"] = " ".join(flags)
-            yield name, self.rows[:, row, nodes].astype(np.int32), attributes
+            found[name] = self.rows[:, row, nodes].astype(np.int32), attributes
+        return found

@@ -156,8 +156,7 @@ class SheetFrames:
                 values = np.ascontiguousarray(self.tool_pressure[:, nodes])
                 found[name] = (values, FIELDS[name].attributes(name))
             if self.between_plies is not None:
-                for name, *field in self.between_plies.fields(side, nodes):
-                    found[name] = tuple(field)
+                found |= self.between_plies.fields(side, nodes)
         return found
 
 

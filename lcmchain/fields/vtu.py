@@ -28,10 +28,10 @@ def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int =
 
     Points are the positions of the frame, with the ``displacement`` that led to them and the
     ``tool_pressure`` and ``wrinkle_height`` on them, and of a stack what other plies do to the face
-    that a point lies on, ``ply_pressure``, ``slip_path`` and so on; vectors have three components. Cells are
-    hexahedra, then the wedges of halved cells at a cut edge, or the triangles of the 2D approach;
-    the cell data ``element`` holds the element numbers, and of a stack ``ply`` the number of the
-    ply, 0 the lowest.
+    that a point lies on, ``ply_pressure``, ``slip_path`` and so on; vectors have three components.
+    Cells are hexahedra, then the wedges of halved cells at a cut edge, or the triangles of the 2D
+    approach; the cell data ``element`` holds the element numbers, and of a stack ``ply`` the number
+    of the ply, 0 the lowest.
 
     Raises
     ------

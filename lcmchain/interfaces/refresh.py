@@ -246,9 +246,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
         before = touch_of(rows, at, r, none, dt_last)
         presses = before.gap < rows[at + HELD * SPAN]
         if touches(data, rows, at, before.gap, point, held):
-            slip, path = slip_of(
-                arrays.position, data, arrays.ply_slope, held, rows, at, point
-            )
+            slip, path = slip_of(arrays.position, data, arrays.ply_slope, held, rows, at, point)
             put_vector(rows, SLIP, at, slip)
             rows[at + PATH * SPAN] = path
 

@@ -107,9 +107,7 @@ def _draw_field(
     exact = [shown.factor * sheet[shown.name].values[frame] for _, sheet in plies]
     titles = [name for name, _ in plies]
     if shown in BETWEEN_SHOWN:
-        known = [
-            _is_covered(sheet, frame) | (own != 0.0) for own, (_, sheet) in zip(exact, plies)
-        ]
+        known = [_is_covered(sheet, frame) | (own != 0.0) for own, (_, sheet) in zip(exact, plies)]
         values = [
             np.where(nodes[sheet_faces(sheet)].any(axis=1), own, np.nan)
             for own, nodes, (_, sheet) in zip(values, known, plies)
@@ -238,15 +236,13 @@ def _angle(sheet: xr.Dataset) -> float:
     return float(np.degrees(np.arctan2(y, x)).round(6)) + 0.0
 
 
-def _subtitle(
-    plies: Sequence[tuple[str, xr.Dataset]], frame: int, count: int | None = None
-) -> str:
+def _subtitle(plies: Sequence[tuple[str, xr.Dataset]], frame: int, count: int | None = None) -> str:
     sheet = plies[0][1]
     time = 1e3 * float(sheet["time"].values[frame])
     more = f", the lowest {MOST_PLIES} of them" if len(plies) > MOST_PLIES else ""
     return (
-        f"{sheet.attrs.get('title', '')}  ·  {count or len(plies)} plies{more}, bottom first, from above  ·"
-        f"  t = {time:.4g} ms"
+        f"{sheet.attrs.get('title', '')}  ·  {count or len(plies)} plies{more}, bottom first, from "
+        f"above  ·  t = {time:.4g} ms"
     )
 
 

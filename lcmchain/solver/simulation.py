@@ -16,6 +16,7 @@ from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.in_frames import FRAME_ROWS, frame_of_points
 from lcmchain.interfaces.limits import require_on_the_face
+from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.model import Model, build_model
 from lcmchain.solver import (
     contact_forces,
@@ -234,8 +235,8 @@ class Simulation:
             "condition of the elements": self.require_sound,
             "energies": self.energy,
         }
-        if self.model.ply_contact is not None:
-            calls["contact between plies"] = self._between_plies
+        if (plies := self.model.ply_contact) is not None:
+            calls["contact between plies"] = lambda: self._between_plies(plies.data)
         if not self.model.tool_names:
             del calls["contact search"]
         if not self.model.pressed:
@@ -267,15 +268,14 @@ class Simulation:
         """Return what a saved frame holds of the present."""
         arrays = self.state.frame()
         if self.model.ply_contact is not None:
-            arrays[BETWEEN_PLIES] = self._between_plies()
+            arrays[BETWEEN_PLIES] = self._between_plies(self.model.ply_contact.data)
         return Snapshot(self.time, self.energy(), arrays)
 
-    def _between_plies(self) -> np.ndarray:
+    def _between_plies(self, data: InterfaceData) -> np.ndarray:
         state, frame = self.state, np.empty((FRAME_ROWS, self.model.node_count))
         frame_of_points(
-            self.model.ply_contact.data, state.position, state.ply_slope, state.ply_facet,
-            state.ply_rows, frame,
-        )  # fmt: skip
+            data, state.position, state.ply_slope, state.ply_facet, state.ply_rows, frame
+        )
         return frame
 
     def require_resolved(self) -> None:

@@ -6,20 +6,27 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from stacks import T, of_points, ply, scene_of, stack
 from test_sliding import MU, sled
 
+from lcmchain.check.saved_frames import frame_bytes
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.sheet import node_areas, vector
 from lcmchain.fields.stack import ply_sheet
+from lcmchain.fields.summary import stack_summary
+from lcmchain.fields.table import BETWEEN_PLIES, FIELD_OF_VARIABLE, FIELDS
 from lcmchain.fields.vtu import write_vtu
 from lcmchain.interfaces.forces import LAST_STEPS, forces_of_points
-from lcmchain.interfaces.in_frames import APART, GAP, SLID_PATH, SLIDES, STICKS
+from lcmchain.interfaces.in_frames import APART, FRAME_ROWS, GAP, SLID_PATH, SLIDES, STICKS
 from lcmchain.interfaces.refresh import refresh
-from lcmchain.interfaces.rows import PATH, SLIP
+from lcmchain.interfaces.rows import HELD, PATH, SLIP
 from lcmchain.interfaces.table import Interface
+from lcmchain.report.captions import CAPTIONS
+from lcmchain.report.numbers import key_numbers, ply_numbers
+from lcmchain.report.stack_pictures import draw_plies
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State
 from lcmchain.tools.span_rows import SPAN
@@ -177,14 +184,18 @@ def test_the_gap_of_held_plies_is_their_distance(gap):
         np.testing.assert_allclose(sheet[f"ply_pressure_{side}"][0], 0.0, atol=1e-6)
 
 
-def test_plies_that_only_press_have_no_shear_at_their_rims():
+def test_plies_that_only_press_have_their_depth_as_gap_and_no_shear_at_rims():
     """The share of a rim has a force along the ply, which no law takes from it."""
     sim = laid_over(0.0, shift=2.3)
     sim.state.position[2, sim.model.bodies[1].first_node :] -= 20e-6
-    look(sim)
+    for _ in range(50):
+        look(sim)
     groups = datasets_of(sim, [sim.snapshot()])
+    assert of_points(sim, HELD).max() > 2e-6  # the springs feel more than the gap
     for name, side in (("lower", "top"), ("upper", "bottom")):
         sheet = ply_sheet(groups, name)
+        gap, faced = (sheet[f"{field}_{side}"].values[0] for field in ("ply_gap", "faced_ply"))
+        np.testing.assert_allclose(gap[faced >= 0], -20e-6, atol=1e-9)
         pressure = sheet[f"ply_pressure_{side}"].values[0]
         assert pressure.max() > 1e3
         shear = vector(sheet, f"ply_shear_stress_{side}", 0)
@@ -211,7 +222,7 @@ def test_a_ply_slides_on_one_that_it_lies_on_not_on_one_that_is_further_off(gap,
 
 
 def test_plies_that_turn_together_do_not_slide_and_their_slip_turns_with_them():
-    """A quarter of a turn in small parts; the smooth surface lies off the facets of a curved ply."""
+    """A quarter of a turn in small parts; the smooth surface lies off facets of a curved ply."""
     sim = laid_over(0.01)
     position, start = sim.state.position, sim.state.position.copy()
     start[2] += start[0] ** 2 / (2.0 * 0.04)
@@ -287,3 +298,45 @@ def test_one_sheet_has_nothing_of_it(pulled):
     arrays = sim.snapshot().arrays
     assert "between_plies" not in arrays
     assert np.isnan(pulled.sim.snapshot().between_plies[GAP]).any()
+
+
+def test_the_summary_tells_slip_pressure_and_what_slides(pulled):
+    summary = stack_summary(pulled.groups)
+    path = pulled.sled["slip_path_bottom"].values[3].max()
+    pressures = [pulled.bed["ply_pressure_top"], pulled.sled["ply_pressure_bottom"]]
+    stack, sled_alone = summary["stack"], summary["plies"]["sled"]
+    assert stack["slip_path_max_m"] == sled_alone["slip_path_max_m"] == path > 6e-3
+    assert stack["ply_pressure_max_Pa"] == max(float(p.values[3].max()) for p in pressures)
+    assert sled_alone["ply_pressure_max_Pa"] == float(pressures[1].values[3].max())
+    assert sled_alone["sliding_part"] == 1.0
+    pressed_only = stack_summary(pulled.groups, frame=1)["plies"]["sled"]
+    state, area = pulled.sled["ply_contact_bottom"].values[1], node_areas(pulled.sled, 1)
+    wanted = area[state == SLIDES].sum() / area[state != APART].sum()
+    assert wanted < 1.0
+    assert pressed_only["sliding_part"] == pytest.approx(wanted)
+    numbers = {number.name: number.in_words for number in key_numbers(summary)}
+    assert f"up to {1e3 * path:.2f} mm" in numbers["Slip between plies"]
+    assert f"{1e-3 * stack['ply_pressure_max_Pa']:.3g} kPa" in numbers["Slip between plies"]
+    rows = {number.name: number.in_words for number in ply_numbers(summary)}
+    assert f"slid on others by up to {1e3 * path:.2f} mm" in rows["Ply sled"]
+
+
+def test_pressure_and_slip_are_drawn_on_the_ply_that_another_one_lies_on(pulled, tmp_path):
+    """White where the sled never was, on the bed alone."""
+    files = {file.name for file in draw_plies(tmp_path, pulled.groups)}
+    names = {"plies_ply_pressure_top.png", "plies_slip_path_top.png"}
+    assert names <= files & set(CAPTIONS)
+    for name in names:
+        picture = imread(tmp_path / name)[..., :3]
+        assert picture.std() > 0.01
+        assert (picture < 0.02).all(axis=2).mean() < 0.01  # no colour of its own is black
+    at_start = {file.name for file in draw_plies(tmp_path, pulled.groups, 0)}
+    assert not names & at_start
+
+
+def test_memory_of_frames_counts_what_is_between_plies():
+    alone, laid = frame_bytes(100, 200), frame_bytes(100, 200, is_stack=True)
+    rows = sum(len(FIELDS[name].variables) for name in BETWEEN_PLIES)
+    assert laid - alone == 3 * 8 * 200 * FRAME_ROWS
+    assert alone < 8 * (len(FIELD_OF_VARIABLE) * 100 + 9 * 200)
+    assert rows == 2 * FRAME_ROWS
