@@ -130,6 +130,7 @@ def sizes(model: Model) -> dict[str, int]:
         "ply span": 0 if plies is None else span_count,
         "lowest and highest": 2,
         "corner": 4,
+        "xyz and a zero": 4,
         "slope": SLOPES,
         "depth and offset": 2,
         "ply counter": 0 if plies is None else PLY_COUNTERS,
@@ -412,7 +413,10 @@ class Scratch(_Arrays):
         "bending vector", unit="N", meaning="what they send to their neighbours, in blocks"
     )
     ply_force: np.ndarray = entry(
-        "ply point", "xyz", unit="N", meaning="of the other ply on a point"
+        "ply point",
+        "xyz and a zero",
+        unit="N",
+        meaning="of the other ply on a point; four numbers are added up at once",
     )
     ply_ahead: np.ndarray = entry(
         "xyz", "ply point", unit="m", meaning="positions in the middle of the time of a spring"

@@ -48,7 +48,7 @@ LOST = 1  # by sliding and parting in this step [J]
 DAMPED = 2  # by damping in this step [J]
 BOOKED = 3  # what the last refresh put into the springs [J]
 STEPS_ALLOWED = 4  # until the next refresh
-FASTEST = 5  # speed of a node [m/s]
+FASTEST = 5  # at which a point goes towards or away from a ply [m/s]
 DEEPEST = 6  # gap over the largest one allowed, of the deepest point
 DEEPEST_POINT = 7
 SUM_COLUMNS = 8
@@ -63,7 +63,7 @@ REFRESHES = 5  # made so far
 PLY_COUNTERS = 6
 
 # Entries of ``State.ply_clock``.
-WAY_SINCE_SEARCH = 0  # of the fastest node since the last search [m]
+WAY_SINCE_SEARCH = 0  # of the fastest point since the last search [m]
 PLY_CLOCK = 1
 
 
@@ -254,16 +254,21 @@ def add_ply_forces(data, arrays, chunk, first, last):
     start, item, weight = arrays.ply_start, arrays.ply_item, arrays.ply_weight
     ply_force, force = arrays.ply_force, arrays.force
     for node in range(first, last):
-        x, y, z = 0.0, 0.0, 0.0
+        begin, end = start[node], start[node + 1]
+        x, y, z, nothing = 0.0, 0.0, 0.0, 0.0
         if arrays.ply_facet[node] >= 0:
             x, y, z = ply_force[node, 0], ply_force[node, 1], ply_force[node, 2]
-        for k in range(start[node], start[node + 1]):
+        elif begin == end:
+            continue
+        for k in range(begin, end):
             point, share = np.uint64(item[k]), weight[k]
             x -= share * ply_force[point, 0]
             y -= share * ply_force[point, 1]
             z -= share * ply_force[point, 2]
+            nothing -= share * ply_force[point, 3]
         force[0, node] += x
         force[1, node] += y
-        force[2, node] += z
+        # the fourth number lets the compiler take all four at once
+        force[2, node] += z + nothing
     sums = arrays.ply_sums[chunk]
     return sums[STORED], sums[LOST], sums[DAMPED]

@@ -16,9 +16,9 @@ each interface, a tenth of a ply at 0.5 MPa. Depths and offsets are averaged ove
 points of both faces are held, more than meshes that do not match can follow one by one, and what
 they cannot follow would grow.
 
-The slopes of the facets' corners, which say how the smooth surface curves, follow more slowly.
-Taken anew at each refresh they answer vibrations of the plies with a delay of a part of a period,
-and feed them.
+The slopes of the facets' corners, which say how the smooth surface curves, follow more slowly, by a
+part of the way now and then. Taken anew they hold what the plies' vibrations were at that moment,
+answer these with a delay, and feed them.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ from lcmchain.tools.span_rows import SPAN, put_vector, vector_at
 
 # Steps between two refreshes: at most, and by how much they may grow from one to the next.
 MOST_STEPS, GROWTH = 100, 2
-# Refreshes between two searches among all facets, at most; and the way of the fastest node, as a
+# Refreshes between two searches among all facets, at most; and the way of the fastest point, as a
 # part of the reach of the search, after which it is due.
 REFRESHES_PER_SEARCH, SEARCH_WAY = 20, 0.5
 # The largest part of a depth that goes at a refresh.
@@ -117,7 +117,7 @@ def refresh(data, laws, arrays, dt_last, dt):
     """Renew all springs, and return what that puts into them [J]."""
     counters, clock = arrays.ply_counters, arrays.ply_clock
     if counters[NORMAL_STEPS_LEFT] <= 0:
-        renew_slopes(data, arrays)
+        renew_slopes(data, arrays, data.slope_part if counters[REFRESHES] > 0 else 1.0)
         counters[NORMAL_STEPS_LEFT] = data.slope_steps
     for point in range(arrays.mass.size):
         at = row_start(data, point)
@@ -167,8 +167,11 @@ def look_ahead(arrays, time):
 
 
 @routine
-def renew_slopes(data, arrays):
-    """Take the normals of the nodes, and the slopes of the facets' corners from them."""
+def renew_slopes(data, arrays, part):
+    """Take the normals of the nodes, and move the slopes of the facets' corners on to theirs.
+
+    part : of the way, 1 at the start.
+    """
     position, normals = arrays.position, arrays.ply_normal
     rim_normals = np.empty_like(normals)
     for node in range(normals.shape[0]):
@@ -203,7 +206,7 @@ def renew_slopes(data, arrays):
             if count > 0:
                 rim_normals[node, d] += normals[node, d] - total[d] / count
     for facet in range(data.facet_node.shape[0]):
-        facet_slopes(position, data.facet_node, rim_normals, facet, arrays.ply_slope)
+        facet_slopes(position, data.facet_node, rim_normals, facet, arrays.ply_slope, part)
 
 
 @kernel_part
@@ -223,9 +226,9 @@ def renew_chunk(data, laws, arrays, everywhere, grid, dt_last, dt, chunk):
     sums[BOOKED], sums[FASTEST], sums[DEEPEST] = 0.0, 0.0, 0.0
     sums[STEPS_ALLOWED] = float(MOST_STEPS)
     for point in range(arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]):
-        v = vector_of(arrays.velocity, point)
-        sums[FASTEST] = max(sums[FASTEST], math.sqrt(dot(v, v)))
         renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums)
+        if arrays.ply_facet[point] < 0 and arrays.ply_touching[data.partner[point]] < 0:
+            sums[FASTEST] = max(sums[FASTEST], approach(data, arrays, point))
 
 
 @inlined_routine
@@ -310,6 +313,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     speed = tangential(relative, normal)
     allowed = data.slide * data.facet_edge[facet] / max(math.sqrt(dot(speed, speed)), 1e-30)
     closing = -dot(relative, normal)
+    sums[FASTEST] = max(sums[FASTEST], abs(closing))
     apart = -(depth + offset_held)
     rows[at + LAST_GAP * SPAN] = apart + dt_last * closing
     if apart > data.near[ply, other]:
@@ -321,6 +325,21 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     sums[BOOKED] += energy_before(
         laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
     )
+
+
+@inlined_routine
+def approach(data, arrays, point):
+    """Return the speed at which a point that faces nothing may come near a ply [m/s].
+
+    That across its own ply counts in full. Along it, a point is found beyond a rim as soon as its
+    own area reaches it: what makes half an edge of way counts as the reach of the search.
+    """
+    partner = data.partner[point]
+    across = minus(vector_of(arrays.position, point), vector_of(arrays.position, partner))
+    v, normal = vector_of(arrays.velocity, point), unit(across)
+    along = tangential(v, normal)
+    slower = data.reach / (0.5 * data.spacing[point])
+    return abs(dot(v, normal)) + slower * math.sqrt(dot(along, along))
 
 
 @ordered_span_routine
@@ -376,7 +395,8 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
         if most > limit or gap > reach or not facing:
             facet = NONE
         else:
-            inside = presses and most <= 0.0
+            # no ply has room between the two
+            inside = most <= 0.0 and (presses or gap < data.thinnest)
             cost = abs(gap) / data.reach + 4.0 * max(most, 0.0)
     if everywhere and not inside:
         other, other_xi, other_eta, other_cost = nearest_facet(position, data, slopes, point, grid)

@@ -31,11 +31,14 @@ LONGEST_WALK = 16
 FACING, HELD_FACING = 0.4, 0.0
 # A facet that is held is given up at this multiple of the distance at which it is taken up.
 GIVEN_UP = 1.3
-# Cells of the grid for each facet, at most.
-CELLS_PER_FACET = 4
-# What is left out before a point is projected: facets whose middle lies further aside than these
-# multiples of the widest edge, also where they are sheared, and further off than they can curve.
-NEARBY, NEAR_A_RIM, CURVED = 1.1, 2.2, 0.25
+# Cells of the grid for each facet, at most; their size in widest edges, beside the reach.
+CELLS_PER_FACET, CELL_SIZE = 4, 0.6
+# Points face a facet from beside it, up to this part of the widest edge.
+BESIDE, BESIDE_A_RIM = 0.1, 0.8
+# What is left out before a point is projected: facets whose middle lies further aside than this
+# multiple of their radius, at rims with what points may lie beside them, and further off than this
+# part of the radius, by which they can curve.
+ASIDE, CURVED = 1.1, 0.35
 # Distance outside a facet, in half edges, that outweighs a gap of the whole reach.
 OUTSIDE_COST = 4.0
 
@@ -99,6 +102,7 @@ class Grid(NamedTuple):
     cells : (3,) how many there are along x, y, z.
     start : (cell_count + 1,) where the facets of each cell begin in ``entry``.
     middle, outwards : (facet_count, 3) middles of the facets [m] and their normals.
+    radius : (facet_count,) from its middle to the furthest corner [m].
     """
 
     low: np.ndarray
@@ -108,13 +112,31 @@ class Grid(NamedTuple):
     entry: np.ndarray
     middle: np.ndarray
     outwards: np.ndarray
+    radius: np.ndarray
 
 
 @routine
 def no_grid():
     """Return a grid for a refresh without a search."""
     numbers, none = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-    return Grid(np.zeros(3), 1.0, numbers, numbers, numbers, none, none)
+    return Grid(np.zeros(3), 1.0, numbers, numbers, numbers, none, none, np.zeros(0))
+
+
+@equation
+def margin_of(data, facet):
+    """Return how far from a facet points can lie that face it [m]: at rims also beside it."""
+    at_rim = data.rim_start[facet] != data.rim_start[facet + 1]
+    return data.reach + (BESIDE_A_RIM if at_rim else BESIDE) * data.widest
+
+
+@equation
+def extent_of(position, data, facet, d):
+    """Return the least and the largest coordinate of a facet along an axis [m]."""
+    least, most = math.inf, -math.inf
+    for k in range(4):
+        x = position[d, data.facet_node[facet, k]]
+        least, most = min(least, x), max(most, x)
+    return least, most
 
 
 @routine
@@ -123,16 +145,13 @@ def build_grid(position, data):
     low = np.full(3, math.inf)
     high = np.full(3, -math.inf)
     widest = 0.0
-    margin = data.reach + 0.8 * data.widest
     for facet in range(data.facet_node.shape[0]):
+        margin = margin_of(data, facet)
         for d in range(3):
-            least, most = math.inf, -math.inf
-            for k in range(4):
-                x = position[d, data.facet_node[facet, k]]
-                least, most = min(least, x), max(most, x)
+            least, most = extent_of(position, data, facet, d)
             low[d], high[d] = min(low[d], least - margin), max(high[d], most + margin)
             widest = max(widest, most - least)
-    size = widest + margin
+    size = CELL_SIZE * widest + data.reach
     count = np.empty(3, dtype=np.int64)
     limit = max(CELLS_PER_FACET * data.facet_node.shape[0], 8)
     while True:
@@ -149,11 +168,9 @@ def build_grid(position, data):
     entry = np.empty(0, dtype=np.int64)
     for turn in range(2):  # count, then write
         for facet in range(data.facet_node.shape[0]):
+            margin = margin_of(data, facet)
             for d in range(3):
-                least, most = math.inf, -math.inf
-                for k in range(4):
-                    x = position[d, data.facet_node[facet, k]]
-                    least, most = min(least, x), max(most, x)
+                least, most = extent_of(position, data, facet, d)
                 first[d] = int((least - margin - low[d]) / size)
                 last[d] = min(int((most + margin - low[d]) / size), count[d] - 1)
                 first[d] = max(first[d], 0)
@@ -174,15 +191,20 @@ def build_grid(position, data):
             for cell in range(start.size - 1):
                 start[cell] = start[cell + 1]
     facets = data.facet_node.shape[0]
-    middle, outwards = np.empty((facets, 3)), np.empty((facets, 3))
+    middle, outwards, radius = np.empty((facets, 3)), np.empty((facets, 3)), np.empty(facets)
     quarter = (0.25, 0.25, 0.25, 0.25)
     for facet in range(facets):
         corners = corners_of(position, data.facet_node, facet)
         _, _, normal = frame_of(corners)
         centre = weighted(quarter, corners[0], corners[1], corners[2], corners[3])
+        furthest = 0.0
+        for k in range(4):
+            way = minus(corners[k], centre)
+            furthest = max(furthest, dot(way, way))
+        radius[facet] = math.sqrt(furthest)
         for d in range(3):
             middle[facet, d], outwards[facet, d] = centre[d], normal[d]
-    return Grid(low, size, count, start, entry, middle, outwards)
+    return Grid(low, size, count, start, entry, middle, outwards, radius)
 
 
 @inlined_routine
@@ -207,16 +229,18 @@ def nearest_facet(position, data, slopes, point, grid):
         other = data.facet_ply[facet]
         if other == ply or data.interface[ply, other] < 0:
             continue
-        outwards = (grid.outwards[facet, 0], grid.outwards[facet, 1], grid.outwards[facet, 2])
-        if dot(across, outwards) > -0.5 * FACING * thickness:
-            continue
         middle = (grid.middle[facet, 0], grid.middle[facet, 1], grid.middle[facet, 2])
+        outwards = (grid.outwards[facet, 0], grid.outwards[facet, 1], grid.outwards[facet, 2])
         away = minus(x, middle)
         height = dot(away, outwards)
-        aside = NEARBY if data.rim_start[facet] == data.rim_start[facet + 1] else NEAR_A_RIM
-        if abs(height) > data.far[ply, other] + CURVED * data.widest:
+        radius = grid.radius[facet]
+        aside = ASIDE * radius
+        if data.rim_start[facet] != data.rim_start[facet + 1]:
+            aside += data.spacing[point]
+        off = data.far[ply, other] + CURVED * radius
+        if abs(height) > off or dot(away, away) - height * height > aside * aside:
             continue
-        if dot(away, away) - height * height > (aside * data.widest) ** 2:
+        if dot(across, outwards) > -0.5 * FACING * thickness:
             continue
         xi, eta = middle_of(is_triangle(data, facet))
         xi, eta = project(position, data.facet_node, slopes, facet, xi, eta, x)

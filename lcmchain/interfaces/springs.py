@@ -198,13 +198,16 @@ def spring_at(position, facet_node, slopes, facet, xi, eta, point):
 
 
 @ordered_span_routine
-def facet_slopes(position, facet_node, normals, facet, slopes):
-    """Write the slopes of a facet for normals (node_count, 3) of the nodes, of any length."""
+def facet_slopes(position, facet_node, normals, facet, slopes, part):
+    """Move the slopes of a facet to those for normals (node_count, 3) of the nodes, of any length.
+
+    part : of the way from the present slopes; 1 takes the new ones as they are.
+    """
     corners = corners_of(position, facet_node, facet)
     e1, e2, n = frame_of(corners)
     for k in range(4):
         node = facet_node[facet, k]
         own = (normals[node, 0], normals[node, 1], normals[node, 2])
         along = max(dot(own, n), 0.2 * math.sqrt(dot(own, own)))
-        slopes[facet, 2 * k] = dot(own, e1) / along
-        slopes[facet, 2 * k + 1] = dot(own, e2) / along
+        slopes[facet, 2 * k] += part * (dot(own, e1) / along - slopes[facet, 2 * k])
+        slopes[facet, 2 * k + 1] += part * (dot(own, e2) / along - slopes[facet, 2 * k + 1])

@@ -86,7 +86,7 @@ def test_the_surface_is_smooth_and_exact_for_a_parabola():
     count = sheet.mesh.node_count
     x = arrays.position[0, :count]
     arrays.position[2, :count] += x**2 / (2.0 * radius)
-    renew_slopes(data, arrays)
+    renew_slopes(data, arrays, 1.0)
     for place in np.linspace(-0.0145, 0.0145, 30):
         # a point over the upper face, beside the middle line
         point = (place, 1e-3, place**2 / (2.0 * radius) + 0.5e-3 * T)

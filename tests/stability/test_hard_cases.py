@@ -21,7 +21,9 @@ DEMANDED = {
     "step_follows_compaction", "pinched", "pinched_shut", "fillets", "release",
     "chatter_on_an_edge", "wrinkling_strip", "fast_punch", "perturbed_mesh", "coarse_mesh",
     "published_compaction", "fine_mesh", "sharp_folds", "consolidation", "staggered_coupling",
-    "undrained_column", "hardening_column", "coupling_that_fails",
+    "undrained_column", "hardening_column", "coupling_that_fails", "stick_and_slip_of_plies",
+    "edge_over_a_fold", "light_between_heavy_plies", "release_of_a_stack",
+    "closed_tools_on_a_stack",
 }  # fmt: skip
 
 

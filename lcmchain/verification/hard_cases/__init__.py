@@ -10,6 +10,7 @@ from lcmchain.verification.hard_cases import (  # noqa: F401  they put their cas
     coupons,
     elements,
     forming,
+    stacks,
     time_integration,
 )
 from lcmchain.verification.hard_cases.case import CASES, CaseResult, HardCase

@@ -56,6 +56,7 @@ THEMES = (
     "Compaction",
     "Contact and tools",
     "Forming",
+    "Stacks",
     "Coupling",
 )
 

@@ -187,14 +187,13 @@ def step_follows_compaction(name: str, full: bool) -> Iterator[CaseResult]:
     )
 
 
-def s_shaped_tools(gap: float, travel: float, time: float, *, penalty: str = "") -> Simulation:
-    """Return a strip between two S-shaped tools whose surfaces end ``gap`` [mm] apart.
+def s_shaped_tools(gap: float, travel: float) -> str:
+    """Return the tables of two S-shaped tools whose surfaces end ``gap`` [mm] apart.
 
     The step is 10 mm high under 45 degrees. Fillets that face each other have one centre: that of
     the upper tool is shorter by the gap in the valley of the lower one, longer at its brow.
     """
     radius, height, run = 10.0, 10.0, 10.0
-    t = 1.004
     # the offset of a polyline by the gap: its corners move along the bisectors
     shift = gap * math.tan(math.radians(22.5))
     lower = [(-60, 0), (-0.5 * run, 0), (0.5 * run, height), (60, height)]
@@ -213,13 +212,7 @@ def s_shaped_tools(gap: float, travel: float, time: float, *, penalty: str = "")
             f'solid = "{solid}" }}'
         )
 
-    return simulation(
-        f"""
-        process = {{ time = "{time} s", mass_damping = "100 1/s" }}
-        blank = {{ size = ["80 mm", "20 mm"], edge_length = "2.5 mm", height = "{10 + t / 2} mm" }}
-        contact = {{ friction = 0.157 {penalty} }}
-        [material]
-        {MD600}
+    return f"""
         [[tools]]
         name = "lower"
         shape = {profile(lower, (0, radius, radius, 0), "right")}
@@ -228,6 +221,19 @@ def s_shaped_tools(gap: float, travel: float, time: float, *, penalty: str = "")
         position = ["0 mm", "0 mm", "{travel} mm"]
         shape = {profile(upper, (0, radius - gap, radius + gap, 0), "left")}
         motion = {{ type = "stroke", direction = [0, 0, -1], distance = "{travel} mm" }}
+        """
+
+
+def strip_between_s_shaped_tools(gap: float, travel: float, time: float) -> Simulation:
+    """Return a strip between :func:`s_shaped_tools`."""
+    return simulation(
+        f"""
+        process = {{ time = "{time} s", mass_damping = "100 1/s" }}
+        blank = {{ size = ["80 mm", "20 mm"], edge_length = "2.5 mm", height = "10.502 mm" }}
+        contact = {{ friction = 0.157 }}
+        [material]
+        {MD600}
+        {s_shaped_tools(gap, travel)}
         """
     )
 
@@ -242,7 +248,7 @@ def pinched(name: str, full: bool) -> Iterator[CaseResult]:
     and fold over, neighbours tilt by more than 30° and the pressure is lost.
     """
     gap = 0.8 * 1e3 * THICKNESS
-    sim = s_shaped_tools(gap, 11.3, 0.06)
+    sim = strip_between_s_shaped_tools(gap, 11.3, 0.06)
     sim.advance_to(0.06)
     face = fields(sim)
     off_gap = np.abs(1e3 * face["thickness"] / gap - 1.0)
@@ -287,7 +293,7 @@ def pinched_shut(name: str, full: bool) -> Iterator[CaseResult]:
     yield guarded(
         name,
         "automatic contact stiffness: ends in the guard's words",
-        lambda: s_shaped_tools(0.1, 11.3, 0.06).advance_to(0.06),
+        lambda: strip_between_s_shaped_tools(0.1, 11.3, 0.06).advance_to(0.06),
         "inside",
         "contact.penalty",
     )

@@ -22,20 +22,16 @@ from lcmchain.verification.hard_cases.sheets import (
 THEME = "Contact and tools"
 
 
-def wiped(radius: float, edge: float, motion: str, time: float) -> Simulation:
-    """Return a strip that a punch wipes down over the edge of a die, under a light holder.
+def wiping_tools(
+    radius: float, motion: str, *, thickness: float = 1.004, holder: str = 'mass = "50 g"'
+) -> str:
+    """Return the tables of a punch that wipes a sheet down over the edge of a die, under a holder.
 
-    ``radius`` of the fillets of die and punch, and ``edge`` length of the elements in mm. The
-    clearance between die and punch is 1.3 thicknesses.
+    ``radius`` of the fillets of die and punch, ``thickness`` of the sheet or stack that lies on the
+    die, in mm. The clearance between die and punch is 1.3 thicknesses. ``holder`` : what guides it.
     """
-    clearance = 1.3
-    return simulation(
-        f"""
-        process = {{ time = "{time} s", mass_damping = "100 1/s" }}
-        blank = {{ size = ["100 mm", "20 mm"], edge_length = "{edge} mm", height = "0.502 mm" }}
-        contact = {{ friction = 0.157 }}
-        [material]
-        {MD600}
+    clearance = round(1.3 * thickness / 1.004, 9)
+    return f"""
         [[tools]]
         name = "die"
         shape = {{ type = "extruded_profile", solid = "right", \
@@ -43,18 +39,31 @@ fillet_radii = "0 {radius} 0 mm", \
 points = [["-100 mm", "0 mm"], ["0 mm", "0 mm"], ["0 mm", "-100 mm"]] }}
         [[tools]]
         name = "punch"
-        position = ["{clearance} mm", "0 mm", "1.004 mm"]
+        position = ["{clearance} mm", "0 mm", "{thickness} mm"]
         shape = {{ type = "extruded_profile", solid = "left", \
 fillet_radii = "0 {radius} 0 mm", \
 points = [["0 mm", "100 mm"], ["0 mm", "0 mm"], ["100 mm", "0 mm"]] }}
         motion = {motion}
         [[tools]]
         name = "holder"
-        position = ["0 mm", "0 mm", "1.004 mm"]
+        position = ["0 mm", "0 mm", "{thickness} mm"]
         shape = {{ type = "extruded_profile", solid = "left", \
 fillet_radii = "0 {radius} 0 mm", \
 points = [["-100 mm", "0 mm"], ["-2 mm", "0 mm"], ["-2 mm", "100 mm"]] }}
-        motion = {{ type = "guided", direction = [0, 0, -1], mass = "50 g", ramp = "5 ms" }}
+        motion = {{ type = "guided", direction = [0, 0, -1], {holder}, ramp = "5 ms" }}
+        """
+
+
+def wiped(radius: float, edge: float, motion: str, time: float) -> Simulation:
+    """Return a strip between :func:`wiping_tools`; ``edge`` length of the elements in mm."""
+    return simulation(
+        f"""
+        process = {{ time = "{time} s", mass_damping = "100 1/s" }}
+        blank = {{ size = ["100 mm", "20 mm"], edge_length = "{edge} mm", height = "0.502 mm" }}
+        contact = {{ friction = 0.157 }}
+        [material]
+        {MD600}
+        {wiping_tools(radius, motion)}
         """
     )
 
@@ -62,6 +71,17 @@ points = [["-100 mm", "0 mm"], ["-2 mm", "0 mm"], ["-2 mm", "100 mm"]] }}
 def stroke(distance: float) -> str:
     """Return the motion entries of a smooth stroke downwards [mm]."""
     return f'{{ type = "stroke", direction = [0, 0, -1], distance = "{distance} mm" }}'
+
+
+def to_and_back(distance: float, down: float) -> str:
+    """Return the motion entries of a smooth stroke downwards [mm] in a time [s], and back."""
+    times = np.linspace(0.0, 2.0 * down, 61)
+    way = [distance * smooth(min(t, 2.0 * down - t), down) for t in times]
+    return (
+        f'{{ type = "table", direction = [0, 0, -1], '
+        f'times = "{" ".join(f"{1e3 * t:.9g}" for t in times)} ms", '
+        f'travel = "{" ".join(f"{w:.9g}" for w in way)} mm" }}'
+    )
 
 
 @hard_case("fillets", THEME)
@@ -106,14 +126,7 @@ def release(name: str, full: bool) -> Iterator[CaseResult]:
     no energy but that which the tools left in it.
     """
     down, end = 0.06, 0.2
-    times = np.linspace(0.0, 2.0 * down, 61)
-    way = [35.0 * smooth(min(t, 2.0 * down - t), down) for t in times]
-    motion = (
-        f'{{ type = "table", direction = [0, 0, -1], '
-        f'times = "{" ".join(f"{1e3 * t:.9g}" for t in times)} ms", '
-        f'travel = "{" ".join(f"{w:.9g}" for w in way)} mm" }}'
-    )
-    sim = wiped(5.0, 5.0, motion, end)
+    sim = wiped(5.0, 5.0, to_and_back(35.0, down), end)
     sim.advance_to(down)
     formed = sim.stored_energy()
     sim.advance_to(end)

@@ -11,7 +11,7 @@ import numpy as np
 from lcmchain.effects.supports import Support
 from lcmchain.elements.families import family_of
 from lcmchain.fields.derived import derive_fields
-from lcmchain.model import assemble_model
+from lcmchain.model import assemble_bodies, assemble_model, sheet_of
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools import build_tool_table
@@ -69,6 +69,42 @@ def simulation(
             step_safety=model.step_safety if step_safety is None else step_safety,
         )
     )
+
+
+def stack_simulation(
+    text: str,
+    *,
+    supports: Callable[[str, np.ndarray], Sequence[Support]] = lambda name, X: (),
+    shape: Callable[[str, np.ndarray], np.ndarray] = lambda name, X: X,
+    **contact: Any,
+) -> Simulation:
+    """Return the simulation of a scene with several plies, with what a scene file cannot say.
+
+    Parameters
+    ----------
+    text : of the scene.
+    supports : gives those of a ply for its name and reference positions (node_count, 3) [m].
+    shape : maps the node positions of a ply, by its name, to other reference positions.
+    contact : entries of :class:`lcmchain.interfaces.surfaces.InterfaceData` to replace.
+    """
+    scene = scene_from_text(text)
+    sheets, held, first_node = [], [], 0
+    for sheet in map(sheet_of, scene.stack):
+        X = shape(sheet.name, sheet.mesh.node_positions)
+        sheets.append(sheet._replace(mesh=replace(sheet.mesh, node_positions=X)))
+        held += [replace(s, nodes=s.nodes + first_node) for s in supports(sheet.name, X)]
+        first_node += len(X)
+    model = assemble_bodies(
+        sheets,
+        tools=build_tool_table(scene.tools, scene.source.directory, scene.process.time),
+        tool_names=tuple(tool.name for tool in scene.tools),
+        contact=scene.contact,
+        process=scene.process,
+        supports=held or HOLDS_NOTHING,
+        interfaces=scene.stack.interfaces(scene.interfaces),
+    )
+    assert model.ply_contact is not None
+    return Simulation(replace(model, ply_contact=model.ply_contact._replace(**contact)))
 
 
 def linear_fabric(thickness: float = 1.004, **moduli: float) -> str:
