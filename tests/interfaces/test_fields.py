@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,6 +24,7 @@ from lcmchain.interfaces.forces import LAST_STEPS, forces_of_points
 from lcmchain.interfaces.in_frames import APART, FRAME_ROWS, GAP, SLID_PATH, SLIDES, STICKS
 from lcmchain.interfaces.refresh import refresh
 from lcmchain.interfaces.rows import HELD, PATH, SLIP
+from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.interfaces.table import Interface
 from lcmchain.report.captions import CAPTIONS
 from lcmchain.report.numbers import key_numbers, ply_numbers
@@ -202,10 +204,15 @@ def test_plies_that_only_press_have_their_depth_as_gap_and_no_shear_at_rims():
         assert np.abs(shear).max() < 1e-9 * pressure.max()
 
 
-@pytest.mark.parametrize(("gap", "counts"), [(0.05, 1.0), (0.3, 0.0)])
-def test_a_ply_slides_on_one_that_it_lies_on_not_on_one_that_is_further_off(gap, counts):
+@pytest.mark.parametrize(
+    ("gap", "reach", "counts"), [(0.05, 0.0, 1.0), (0.3, 0.0, 0.0), (0.3, 0.4, 1.0)]
+)
+def test_a_ply_slides_on_one_that_it_lies_on_or_that_a_law_reaches(gap, reach, counts):
     """Moved to and fro by 0.2 mm, of which the path has both and the slip nothing."""
     sim = laid_over(gap)
+    (data, laws), model = sim.model.ply_contact, sim.model
+    data = data._replace(near=np.full_like(data.near, 1e-3 * reach))
+    sim = Simulation(replace(model, ply_contact=PlyContact(data, laws)), sim.state)
     own, way = sim.model.bodies[1].first_node, 0.2e-3
     for number, step in enumerate((way, -way)):
         sim.state.position[0, own:] += step
