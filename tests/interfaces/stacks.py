@@ -10,6 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from lcmchain.effects.supports import Support, translation
+from lcmchain.interfaces.laws.adhesion import AdhesionTable
+from lcmchain.interfaces.laws.coulomb import FrictionTable
+from lcmchain.interfaces.laws.friction_map import FrictionMapTable
+from lcmchain.interfaces.laws.hersey import HerseyTable
+from lcmchain.interfaces.laws.shear_by_points import ShearByPointsTable
+from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
 from lcmchain.interfaces.table import Interface
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import Sheet, assemble_bodies
@@ -21,6 +27,18 @@ from lcmchain.tools.table import build_tool_table
 
 T = 1.004  # thickness of a ply [mm]
 FAR = 1000.0  # where plates touch nothing [mm]
+
+MU = 0.2
+FRICTION = FrictionTable(friction=MU)
+BY_SPEED = FrictionMapTable(pressure=(1e3, 1e6), speed=(1.0, 3.0), friction=((0.1, 0.3),) * 2)
+BY_HERSEY = HerseyTable(viscosity=0.05, hersey=(0.0, 1e-5), friction=(0.1, 0.6))
+FILM = ViscousFilmTable(viscosity=0.5, thickness=0.1e-3)
+TACK = AdhesionTable(stress=1e4, on=0.05e-3, off=0.1e-3)
+CURVE = ShearByPointsTable(
+    slip=(0.01e-3, 0.1e-3, 0.3e-3), stress=(20e3, 50e3, 30e3), distance=0.1e-3
+)
+#: Of no pair of plies: it is there for the laws of the others to be of one type in all tests.
+ALL = Interface(laws=(FRICTION, BY_SPEED, BY_HERSEY, FILM, TACK, CURVE))
 
 SCENE = """
 title = "ply"
@@ -57,6 +75,38 @@ def ply(name, shift=(0.0, 0.0, 0.0), **entries):
     return Sheet(name, mesh, scene.material.build(), scene.element)
 
 
+def wrapped(name, radius, turn=np.inf, **entries):
+    """A ply around the y axis; ``radius`` of its mid-surface [m], its upper face inside.
+
+    turn : angle [rad] around which it goes, half to either side; what is left goes on straight.
+    """
+    flat = ply(name, **entries)
+    mesh = flat.mesh
+
+    def angle(x):
+        return np.clip(x / radius, -0.5 * turn, 0.5 * turn)
+
+    def turned(x, vectors):
+        a = angle(x)
+        along = np.stack([np.cos(a), 0.0 * a, np.sin(a)], axis=1)
+        inwards = np.stack([-np.sin(a), 0.0 * a, np.cos(a)], axis=1)
+        y = np.array([0.0, 1.0, 0.0])
+        return vectors[:, :1] * along + vectors[:, 1:2] * y + vectors[:, 2:] * inwards
+
+    x = mesh.node_positions[:, 0]
+    place = mesh.node_positions - [0.0, 0.0, radius]
+    place[:, 0] -= radius * angle(x)
+    centre = mesh.node_positions[mesh.elements].mean(axis=1)[:, 0]
+    return flat._replace(
+        mesh=replace(
+            mesh,
+            node_positions=turned(x, place),
+            fibre_direction_1=turned(centre, mesh.fibre_direction_1),
+            fibre_direction_2=turned(centre, mesh.fibre_direction_2),
+        )
+    )
+
+
 def scene_of(
     *,
     width=20.0,
@@ -91,24 +141,47 @@ def stack(plies, scene, *interfaces, supports=None):
     return Simulation(model)
 
 
+#: Part of its time that :func:`dragged` takes to come to its speed, and to rest.
+RAMP = 0.2
+
+
+def dragged(time, start, stop):
+    """Part of a way at a time [s]: a ramp of a fifth of the time, at one speed, then a ramp."""
+    s = min(max((time - start) / (stop - start), 0.0), 1.0)
+    speed = 1.0 / (1.0 - RAMP)
+    if s < RAMP:
+        return 0.5 * speed * (s - np.sin(np.pi * s / RAMP) * RAMP / np.pi)
+    if s < 1.0 - RAMP:
+        return speed * (s - 0.5 * RAMP)
+    left = 1.0 - s
+    return 1.0 - 0.5 * speed * (left - np.sin(np.pi * left / RAMP) * RAMP / np.pi)
+
+
 def drawn(name, nodes, travel, start, stop):
     """A support that draws nodes along x by ``travel`` [m], smoothly, from start to stop [s]."""
+    way = translation([1, 0, 0], lambda time: travel * dragged(time, start, stop))
+    return Support(name, nodes, "x", way)
 
-    def way(time):
-        s = min(max((time - start) / (stop - start), 0.0), 1.0)
-        # a ramp of a fifth, then at one speed, then a ramp
-        ramp = 0.2
-        speed = 1.0 / (1.0 - ramp)
-        if s < ramp:
-            part = 0.5 * speed * (s - np.sin(np.pi * s / ramp) * ramp / np.pi)
-        elif s < 1.0 - ramp:
-            part = speed * (s - 0.5 * ramp)
-        else:
-            left = 1.0 - s
-            part = 1.0 - 0.5 * speed * (left - np.sin(np.pi * left / ramp) * ramp / np.pi)
-        return travel * part
 
-    return Support(name, nodes, "x", translation([1, 0, 0], way))
+def smooth(s):
+    """A ramp from 0 to 1 that is at rest at both ends."""
+    s = min(max(s, 0.0), 1.0)
+    return s * s * (3.0 - 2.0 * s)
+
+
+def support_forces(sim, times):
+    """Mean forces of the supports between times [s], (len(times) - 1, support_count, 3) [N]."""
+    sim.advance_to(times[0])
+    impulses = [sim.state.support_impulse.copy()]
+    for time in times[1:]:
+        sim.advance_to(time)
+        impulses.append(sim.state.support_impulse.copy())
+    return np.diff(impulses, axis=0) / np.diff(times)[:, np.newaxis, np.newaxis]
+
+
+def require_balance(sim, part=1e-2):
+    energy = sim.energy()
+    assert abs(energy["balance_error"]) < part * abs(energy["external"])
 
 
 def thickness(sim, body):

@@ -7,30 +7,31 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stacks import FAR, T, drawn, ply, scene_of, stack
+from stacks import (
+    ALL,
+    BY_HERSEY,
+    BY_SPEED,
+    CURVE,
+    FAR,
+    FILM,
+    FRICTION,
+    MU,
+    TACK,
+    T,
+    drawn,
+    ply,
+    require_balance,
+    scene_of,
+    smooth,
+    stack,
+)
 
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
-from lcmchain.interfaces.laws.adhesion import AdhesionTable
-from lcmchain.interfaces.laws.coulomb import FrictionTable
 from lcmchain.interfaces.laws.friction_map import FrictionMapTable, friction_at
-from lcmchain.interfaces.laws.hersey import HerseyTable
-from lcmchain.interfaces.laws.shear_by_points import ShearByPointsTable
-from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
 from lcmchain.interfaces.table import Interface
 from lcmchain.scene import scene_from_text
 
-MU = 0.2
-FRICTION = FrictionTable(friction=MU)
-BY_SPEED = FrictionMapTable(pressure=(1e3, 1e6), speed=(1.0, 3.0), friction=((0.1, 0.3),) * 2)
-BY_HERSEY = HerseyTable(viscosity=0.05, hersey=(0.0, 1e-5), friction=(0.1, 0.6))
-FILM = ViscousFilmTable(viscosity=0.5, thickness=0.1e-3)
-TACK = AdhesionTable(stress=1e4, on=0.05e-3, off=0.1e-3)
-CURVE = ShearByPointsTable(
-    slip=(0.01e-3, 0.1e-3, 0.3e-3), stress=(20e3, 50e3, 30e3), distance=0.1e-3
-)
-#: Of no pair of plies: it is there for the laws of the others to be of one type in all tests.
-ALL = Interface(laws=(FRICTION, BY_SPEED, BY_HERSEY, FILM, TACK, CURVE))
 WIDTH, HEIGHT = 16.0, 12.0
 AREA = 1e-6 * WIDTH * HEIGHT
 GAP = 0.02  # of plies that do not press [mm]
@@ -59,23 +60,12 @@ def rigid(laws, way, time, gap=GAP):
     return stack([bed, sled], scene_of(time=time), ALL, interface, supports=supports)
 
 
-def smooth(s):
-    """A ramp from 0 to 1 that is at rest at both ends."""
-    s = min(max(s, 0.0), 1.0)
-    return s * s * (3.0 - 2.0 * s)
-
-
 def drag(sim, start, stop):
     """Mean force that moves the upper ply between two times [s], (3,) [N]."""
     sim.advance_to(start)
     before = sim.state.support_impulse[1].copy()
     sim.advance_to(stop)
     return (sim.state.support_impulse[1] - before) / (stop - start)
-
-
-def require_balance(sim, part=1e-2):
-    energy = sim.energy()
-    assert abs(energy["balance_error"]) < part * abs(energy["external"])
 
 
 def test_a_viscous_film_resists_in_proportion_to_the_speed():

@@ -2,47 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from stacks import FAR, T, booked, drawn, ply, scene_of, stack
+from stacks import ALL, FAR, MU, T, booked, drawn, ply, scene_of, stack, wrapped
 
 from lcmchain.effects.supports import Support
 from lcmchain.interfaces.table import Interface
-
-MU = 0.2
-
 
 # --- a strip that runs round inside a drum --------------------------------------------------------
 
 RADIUS = 0.04
 EDGE = 2e3 * np.pi * RADIUS / 64.0  # [mm]
 SPEED = 5.5
-
-
-def wrapped(name, radius, **entries):
-    """A ply around the y axis; ``radius`` of its mid-surface [m], its upper face inside."""
-    flat = ply(name, **entries)
-    mesh = flat.mesh
-
-    def turned(x, vectors):
-        a = x / radius
-        along = np.stack([np.cos(a), 0.0 * a, np.sin(a)], axis=1)
-        inwards = np.stack([-np.sin(a), 0.0 * a, np.cos(a)], axis=1)
-        y = np.array([0.0, 1.0, 0.0])
-        return vectors[:, :1] * along + vectors[:, 1:2] * y + vectors[:, 2:] * inwards
-
-    place = mesh.node_positions * [0.0, 1.0, 1.0] - [0.0, 0.0, radius]
-    centre = mesh.node_positions[mesh.elements].mean(axis=1)[:, 0]
-    return flat._replace(
-        mesh=replace(
-            mesh,
-            node_positions=turned(mesh.node_positions[:, 0], place),
-            fibre_direction_1=turned(centre, mesh.fibre_direction_1),
-            fibre_direction_2=turned(centre, mesh.fibre_direction_2),
-        )
-    )
 
 
 def spun(friction, time=12.0):
@@ -53,7 +24,8 @@ def spun(friction, time=12.0):
     strip = wrapped("strip", RADIUS - half, width=8 * edge, height=8.0, edge=edge)
     own = drum.mesh.node_count
     held = [Support("drum", np.arange(own))]
-    sim = stack([drum, strip], scene_of(time=time), Interface(friction=friction), supports=held)
+    between = Interface(friction=friction)
+    sim = stack([drum, strip], scene_of(time=time), ALL, between, supports=held)
     angle = np.radians(-100.0)
     position = sim.state.position
     x, z = position[0, own:].copy(), position[2, own:].copy()
@@ -98,7 +70,7 @@ def sled():
     x = small.mesh.node_positions[:, 0]
     back = own + np.flatnonzero(x < x.min() + 1e-6)
     supports = [Support("bed", np.arange(own)), drawn("grip", back, 8e-3, 2e-3, 8e-3)]
-    return stack([bed, small], scene_of(**entries), Interface(friction=MU), supports=supports)
+    return stack([bed, small], scene_of(**entries), ALL, Interface(friction=MU), supports=supports)
 
 
 def test_a_sled_takes_its_friction_times_its_load():
@@ -127,7 +99,7 @@ def slid(bodies, top, press, travel, which, time=5.0):
         Support("end", np.flatnonzero(still < still.min() + 1e-6), "x"),
         drawn("grip", grip, travel, 0.3e-3 * time, 1e-3 * time),
     ]
-    return stack(bodies, scene_of(**entries), Interface(friction=MU), supports=supports)
+    return stack(bodies, scene_of(**entries), ALL, Interface(friction=MU), supports=supports)
 
 
 @pytest.mark.slow
