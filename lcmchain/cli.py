@@ -307,6 +307,9 @@ def bench(
     effects: Annotated[
         bool, typer.Option("--effects", help="Of a step with each effect and without it.")
     ] = False,
+    stacks: Annotated[
+        bool, typer.Option("--stacks", help="Of stacks of plies, and of what an interface costs.")
+    ] = False,
     peers: Annotated[
         bool, typer.Option("--peers", help="Beside CalculiX and Kratos, where they are installed.")
     ] = False,
@@ -340,6 +343,11 @@ def bench(
         from lcmchain.bench import run_effect_bench
 
         show_whole(run_effect_bench(json_file))
+        return
+    if stacks:
+        from lcmchain.bench import run_stack_bench
+
+        show_whole(run_stack_bench(json_file))
         return
     if peers:
         from lcmchain.bench.peers import run_peer_bench

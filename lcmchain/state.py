@@ -359,7 +359,8 @@ class State(_Arrays):
             if (found.shape, found.dtype) != (shape, dtype):
                 raise InputError(
                     f"the saved state belongs to another model: {name} is {found.dtype} "
-                    f"{found.shape} instead of {dtype} {shape}"
+                    f"{found.shape} instead of {dtype} {shape}; run this model from the start, or "
+                    "go on with the scene and the version of lcmchain that saved the state"
                 )
 
     @property

@@ -11,12 +11,13 @@ from typing import Any
 from rich.table import Table
 
 from lcmchain.atomic import replacing
-from lcmchain.bench import hemisphere, sizes
+from lcmchain.bench import hemisphere, sizes, stacks
 from lcmchain.bench.machine import Machine, measure_machine
 from lcmchain.bench.measure import REPETITIONS, Measurement
 from lcmchain.bench.operations import count_operations
 from lcmchain.bench.parts import Parts, measure_parts
 from lcmchain.bench.sizes import Plate
+from lcmchain.bench.stacks import StackSpeed, measure_stacks
 from lcmchain.check.effect_cost import cost_table, measure_effects, record_effect_parts
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
@@ -64,6 +65,15 @@ def run_part_bench(json_file: Path | None = None) -> Table:
         }
         write_figures(json_file, figures)
     return part_table(machine, found)
+
+
+def run_stack_bench(json_file: Path | None = None) -> Table:
+    """Measure stacks of plies; return the table of ``lcmchain bench --stacks``."""
+    kernel, found = measure_stacks()
+    if json_file is not None:
+        figures = {"kernel": kernel, "stacks": [asdict(speed) for speed in found]}
+        write_figures(json_file, figures)
+    return stack_table(kernel, found)
 
 
 def run_effect_bench(json_file: Path | None = None) -> Table:
@@ -127,6 +137,37 @@ def part_table(machine: Machine, found: Parts) -> Table:
             rates = [f"{found.operations[name]:.0f}", f"{rate:.1f}"]
             rates += [f"{rate / machine.arithmetic:.0%}"]
         table.add_row(name, f"{time:.4f}", f"{time / found.kernel.median:.2f}", *rates)
+    return table
+
+
+def stack_table(kernel: float, found: list[StackSpeed]) -> Table:
+    """Return the table of stacks beside one ply.
+
+    kernel : time of the element kernel [µs].
+    """
+    table = Table(
+        title=(
+            f"Stacks at mid-stroke, µs per element and step, median of {stacks.REPETITIONS} "
+            f"({platform.machine()}; element kernel {kernel:.4f})"
+        ),
+        title_justify="left",
+    )
+    table.add_column("plies")
+    for column in (
+        "one core", "over one ply", "all cores", "over one ply", "gain", "interface", "kernels",
+    ):  # fmt: skip
+        table.add_column(column, justify="right")
+    first = found[0]
+    for speed in found:
+        contact = ["", ""]
+        if speed.interface:
+            contact = [f"{speed.interface:.4f}", f"{speed.interface / kernel:.2f}"]
+        table.add_row(
+            str(speed.ply_count),
+            f"{speed.one.median:.4f}", f"{speed.one.median / first.one.median:.2f}",
+            f"{speed.all.median:.4f}", f"{speed.all.median / first.all.median:.2f}",
+            f"{speed.one.median / speed.all.median:.2f}", *contact,
+        )  # fmt: skip
     return table
 
 

@@ -85,7 +85,7 @@ def draping_preview(
 ) -> list[tuple[str, str]]:
     """Return what the net says of a scene on any rung; empty where there is nothing to drape.
 
-    Of a stack every ply is draped as if it were alone; plies that are laid alike stand together.
+    Of a stack every ply is draped as if it were alone; what is the same of plies is said once.
 
     Raises
     ------
@@ -98,14 +98,14 @@ def draping_preview(
     each = [(ply.name, _preview_of_one(scene.alone(ply), b, tools)) for ply, b in drapable]
     if len(stack) == 1:
         return [row for _, rows in each for row in rows]
-    alike: dict[tuple, list[str]] = {}
+    alike: dict[tuple[str, str], list[str]] = {}
     for name, rows in each:
-        told = tuple(row for row in rows if row[0] not in (SEED, LAID_IN))
-        alike.setdefault(told, []).append(name)
+        for row in rows:
+            if row[0] not in (SEED, LAID_IN):
+                alike.setdefault(row, []).append(name)
     return [
-        (f"{', '.join(names)}: {what}", value)
-        for told, names in alike.items()
-        for what, value in told
+        (what if len(names) == len(each) else f"{', '.join(names)}: {what}", value)
+        for (what, value), names in sorted(alike.items(), key=lambda row: row[0][0], reverse=True)
     ]
 
 

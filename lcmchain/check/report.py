@@ -80,6 +80,7 @@ class CheckReport:
                 element_count=self.element_count,
                 node_count=self.node_count,
                 time_is_found=self.scene.time_is_found,
+                is_stack=len(self.scene.stack) > 1,
             ),
             process_time_table(
                 self.needed, self.scene.process, time_is_found=self.scene.time_is_found
@@ -167,7 +168,7 @@ def _report(
     """Return the report of a scene with forces; ``noted`` are warnings of its tools."""
     scene = mesh.scene
     counts = mesh.in_run(model.element_count), mesh.in_run(model.node_count)
-    require_frames_fit(scene.process.frames, *counts)
+    require_frames_fit(scene.process.frames, *counts, is_stack=len(scene.stack) > 1)
     needed = process_time_needed(model)
     found = scene_warnings(mesh.given) + process_time_remarks(scene, needed)
     closing = closing_tools(scene, blanks, model)

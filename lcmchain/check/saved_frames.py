@@ -5,19 +5,30 @@ from __future__ import annotations
 import os
 
 from lcmchain.errors import InputError
-from lcmchain.fields.table import FIELD_OF_VARIABLE
+from lcmchain.fields.table import BETWEEN_PLIES, FIELD_OF_VARIABLE, FIELDS
+from lcmchain.interfaces.in_frames import FRAME_ROWS
 
 #: Numbers per node of a frame: positions, displacements and their like.
 NUMBERS_PER_NODE = 9
 
 
-def frame_bytes(element_count: int, node_count: int) -> int:
+def frame_bytes(element_count: int, node_count: int, *, is_stack: bool = False) -> int:
     """Return about how much memory one saved frame takes with all of its fields."""
-    return 8 * (len(FIELD_OF_VARIABLE) * element_count + NUMBERS_PER_NODE * node_count)
+    between = sum(len(FIELDS[name].variables) for name in BETWEEN_PLIES)
+    of_elements = len(FIELD_OF_VARIABLE) - between
+    of_nodes = NUMBERS_PER_NODE
+    if is_stack:  # as they come, as fields of each ply, and as those of the whole stack
+        of_nodes += 3 * FRAME_ROWS
+    return 8 * (of_elements * element_count + of_nodes * node_count)
 
 
 def require_frames_fit(
-    frame_count: int, element_count: int, node_count: int, memory: int | None = None
+    frame_count: int,
+    element_count: int,
+    node_count: int,
+    memory: int | None = None,
+    *,
+    is_stack: bool = False,
 ) -> None:
     """Stop when the frames of a run are larger than the memory [bytes], by default this machine's.
 
@@ -26,7 +37,7 @@ def require_frames_fit(
     InputError : names process.frames, what they take, and how many fit into half of the memory.
     """
     memory = physical_memory() if memory is None else memory
-    one = frame_bytes(element_count, node_count)
+    one = frame_bytes(element_count, node_count, is_stack=is_stack)
     needed = frame_count * one
     if needed <= memory:
         return

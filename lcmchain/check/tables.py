@@ -242,13 +242,14 @@ def cost_table(
     element_count: int,
     node_count: int,
     time_is_found: bool = False,
+    is_stack: bool = False,
 ) -> Table:
     """Size of the mesh, steps, computing time and memory."""
     table = _table("Expected cost", "", "")
     table.show_header = False
     table.add_row("elements", f"{element_count:,}")
     table.add_row("nodes", f"{node_count:,}")
-    frames = process.frames * frame_bytes(element_count, node_count)
+    frames = process.frames * frame_bytes(element_count, node_count, is_stack=is_stack)
     table.add_row(
         "memory",
         f"about {1e-9 * BUILDING_BYTES * element_count:.2g} GB, and {1e-9 * frames:.2g} GB for the "

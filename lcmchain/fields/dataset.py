@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lcmchain.elements.families import family_of
+from lcmchain.fields.between_plies import BetweenPlies
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.histories import Histories
@@ -64,6 +65,7 @@ class SheetFrames:
     wrinkle_height : on the nodes of the mid-surface (F, n) [m], or None where no wrinkles are
         predicted.
     wrinkle_length : longest wave that counts as wrinkle [m].
+    between_plies : against other plies, or None.
     """
 
     body: Body | LaidSheet
@@ -73,12 +75,17 @@ class SheetFrames:
     tool_pressure: np.ndarray | None
     wrinkle_height: np.ndarray | None
     wrinkle_length: float
+    between_plies: BetweenPlies | None = None
 
     @classmethod
     def of_body(cls, scene: Scene, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
         """Return the part of a body of the model."""
         past = [model.history_of(body, values) for values in frames.history]  # type: ignore[union-attr]
         sheet = cls.of_frames(scene, body, frames, past, model.tools)
+        if frames.between_plies is not None:
+            names = [other.name for other in model.bodies]
+            between = BetweenPlies.of_body(body, frames.positions, frames.between_plies, names)
+            sheet = replace(sheet, between_plies=between)
         if model.pore is None or frames.pore_pressure is None:
             return sheet
         place = model.pore.place[body.first_element :][: body.mesh.element_count]
@@ -143,12 +150,13 @@ class SheetFrames:
             attributes: dict[str, Any] = FIELDS["wrinkle_height"].attributes("wrinkle_height")
             attributes[WRINKLE_LENGTH] = self.wrinkle_length
             found["wrinkle_height"] = self.wrinkle_height, attributes
-        if self.tool_pressure is None:
-            return found
         for side, nodes in self.mesh.sides().items():
-            name = f"tool_pressure_{side}" if side else "tool_pressure"
-            values = np.ascontiguousarray(self.tool_pressure[:, nodes])
-            found[name] = (values, FIELDS[name].attributes(name))
+            if self.tool_pressure is not None:
+                name = f"tool_pressure_{side}" if side else "tool_pressure"
+                values = np.ascontiguousarray(self.tool_pressure[:, nodes])
+                found[name] = (values, FIELDS[name].attributes(name))
+            if self.between_plies is not None:
+                found |= self.between_plies.fields(side, nodes)
         return found
 
 

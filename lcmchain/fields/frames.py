@@ -29,6 +29,8 @@ class FrameSeries:
         they are not known.
     pore_pressure : of the fluid in the elements [Pa], by lane (F, padded_count), see
         :class:`lcmchain.elements.pressed_elements.PressedElements`; None or empty without a fluid.
+    between_plies : contact of plies, (F, FRAME_ROWS, node_count), see
+        :mod:`lcmchain.interfaces.in_frames`; None where none touch.
     """
 
     time: np.ndarray
@@ -40,6 +42,7 @@ class FrameSeries:
     history: np.ndarray | None = None
     contact_force: np.ndarray | None = None
     pore_pressure: np.ndarray | None = None
+    between_plies: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         frames, tools = len(self.time), len(self.tool_names)
@@ -62,6 +65,7 @@ class FrameSeries:
     ) -> FrameSeries:
         """Return the snapshots of a simulation as arrays over frames."""
         shape = len(snapshots), len(tool_names)
+        between = [s.between_plies for s in snapshots]
         return cls(
             time=np.array([s.time for s in snapshots]),
             positions=np.array([s.position for s in snapshots]),
@@ -74,6 +78,7 @@ class FrameSeries:
             history=np.array([s.history for s in snapshots]),
             contact_force=np.array([s.contact_force for s in snapshots]),
             pore_pressure=np.array([s.pore_pressure for s in snapshots]),
+            between_plies=None if between[0] is None else np.array(between),
         )
 
     @property

@@ -49,6 +49,18 @@ def sheet_areas(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
     return np.linalg.norm(face_area_vectors(corners), axis=-1)
 
 
+def node_areas(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
+    """Return the areas of the mid-surface nodes in a frame (node_count,) [m²].
+
+    They are those of the pressures on nodes: a quarter of each face around, of a triangle half for
+    its last node.
+    """
+    faces = sheet_faces(sheet)
+    count = sheet["displacement_x"].shape[-1]
+    share = np.repeat(sheet_areas(sheet, frame) / 4.0, 4)
+    return np.bincount(faces.ravel(), weights=share, minlength=count)
+
+
 def face_centres(sheet: xr.Dataset, *, formed: bool) -> np.ndarray:
     """Return the centres of the faces, (face_count, 3) [m], formed or in the reference."""
     positions = sheet_positions(sheet) if formed else reference_positions(sheet)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,10 +11,11 @@ from lcmchain.fields.crossings import crossing_warnings
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.limits import packing_warnings, shear_range_warnings
 from lcmchain.fields.loads import has_histories, tool_loads
-from lcmchain.fields.sheet import sheet_areas, vector
+from lcmchain.fields.sheet import node_areas, sheet_areas, vector
 from lcmchain.fields.stack import plies_of
 from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.fields.waves import wave_warnings
+from lcmchain.interfaces.in_frames import APART, SLIDES
 from lcmchain.materials.law import Material
 
 if TYPE_CHECKING:
@@ -108,9 +109,14 @@ def stack_summary(datasets: Mapping[str, xr.Dataset], *, frame: int = -1) -> dic
     -------
     ``plies``, by name the entries of :func:`field_summary` that a ply has of its own, and
     ``stack`` with ``ply_count``, ``thickness_min_m``, ``thickness_max_m``, ``fibre_mass_kg`` and
-    the largest fibre volume fraction: those of all plies over each other. Nothing for one sheet.
+    the largest fibre volume fraction: those of all plies over each other. Where plies touch both
+    have ``ply_pressure_max_Pa``, ``slip_path_max_m`` and ``sliding_part``. Nothing for one sheet.
     """
-    plies = {name: _sheet_summary(groups[SHEET], frame) for name, groups in plies_of(datasets)}
+    sheets = {name: groups[SHEET] for name, groups in plies_of(datasets)}
+    plies = {
+        name: _sheet_summary(sheet, frame) | _between_plies([sheet], frame)
+        for name, sheet in sheets.items()
+    }
     if not plies:
         return {}
     last = datasets[SHEET].isel(time=frame)
@@ -121,7 +127,33 @@ def stack_summary(datasets: Mapping[str, xr.Dataset], *, frame: int = -1) -> dic
     if "stack_fibre_volume_fraction" in last:
         stack["fibre_volume_fraction_max"] = float(last["stack_fibre_volume_fraction"].max())
     stack["fibre_mass_kg"] = sum(ply["fibre_mass_kg"] for ply in plies.values())
+    stack |= _between_plies(list(sheets.values()), frame)
     return {"stack": stack, "plies": plies}
+
+
+def _between_plies(sheets: Sequence[xr.Dataset], frame: int) -> dict[str, float]:
+    """Return what plies do to each other at most, on both faces of some of them.
+
+    ``sliding_part`` is that of the area that touches another ply in the last step of the frame.
+    """
+    pressure, path, touching, sliding = [], [], 0.0, 0.0
+    for sheet in sheets:
+        if "ply_contact_top" not in sheet:
+            continue
+        area = node_areas(sheet, frame)
+        for side in ("top", "bottom"):
+            pressure.append(float(sheet[f"ply_pressure_{side}"].values[frame].max()))
+            path.append(float(sheet[f"slip_path_{side}"].values[frame].max()))
+            state = sheet[f"ply_contact_{side}"].values[frame]
+            touching += float(area[state != APART].sum())
+            sliding += float(area[state == SLIDES].sum())
+    if not path:
+        return {}
+    return {
+        "ply_pressure_max_Pa": max(pressure),
+        "slip_path_max_m": max(path),
+        "sliding_part": sliding / touching if touching else 0.0,
+    }
 
 
 def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:

@@ -43,6 +43,70 @@ class Field:
         }
 
 
+# Fields of the faces that plies turn to each other: name without the face, unit, name in words,
+# definition, and whether it is a vector.
+_BETWEEN_PLIES = (
+    (
+        "ply_pressure",
+        "Pa",
+        "pressure of other plies on the",
+        "of a stack of plies: force of other plies on the node of the upper face along the normal, "
+        "over the present area of the mid-surface that belongs to it, a quarter of each face "
+        "around; negative where they pull. Both faces of an interface have the same force",
+        False,
+    ),
+    (
+        "ply_shear_stress",
+        "Pa",
+        "shear stress of other plies on the",
+        "of a stack of plies: force of other plies on the node of the upper face along the face, "
+        "over the same area",
+        True,
+    ),
+    (
+        "ply_gap",
+        "m",
+        "gap to another ply from the",
+        "of a stack of plies: distance of the node of the upper face from the smooth surface of "
+        "the ply that it faces, negative for a depth; not a number where it faces none within half "
+        "the thickness of the thinner ply or the reach of a law",
+        False,
+    ),
+    (
+        "slip",
+        "m",
+        "slip on other plies of the",
+        "of a stack of plies: how far the node of the upper face has slid since the start on the "
+        "plies that it touched, which it does up to a gap of a tenth of the thickness of the "
+        "thinner ply or the reach of a law; the sum of the ways, which turns with the surface",
+        True,
+    ),
+    (
+        "slip_path",
+        "m",
+        "slip path on other plies of the",
+        "of a stack of plies: length of the way that the node of the upper face has slid since the "
+        "start, to and fro, while it touched another ply as for slip_top",
+        False,
+    ),
+    (
+        "ply_contact",
+        "1",
+        "contact with another ply of the",
+        "of a stack of plies: what the node of the upper face did in the last step; apart: it "
+        "felt no force of the ply that it faces, sticks: it was held against sliding, slides: its "
+        "slip took energy, or nothing resisted it",
+        False,
+    ),
+    (
+        "faced_ply",
+        "1",
+        "number of the ply faced by the",
+        "of a stack of plies: which one lies at the node of the upper face, -1 for none",
+        False,
+    ),
+)
+
 _FIELDS = (
     Field(
         "thickness",
@@ -213,6 +277,18 @@ _FIELDS = (
         "as tool_pressure_top, of the nodes of the solid, each of which lies on one face; on the "
         "mid-surface of the 2D approach the sum of what presses from above and below",
     ),
+    *(
+        Field(
+            f"{stem}_{side}",
+            units,
+            f"{long_name} {face} face",
+            NODE,
+            meaning if side == "top" else f"as {stem}_top, of the node of the lower face",
+            is_vector=is_vector,
+        )
+        for stem, units, long_name, meaning, is_vector in _BETWEEN_PLIES
+        for side, face in (("top", "upper"), ("bottom", "lower"))
+    ),
     Field(
         "wrinkle_height",
         "m",
@@ -251,6 +327,9 @@ FIELD_OF_VARIABLE: dict[str, Field] = {
 
 #: Fields that are sums over the plies of a stack: what is mapped ply by ply adds them up itself.
 OF_STACK = tuple(name for name in FIELDS if name.startswith("stack_"))
+
+#: Fields of the faces that plies turn to each other.
+BETWEEN_PLIES = tuple(f"{stem}_{side}" for stem, *_ in _BETWEEN_PLIES for side in ("top", "bottom"))
 
 #: What a result of the 2D approach says about the thickness, in the file and in its summary.
 NO_THICKNESS = (

@@ -15,6 +15,7 @@ from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
 from lcmchain.fields.sheet import vector
 from lcmchain.fields.stack import PLY, plies_of
+from lcmchain.fields.table import BETWEEN_PLIES, FIELDS
 from lcmchain.mesh_files.meshio_names import is_known_to_vtk
 from lcmchain.mesh_files.shapes import base_type, corner_count
 
@@ -26,10 +27,11 @@ def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int =
     """Write the elements in one frame with all face fields as cell data; whole or not at all.
 
     Points are the positions of the frame, with the ``displacement`` that led to them and the
-    ``tool_pressure`` and ``wrinkle_height`` on them; vectors have three components. Cells are
-    hexahedra, then the wedges of halved cells at a cut edge, or the triangles of the 2D approach;
-    the cell data ``element`` holds the element numbers, and of a stack ``ply`` the number of the
-    ply, 0 the lowest.
+    ``tool_pressure`` and ``wrinkle_height`` on them, and of a stack what other plies do to the face
+    that a point lies on, ``ply_pressure``, ``slip_path`` and so on; vectors have three components.
+    Cells are hexahedra, then the wedges of halved cells at a cut edge, or the triangles of the 2D
+    approach; the cell data ``element`` holds the element numbers, and of a stack ``ply`` the number
+    of the ply, 0 the lowest.
 
     Raises
     ------
@@ -185,6 +187,7 @@ def _sheet_mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
         height = sheet["wrinkle_height"].values[frame]
         # of the mid-surface: the same for the lower node and the upper node above it
         on_points["wrinkle_height"] = np.tile(height, len(reference) // len(height))
+    on_points |= _between_plies(sheet, frame)
     return meshio.Mesh(
         reference + displacement,
         [(kind, nodes) for kind, _, nodes in blocks],
@@ -193,6 +196,22 @@ def _sheet_mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
             name: [values[numbers] for _, numbers, _ in blocks] for name, values in fields.items()
         },
     )
+
+
+def _between_plies(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:
+    """Return what other plies do to the nodes of the solid: lower ones first, then upper ones."""
+    found = {}
+    for top in (name for name in BETWEEN_PLIES if name.endswith("_top")):
+        stem = top.removesuffix("_top")
+        sides = [f"{stem}_{side}" for side in ("bottom", "top")]
+        if FIELDS[top].variables[0] not in sheet:
+            continue
+        if FIELDS[top].is_vector:
+            values = [vector(sheet, name, frame) for name in sides]
+        else:
+            values = [sheet[name].values[frame] for name in sides]
+        found[stem] = np.concatenate(values)
+    return found
 
 
 def _solid_blocks(solid: xr.Dataset) -> list[tuple[str, np.ndarray, np.ndarray]]:

@@ -71,6 +71,7 @@ def require_on_the_face(model: Any, state: Any) -> None:
         f"element {model.element_at(point) - own.first_element} at "
         f"{millimetres(state.position[:, point])}, {1e3 * state.time:.4f} ms (step "
         f"{state.step_count}): its contact is lost from there on. Likely cause: pressure that a "
-        f"contact stiffness of {1e-9 * data.penalty.max():.3g} N/mm^3 cannot carry, or plies that "
-        "strike each other; set a higher interfaces.penalty, or slow what presses them"
+        f"contact stiffness of {1e-9 * data.penalty.max():.3g} N/mm^3 cannot carry, plies that "
+        "strike each other, or elements that are long for what they are bent over; set a higher "
+        "interfaces.penalty, slow what presses them, or shorten the edges"
     )

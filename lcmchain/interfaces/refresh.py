@@ -45,7 +45,7 @@ from lcmchain.interfaces.forces import (
     list_points,
 )
 from lcmchain.interfaces.law import carried, load_memory, memory_size, respond, store_memory
-from lcmchain.interfaces.laws.coulomb import tangential
+from lcmchain.interfaces.laws.coulomb import tangential, turned
 from lcmchain.interfaces.rims import share_over
 from lcmchain.interfaces.rows import (
     AREA,
@@ -57,8 +57,11 @@ from lcmchain.interfaces.rows import (
     LAST_GAP,
     NORMAL,
     OFFSET,
+    PATH,
     RIM,
     SHARE,
+    SLIP,
+    START,
     STIFFNESS,
     WEIGHT,
     all_parameters,
@@ -81,15 +84,18 @@ from lcmchain.interfaces.search import (
 )
 from lcmchain.interfaces.springs import (
     coordinates_of,
+    corners_of,
     facet_slopes,
+    frame_of,
     minus,
+    smooth_normal,
     spring_at,
     unit,
     vector_of,
 )
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.jit import equation, inlined_routine, kernel_part, ordered_span_routine, routine
-from lcmchain.tools.span_rows import SPAN, put_vector
+from lcmchain.tools.span_rows import SPAN, put_vector, vector_at
 
 # Steps between two refreshes: at most, and by how much they may grow from one to the next.
 MOST_STEPS, GROWTH = 100, 2
@@ -100,6 +106,10 @@ REFRESHES_PER_SEARCH, SEARCH_WAY = 20, 0.5
 LARGEST_PART = 0.2
 # How much faster than depths go to zero offsets become those of the points around.
 SMOOTHING = 2.0
+# Points slide on a ply that they press, or on which a law acts, or that is nearer than this part of
+# half the thickness of the thinner one. Plies that lie loosely on each other press here and there
+# and now and then; counted by that alone, they would hardly slide.
+TOUCHING = 0.2
 
 
 @routine
@@ -238,6 +248,10 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
         r = way_to_facet(arrays.position, data.facet_node, held, rows, at, point)
         before = touch_of(rows, at, r, none, dt_last)
         presses = before.gap < rows[at + HELD * SPAN]
+        if touches(data, rows, at, before.gap, point, held):
+            slip, path = slip_of(arrays.position, data, arrays.ply_slope, held, rows, at, point)
+            put_vector(rows, SLIP, at, slip)
+            rows[at + PATH * SPAN] = path
 
     facet, xi, eta = find_facet(data, arrays, everywhere, presses, grid, point)
     share, slope, most = 1.0, none, 0.0
@@ -255,7 +269,8 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     arrays.ply_facet[point] = facet
     if facet < 0:
         for row in range(memory_rows(laws)[6]):
-            rows[at + row * SPAN] = 0.0
+            if row < SLIP or row > PATH:  # how far it has slid is not forgotten
+                rows[at + row * SPAN] = 0.0
         return
 
     ply, other = data.ply[point], data.facet_ply[facet]
@@ -288,6 +303,8 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     rows[at + STIFFNESS * SPAN] = 0.5 * data.penalty[interface] * data.area[point]
     rows[at + AREA * SPAN] = 0.5 * data.area[point]
     rows[at + INTERFACE * SPAN] = interface
+    start, _ = way_along(arrays.position, data, arrays.ply_slope, facet, rows, at, point)
+    put_vector(rows, START, at, start)
     if not presses or fresh:
         rows[at + LAST_DAMPING * SPAN] = 0.0
 
@@ -440,6 +457,39 @@ def way_to_facet(vectors, facet_node, facet, rows, at, point):
         corner = vector_of(vectors, facet_node[facet, k])
         total = plus(-rows[at + (WEIGHT + k) * SPAN], corner, total)
     return total
+
+
+@equation
+def touches(data, rows, at, gap, point, facet):
+    """Tell whether a point lies on its facet, for its slip, at a gap that the laws see [m]."""
+    ply, other = data.ply[point], data.facet_ply[facet]
+    near = max(data.near[ply, other], TOUCHING * data.depth[ply, other])
+    return gap < max(rows[at + HELD * SPAN], near)
+
+
+@ordered_span_routine
+def way_along(position, data, slopes, facet, rows, at, point):
+    """Return the way to a point along its facet as that lies now [m], and the normal there.
+
+    By the normal of the spring, which is frozen, a facet that turns would seem to slide: the smooth
+    surface lies off it.
+    """
+    facet_node = data.facet_node
+    first, second = rows[at + WEIGHT * SPAN], rows[at + (WEIGHT + 1) * SPAN]
+    third, fourth = rows[at + (WEIGHT + 2) * SPAN], rows[at + (WEIGHT + 3) * SPAN]
+    frame = frame_of(corners_of(position, facet_node, facet))
+    normal = smooth_normal(frame, slopes, facet, (first, second, third, fourth))
+    way = way_to_facet(position, facet_node, facet, rows, at, point)
+    return tangential(way, normal), normal
+
+
+@ordered_span_routine
+def slip_of(position, data, slopes, facet, rows, at, point):
+    """Return how far a point that touches its facet has slid by now: vector and path [m]."""
+    way, normal = way_along(position, data, slopes, facet, rows, at, point)
+    slid = minus(way, turned(vector_at(rows, START, at), normal))
+    slip = plus(1.0, slid, turned(vector_at(rows, SLIP, at), normal))
+    return slip, rows[at + PATH * SPAN] + math.sqrt(dot(slid, slid))
 
 
 @ordered_span_routine

@@ -35,7 +35,10 @@ FORCE = 26  # on the point [N]
 STORED_ENERGY = 29  # [J]
 LOST_ENERGY = 30  # in this step [J]
 DAMPED_ENERGY = 31  # in this step [J]
-SPRING_ROWS = 32  # then the memory of the laws
+SLIP = 32  # on other plies when the spring was made, turned with the surface [m]
+PATH = 35  # length of the way that it slid [m]
+START = 36  # along the facet when the spring was made [m]
+SPRING_ROWS = 39  # then the memory of the laws
 
 
 def row_count(laws: tuple[Any, ...]) -> int:

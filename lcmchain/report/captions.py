@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lcmchain.report.shown import SHOWN, STACK_SHOWN
+from lcmchain.report.shown import BETWEEN_SHOWN, SHOWN, STACK_SHOWN
 
 #: Picture of the start, which a check leaves in the folder of the results.
 START_PICTURE = "initial.png"
@@ -23,6 +23,11 @@ CAPTIONS: dict[str, str] = {
         f"plies_{shown.name}.png": f"{shown.title} of every ply, formed and from above, with its "
         "initial outline; the colours are the same for all plies"
         for shown in SHOWN
+    },
+    **{
+        f"plies_{shown.name}.png": f"{shown.title}, on the upper face of each ply that another one "
+        "lies on, from above; white where none does or ever did"
+        for shown in BETWEEN_SHOWN
     },
     "plies_fibre_directions.png": "Fibre lines of both families of every ply, formed and from "
     "above",

@@ -11,7 +11,7 @@ from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positi
 from lcmchain.fields.stack import PLY, ply_names
 from lcmchain.fields.ugrid import TIME
 from lcmchain.report.packing import packed
-from lcmchain.report.shown import SHOWN, Shown, colour_scale
+from lcmchain.report.shown import BETWEEN_SHOWN, SHOWN, Shown, colour_scale
 from lcmchain.report.view import boundary_edges, hangs_down
 
 if TYPE_CHECKING:
@@ -39,6 +39,11 @@ _OTHERS = (
     Shown("tool_pressure_top", "Tools on the upper face", *_PRESSURE, "viridis", False, 2),
     Shown("tool_pressure_bottom", "Tools on the lower face", *_PRESSURE, "viridis", False, 2),
     Shown("tool_pressure", "Tools on both faces", *_PRESSURE, "viridis", False, 2),
+    *BETWEEN_SHOWN,
+    Shown("ply_pressure_bottom", "Other plies on the lower face", *_PRESSURE, "viridis", False, 2),
+    Shown("slip_path_bottom", "Slip path of the lower face", "mm", 1e3, "cividis", False, 2),
+    Shown("ply_gap_top", "Gap over the upper face", "mm", 1e3, "PuOr_r", True, 3),
+    Shown("ply_gap_bottom", "Gap under the lower face", "mm", 1e3, "PuOr_r", True, 3),
     Shown("displacement", "Displacement", "mm", 1e3, "cividis", False, 2),
 )
 _SHOWN: dict[str, Shown] = {shown.name: shown for shown in (*SHOWN, *_OTHERS)}

@@ -53,6 +53,8 @@ def ply_numbers(summary: Mapping[str, Any]) -> list[Number]:
         parts.append(f"fibres strained by up to {percent(ply['fibre_strain_max'])}")
         if "wrinkle_height_max_m" in ply:
             parts.append(f"wrinkles up to {1e3 * ply['wrinkle_height_max_m']:.2f} mm")
+        if "slip_path_max_m" in ply:
+            parts.append(f"slid on others by up to {1e3 * ply['slip_path_max_m']:.2f} mm")
         angle = math.degrees(ply["shear_angle_max_rad"])
         rows.append(Number(f"Ply {name}", f"sheared by up to {angle:.1f} deg", ", ".join(parts)))
     return rows
@@ -67,6 +69,13 @@ def _stack(summary: Mapping[str, Any]) -> Iterator[Number]:
     if "fibre_volume_fraction_max" in stack:
         fraction = stack["fibre_volume_fraction_max"]
         yield Number("Fibre volume fraction of the stack", f"up to {fraction:.3f}", "of all fibres")
+    if "slip_path_max_m" in stack:
+        meaning = (
+            f"pressure up to {1e-3 * stack['ply_pressure_max_Pa']:.3g} kPa, "
+            f"{percent(stack['sliding_part'])} of what touches slides in the last step"
+        )
+        path = 1e3 * stack["slip_path_max_m"]
+        yield Number("Slip between plies", f"up to {path:.2f} mm of way", meaning)
 
 
 def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:

@@ -57,6 +57,12 @@ STACK_SHOWN = (
     ),
 )  # fmt: skip
 
+#: What plies do to each other, on the upper face of the lower one.
+BETWEEN_SHOWN = (
+    Shown("ply_pressure_top", "Pressure between plies", "kPa", 1e-3, "viridis", False, 2),
+    Shown("slip_path_top", "Slip path between plies", "mm", 1e3, "cividis", False, 2),
+)
+
 # Smallest limit of the colours of signed fields, in the unit shown: noise looks like noise.
 LEAST_LIMIT = {"°": 1.0, "mm": 0.1}
 

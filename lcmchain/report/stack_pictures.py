@@ -27,7 +27,7 @@ from lcmchain.report.renderer import (
 )
 from lcmchain.report.run_tools import RunTools
 from lcmchain.report.sections import Strip, default_planes, draw_section, strips_of
-from lcmchain.report.shown import SHOWN, Shown, colour_scale
+from lcmchain.report.shown import BETWEEN_SHOWN, SHOWN, Shown, colour_scale
 from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK, RC, headline, new_figure, save
 from lcmchain.report.view import FROM_ABOVE, boundary_edges, hangs_down, oblique
 from lcmchain.tools.distance import gaps
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 #: Plies that a picture shows at most, and beside each other.
 MOST_PLIES, IN_A_ROW = 16, 4
 PANEL = 2.5  # width and height of a ply's panel [in]
+#: Colour of faces without a value.
+UNKNOWN = (1.0, 1.0, 1.0, 1.0)
 #: Colours of neighbouring plies in a section.
 PLY_COLOURS = ("#aeb8c4", "#dcd3c3")
 #: How far plies are lifted off each other, in parts of the height and of the width of the stack.
@@ -58,7 +60,8 @@ def draw_plies(out_dir: Path, datasets: Mapping[str, xr.Dataset], frame: int = -
 
     Returns
     -------
-    The files written: ``plies_<field>.png`` for the fields that a ply has,
+    The files written: ``plies_<field>.png`` for the fields that a ply has and for pressure and slip
+    path on every ply that another one lies on,
     ``plies_fibre_directions.png`` and ``exploded.png``.
 
     Raises
@@ -72,6 +75,11 @@ def draw_plies(out_dir: Path, datasets: Mapping[str, xr.Dataset], frame: int = -
         if having:
             files.append(out_dir / f"plies_{shown.name}.png")
             _draw_field(files[-1], having, shown, frame)
+    for shown in BETWEEN_SHOWN:
+        covered = [(name, sheet) for name, sheet in plies if _is_covered(sheet, frame).any()]
+        if covered:
+            files.append(out_dir / f"plies_{shown.name}.png")
+            _draw_field(files[-1], covered, shown, frame, count=len(plies))
     files.append(out_dir / "plies_fibre_directions.png")
     _draw_fibres(files[-1], plies, frame)
     files.append(out_dir / "exploded.png")
@@ -83,31 +91,67 @@ def draw_plies(out_dir: Path, datasets: Mapping[str, xr.Dataset], frame: int = -
 
 
 def _draw_field(
-    path: Path, plies: Sequence[tuple[str, xr.Dataset]], shown: Shown, frame: int
+    path: Path,
+    plies: Sequence[tuple[str, xr.Dataset]],
+    shown: Shown,
+    frame: int,
+    count: int | None = None,
 ) -> None:
-    """Draw a field on every ply, formed and from above, in the same colours."""
+    """Draw a field on every ply, formed and from above, in the same colours.
+
+    What plies do to each other is drawn where another one lies on the ply.
+
+    count : of all plies, where not all are drawn.
+    """
     values = [_face_values(sheet, shown, frame) for _, sheet in plies]
     exact = [shown.factor * sheet[shown.name].values[frame] for _, sheet in plies]
+    titles = [name for name, _ in plies]
+    if shown in BETWEEN_SHOWN:
+        known = [_is_covered(sheet, frame) | (own != 0.0) for own, (_, sheet) in zip(exact, plies)]
+        values = [
+            np.where(nodes[sheet_faces(sheet)].any(axis=1), own, np.nan)
+            for own, nodes, (_, sheet) in zip(values, known, plies)
+        ]
+        exact = [np.where(nodes, own, np.nan) for own, nodes in zip(exact, known)]
+        titles = [f"{name} under {_lying_on(sheet, frame)}" for name, sheet in plies]
     every = np.concatenate(exact)
     with matplotlib.rc_context(RC):
         colours = colour_scale(np.concatenate(values), shown)
         figure, axes, bar = _panels(len(plies), bar=True)
         around = _around(plies, frame)
-        for axis, (name, sheet), own, raw in zip(axes, plies, values, exact):
+        for axis, title, (_, sheet), own, raw in zip(axes, titles, plies, values, exact):
             points, initial = 1e3 * sheet_positions(sheet, frame), 1e3 * reference_positions(sheet)
             faces = sheet_faces(sheet)
             rim = boundary_edges(faces)
+            shades = np.where(np.isnan(own)[:, None], UNKNOWN, colours.to_rgba(own))
             draw_facets(
-                axis, points[faces], FROM_ABOVE, colours.to_rgba(own), shaded=False,
-                edge_darkness=0.7, edge_width=0.1,
+                axis, points[faces], FROM_ABOVE, shades, shaded=False, edge_darkness=0.7,
+                edge_width=0.1,
             )  # fmt: skip
             draw_segments(axis, points[rim], FROM_ABOVE, INK, 0.7)
             draw_outline(axis, initial, rim, "initial outline", width=0.6)
             low, high = np.nanmin(raw), np.nanmax(raw)
-            _finish(axis, around, f"{name}: {shown.text(low)} to {shown.text(high)}")
+            _finish(axis, around, f"{title}: {shown.text(low)} to {shown.text(high)}")
         draw_colour_bar(figure, bar, colours, every, shown)
-        headline(figure, f"{shown.label} of the plies", _subtitle(plies, frame))
+        of = "" if shown in BETWEEN_SHOWN else " of the plies"
+        headline(figure, f"{shown.label}{of}", _subtitle(plies, frame, count))
         save(figure, path)
+
+
+def _is_covered(sheet: xr.Dataset, frame: int) -> np.ndarray:
+    """Tell of every node whether another ply lies on the upper face there, (n,)."""
+    if "faced_ply_top" not in sheet:
+        return np.zeros(sheet["displacement_x"].shape[-1], dtype=bool)
+    return sheet["faced_ply_top"].values[frame] >= 0
+
+
+def _lying_on(sheet: xr.Dataset, frame: int) -> str:
+    """Name the plies that lie on the upper face of one."""
+    faced = sheet["faced_ply_top"]
+    names = dict(
+        zip(faced.attrs["flag_values"].tolist(), faced.attrs["flag_meanings"].split(), strict=True)
+    )
+    return ", ".join(names[number] for number in np.unique(faced.values[frame]) if number >= 0)
 
 
 def _face_values(sheet: xr.Dataset, shown: Shown, frame: int) -> np.ndarray:
@@ -153,14 +197,16 @@ def _draw_fibres(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: int
 def _panels(count: int, *, bar: bool = False):
     """Return a figure with a panel for every ply that is shown, and an axis for a colour bar."""
     count = min(count, MOST_PLIES)
-    columns = max(min(count, IN_A_ROW), 2)
+    columns = min(count, IN_A_ROW)
     rows = -(-count // columns)
-    width, height = columns * (PANEL + 0.45) + 0.4 + (1.3 if bar else 0.0), rows * (PANEL + 0.55)
+    # one alone is as wide as two, for the headline
+    panel = PANEL if count > 1 else 2.0 * PANEL + 0.45
+    width, height = columns * (panel + 0.45) + 0.4 + (1.3 if bar else 0.0), rows * (panel + 0.55)
     figure = new_figure(width, height + 0.75)
     axes = [
         axes_at(
-            figure, 0.5 + (n % columns) * (PANEL + 0.45),
-            height - (n // columns + 1) * (PANEL + 0.55) + 0.35, PANEL - 0.1, PANEL - 0.1,
+            figure, 0.5 + (n % columns) * (panel + 0.45),
+            height - (n // columns + 1) * (panel + 0.55) + 0.35, panel - 0.1, panel - 0.1,
         )
         for n in range(count)
     ]  # fmt: skip
@@ -190,13 +236,13 @@ def _angle(sheet: xr.Dataset) -> float:
     return float(np.degrees(np.arctan2(y, x)).round(6)) + 0.0
 
 
-def _subtitle(plies: Sequence[tuple[str, xr.Dataset]], frame: int) -> str:
+def _subtitle(plies: Sequence[tuple[str, xr.Dataset]], frame: int, count: int | None = None) -> str:
     sheet = plies[0][1]
     time = 1e3 * float(sheet["time"].values[frame])
     more = f", the lowest {MOST_PLIES} of them" if len(plies) > MOST_PLIES else ""
     return (
-        f"{sheet.attrs.get('title', '')}  ·  {len(plies)} plies{more}, bottom first, from above  ·"
-        f"  t = {time:.4g} ms"
+        f"{sheet.attrs.get('title', '')}  ·  {count or len(plies)} plies{more}, bottom first, from "
+        f"above  ·  t = {time:.4g} ms"
     )
 
 

@@ -42,13 +42,19 @@ RESERVED_NAMES = (
     "bending_pressure", "pore_pressure", "tool_pressure_top", "tool_pressure_bottom",
     "tool_pressure", "wrinkle_height", "stack_thickness", "stack_areal_fibre_mass",
     "stack_fibre_volume_fraction", "stack_ply_count",
+    *(
+        f"{field}_{side}"
+        for field in ("ply_pressure", "ply_gap", "slip_path", "ply_contact", "faced_ply")
+        for side in ("top", "bottom")
+    ),
     *(f"permeability_{number}" for number in (1, 2, 3)),
     *(
         f"{vector}_{axis}"
         for vector in (
             "fibre_direction_1", "fibre_direction_2", "permeability_direction_1",
             "permeability_direction_2", "permeability_direction_3", "displacement",
-            "reference_position",
+            "reference_position", "ply_shear_stress_top", "ply_shear_stress_bottom", "slip_top",
+            "slip_bottom",
         )
         for axis in "xyz"
     ),

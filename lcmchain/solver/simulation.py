@@ -14,7 +14,9 @@ from lcmchain.effects.interaction import NO_BOUND, bound, in_places
 from lcmchain.effects.pace import PaceLaw, next_pace
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
+from lcmchain.interfaces.in_frames import FRAME_ROWS, frame_of_points
 from lcmchain.interfaces.limits import require_on_the_face
+from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.model import Model, build_model
 from lcmchain.solver import (
     contact_forces,
@@ -83,13 +85,17 @@ SEARCH_THICKNESS_PART = 0.1
 # elements is not known yet: with a large one it looks ahead by little.
 OMEGA2_OF_FIRST_SEARCH = 1e12
 
+#: Name of what a frame of plies that touch holds beside arrays of the state.
+BETWEEN_PLIES = "between_plies"
+
 
 @dataclass(frozen=True)
 class Snapshot:
     """What a saved frame holds.
 
     time [s]; energy by name [J], ``balance_error`` included; and the arrays of the state that are
-    declared for frames (:class:`lcmchain.state.State`), as they are there.
+    declared for frames (:class:`lcmchain.state.State`), as they are there, with plies that touch
+    also what is between them.
     """
 
     time: float
@@ -125,6 +131,11 @@ class Snapshot:
     def pore_pressure(self) -> np.ndarray:
         """Pressure of the fluid in the elements, by lane (padded_count,) [Pa]; empty without."""
         return self.arrays["pore_pressure"]
+
+    @property
+    def between_plies(self) -> np.ndarray | None:
+        """Contact between plies (FRAME_ROWS, node_count), see lcmchain.interfaces.in_frames."""
+        return self.arrays.get(BETWEEN_PLIES)
 
 
 @dataclass
@@ -224,6 +235,8 @@ class Simulation:
             "condition of the elements": self.require_sound,
             "energies": self.energy,
         }
+        if (plies := self.model.ply_contact) is not None:
+            calls["contact between plies"] = lambda: self._between_plies(plies.data)
         if not self.model.tool_names:
             del calls["contact search"]
         if not self.model.pressed:
@@ -253,7 +266,17 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """Return what a saved frame holds of the present."""
-        return Snapshot(self.time, self.energy(), self.state.frame())
+        arrays = self.state.frame()
+        if self.model.ply_contact is not None:
+            arrays[BETWEEN_PLIES] = self._between_plies(self.model.ply_contact.data)
+        return Snapshot(self.time, self.energy(), arrays)
+
+    def _between_plies(self, data: InterfaceData) -> np.ndarray:
+        state, frame = self.state, np.empty((FRAME_ROWS, self.model.node_count))
+        frame_of_points(
+            data, state.position, state.ply_slope, state.ply_facet, state.ply_rows, frame
+        )
+        return frame
 
     def require_resolved(self) -> None:
         """Check from time to time that the mesh follows the deformation; for after every chunk.

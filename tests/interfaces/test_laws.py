@@ -28,7 +28,9 @@ from stacks import (
 
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
+from lcmchain.interfaces.law import Touch, parameters, respond
 from lcmchain.interfaces.laws.friction_map import FrictionMapTable, friction_at
+from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
 from lcmchain.interfaces.table import Interface
 from lcmchain.scene import scene_from_text
 
@@ -84,6 +86,19 @@ def test_a_viscous_film_resists_in_proportion_to_the_speed():
     sim.advance_to(2e-3)
     assert sim.energy()["friction"] - before == pytest.approx(wanted * speed * 0.2e-3, rel=1e-2)
     require_balance(sim)
+
+
+def test_a_film_acts_within_its_thickness():
+    """At a gap above it a ply slides freely; the law itself answers in closed form."""
+    law = ViscousFilmTable.gathered([FILM])
+    values = parameters(law, 0)
+    for gap, part in ((0.09e-3, 1.0), (0.11e-3, 0.0)):
+        touch = Touch(gap, gap, 0.0, 1.0, 2.0, (0.0, 0.0, 1.0), (0.0,) * 3, (3e-6, 0.0, 0.0), 1e-6)
+        force, tension, stored, lost, memory = respond(law, values, (0.0, 0.0, 0.0), touch)
+        wanted = part * FILM.viscosity / FILM.thickness * 3.0 * 2.0
+        assert force == pytest.approx((-wanted, 0.0, 0.0)) and memory == force
+        assert (tension, stored) == (0.0, 0.0)
+        assert lost == pytest.approx(0.5 * wanted * 3e-6)
 
 
 def test_tack_takes_its_stress_times_the_difference_of_its_distances():

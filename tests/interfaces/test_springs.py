@@ -12,7 +12,7 @@ from lcmchain.interfaces import forces
 from lcmchain.interfaces.forces import add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.refresh import refresh, renew_slopes
 from lcmchain.interfaces.rims import share_over
-from lcmchain.interfaces.rows import SHARE
+from lcmchain.interfaces.rows import AREA, SHARE
 from lcmchain.interfaces.springs import project, spring_at
 
 DEPTH = 20e-6  # of one ply in the other [m]
@@ -124,6 +124,20 @@ def test_the_share_of_a_rim_point_is_that_of_its_area():
         assert share == pytest.approx(wanted, abs=1e-9)
         if 0.0 < wanted < 1.0:
             assert slope == pytest.approx((-2.0 / (1e-3 * step), 0.0, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0])
+def test_shares_add_up_to_the_area_that_lies_over_the_other_ply(angle):
+    """Of a ply whose mesh follows other angles, with elements of unlike size at its own rims."""
+    plies = [
+        ply("a", width=50.0, height=24.0, edge=4.0, angle=angle, z=0.5 * T),
+        ply("b", shift=(-6.1, 1.3, 0.0), width=16.0, height=12.0, edge=4.0, z=1.5 * T),
+    ]
+    sim = stack(plies, scene_of())
+    renew(sim)
+    covered = of_points(sim, AREA) * of_points(sim, SHARE)
+    lower = (sim.model.ply_contact.data.ply == 0) & (sim.state.ply_facet >= 0)
+    assert covered[lower].sum() == pytest.approx(0.5e-6 * 16.0 * 12.0, rel=2e-2)
 
 
 def test_points_stand_in_the_list_of_their_facets_corners_in_order(sim):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
-from stacks import T, of_points, ply, scene_of, stack
+from stacks import T, of_points, ply, scene_of, stack, thickness
 from test_sliding import sled
 
 from lcmchain.errors import SimulationError
@@ -56,6 +56,32 @@ def test_threads_do_not_change_a_bit(halfway):
         assert_identical(again.state, sim.state)
     numba.set_num_threads(threads)
     assert sim.model.node_count > NODE_CHUNK
+
+
+@pytest.mark.slow
+def test_sixteen_plies_go_on_with_the_same_bits_on_one_thread_and_on_two():
+    """Of two angles in turn: the loop takes those of one angle as one body."""
+    plies = [
+        ply(f"ply {k}", width=30.0, height=30.0, angle=45.0 * (k % 2), z=(k + 0.5) * T)
+        for k in range(16)
+    ]
+    scene = scene_of(time=2.0, bottom=0.0, top=16 * T, travel=2.0 * T, damping=200.0)
+    sim = stack(plies, scene, Interface(friction=0.2))
+    sim.advance_to(1e-3)
+    before = sim.state.copy()
+    sim.advance_to(2e-3)
+    energy = sim.energy()
+    assert abs(energy["balance_error"]) < 5e-3 * energy["external"]
+    heights = np.array([thickness(sim, body).mean() for body in sim.model.bodies])
+    assert heights.sum() == pytest.approx(14e-3 * T, rel=2e-2)
+    threads = numba.get_num_threads()
+    for count in range(1, min(2, numba.config.NUMBA_NUM_THREADS) + 1):
+        numba.set_num_threads(count)
+        again = Simulation(sim.model)
+        again.restore(before)
+        again.advance_to(2e-3)
+        assert_identical(again.state, sim.state)
+    numba.set_num_threads(threads)
 
 
 def test_a_ply_that_goes_through_another_one_stops_the_run():

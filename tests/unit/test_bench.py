@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from lcmchain.bench import hemisphere, machine, operations, parts, sizes, tables
+from lcmchain.bench.measure import Measurement
+from lcmchain.bench.stacks import StackSpeed
 from lcmchain.check.effect_cost import EffectCost
 from lcmchain.effects.switches import Switchable
 from lcmchain.scene import scene_from_text
@@ -132,6 +134,20 @@ def test_costs_of_effects_in_the_table_and_as_json(monkeypatch, tmp_path):
     assert list(table.columns[3].cells) == ["25.0%"] and kept == {"gravity": 0.25}
     figures = json.loads((tmp_path / "effects.json").read_text(encoding="utf-8"))
     assert figures["effects"] == {"gravity": {"with": 2.0, "without": 1.5}}
+
+
+def test_stacks_in_the_table_and_as_json(monkeypatch, tmp_path):
+    def times(one, both):
+        return Measurement("", 1, one, one, one), Measurement("", 2, both, both, both)
+
+    speeds = [StackSpeed(1, *times(0.08, 0.05), 0.0), StackSpeed(4, *times(0.12, 0.06), 0.04)]
+    monkeypatch.setattr(tables, "measure_stacks", lambda: (0.02, speeds))
+    table = tables.run_stack_bench(tmp_path / "stacks.json")
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    assert rows[0][1:] == ("0.0800", "1.00", "0.0500", "1.00", "1.60", "", "")
+    assert rows[1] == ("4", "0.1200", "1.50", "0.0600", "1.20", "2.00", "0.0400", "2.00")
+    figures = json.loads((tmp_path / "stacks.json").read_text(encoding="utf-8"))
+    assert figures["kernel"] == 0.02 and figures["stacks"][1]["interface"] == 0.04
 
 
 def test_a_plate_is_free_and_moves():

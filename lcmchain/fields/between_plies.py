@@ -1,0 +1,77 @@
+"""Fields of a ply's faces against other plies: pressure, gap, shear stress, slip, state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lcmchain.elements.family import Body
+from lcmchain.fields.table import FIELDS
+from lcmchain.interfaces.in_frames import (
+    APART,
+    CONTACT,
+    FACED,
+    GAP,
+    PRESSED,
+    SHEARED,
+    SLID,
+    SLID_PATH,
+    SLIDES,
+    STICKS,
+)
+from lcmchain.interfaces.surfaces import NONE
+
+#: What stands for no ply in the names of ``faced_ply``.
+NO_PLY = "none"
+
+#: Fields with the rows of a frame that they are.
+_LENGTHS = {"ply_gap": GAP, "slip": SLID, "slip_path": SLID_PATH}
+#: And those that are forces over the present area.
+_STRESSES = {"ply_pressure": PRESSED, "ply_shear_stress": SHEARED}
+
+
+@dataclass(frozen=True)
+class BetweenPlies:
+    """The nodes of one ply against the others.
+
+    rows : what the frames hold of them (F, FRAME_ROWS, node_count), see
+        :mod:`lcmchain.interfaces.in_frames`.
+    area : of the nodes on their face (F, node_count) [m²].
+    plies : names of all plies, by their numbers.
+    """
+
+    rows: np.ndarray
+    area: np.ndarray
+    plies: tuple[str, ...]
+
+    @classmethod
+    def of_body(
+        cls, body: Body, positions: np.ndarray, rows: np.ndarray, plies: Sequence[str]
+    ) -> BetweenPlies:
+        """Return the nodes of a body; positions and rows are those of all nodes of the model."""
+        own = slice(body.first_node, body.first_node + body.mesh.node_count)
+        area = [body.present_node_area(np.ascontiguousarray(x.T)) for x in positions]
+        return cls(rows[..., own], np.stack(area), tuple(plies))
+
+    def fields(self, side: str, nodes: slice) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+        """Return values (F, n) and attributes of every variable of one face of the ply."""
+        found: dict[str, tuple[np.ndarray, dict[str, Any]]] = {}
+        area = self.area[:, nodes]
+        for stem, row in (_STRESSES | _LENGTHS).items():
+            field = FIELDS[f"{stem}_{side}"]
+            for number, variable in enumerate(field.variables):
+                values = self.rows[:, row + number, nodes]
+                values = values / area if stem in _STRESSES else np.ascontiguousarray(values)
+                found[variable] = values, field.attributes(variable)
+        states = {"apart": APART, "sticks": STICKS, "slides": SLIDES}
+        numbers = {NO_PLY: NONE} | {name: number for number, name in enumerate(self.plies)}
+        for stem, row, flags in (("ply_contact", CONTACT, states), ("faced_ply", FACED, numbers)):
+            name = f"{stem}_{side}"
+            attributes: dict[str, Any] = FIELDS[name].attributes(name)
+            attributes["flag_values"] = np.array(list(flags.values()), dtype=np.int32)
+            attributes["flag_meanings"] = " ".join(flags)
+            found[name] = self.rows[:, row, nodes].astype(np.int32), attributes
+        return found
