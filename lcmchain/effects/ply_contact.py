@@ -18,7 +18,6 @@ from __future__ import annotations
 from typing import Any
 
 from lcmchain.effects.effect import Effect
-from lcmchain.interfaces.law import NoLaw, span
 
 
 def active(model: Any) -> list[Effect]:
@@ -28,7 +27,9 @@ def active(model: Any) -> list[Effect]:
     contact = model.ply_contact
     if contact is None:
         return [Effect("contact between plies", False, "they pass through each other")]
-    stiffness = f"stiffness {span(1e-9 * contact.data.penalty)} N/mm^3"
-    effects = [Effect("contact between plies", True, stiffness)]
-    laws = [law for law in contact.laws if not isinstance(law, NoLaw)]
+    values = 1e-9 * contact.data.penalty
+    stiffness = " to ".join(f"{v:.3g}" for v in dict.fromkeys((values.min(), values.max())))
+    effects = [Effect("contact between plies", True, f"stiffness {stiffness} N/mm^3")]
+    # the places for laws that no interface uses have nothing to say
+    laws = [law for law in contact.laws if hasattr(law, "title")]
     return [*effects, *(Effect(law.title(), True, law.reason()) for law in laws)]

@@ -68,7 +68,7 @@ _BETWEEN_PLIES = (
         "m",
         "gap to another ply from the",
         "of a stack of plies: distance of the node of the upper face from the smooth surface of "
-        "the ply that it faces, negative for a depth; not a number where it faces none within half "
+        "the ply that it faces, negative for a depth; not a number where it faces none within "
         "the thickness of the thinner ply or the reach of a law",
         False,
     ),
