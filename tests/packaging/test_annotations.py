@@ -14,8 +14,8 @@ pytestmark = pytest.mark.skipif(
 # Decorators behind which numba derives the types from every call (lcmchain/jit.py,
 # lcmchain/dispatch.py and numba's own).
 COMPILED = {
-    "equation", "strict_equation", "routine", "span_routine", "span_part", "ordered_span_routine", "inlined_routine",
-    "kernel_part",
+    "equation", "strict_equation", "routine", "span_routine", "span_part", "ordered_span_routine",
+    "inlined_routine", "kernel_part",
     "entry", "kernel", "implements", "required", "optional", "njit", "overload", "intrinsic",
 }  # fmt: skip
 
