@@ -73,6 +73,7 @@ from lcmchain.interfaces.rows import (
 from lcmchain.interfaces.search import (
     GIVEN_UP,
     HELD_FACING,
+    ON_EDGE,
     build_grid,
     furthest_outside,
     is_triangle,
@@ -264,7 +265,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
         )
         # what hangs down beyond a rim is beside the other ply, not in it
         beside = -gap > data.depth[data.ply[point], data.facet_ply[facet]]
-        if most > 0.0 and (share <= 0.0 or beside):
+        if most > ON_EDGE and (share <= 0.0 or beside):
             facet = NONE
     arrays.ply_facet[point] = facet
     if facet < 0:
@@ -285,7 +286,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
         rows[at + SHARE * SPAN] = share - dot(slope, ahead)
     r = way_to_facet(arrays.position, data.facet_node, facet, rows, at, point)
     gap = dot(normal, r) + offset
-    if most <= 0.0:
+    if most <= ON_EDGE:
         sums[DEEPEST], sums[DEEPEST_POINT] = deeper(
             sums[DEEPEST], sums[DEEPEST_POINT], -gap / data.depth[ply, other], point
         )
@@ -404,7 +405,7 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
             facet = NONE
         else:
             # no ply has room between the two
-            inside = most <= 0.0 and (presses or gap < data.thinnest)
+            inside = most <= ON_EDGE and (presses or gap < data.thinnest)
             cost = abs(gap) / data.reach + 4.0 * max(most, 0.0)
     if everywhere and not inside:
         other, other_xi, other_eta, other_cost = nearest_facet(position, data, slopes, point, grid)
