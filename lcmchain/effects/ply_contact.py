@@ -10,7 +10,9 @@ Source: node-to-facet penalty contact, e.g. Wriggers, "Computational Contact Mec
 Stability limit: ω² of the springs, bounded by the row sums of M⁻¹K, is added to that of the
 elements; damping along the normals, a few percent of critical, adds its rate.
 Scene: ``layup`` or ``[[plies]]``, and ``[[interfaces]]``.
-Fields: ``energy_contact``, ``energy_friction`` (history).
+Fields: ``ply_pressure_top``, ``ply_shear_stress_top``, ``ply_gap_top``, ``slip_top``,
+``slip_path_top``, ``ply_contact_top``, ``faced_ply_top`` and those of the lower face;
+``energy_contact``, ``energy_friction`` (history).
 """
 
 from __future__ import annotations

@@ -26,6 +26,7 @@ from lcmchain.fields import (
 )
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.summary import field_warnings
+from lcmchain.fields.table import BETWEEN_PLIES
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, saved_times
 from lcmchain.mesh.blank import build_blank
 from lcmchain.scene import scene_from_text
@@ -111,7 +112,8 @@ def test_every_face_and_node_variable_says_what_it_is(file):
                 continue
             if field.name in ("tool_pressure", "pore_pressure"):
                 continue
-            if field.name.startswith("stack_"):  # of several plies
+            if field.name.startswith("stack_") or field.name in BETWEEN_PLIES:  # of several plies
+                assert not set(field.variables) & set(sheet.variables)
                 continue
             for name in field.variables:
                 assert sheet[name].attrs["mesh"] == "sheet"
