@@ -201,13 +201,19 @@ def test_the_force_has_no_jump_where_points_go_from_facet_to_facet(curved):
 
 @pytest.mark.slow
 def test_a_stack_of_18_plies_takes_the_measured_forces():
-    """Values of the measured curve, read off it without the program; within 3 %."""
+    """Values of the measured curve, read off it without the program.
+
+    Within 1 %, at first within 3 %: there the plies shear most, and their ends are free.
+    """
     spec = importlib.util.spec_from_file_location("shear", EXAMPLES / "stack_shear" / "shear.py")
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
     result = example.shear(25.0, 40.0, example.interface_curve())
-    travels = (0.1, 0.25, 0.5, 1.0, 1.5, 2.0)
-    found = [result.at(travel) for travel in travels]
-    assert found == pytest.approx([190.0, 289.0, 388.0, 512.0, 583.0, 616.0], rel=3e-2)
+    assert result.at(0.1) == pytest.approx(190.0, rel=3e-2)
+    found = [result.at(travel) for travel in (0.25, 0.5, 1.0, 1.5, 2.0)]
+    assert found == pytest.approx([289.0, 388.0, 512.0, 583.0, 616.0], rel=1e-2)
     assert result.kinetic[result.travel > 0.1].max() < 1e-2
     assert abs(result.balance) < 1e-3
+    # as if the plies were rigid, the stack would be too soft
+    rigid = example.shear(25.0, 40.0, example.interface_curve(plies_shear=False))
+    assert rigid.at(0.1) < 0.97 * result.at(0.1)
