@@ -173,7 +173,7 @@ def test_a_study_of_fields_names_its_command(scene_of, tmp_path):
     (tmp_path / "scene.toml").write_text(
         'process = { time = "10 ms" }\n' + MD600 + PLY * 2, encoding="utf-8"
     )
-    with pytest.raises(InputError, match="plies: names 2 plies .* lcmchain study accuracy takes"):
+    with pytest.raises(InputError, match="plies: names 2 plies .* lcmchain study accuracy varies"):
         ladder(SceneText.from_file(tmp_path / "scene.toml"))
 
 

@@ -125,7 +125,7 @@ def coulomb_response(law, values, memory, touch):
 @implements(carried, Coulomb)
 @equation
 def coulomb_carried(law, values, memory, before, after, kept):
-    pressed = kept if before.gap < 0.0 else 0.0
+    pressed = kept if before.pressure > 0.0 else 0.0
     return slip_carried(memory, before, after, pressed)
 
 

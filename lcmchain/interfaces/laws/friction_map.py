@@ -121,7 +121,7 @@ def map_response(law, values, memory, touch):
 @implements(carried, FrictionMap)
 @equation
 def map_carried(law, values, memory, before, after, kept):
-    pressed = kept if before.gap < 0.0 else 0.0
+    pressed = kept if before.pressure > 0.0 else 0.0
     return slip_carried(memory, before, after, pressed)
 
 

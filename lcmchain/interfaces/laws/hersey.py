@@ -105,7 +105,7 @@ def hersey_response(law, values, memory, touch):
 @implements(carried, Hersey)
 @equation
 def hersey_carried(law, values, memory, before, after, kept):
-    pressed = kept if before.gap < 0.0 else 0.0
+    pressed = kept if before.pressure > 0.0 else 0.0
     return slip_carried(memory, before, after, pressed)
 
 
