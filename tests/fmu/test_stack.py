@@ -211,7 +211,7 @@ def test_the_springs_between_the_plies_belong_to_the_state(units, tmp_path):
     springs = [name for name in state.as_dict() if name.startswith("ply_")]
     reached = {name: getattr(state, name).tobytes() for name in springs}
     own = [name for name in springs if f"state_{name}" in saved.part.arrays]
-    assert own == springs and len(springs) > 5
+    assert own == springs and {"ply_rows", "ply_slope", "ply_counters"} < set(springs)
     assert (saved.part.arrays["state_ply_facet"] >= 0).any(), "the plies must touch"
     for name in springs:
         getattr(state, name)[...] = 0

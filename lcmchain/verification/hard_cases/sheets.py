@@ -103,8 +103,10 @@ def stack_simulation(
         supports=held or HOLDS_NOTHING,
         interfaces=scene.stack.interfaces(scene.interfaces),
     )
-    assert model.ply_contact is not None
-    return Simulation(replace(model, ply_contact=model.ply_contact._replace(**contact)))
+    plies = model.ply_contact
+    assert plies is not None
+    plies = plies._replace(data=plies.data._replace(**contact))
+    return Simulation(replace(model, ply_contact=plies))
 
 
 def linear_fabric(thickness: float = 1.004, **moduli: float) -> str:
