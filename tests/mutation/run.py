@@ -10,7 +10,8 @@ table. Ends with 1 if a mutant survives or a test fails without any.
 
 A kernel on disk does not notice a change in another file that it inlines: a mutant of a file with
 compiled functions gets a cache without the kernels of that file and of all files that import it,
-directly or not. All other kernels are those of the unchanged package.
+directly or not; a file that asks a question imports those that answer it with ``implements``. All
+other kernels are those of the unchanged package.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MUTANTS = Path(__file__).with_name("mutants.toml")
 # Folders of the checkout that are packages inside lcmchain once installed.
 OUTER = ("mapping", "coupling", "fmu")
-DECORATORS = "njit|kernel|routine|equation|strict_equation|overload|vectorize"
+DECORATORS = r"njit|entry|overload|vectorize|\w*(kernel|routine|equation|span_part|kernel_part)"
 COMPILED = re.compile(rf"^@({DECORATORS})\b", re.M)
 HEAD = """# Mutation study
 
@@ -67,6 +68,20 @@ def read_mutants(path: Path = MUTANTS) -> list[Mutant]:
     """Read the list of mutants."""
     entries = tomllib.loads(path.read_text(encoding="utf-8"))["mutant"]
     return [Mutant(**entry | {"tests": tuple(entry["tests"])}) for entry in entries]
+
+
+def questions_answered(tree: ast.AST) -> set[str]:
+    """Return the functions that a file answers with ``implements``, by their names."""
+    return {
+        call.args[0].id
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
+        for call in node.decorator_list
+        if isinstance(call, ast.Call)
+        and isinstance(call.func, ast.Name)
+        and call.func.id == "implements"
+        and isinstance(call.args[0], ast.Name)
+    }
 
 
 class Copy:
@@ -106,6 +121,15 @@ class Copy:
                 for name in names:
                     place = self.folder.joinpath(*name.split("."))
                     imported |= {place.with_suffix(".py"), place / "__init__.py"} & set(files)
+        for file in files:
+            tree = ast.parse(file.read_text(encoding="utf-8"))
+            questions = questions_answered(tree)
+            for node in ast.walk(tree):
+                if isinstance(node, ast.ImportFrom) and questions & {a.name for a in node.names}:
+                    place = self.folder.joinpath(*(node.module or "").split("."))
+                    asking = {place.with_suffix(".py"), place / "__init__.py"} & set(files)
+                    for other in asking:
+                        files[other].add(file)
         return files
 
     def kernels_without(self, path: Path) -> Path:

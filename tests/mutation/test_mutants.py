@@ -7,7 +7,8 @@ from runpy import run_path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-MUTANTS = run_path(str(Path(__file__).with_name("run.py")))["read_mutants"]()
+RUN = run_path(str(Path(__file__).with_name("run.py")))
+MUTANTS = RUN["read_mutants"]()
 
 pytestmark = pytest.mark.skipif(
     not (ROOT / "pyproject.toml").is_file(), reason="needs the checkout, not only the tests"
@@ -29,6 +30,16 @@ def test_a_mutant_changes_one_place_and_names_tests_that_exist(mutant):
             if isinstance(node, ast.FunctionDef)
         }
         assert {part.split("[")[0] for part in name} <= functions, test
+
+
+def test_kernels_are_made_anew_that_call_a_file_by_dispatch_alone(tmp_path):
+    """The loop imports the contact between plies by no way but its answers."""
+    copy = RUN["Copy"](tmp_path)
+    package = tmp_path / "lcmchain"
+    for file in ("interfaces/refresh.py", "interfaces/rims.py", "solver/ply_contact.py"):
+        assert RUN["COMPILED"].search((package / file).read_text(encoding="utf-8"))
+        assert package / "solver/loop.py" in copy.importers_of(package / file)
+    assert package / "solver/loop.py" not in copy.importers_of(package / "report/captions.py")
 
 
 def test_there_are_enough_mutants_in_every_room():
