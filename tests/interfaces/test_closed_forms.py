@@ -44,7 +44,7 @@ def moved(way):
 # --- a strip drawn over a drum --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("turn", [90.0, 180.0])
+@pytest.mark.parametrize("turn", [90.0, pytest.param(180.0, marks=pytest.mark.slow)])
 def test_a_strip_drawn_over_a_drum_takes_the_forces_of_a_capstan(turn):
     """T2 / T1 = exp(µ φ): within 0.5 %, bending of the limp strip left out.
 
