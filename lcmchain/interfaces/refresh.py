@@ -73,11 +73,13 @@ from lcmchain.interfaces.rows import (
 from lcmchain.interfaces.search import (
     GIVEN_UP,
     HELD_FACING,
+    HELD_GAPING,
     ON_EDGE,
+    beyond_edges,
     build_grid,
+    cost_of,
     furthest_outside,
     is_triangle,
-    largest_outside,
     looks_at,
     nearest_facet,
     no_grid,
@@ -259,13 +261,14 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     w, normal, offset = (0.0, 0.0, 0.0, 0.0), none, 0.0
     if facet >= 0:
         share, slope = share_over(position, data, point, facet)
-        most, _ = largest_outside(data, facet, xi, eta)
+        beside, hanging = beyond_edges(data, facet, xi, eta)
+        most = max(beside, hanging)
         w, normal, offset, gap = spring_at(
             position, data.facet_node, arrays.ply_slope, facet, xi, eta, x
         )
         # what hangs down beyond a rim is beside the other ply, not in it
-        beside = -gap > data.depth[data.ply[point], data.facet_ply[facet]]
-        if most > ON_EDGE and (share <= 0.0 or beside):
+        below = -gap > data.depth[data.ply[point], data.facet_ply[facet]]
+        if most > ON_EDGE and (share <= 0.0 or below):
             facet = NONE
     arrays.ply_facet[point] = facet
     if facet < 0:
@@ -296,7 +299,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     baseline = lies if fresh else min(rows[at + BASELINE * SPAN], lies)
     depth, offset_held = -(gap + baseline), 0.0
     if presses and not fresh:
-        offset_held = held_offset(data, arrays, point, depth, data.depth[ply, other])
+        offset_held = held_offset(data, arrays, point, other, depth, data.depth[ply, other])
     rows[at + BASELINE * SPAN] = baseline
     rows[at + LAST_DEPTH * SPAN] = depth
     rows[at + HELD * SPAN] = offset_held
@@ -394,19 +397,19 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
         )
         xi, eta = coordinates_of(is_triangle(data, facet), w0, w1, w2, w3)
         facet, xi, eta = walk(position, data, slopes, facet, xi, eta, x)
-        most, edge = largest_outside(data, facet, xi, eta)
-        limit = furthest_outside(data, point, facet)
-        if data.neighbour[facet, edge] >= 0:
-            limit = 0.2
+        beside, hanging = beyond_edges(data, facet, xi, eta)
+        most = max(beside, hanging)
+        furthest = furthest_outside(data, point, facet)
+        leaves = beside > HELD_GAPING or hanging > furthest
         _, normal, _, gap = spring_at(position, data.facet_node, slopes, facet, xi, eta, x)
-        reach = GIVEN_UP * data.depth[ply, data.facet_ply[facet]]
+        reach = GIVEN_UP * data.far[ply, data.facet_ply[facet]]
         facing = looks_at(position, data, point, normal, HELD_FACING)
-        if most > limit or gap > reach or not facing:
+        if leaves or gap > reach or not facing:
             facet = NONE
         else:
             # no ply has room between the two
             inside = most <= ON_EDGE and (presses or gap < data.thinnest)
-            cost = abs(gap) / data.reach + 4.0 * max(most, 0.0)
+            cost = cost_of(data, gap, beside, hanging, furthest)
     if everywhere and not inside:
         other, other_xi, other_eta, other_cost = nearest_facet(position, data, slopes, point, grid)
         if other_cost < cost:
@@ -415,7 +418,7 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
 
 
 @inlined_routine
-def held_offset(data, arrays, point, depth, half_thickness):
+def held_offset(data, arrays, point, other, depth, half_thickness):
     """Return the offset of a point that presses, at a depth without its offset [m]."""
     total_depth, total_held, count = 0.0, 0.0, 0
     for k in range(data.ring.shape[1]):
@@ -423,7 +426,8 @@ def held_offset(data, arrays, point, depth, half_thickness):
         if facet >= 0:
             for c in range(4):
                 node = data.facet_node[facet, c]
-                if arrays.ply_touching[node] >= 0:
+                touching = arrays.ply_touching[node]
+                if touching >= 0 and data.facet_ply[touching] == other:
                     total_depth += arrays.ply_held[node, 0]
                     total_held += arrays.ply_held[node, 1]
                     count += 1

@@ -29,6 +29,9 @@ LONGEST_WALK = 16
 # Facet normal and the way from the point's other face to the point look at each other: -cos of at
 # most 66 degrees to take up a facet. A facet that is held turns away at 90 degrees.
 FACING, HELD_FACING = 0.4, 0.0
+# Beyond an edge with a neighbour, that one is faced, up to what gapes between them, in half edges;
+# a facet that is held is kept a little further.
+GAPING, HELD_GAPING = 0.05, 0.2
 # A facet that is held is given up at this multiple of the distance at which it is taken up.
 GIVEN_UP = 1.3
 # Cells of the grid for each facet, at most; their size in widest edges, beside the reach.
@@ -39,8 +42,8 @@ BESIDE, BESIDE_A_RIM = 0.1, 0.8
 # multiple of their radius, at rims with what points may lie beside them, and further off than this
 # part of the radius, by which they can curve.
 ASIDE, CURVED = 1.1, 0.35
-# Distance outside a facet, in half edges, that outweighs a gap of the whole reach.
-OUTSIDE_COST = 4.0
+# What a half edge beside a facet counts, in gaps of half the thickness of the thinnest ply.
+BESIDE_COST = 4.0
 
 
 @equation
@@ -49,14 +52,19 @@ def is_triangle(data, facet):
 
 
 @inlined_routine
-def largest_outside(data, facet, xi, eta):
-    """Return how far beyond its edges facet coordinates lie [half edges], and over which edge."""
+def beyond_edges(data, facet, xi, eta):
+    """Return how far facet coordinates lie beyond edges with a neighbour, and beyond rims.
+
+    In half edges, the largest of each; negative inside.
+    """
     beyond = outside(is_triangle(data, facet), xi, eta)
-    most, edge = beyond[0], 0
-    for k in range(1, 4):
-        if beyond[k] > most:
-            most, edge = beyond[k], k
-    return most, edge
+    beside, hanging = -math.inf, -math.inf
+    for k in range(4):
+        if data.neighbour[facet, k] >= 0:
+            beside = max(beside, beyond[k])
+        else:
+            hanging = max(hanging, beyond[k])
+    return beside, hanging
 
 
 @inlined_routine
@@ -93,6 +101,18 @@ def looks_at(position, data, point, normal, facing):
     """Tell whether a point's side of its ply looks at a surface of this normal."""
     across = minus(vector_of(position, point), vector_of(position, data.partner[point]))
     return dot(across, normal) < -facing * math.sqrt(dot(across, across))
+
+
+@equation
+def cost_of(data, gap, beside, hanging, furthest):
+    """Return what speaks against a facet at a gap [m], with a point beyond its edges [half edges].
+
+    beside, hanging : beyond edges with a neighbour and beyond rims. furthest : see
+    :func:`furthest_outside`. A point keeps to a ply beyond whose rim it hangs while another one is
+    further off than that is thick.
+    """
+    cost = abs(gap) / data.thinnest + BESIDE_COST * max(beside, 0.0)
+    return cost + max(hanging, 0.0) / furthest
 
 
 class Grid(NamedTuple):
@@ -244,19 +264,14 @@ def nearest_facet(position, data, slopes, point, grid):
             continue
         xi, eta = middle_of(is_triangle(data, facet))
         xi, eta = project(position, data.facet_node, slopes, facet, xi, eta, x)
-        most, edge = largest_outside(data, facet, xi, eta)
-        beside = max(most, 0.0)
-        if most > ON_EDGE:
-            # beside an edge with a neighbour, that one is faced, up to what gapes between them
-            allowed = 0.05
-            if data.neighbour[facet, edge] < 0:
-                allowed = furthest_outside(data, point, facet)
-            if most > allowed:
-                continue
+        beside, hanging = beyond_edges(data, facet, xi, eta)
+        furthest = furthest_outside(data, point, facet)
+        if beside > GAPING or hanging > furthest:
+            continue
         _, normal, _, gap = spring_at(position, data.facet_node, slopes, facet, xi, eta, x)
         if gap > data.far[ply, other] or -gap > data.depth[ply, other]:
             continue
-        cost = abs(gap) / data.reach + OUTSIDE_COST * beside
+        cost = cost_of(data, gap, beside, hanging, furthest)
         if cost < least and looks_at(position, data, point, normal, FACING):
             found, found_xi, found_eta, least = facet, xi, eta, cost
     return found, found_xi, found_eta, least

@@ -12,7 +12,7 @@ from lcmchain.interfaces import forces
 from lcmchain.interfaces.forces import add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.refresh import refresh, renew_slopes
 from lcmchain.interfaces.rims import share_over
-from lcmchain.interfaces.rows import AREA, SHARE
+from lcmchain.interfaces.rows import AREA, HELD, SHARE
 from lcmchain.interfaces.springs import project, spring_at
 
 DEPTH = 20e-6  # of one ply in the other [m]
@@ -32,9 +32,9 @@ def sim():
     return sim
 
 
-def renew(sim):
-    """Renew the springs of plies at rest; return what that puts in [J]."""
-    sim.arrays.ply_counters[forces.LAST_STEPS] = 0
+def renew(sim, steps=0):
+    """Renew the springs of plies at rest after some steps; return what that puts in [J]."""
+    sim.arrays.ply_counters[forces.LAST_STEPS] = steps
     return refresh(*sim.model.ply_contact, sim.arrays, 0.0, 1e-6)
 
 
@@ -178,3 +178,82 @@ def test_what_hangs_down_beyond_a_rim_is_let_go_and_what_is_over_the_ply_is_told
         assert (counters[forces.TOO_DEEP] == point + 1) == told
         assert (state.ply_facet[point] >= 0) == told
         state.set_to(before)
+
+
+BED, SLED, COVER = 0, 1, 2
+
+
+def three_plies(bed=0.55 * T):
+    """A short ply between two longer ones, whose meshes do not match; ``bed`` is its height.
+
+    The bed is found from above the short ply, a little less than a thickness off.
+    """
+    return stack(
+        [
+            ply("bed", width=40.0, height=30.0, edge=4.0, z=bed),
+            ply("sled", width=16.0, height=12.0, edge=4.0, z=1.5 * T),
+            ply("cover", width=25.0, height=19.0, edge=3.0, z=2.5 * T),
+        ],
+        scene_of(),
+    )
+
+
+def hanging_over(sim):
+    """Points of the cover that hang beyond the short ply's rim, less far than their area."""
+    position, first = sim.state.position, sim.model.bodies[COVER].first_node
+    x, y = np.abs(position[:2, first:])
+    low = position[2, first:] < 2.1e-3 * T
+    reach = 0.5 * sim.model.ply_contact.data.spacing[first:] - 1e-6
+    beyond = np.maximum(x - 8e-3, y - 6e-3)
+    return first + np.flatnonzero(low & (beyond > 1e-6) & (beyond < reach))
+
+
+def test_a_point_beyond_a_rim_faces_the_facet_that_it_hangs_beside():
+    """Also where another facet of the uneven ply, drawn on beyond its own side, comes nearer."""
+    sim = three_plies()
+    state, data = sim.state, sim.model.ply_contact.data
+    body = sim.model.bodies[SLED]
+    own = slice(body.first_node, body.first_node + body.mesh.node_count)
+    state.position[2, own] += 0.03e-3 * np.random.default_rng(1).normal(size=body.mesh.node_count)
+    renew(sim)
+    points = hanging_over(sim)
+    points = points[np.abs(state.position[1, points]) < 6e-3]  # beyond the ends, not the sides
+    assert len(points) == 6
+    corner = state.position[1, data.facet_node[state.ply_facet[points]]]
+    y = state.position[1, points]
+    assert (corner.min(axis=1) <= y).all()
+    assert (y <= corner.max(axis=1)).all()
+
+
+def test_a_point_keeps_to_the_ply_beyond_whose_rim_it_hangs():
+    """As long as a part of its area lies on it: another ply is a whole thickness below."""
+    sim = three_plies()
+    renew(sim)
+    points = hanging_over(sim)
+    assert len(points) > 10
+    assert (sim.model.ply_contact.data.facet_ply[sim.state.ply_facet[points]] == SLED).all()
+
+
+def test_depths_held_follow_those_on_the_same_ply_alone():
+    """Points beside, which hang high over a further ply, do not count for the mean depth."""
+    held = []
+    for bed in (0.55 * T, -50.0):
+        sim = three_plies(bed)
+        renew(sim)
+        sim.state.position[2, sim.model.bodies[COVER].first_node :] -= DEPTH
+        for _ in range(3):
+            renew(sim, steps=100)
+        held.append(of_points(sim, HELD)[sim.model.bodies[COVER].first_node :])
+    assert held[0].max() > 0.1 * DEPTH
+    assert held[0] == pytest.approx(held[1], abs=1e-12)
+
+
+def test_a_point_once_found_is_held_without_a_search():
+    """Up to a thickness off, and a little further."""
+    sim = stack([ply("a", z=0.5 * T), ply("b", edge=4.0, z=2.3 * T)], scene_of())
+    renew(sim)
+    found = sim.state.ply_facet.copy()
+    assert (found >= 0).sum() > 40
+    assert sim.arrays.ply_counters[forces.REFRESHES_LEFT] > 0
+    renew(sim)
+    assert (sim.state.ply_facet == found).all()
