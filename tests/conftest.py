@@ -1,6 +1,9 @@
 """Settings shared by all tests: installed package, no display, reproducible examples."""
 
+import json
 import os
+import subprocess
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -26,6 +29,30 @@ def manual_table():
         return [[cell.strip().replace("\\|", "|") for cell in row] for row in cells]
 
     return rows
+
+
+@pytest.fixture
+def in_new_process(tmp_path):
+    """Run code in a process of its own, in ``tmp_path``, whose modules it finds.
+
+    All processes of a test share one cache of compiled code. Returns what the code prints as JSON.
+    """
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
+
+    def call(code):
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True, text=True, env=environment, cwd=tmp_path, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return call
 
 
 # Files with the most work, of compiler and solver, first: two workers then end at about the same

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-
 import pytest
 
 LAW = '''
@@ -120,26 +115,14 @@ AREA, SPEED = 2e-5, 2.0
 
 
 @pytest.fixture
-def evaluate(tmp_path, request):
+def evaluate(tmp_path, request, in_new_process):
     """Evaluate the drag on a point that slides, in a fresh process."""
-    cache = tmp_path / "cache"
     tests = str(request.config.rootpath / "tests" / "interfaces")
 
     def call(law):
         code = EVALUATE.format(tests=tests, speed=SPEED, area=AREA)
         (tmp_path / "drag.py").write_text(law, encoding="utf-8")
-        environment = os.environ | {
-            "NUMBA_CACHE_DIR": str(cache),
-            "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]),
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
-        environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            capture_output=True, text=True, env=environment, cwd=tmp_path, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
+        return in_new_process(code)
 
     return call
 

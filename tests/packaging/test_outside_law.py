@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-
 import pytest
 
 LAW = '''
@@ -56,9 +51,8 @@ print(json.dumps([float(force[0, 1, 0]), len(stats.cache_hits), len(stats.cache_
 
 
 @pytest.fixture
-def evaluate(tmp_path):
+def evaluate(tmp_path, in_new_process):
     """Evaluate the force on a corner in a fresh process: (force, cache hits, cache misses)."""
-    cache = tmp_path / "cache"
 
     def call(law=None):
         code = EVALUATE.format(
@@ -66,18 +60,7 @@ def evaluate(tmp_path):
         )
         if law:
             (tmp_path / "spring.py").write_text(law, encoding="utf-8")
-        environment = os.environ | {
-            "NUMBA_CACHE_DIR": str(cache),
-            "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]),
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
-        environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            capture_output=True, text=True, env=environment, cwd=tmp_path, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
+        return in_new_process(code)
 
     return call
 

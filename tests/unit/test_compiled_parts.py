@@ -1,10 +1,5 @@
 """Functions of compiled code alone: linked as before, without machine code, callable even so."""
 
-import json
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from numba import float64, guvectorize, njit, prange
@@ -142,23 +137,12 @@ def test_functions_of_the_user_over_arrays_have_code_as_before(machine_code):
 
 
 @pytest.fixture
-def process(tmp_path):
+def process(tmp_path, in_new_process):
     """Call two functions of the module in a process of its own, with one cache for all."""
     (tmp_path / "parts.py").write_text(MODULE, encoding="utf-8")
-    environment = os.environ | {
-        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
-        "PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]),
-        "PYTHONDONTWRITEBYTECODE": "1",
-    }
-    environment.pop("LCMCHAIN_CHOSEN_CACHE_DIR", None)
 
     def call(first, second):
-        done = subprocess.run(
-            [sys.executable, "-c", CALL.format(first=first, second=second)],
-            capture_output=True, text=True, env=environment, cwd=tmp_path, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
+        return in_new_process(CALL.format(first=first, second=second))
 
     return call
 
