@@ -28,7 +28,7 @@ from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
 from lcmchain.elements.pressed_elements import PressedElements, pressed_elements
-from lcmchain.elements.solid_shell.together import same_kernel
+from lcmchain.elements.solid_shell.together import kinds_of
 from lcmchain.errors import InputError
 from lcmchain.interfaces.surfaces import PlyContact, build_interfaces
 from lcmchain.interfaces.table import Interface
@@ -410,7 +410,8 @@ def assemble_bodies(
         bodies.append(family.build(name, mesh, material, element, first_node, first_element))
         first_node += mesh.node_count
         first_element += mesh.element_count
-    order = one_kind_after_the_other(bodies)
+    # those together that the loop takes as one
+    order = [number for kind in kinds_of([body.data for body in bodies]) for number in kind]
     placed = _placed(bodies, order)
     chunk_start = _chunk_start(placed)
     positions = np.concatenate([body.mesh.node_positions for body in bodies])
@@ -509,19 +510,6 @@ def _require_names(names: Sequence[str]) -> None:
             raise InputError(f'two sheets have the name "{name}"; give each its own')
         if len(names) > 1 and name in RESERVED_NAMES:
             raise InputError(f'a sheet cannot have the name "{name}", which result files use')
-
-
-def one_kind_after_the_other(bodies: Sequence[Body]) -> list[int]:
-    """Return the numbers of the bodies, those together that the loop can take as one."""
-    kinds: list[list[int]] = []
-    for number, body in enumerate(bodies):
-        for kind in kinds:
-            if same_kernel(bodies[kind[0]].data, body.data):
-                kind.append(number)
-                break
-        else:
-            kinds.append([number])
-    return [number for kind in kinds for number in kind]
 
 
 def _placed(bodies: Sequence[Body], order: Sequence[int]) -> tuple[PlacedBody, ...]:

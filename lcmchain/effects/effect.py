@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 
@@ -16,6 +16,12 @@ class Effect(NamedTuple):
     active: bool
     reason: str
     key: str = ""
+
+
+def range_in_words(values: Iterable[float]) -> str:
+    """Return the least and the largest of some numbers in words, one where they are the same."""
+    numbers = list(values)
+    return " to ".join(f"{value:.3g}" for value in dict.fromkeys((min(numbers), max(numbers))))
 
 
 class Refusal(ValueError):

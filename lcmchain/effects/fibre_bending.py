@@ -28,7 +28,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import prange
 
-from lcmchain.effects.effect import Effect, Switch, out_of_materials, refused, stated_by_materials
+from lcmchain.effects.effect import (
+    Effect,
+    Switch,
+    out_of_materials,
+    range_in_words,
+    refused,
+    stated_by_materials,
+)
 from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
 from lcmchain.elements.lane_runs import find_runs, load_vectors
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
@@ -533,9 +540,8 @@ def active(model: Any) -> list[Effect]:
     table = model.fibre_bending
     name = "in-plane bending of fibres"
     if table is not None:
-        D = [D for body in model.bodies for D in body.material.fibre_bending if D > 0.0]
-        values = " to ".join(f"{1e3 * value:.3g}" for value in dict.fromkeys((min(D), max(D))))
-        return [Effect(name, True, f"D = {values} N mm along lines of the mesh")]
+        D = [1e3 * D for body in model.bodies for D in body.material.fibre_bending if D > 0.0]
+        return [Effect(name, True, f"D = {range_in_words(D)} N mm along lines of the mesh")]
     if any(max(body.material.fibre_bending) > 0.0 for body in model.bodies):
         return [Effect(name, False, "no edges of the mesh lie along the fibres")]
     return [Effect(name, False, "the material has no stiffness against it")]

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, range_in_words
 
 
 def active(model: Any) -> list[Effect]:
@@ -29,8 +29,7 @@ def active(model: Any) -> list[Effect]:
     contact = model.ply_contact
     if contact is None:
         return [Effect("contact between plies", False, "they pass through each other")]
-    values = 1e-9 * contact.data.penalty
-    stiffness = " to ".join(f"{v:.3g}" for v in dict.fromkeys((values.min(), values.max())))
+    stiffness = range_in_words(1e-9 * contact.data.penalty)
     effects = [Effect("contact between plies", True, f"stiffness {stiffness} N/mm^3")]
     # the places for laws that no interface uses have nothing to say
     laws = [law for law in contact.laws if hasattr(law, "title")]

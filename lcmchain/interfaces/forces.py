@@ -16,7 +16,6 @@ import numpy as np
 from numba import prange
 
 from lcmchain.elements.vectors import plus
-from lcmchain.interfaces.law import load_memory, respond, store_memory
 from lcmchain.interfaces.rows import (
     AREA,
     DAMPED_ENERGY,
@@ -36,6 +35,8 @@ from lcmchain.interfaces.rows import (
     memory_rows,
     row_start,
     spring_energy,
+    store_memories,
+    sum_of_laws,
     touch_of,
 )
 from lcmchain.interfaces.surfaces import NONE
@@ -68,21 +69,6 @@ PLY_CLOCK = 1
 
 
 @equation
-def with_law(law, values, rows, at, row, touch, total):
-    """Add what a law answers to force, tension, stored and lost energy, and move its memory on."""
-    force, tension, stored, lost = total
-    memory = load_memory(law, rows, at + row * SPAN)
-    answer = respond(law, values, memory, touch)
-    store_memory(law, answer[4], rows, at + row * SPAN)
-    return (
-        plus(1.0, force, answer[0]),
-        tension + answer[1],
-        stored + answer[2],
-        lost + answer[3],
-    )
-
-
-@equation
 def force_in_lane(laws, values, starts, rows, at, rate, time):
     """Write force and energies of a point, and move its memory on.
 
@@ -99,15 +85,8 @@ def force_in_lane(laws, values, starts, rows, at, rate, time):
     resists = max(rate * touch.stiffness * closed, -touch.pressure)
     resists = resists if touch.pressure > 0.0 else 0.0
     last_damping = rows[at + LAST_DAMPING * SPAN]
-    total = ((0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
-    first, second, third, fourth, fifth, sixth = laws
-    total = with_law(first, values[0], rows, at, starts[0], touch, total)
-    total = with_law(second, values[1], rows, at, starts[1], touch, total)
-    total = with_law(third, values[2], rows, at, starts[2], touch, total)
-    total = with_law(fourth, values[3], rows, at, starts[3], touch, total)
-    total = with_law(fifth, values[4], rows, at, starts[4], touch, total)
-    total = with_law(sixth, values[5], rows, at, starts[5], touch, total)
-    force, tension, stored, lost = total
+    force, tension, stored, lost, memories = sum_of_laws(laws, values, starts, rows, at, touch)
+    store_memories(laws, memories, starts, rows, at)
     force = plus(touch.pressure + resists - tension, touch.normal, force)
     # all that is stored goes with the share: what it changes along the facet is a force as well
     stored += energy

@@ -12,7 +12,6 @@ import math
 import numpy as np
 
 from lcmchain.elements.vectors import dot, plus
-from lcmchain.interfaces.laws.coulomb import tangential
 from lcmchain.interfaces.refresh import slip_of, touches
 from lcmchain.interfaces.rows import (
     BASELINE,
@@ -23,13 +22,14 @@ from lcmchain.interfaces.rows import (
     NORMAL,
     PATH,
     RIM,
-    SHARE,
     SLIP,
     STORED_ENERGY,
     WAY,
     WEIGHT,
     row_start,
+    share_at,
 )
+from lcmchain.interfaces.springs import tangential
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.jit import entry, equation
 from lcmchain.tools.span_rows import SPAN, vector_at
@@ -89,7 +89,7 @@ def parts_of_force(rows, at):
     """
     normal, slope = vector_at(rows, NORMAL, at), vector_at(rows, RIM, at)
     force = vector_at(rows, FORCE, at)
-    share = rows[at + SHARE * SPAN] + dot(slope, vector_at(rows, WAY, at))
+    share = share_at(rows, at, vector_at(rows, WAY, at))
     if share > 0.0:
         force = plus(rows[at + STORED_ENERGY * SPAN] / share, slope, force)
     return dot(force, normal), tangential(force, normal)

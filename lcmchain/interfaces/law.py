@@ -41,7 +41,6 @@ __all__ = [
     "memory_size",
     "parameters",
     "respond",
-    "span",
     "store_memory",
     "uses_sliding",
 ]
@@ -199,11 +198,6 @@ def _choose_storer(law, memory, rows, i):
 
 
 # --- plain Python ---------------------------------------------------------------------------------
-
-
-def span(values: np.ndarray) -> str:
-    """Return the least and the largest of some values in words."""
-    return " to ".join(f"{value:.3g}" for value in dict.fromkeys((values.min(), values.max())))
 
 
 class InterfaceLawTable(SceneModel):

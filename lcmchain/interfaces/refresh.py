@@ -44,8 +44,7 @@ from lcmchain.interfaces.forces import (
     WAY_SINCE_SEARCH,
     list_points,
 )
-from lcmchain.interfaces.law import carried, load_memory, memory_size, respond, store_memory
-from lcmchain.interfaces.laws.coulomb import tangential, turned
+from lcmchain.interfaces.law import carried, load_memory, memory_size, store_memory
 from lcmchain.interfaces.rims import share_over
 from lcmchain.interfaces.rows import (
     AREA,
@@ -68,6 +67,7 @@ from lcmchain.interfaces.rows import (
     memory_rows,
     row_start,
     spring_energy,
+    sum_of_laws,
     touch_of,
 )
 from lcmchain.interfaces.search import (
@@ -93,6 +93,8 @@ from lcmchain.interfaces.springs import (
     minus,
     smooth_normal,
     spring_at,
+    tangential,
+    turned,
     unit,
     vector_of,
 )
@@ -506,18 +508,4 @@ def energy_before(laws, position, velocity, facet_node, facet, rows, at, dt_last
     touch = touch_of(rows, at, plus(-0.5, moved, r), moved, dt_last)
     values = all_parameters(laws, int(rows[at + INTERFACE * SPAN]))
     starts = memory_rows(laws)
-    first, second, third, fourth, fifth, sixth = laws
-    stored = spring_energy(rows, at, touch)
-    stored += stored_by(first, values[0], rows, at + starts[0] * SPAN, touch)
-    stored += stored_by(second, values[1], rows, at + starts[1] * SPAN, touch)
-    stored += stored_by(third, values[2], rows, at + starts[2] * SPAN, touch)
-    stored += stored_by(fourth, values[3], rows, at + starts[3] * SPAN, touch)
-    stored += stored_by(fifth, values[4], rows, at + starts[4] * SPAN, touch)
-    stored += stored_by(sixth, values[5], rows, at + starts[5] * SPAN, touch)
-    return stored
-
-
-@equation
-def stored_by(law, values, rows, place, touch):
-    """Return the energy that a law holds [J]; its memory stays as it is."""
-    return respond(law, values, load_memory(law, rows, place), touch)[2]
+    return spring_energy(rows, at, touch) + sum_of_laws(laws, values, starts, rows, at, touch)[2]

@@ -9,9 +9,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.elements.vectors import dot
-from lcmchain.interfaces.law import Touch, memory_size, parameters, uses_sliding
-from lcmchain.interfaces.laws.coulomb import tangential
+from lcmchain.elements.vectors import dot, plus
+from lcmchain.interfaces.law import (
+    Touch,
+    load_memory,
+    memory_size,
+    parameters,
+    respond,
+    store_memory,
+    uses_sliding,
+)
+from lcmchain.interfaces.springs import tangential
 from lcmchain.jit import equation
 from lcmchain.tools.span_rows import SPAN, vector_at
 
@@ -89,10 +97,16 @@ def row_start(data, point):
 
 
 @equation
+def share_at(rows, at, r):
+    """Return the share of a point's area at r; below 0 beyond the rim."""
+    return rows[at + SHARE * SPAN] + dot(vector_at(rows, RIM, at), r)
+
+
+@equation
 def touch_of(rows, at, r, moved, time):
     """Return a point as the laws see it; ``at`` is its place in the first row."""
     normal = vector_at(rows, NORMAL, at)
-    share = max(rows[at + SHARE * SPAN] + dot(vector_at(rows, RIM, at), r), 0.0)
+    share = max(share_at(rows, at, r), 0.0)
     gap = dot(normal, r) + rows[at + OFFSET * SPAN]
     held = rows[at + HELD * SPAN]
     stiffness = rows[at + STIFFNESS * SPAN] * share
@@ -116,3 +130,44 @@ def spring_energy(rows, at, touch):
     depth = max(held - touch.gap, 0.0)
     # the depth held before costs nothing: without any depth of its own a spring has no energy
     return 0.5 * touch.stiffness * (depth * depth - held * held)
+
+
+@equation
+def sum_of_laws(laws, values, starts, rows, at, touch):
+    """Return force [N], tension [N], energy stored and lost [J] of all laws, and their memories.
+
+    values, starts : of the laws, :func:`all_parameters` and :func:`memory_rows`. The memories are
+    those after the step; in the rows they stay as they are.
+    """
+    first, second, third, fourth, fifth, sixth = laws
+    total = ((0.0, 0.0, 0.0), 0.0, 0.0, 0.0)
+    total, a = _with_law(first, values[0], rows, at + starts[0] * SPAN, touch, total)
+    total, b = _with_law(second, values[1], rows, at + starts[1] * SPAN, touch, total)
+    total, c = _with_law(third, values[2], rows, at + starts[2] * SPAN, touch, total)
+    total, d = _with_law(fourth, values[3], rows, at + starts[3] * SPAN, touch, total)
+    total, e = _with_law(fifth, values[4], rows, at + starts[4] * SPAN, touch, total)
+    total, f = _with_law(sixth, values[5], rows, at + starts[5] * SPAN, touch, total)
+    force, tension, stored, lost = total
+    return force, tension, stored, lost, (a, b, c, d, e, f)
+
+
+@equation
+def _with_law(law, values, rows, place, touch, total):
+    """Add what a law answers to force, tension, stored and lost energy; return its memory too."""
+    force, tension, stored, lost, memory = respond(
+        law, values, load_memory(law, rows, place), touch
+    )
+    added = (plus(1.0, total[0], force), total[1] + tension, total[2] + stored, total[3] + lost)
+    return added, memory
+
+
+@equation
+def store_memories(laws, memories, starts, rows, at):
+    """Write the memories of all laws into the rows of a point."""
+    first, second, third, fourth, fifth, sixth = laws
+    store_memory(first, memories[0], rows, at + starts[0] * SPAN)
+    store_memory(second, memories[1], rows, at + starts[1] * SPAN)
+    store_memory(third, memories[2], rows, at + starts[2] * SPAN)
+    store_memory(fourth, memories[3], rows, at + starts[3] * SPAN)
+    store_memory(fifth, memories[4], rows, at + starts[4] * SPAN)
+    store_memory(sixth, memories[5], rows, at + starts[5] * SPAN)

@@ -41,6 +41,21 @@ def unit(a):
 
 
 @equation
+def tangential(a, normal):
+    """Return a vector without its part along a normal."""
+    return plus(-dot(a, normal), normal, a)
+
+
+@equation
+def turned(a, normal):
+    """Return a vector of the same length without its part along a normal."""
+    flat = tangential(a, normal)
+    length2 = dot(flat, flat)
+    factor = math.sqrt(dot(a, a) / length2) if length2 > 0.0 else 0.0
+    return scaled(factor, flat)
+
+
+@equation
 def weighted(w, a, b, c, d):
     """Return the sum of four vectors with weights."""
     return (

@@ -36,7 +36,7 @@ from lcmchain.effects.interaction import (
 from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import SolidShellData, forces_of_block
-from lcmchain.elements.solid_shell.together import put_together, same_kernel
+from lcmchain.elements.solid_shell.together import kinds_of, put_together
 from lcmchain.jit import (
     entry,
     equation,
@@ -139,12 +139,8 @@ def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendi
     """
     bending = None if model.fibre_bending is None else model.fibre_bending.data
     force_slot = model.nodes.force_slot
-    groups: list[list[PlacedBody]] = []
-    for placed in sorted(model.placed, key=lambda placed: placed.first_force):
-        if groups and same_kernel(groups[-1][0].data, placed.data):
-            groups[-1].append(placed)
-        else:
-            groups.append([placed])
+    kinds = kinds_of([placed.data for placed in model.placed])
+    groups = [[model.placed[number] for number in kind] for kind in kinds]
     places = [np.zeros(0, dtype=np.int32)]
     found: list[tuple[PlacedBody, Schedule | None]] = []
     for group in groups:

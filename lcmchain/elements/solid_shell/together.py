@@ -17,8 +17,20 @@ from lcmchain.elements.blocks import SharedBlocks
 from lcmchain.elements.solid_shell.kernel import SolidShellData
 
 
-def same_kernel(first: Any, second: Any) -> bool:
-    """Tell whether the constants of two bodies can be put together."""
+def kinds_of(data: Sequence[Any]) -> list[list[int]]:
+    """Return the numbers of the constants of bodies that can be put together, kind by kind."""
+    kinds: list[list[int]] = []
+    for number, own in enumerate(data):
+        for kind in kinds:
+            if _same_kernel(data[kind[0]], own):
+                kind.append(number)
+                break
+        else:
+            kinds.append([number])
+    return kinds
+
+
+def _same_kernel(first: Any, second: Any) -> bool:
     if not (isinstance(first, SolidShellData) and isinstance(second, SolidShellData)):
         return False
     return all(

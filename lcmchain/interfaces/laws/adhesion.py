@@ -16,13 +16,13 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from lcmchain.effects.effect import range_in_words
 from lcmchain.interfaces.law import (
     InterfaceLawTable,
     carried,
     implements,
     parameters,
     respond,
-    span,
 )
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import PositiveLength, PositiveStiffness
@@ -47,7 +47,7 @@ class Adhesion(NamedTuple):
         return "adhesion between plies"
 
     def reason(self) -> str:
-        return f"tension {span(1e-6 * self.stress[self.stress > 0.0])} MPa"
+        return f"tension {range_in_words(1e-6 * self.stress[self.stress > 0.0])} MPa"
 
 
 @implements(parameters, Adhesion)

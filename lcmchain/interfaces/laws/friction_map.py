@@ -1,7 +1,7 @@
 """Friction whose coefficient goes with pressure and sliding speed, by a table.
 
 Between its points the coefficient is linear in both; outside it keeps that of the nearest ones.
-Slip and its energy are those of Coulomb friction (:mod:`lcmchain.interfaces.laws.coulomb`), with
+Slip and its energy are those of Coulomb friction (:mod:`lcmchain.interfaces.slip`), with
 the coefficient of the last step's speed.
 Source: measured coefficients are given so, e.g. Gorczyca-Cole, Sherwood, Chen, "A friction model
 for thermostamping commingled glass-polypropylene woven fabrics", Composites A 38 (2007).
@@ -9,26 +9,30 @@ for thermostamping commingled glass-polypropylene woven fabrics", Composites A 3
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from lcmchain.elements.vectors import dot
+from lcmchain.effects.effect import range_in_words
+from lcmchain.interfaces.curves import increasing, place_between, rows_of, starts
 from lcmchain.interfaces.law import (
-    InterfaceLawTable,
     carried,
     implements,
     parameters,
     respond,
-    span,
     uses_sliding,
 )
-from lcmchain.interfaces.laws.coulomb import SLIP, slip_carried, slip_to
+from lcmchain.interfaces.slip import (
+    SLIP_NUMBERS,
+    FrictionLawTable,
+    friction_carried,
+    friction_response,
+    sliding_speed,
+)
 from lcmchain.jit import equation
-from lcmchain.quantities.entry_types import FrictionCoefficient, Number, Pressure, Range, Row, Speed
+from lcmchain.quantities.entry_types import FrictionCoefficient, Pressure, Row, Speed
 
 
 class FrictionMap(NamedTuple):
@@ -49,26 +53,14 @@ class FrictionMap(NamedTuple):
 
     @staticmethod
     def remembers() -> int:
-        return SLIP
+        return SLIP_NUMBERS
 
     @staticmethod
     def title() -> str:
         return "friction between plies by pressure and speed"
 
     def reason(self) -> str:
-        return f"coefficient {span(self.friction)}"
-
-
-@equation
-def place_between(points, first, last, value):
-    """Return the interval of ``points[first:last]`` that a value lies in, and how far in it."""
-    k = first
-    while k < last - 2 and points[k + 1] <= value:
-        k += 1
-    if last - first < 2:
-        return first, 0.0
-    part = (value - points[k]) / (points[k + 1] - points[k])
-    return k, min(max(part, 0.0), 1.0)
+        return f"coefficient {range_in_words(self.friction)}"
 
 
 @equation
@@ -108,41 +100,14 @@ def map_response(law, values, memory, touch):
     interface, ratio = values
     friction = 0.0
     if touch.pressure > 0.0 and touch.area > 0.0:
-        speed = 0.0
-        if touch.time > 0.0:
-            speed = math.sqrt(dot(touch.moved, touch.moved)) / touch.time
-        friction = friction_at(law, interface, touch.pressure / touch.area, speed)
-    force, stored, lost, memory = slip_to(
-        friction * touch.pressure, ratio * touch.stiffness, memory, touch.way
-    )
-    return force, 0.0, stored, lost, memory
+        friction = friction_at(law, interface, touch.pressure / touch.area, sliding_speed(touch))
+    return friction_response(friction, ratio, memory, touch)
 
 
-@implements(carried, FrictionMap)
-@equation
-def map_carried(law, values, memory, before, after, kept):
-    pressed = kept if before.pressure > 0.0 else 0.0
-    return slip_carried(memory, before, after, pressed)
+implements(carried, FrictionMap)(friction_carried)
 
 
-def starts(rows: Sequence[np.ndarray]) -> np.ndarray:
-    """Return where each of some arrays begins in all of them, one behind the other."""
-    return np.concatenate([[0], np.cumsum([row.size for row in rows])]).astype(np.int64)
-
-
-def rows_of(tables: Sequence[Any], entry: str) -> list[np.ndarray]:
-    """Return an entry of each table as a flat array, empty where there is no table."""
-    return [
-        np.zeros(0) if table is None else np.ravel(np.asarray(getattr(table, entry), dtype=float))
-        for table in tables
-    ]
-
-
-def increasing(values: Sequence[float]) -> bool:
-    return all(b > a for a, b in zip(values, values[1:], strict=False))
-
-
-class FrictionMapTable(InterfaceLawTable):
+class FrictionMapTable(FrictionLawTable):
     """Friction by pressure and sliding speed: the coefficient is a table of both."""
 
     law: ClassVar[type] = FrictionMap
@@ -158,9 +123,6 @@ class FrictionMapTable(InterfaceLawTable):
         tuple[tuple[FrictionCoefficient, ...], ...],
         Row("[[0.3, 0.25, 0.2], [0.2, 0.18, 0.15]]", minimum_count=1, entries="rows", units=False),
     ] = Field(description="Coefficients: a row for each pressure, a number for each speed.")
-    tangential_ratio: Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0,)))] = Field(
-        default=0.5, description="Tangential over normal contact stiffness."
-    )
 
     @classmethod
     def gathered(cls, tables: Sequence[Any]) -> FrictionMap:
@@ -173,7 +135,7 @@ class FrictionMapTable(InterfaceLawTable):
             pressure=np.concatenate(pressure),
             speed=np.concatenate(speed),
             friction=np.concatenate(friction),
-            ratio=np.array([0.5 if t is None else t.tangential_ratio for t in tables]),
+            ratio=cls.ratios(tables),
         )
 
     def in_words(self) -> str:

@@ -10,31 +10,32 @@ measure tool-ply and ply-ply friction", Key Eng. Mat. 410 (2009).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from lcmchain.elements.vectors import dot
+from lcmchain.effects.effect import range_in_words
+from lcmchain.interfaces.curves import increasing, place_between, rows_of, starts
 from lcmchain.interfaces.law import (
-    InterfaceLawTable,
     carried,
     implements,
     parameters,
     respond,
-    span,
     uses_sliding,
 )
-from lcmchain.interfaces.laws.coulomb import SLIP, slip_carried, slip_to
-from lcmchain.interfaces.laws.friction_map import increasing, place_between, rows_of, starts
+from lcmchain.interfaces.slip import (
+    SLIP_NUMBERS,
+    FrictionLawTable,
+    friction_carried,
+    friction_response,
+    sliding_speed,
+)
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import (
     FrictionCoefficient,
     LengthOrZero,
-    Number,
-    Range,
     Row,
     Viscosity,
 )
@@ -55,14 +56,14 @@ class Hersey(NamedTuple):
 
     @staticmethod
     def remembers() -> int:
-        return SLIP
+        return SLIP_NUMBERS
 
     @staticmethod
     def title() -> str:
         return "friction between plies by Hersey number"
 
     def reason(self) -> str:
-        return f"coefficient {span(self.friction)}"
+        return f"coefficient {range_in_words(self.friction)}"
 
 
 @implements(parameters, Hersey)
@@ -88,28 +89,18 @@ def hersey_response(law, values, memory, touch):
     first, last, viscosity, ratio = values
     friction = 0.0
     if first < last and touch.pressure > 0.0 and touch.area > 0.0:
-        number = 0.0
-        if touch.time > 0.0:
-            speed = math.sqrt(dot(touch.moved, touch.moved)) / touch.time
-            number = viscosity * speed * touch.area / touch.pressure
+        number = viscosity * sliding_speed(touch) * touch.area / touch.pressure
         k, part = place_between(law.hersey, first, last, number)
         friction = law.friction[k]
         if last - first > 1:
             friction += part * (law.friction[k + 1] - friction)
-    force, stored, lost, memory = slip_to(
-        friction * touch.pressure, ratio * touch.stiffness, memory, touch.way
-    )
-    return force, 0.0, stored, lost, memory
+    return friction_response(friction, ratio, memory, touch)
 
 
-@implements(carried, Hersey)
-@equation
-def hersey_carried(law, values, memory, before, after, kept):
-    pressed = kept if before.pressure > 0.0 else 0.0
-    return slip_carried(memory, before, after, pressed)
+implements(carried, Hersey)(friction_carried)
 
 
-class HerseyTable(InterfaceLawTable):
+class HerseyTable(FrictionLawTable):
     """Friction of a lubricated interface, by the Hersey number."""
 
     law: ClassVar[type] = Hersey
@@ -123,9 +114,6 @@ class HerseyTable(InterfaceLawTable):
         tuple[FrictionCoefficient, ...],
         Row("[0.3, 0.1, 0.2]", minimum_count=1, entries="coefficients", units=False),
     ] = Field(description="Coefficient of friction at these numbers; linear in between.")
-    tangential_ratio: Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0,)))] = Field(
-        default=0.5, description="Tangential over normal contact stiffness."
-    )
 
     @classmethod
     def gathered(cls, tables: Sequence[Any]) -> Hersey:
@@ -135,7 +123,7 @@ class HerseyTable(InterfaceLawTable):
             np.concatenate(hersey),
             np.concatenate(friction),
             np.array([0.0 if table is None else table.viscosity for table in tables]),
-            np.array([0.5 if table is None else table.tangential_ratio for table in tables]),
+            cls.ratios(tables),
         )
 
     def in_words(self) -> str:

@@ -19,9 +19,9 @@ import numpy as np
 from pydantic import Field
 
 from lcmchain.elements.vectors import dot
+from lcmchain.interfaces.curves import increasing, rows_of, starts
 from lcmchain.interfaces.law import InterfaceLawTable, carried, implements, parameters, respond
-from lcmchain.interfaces.laws.coulomb import SLIP, slip_carried, slip_to, trial_slip
-from lcmchain.interfaces.laws.friction_map import increasing, rows_of, starts
+from lcmchain.interfaces.slip import SLIP_NUMBERS, slip_carried, slip_to, trial_slip
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import PositiveLength, PositiveStiffness, Row
 
@@ -42,7 +42,7 @@ class ShearByPoints(NamedTuple):
 
     @staticmethod
     def remembers() -> int:
-        return SLIP + 1  # and the plastic slip so far
+        return SLIP_NUMBERS + 1  # and the plastic slip so far
 
     @staticmethod
     def title() -> str:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from lcmchain.effects.effect import range_in_words
 from lcmchain.elements.vectors import dot, plus, scaled
 from lcmchain.interfaces.law import (
     InterfaceLawTable,
@@ -22,10 +23,9 @@ from lcmchain.interfaces.law import (
     implements,
     parameters,
     respond,
-    span,
     uses_sliding,
 )
-from lcmchain.interfaces.laws.coulomb import turned
+from lcmchain.interfaces.springs import turned
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import PositiveLength, Viscosity
 
@@ -45,7 +45,7 @@ class ViscousFilm(NamedTuple):
         return "viscous film between plies"
 
     def reason(self) -> str:
-        return f"viscosity {span(self.viscosity[self.viscosity > 0.0])} Pa s"
+        return f"viscosity {range_in_words(self.viscosity[self.viscosity > 0.0])} Pa s"
 
 
 @implements(parameters, ViscousFilm)
