@@ -94,10 +94,12 @@ def figures(formed: dict[str, Any]) -> tuple[str, ...]:
 def draw(axis: Any, folder: Path, row: tuple[str, ...]) -> None:
     """Draw the upper ply from above."""
     ply = xr.open_dataset(folder / "forming.nc", group="ply_2").isel(time=-1)
-    faces = ply["ply_2_face_nodes"].values.astype(int)
+    # triangles leave their last place empty
+    faces = [face[face >= 0].astype(int) for face in ply["ply_2_face_nodes"].values]
     x, y = (1e3 * ply[f"ply_2_node_{axis_name}"].values for axis_name in "xy")
     corner = [np.column_stack([x[face], y[face]]) for face in faces]
-    height = 1e3 * ply["wrinkle_height"].values[faces].mean(axis=1)
+    at_nodes = 1e3 * ply["wrinkle_height"].values
+    height = np.array([at_nodes[face].mean() for face in faces])
     drawn = PolyCollection(corner, array=height, cmap="PuOr_r", edgecolor="0.6", linewidth=0.1)
     drawn.set_clim(-MOST_HEIGHT, MOST_HEIGHT)
     axis.add_collection(drawn)

@@ -67,8 +67,8 @@ def require_on_the_face(model: Any, state: Any) -> None:
     other = model.bodies[int(data.facet_ply[facet])] if facet >= 0 else None
     raise SimulationError(
         f"the ply {own.name} has gone into "
-        f"{'another ply' if other is None else other.name} by more than half a thickness, at its "
-        f"element {model.element_at(point) - own.first_element} at "
+        f"{'another ply' if other is None else other.name} by more than half the thickness of the "
+        f"thicker one, at its element {model.element_at(point) - own.first_element} at "
         f"{millimetres(state.position[:, point])}, {1e3 * state.time:.4f} ms (step "
         f"{state.step_count}): its contact is lost from there on. Likely cause: pressure that a "
         f"contact stiffness of {1e-9 * data.penalty.max():.3g} N/mm^3 cannot carry, plies that "

@@ -292,8 +292,10 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     r = way_to_facet(arrays.position, data.facet_node, facet, rows, at, point)
     gap = dot(normal, r) + offset
     if most <= ON_EDGE:
+        # held, it may go on through a thin ply, whose facet goes on pushing it back
+        deepest = max(data.depth[ply, ply], data.depth[other, other])
         sums[DEEPEST], sums[DEEPEST_POINT] = deeper(
-            sums[DEEPEST], sums[DEEPEST_POINT], -gap / data.depth[ply, other], point
+            sums[DEEPEST], sums[DEEPEST_POINT], -gap / deepest, point
         )
     # what is found inside another ply starts there without force, and only comes out of it
     lies = max(-gap, 0.0)
@@ -301,7 +303,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     baseline = lies if fresh else min(rows[at + BASELINE * SPAN], lies)
     depth, offset_held = -(gap + baseline), 0.0
     if presses and not fresh:
-        offset_held = held_offset(data, arrays, point, other, depth, data.depth[ply, other])
+        offset_held = held_offset(data, arrays, point, other, depth, dt)
     rows[at + BASELINE * SPAN] = baseline
     rows[at + LAST_DEPTH * SPAN] = depth
     rows[at + HELD * SPAN] = offset_held
@@ -420,7 +422,7 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
 
 
 @inlined_routine
-def held_offset(data, arrays, point, other, depth, half_thickness):
+def held_offset(data, arrays, point, other, depth, dt):
     """Return the offset of a point that presses, at a depth without its offset [m]."""
     total_depth, total_held, count = 0.0, 0.0, 0
     for k in range(data.ring.shape[1]):
@@ -433,16 +435,17 @@ def held_offset(data, arrays, point, other, depth, half_thickness):
                     total_depth += arrays.ply_held[node, 0]
                     total_held += arrays.ply_held[node, 1]
                     count += 1
-    held = arrays.ply_held[point, 1]
+    held, ply = arrays.ply_held[point, 1], data.ply[point]
     # the smaller of two depths: an offset that follows each of them would feed a vibration
     lasting = min(depth, total_depth / count)
     relative = 1.0 + data.stiffening * max(depth + held, 0.0)
-    share = arrays.ply_counters[LAST_STEPS] / data.depth_steps
+    steps = max(data.depth_steps, data.depth_time[ply, other] / dt)
+    share = arrays.ply_counters[LAST_STEPS] / steps
     part = min(relative * share, LARGEST_PART)
     change = min(SMOOTHING * share, LARGEST_PART) * (total_held / count - held)
     if depth < 0.0:
         change += part * depth
-    elif lasting > data.depth_left * half_thickness:
+    elif lasting > data.depth_left * data.depth[ply, other]:
         change += part * lasting
     # neither the offset nor the pressure may become negative
     return max(held + max(change, -(depth + held)), 0.0)

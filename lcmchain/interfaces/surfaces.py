@@ -45,6 +45,10 @@ STEPS_PER_SLOPES, SLOPE_PART = 250, 0.3
 # Steps over which the depth of a point goes to zero, up to what is left of it, in parts of half the
 # thickness: thickness is then right within 0.1 %, and plies that only lie on each other are left.
 STEPS_PER_DEPTH, DEPTH_LEFT = 500.0, 1e-3
+# An offset that follows the depth faster than the damping c of the springs calms the mass m on them
+# feeds its vibration (Routh: m s³ + c s² + k s + k/τ is stable for τ > m/c). Heavy plies on springs
+# that a light one makes soft need longer than these steps: at least so many times m/c.
+LEAST_DAMPED_TIMES = 10.0
 
 # Points are found up to this multiple of the gap at which laws act.
 REACH_MARGIN = 1.2
@@ -87,6 +91,7 @@ class InterfaceData(NamedTuple):
     slope_steps : between two renewals of the facets' slopes. slope_part : of the way to the present
         ones that they go then.
     depth_steps : over which depths go to zero, but for ``depth_left``, a part of the thickness.
+    depth_time : (ply_count, ply_count) the time that this takes at least [s].
     stiffening : of the plies relative to the springs, for each depth of these [1/m].
     """
 
@@ -123,6 +128,7 @@ class InterfaceData(NamedTuple):
     slope_steps: int
     slope_part: float
     depth_steps: float
+    depth_time: np.ndarray
     depth_left: float
     stiffening: float
 
@@ -199,6 +205,7 @@ def build_interfaces(
     viscosity = max(sum(law.slip_viscosity() for law in own) for own in tables)
     stiffer = np.maximum(slopes / penalties, 1.0)
     omega2 = omega2_of_equal_plies(penalties * stiffer, bodies)
+    damping_time = 2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies))
     data = InterfaceData(
         ply=np.repeat(np.arange(len(bodies)), [b.mesh.node_count for b in bodies]).astype(np.int32),
         partner=np.concatenate([_partners(body) for body in bodies]).astype(np.int32),
@@ -227,12 +234,13 @@ def build_interfaces(
         widest=float(edges.max()),
         inner=_inner_nodes(facet_node, neighbour, node_count),
         omega2=omega2,
-        damping_time=2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies)),
+        damping_time=damping_time,
         sliding_rate=2.0 * viscosity * largest_area_by_mass(bodies),
         slide=SLIDE,
         slope_steps=STEPS_PER_SLOPES,
         slope_part=SLOPE_PART,
         depth_steps=STEPS_PER_DEPTH,
+        depth_time=_depth_times(damping_time * penalties, interface, bodies),
         depth_left=DEPTH_LEFT,
         stiffening=min(stiffening_of(body.material) for body in bodies),
     )
@@ -317,6 +325,16 @@ def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[st
 def largest_area_by_mass(bodies: Sequence[Any]) -> float:
     """Return the largest area over mass of a node [m²/kg]."""
     return max(float(np.max(body.node_area / body.inertial_mass)) for body in bodies)
+
+
+def _depth_times(damping: np.ndarray, interface: np.ndarray, bodies: Sequence[Any]) -> np.ndarray:
+    """Return the time in which depths between two plies may go to zero (ply_count, ply_count) [s].
+
+    damping : of each interface [Pa s/m].
+    """
+    heaviest = np.array([float(np.max(body.inertial_mass / body.node_area)) for body in bodies])
+    of_pair = np.append(damping, np.inf)[interface]  # without contact no time
+    return LEAST_DAMPED_TIMES * np.maximum(heaviest, heaviest[:, np.newaxis]) / of_pair
 
 
 def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Any]) -> float:

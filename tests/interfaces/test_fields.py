@@ -199,7 +199,7 @@ def test_plies_that_only_press_have_their_depth_as_gap_and_no_shear_at_rims():
     sim = laid_over(0.0, shift=2.3)
     sim.state.position[2, sim.model.bodies[1].first_node :] -= 20e-6
     for _ in range(50):
-        look(sim)
+        look(sim, ahead=1e-5)
     groups = datasets_of(sim, [sim.snapshot()])
     assert of_points(sim, HELD).max() > 2e-6  # the springs feel more than the gap
     for name, side in (("lower", "top"), ("upper", "bottom")):

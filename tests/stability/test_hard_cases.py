@@ -22,8 +22,8 @@ DEMANDED = {
     "chatter_on_an_edge", "wrinkling_strip", "fast_punch", "perturbed_mesh", "coarse_mesh",
     "published_compaction", "fine_mesh", "sharp_folds", "consolidation", "staggered_coupling",
     "undrained_column", "hardening_column", "coupling_that_fails", "stick_and_slip_of_plies",
-    "edge_over_a_fold", "light_between_heavy_plies", "release_of_a_stack",
-    "closed_tools_on_a_stack",
+    "edge_over_a_fold", "light_between_heavy_plies", "thin_between_thick_plies",
+    "release_of_a_stack", "closed_tools_on_a_stack",
 }  # fmt: skip
 
 

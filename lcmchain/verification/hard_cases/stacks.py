@@ -417,6 +417,109 @@ def light_between_heavy_plies(name: str, full: bool) -> Iterator[CaseResult]:
     yield CaseResult(name, "largest gain of energy", 100.0 * max(gain, 0.0), 0.5, "%")
 
 
+# --- unlike thickness -----------------------------------------------------------------------------
+
+THICK, THIN = 5.0, 0.2  # [mm]
+SQUEEZE, DRAWN = 1.0, 2e-3  # of the stack [mm]; way of the upper ply [m]
+
+
+def thin_between_thick(time: float, **contact: Any) -> Simulation:
+    """Return a thin ply between two thick ones, pressed, of which the upper one is drawn along.
+
+    The plates stand after 0.4 of the time, the grip goes from there to 0.8 of it.
+    """
+
+    def way(t):
+        return DRAWN * smooth(min(max(t - 0.4 * time, 0.0), 0.4 * time), 0.4 * time)
+
+    def supports(ply, X):
+        left, right = (nodes_at(X, 0, X[:, 0].min()), nodes_at(X, 0, X[:, 0].max()))
+        if ply == "lower":
+            return [Support(ply, left, "xy")]
+        if ply == "thin":
+            return [Support(ply, right, "x")]
+        return [Support("grip", left, "xy", translation([1, 0, 0], way))]
+
+    return stack_simulation(
+        f"""
+        process = {{ time = "{time} s", mass_damping = "100 1/s" }}
+        contact = {{ depth = "zero" }}
+        [materials.thick]
+        {MD600}
+        areal_mass = "3 kg/m^2"
+        thickness = "{THICK} mm"
+        [materials.thin]
+        {MD600}
+        areal_mass = "120 g/m^2"
+        thickness = "{THIN} mm"
+        [[interfaces]]
+        friction = {FRICTION}
+        [[plies]]
+        name = "lower"
+        material = "thick"
+        size = ["40 mm", "30 mm"]
+        edge_length = "5 mm"
+        height = "{0.5 * THICK} mm"
+        [[plies]]
+        name = "thin"
+        material = "thin"
+        size = ["44 mm", "24 mm"]
+        edge_length = "4 mm"
+        fibre_angle = "30 deg"
+        [[plies]]
+        name = "upper"
+        material = "thick"
+        size = ["36 mm", "33 mm"]
+        edge_length = "5 mm"
+        {plates(0.0, 2.0 * THICK + THIN, SQUEEZE, 400.0 * time, 1e3 * time)}
+        """,
+        supports=supports,
+        **contact,
+    )
+
+
+@hard_case("thin_between_thick_plies", THEME)
+def thin_between_thick_plies(name: str, full: bool) -> Iterator[CaseResult]:
+    """A ply of 0.2 mm between two of 5 mm, pressed by a tenth, of which the upper is drawn along.
+
+    Hard because the mass on the contact springs is 25 times what these are made for, and a ply goes
+    into the next one by a part of an element, not of the thin ply: what drives depths to zero must
+    not make the thick plies vibrate, and no point may be lost through the thin one.
+    """
+    time = 0.05
+    sim = thin_between_thick(time)
+    sim.advance_to(0.55 * time)
+    before = sim.state.copy()
+    sim.advance_to(0.65 * time)
+    drag = float((sim.state.support_impulse - before.support_impulse)[2, 0])
+    load = float((sim.state.tool_impulse - before.tool_impulse)[1, 2])
+    sim.advance_to(time)
+    yield CaseResult(
+        name,
+        "drag against friction times load",
+        100.0 * abs(drag / (FRICTION * load) - 1.0),
+        1.0,
+        "%",
+    )
+    yield CaseResult(
+        name,
+        "kinetic over internal energy at rest",
+        calm(sim),
+        0.1,
+        "%",
+        without="depths to zero within 500 steps: "
+        f"{calm(thin_between_thick(time, depth_time=np.zeros((3, 3)))):.2g} %",
+    )
+    yield balance_result(name, sim, 0.1)
+
+
+def calm(sim: Simulation) -> float:
+    """Run to the end; return the kinetic over the internal energy there [%]."""
+    sim.advance_to(float(sim.model.process_time))
+    energy = sim.energy()
+    return 100.0 * energy["kinetic"] / energy["internal"]
+
+
 # --- bent -----------------------------------------------------------------------------------------
 
 
