@@ -52,7 +52,7 @@ def main() -> None:
             rows.append((layup, f"{friction:g}", "yes" if held else "no", *figures(formed)))
             draw(axes[row, column], folder, rows[-1])
     figure.colorbar(axes[0, 0].collections[0], ax=axes, label="height of wrinkles [mm]", shrink=0.6)
-    figure.savefig(options.out / "wrinkles.png", dpi=110)
+    figure.savefig(options.out / "orientations.png", dpi=70)
     lines = [COLUMNS, ["---"] * len(COLUMNS), *rows]
     table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     print(table)
@@ -100,7 +100,7 @@ def draw(axis: Any, folder: Path, row: tuple[str, ...]) -> None:
     corner = [np.column_stack([x[face], y[face]]) for face in faces]
     at_nodes = 1e3 * ply["wrinkle_height"].values
     height = np.array([at_nodes[face].mean() for face in faces])
-    drawn = PolyCollection(corner, array=height, cmap="PuOr_r", edgecolor="0.6", linewidth=0.1)
+    drawn = PolyCollection(corner, array=height, cmap="PuOr_r", edgecolor="0.7", linewidth=0.2, antialiased=False)
     drawn.set_clim(-MOST_HEIGHT, MOST_HEIGHT)
     axis.add_collection(drawn)
     axis.set_aspect("equal")
