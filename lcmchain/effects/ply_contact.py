@@ -20,17 +20,25 @@ from __future__ import annotations
 from typing import Any
 
 from lcmchain.effects.effect import Effect, range_in_words
+from lcmchain.interfaces.surfaces import NONE
 
 
 def active(model: Any) -> list[Effect]:
-    """Return contact and friction between plies; nothing for one sheet."""
-    if len(model.bodies) < 2:
-        return []
+    """Return contact and friction between plies; nothing for one sheet without one of its own."""
     contact = model.ply_contact
     if contact is None:
+        if len(model.bodies) < 2:
+            return []
         return [Effect("contact between plies", False, "they pass through each other")]
     stiffness = range_in_words(1e-9 * contact.data.penalty)
     effects = [Effect("contact between plies", True, f"stiffness {stiffness} N/mm^3")]
+    own = [
+        body.name
+        for ply, body in enumerate(model.bodies)
+        if contact.data.interface[ply, ply] != NONE
+    ]
+    if own:
+        effects.append(Effect("contact of a ply with itself", True, f"of {', '.join(own)}"))
     # the places for laws that no interface uses have nothing to say
     laws = [law for law in contact.laws if hasattr(law, "title")]
     return [*effects, *(Effect(law.title(), True, law.reason()) for law in laws)]

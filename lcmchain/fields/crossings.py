@@ -98,9 +98,10 @@ def crossing_warnings(sheet: xr.Dataset, thickness: float) -> list[str]:
             return [
                 f"the sheet passes through itself: in the saved state at {1e3 * times[frame]:.4g} "
                 f"ms {int(crossed.sum())} faces ({areas[crossed].sum() / areas.sum():.2%} of the "
-                f"area) cross others or lie in them, as at {millimetres(first, 1)}; a sheet has no "
-                "contact with itself, so that folds and the lips of cuts are wrong there from then "
-                "on: cut the blank such that they stay apart, or hold them with a tool"
+                f"area) cross others or lie in them, as at {millimetres(first, 1)}; folds and "
+                "the lips of cuts are wrong there from then on: cut the blank such that they stay "
+                "apart, hold them with a tool, or compute the contact of its faces with themselves "
+                "(interfaces.itself = true)"
             ]
     return []
 

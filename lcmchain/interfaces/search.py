@@ -34,6 +34,8 @@ FACING, HELD_FACING = 0.4, 0.0
 GAPING, HELD_GAPING = 0.05, 0.2
 # A facet that is held is given up at this multiple of the distance at which it is taken up.
 GIVEN_UP = 1.3
+# A ply touches itself beyond so many edges of the point and of the facet, and half thicknesses.
+CREASE_EDGES, CREASE_THICKNESSES = 1.25, 4.0
 # Cells of the grid for each facet, at most; their size in widest edges, beside the reach.
 CELLS_PER_FACET, CELL_SIZE = 4, 0.6
 # Points face a facet from beside it, up to this part of the widest edge.
@@ -101,6 +103,21 @@ def looks_at(position, data, point, normal, facing):
     """Tell whether a point's side of its ply looks at a surface of this normal."""
     across = minus(vector_of(position, point), vector_of(position, data.partner[point]))
     return dot(across, normal) < -facing * math.sqrt(dot(across, across))
+
+
+@equation
+def is_around(data, point, facet):
+    """Tell whether a facet lies near a point on the undeformed ply, on either face of it.
+
+    Such facets come face to face with the point in the crease of a fold, sharper than elements are.
+    """
+    place = data.place
+    x = vector_of(place, point)
+    first = minus(x, vector_of(place, data.facet_node[facet, 0]))
+    opposite = minus(x, vector_of(place, data.facet_node[facet, 2]))
+    near = CREASE_EDGES * (data.spacing[point] + data.facet_edge[facet])
+    near += CREASE_THICKNESSES * data.depth[data.ply[point], data.ply[point]]
+    return min(dot(first, first), dot(opposite, opposite)) < near * near
 
 
 @equation
@@ -247,7 +264,7 @@ def nearest_facet(position, data, slopes, point, grid):
     for k in range(grid.start[cell + 1] - 1, grid.start[cell] - 1, -1):
         facet = grid.entry[k]
         other = data.facet_ply[facet]
-        if other == ply or data.interface[ply, other] < 0:
+        if data.interface[ply, other] < 0 or (other == ply and is_around(data, point, facet)):
             continue
         middle = (grid.middle[facet, 0], grid.middle[facet, 1], grid.middle[facet, 2])
         outwards = (grid.outwards[facet, 0], grid.outwards[facet, 1], grid.outwards[facet, 2])

@@ -63,6 +63,7 @@ ASIDE = 0.45
 class InterfaceData(NamedTuple):
     """Constants of the contact between plies; lengths are those of the undeformed plies.
 
+    place : (3, node_count) undeformed positions [m].
     ply : (node_count,) int32, body of every node, which is a point. partner : (node_count,) int32
         node on the other face of the ply. spacing : (node_count,) edge length around it [m].
     ring, ring_corner : (node_count, valence) int32, facets that have the node as a corner, and
@@ -95,6 +96,7 @@ class InterfaceData(NamedTuple):
     stiffening : of the plies relative to the springs, for each depth of these [1/m].
     """
 
+    place: np.ndarray
     ply: np.ndarray
     partner: np.ndarray
     spacing: np.ndarray
@@ -161,7 +163,7 @@ def build_interfaces(
     InputError : an unknown ply, an interface of a ply with itself, elements without two faces, or
         plies that overlap at the start by more than half a thickness.
     """
-    if not interfaces or len(bodies) < 2:
+    if not interfaces or (len(bodies) < 2 and not any(entry.itself for entry in interfaces)):
         return None
     for body in bodies:
         if not body.mesh.has_thickness or body.contact_offset != 0.0:
@@ -207,6 +209,7 @@ def build_interfaces(
     omega2 = omega2_of_equal_plies(penalties * stiffer, bodies)
     damping_time = 2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies))
     data = InterfaceData(
+        place=aligned(np.ascontiguousarray(position.T)),
         ply=np.repeat(np.arange(len(bodies)), [b.mesh.node_count for b in bodies]).astype(np.int32),
         partner=np.concatenate([_partners(body) for body in bodies]).astype(np.int32),
         spacing=aligned(spacing),
@@ -297,6 +300,8 @@ def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[st
     normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
     normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
     for point_ply, facet_ply in zip(*np.nonzero(data.interface != NONE), strict=True):
+        if point_ply == facet_ply:
+            continue  # a ply does not touch itself as long as it is not formed
         own = np.flatnonzero(data.facet_ply == point_ply)
         points, outwards = middle[own], normal[own]
         facets = np.flatnonzero(data.facet_ply == facet_ply)
@@ -364,6 +369,8 @@ def _interfaces(
                     f"the ply {interface.between[0]} cannot touch itself; name two plies", key=key
                 )
             pairs = [(first, second)]
+        if interface.itself:
+            pairs += [(ply, ply) for ply in sorted({ply for pair in pairs for ply in pair} or {0})]
         for a, b in pairs:
             law[a, b] = law[b, a] = len(entries)
             entries.append((interface, a, b))

@@ -48,6 +48,10 @@ class Interface(SceneModel):
         default=None,
         description="Two plies, or two materials of [materials] for all plies of theirs.",
     )
+    itself: bool = Field(
+        default=False,
+        description="Whether each of these plies also touches itself, where it folds.",
+    )
     friction: FrictionCoefficient = Field(
         default=0.0, description="Coulomb friction coefficient; short for a law."
     )

@@ -295,13 +295,14 @@ class Stack(Sequence[PlySettings]):
         return next(ply for ply in self.plies if ply.name == name)
 
     def interfaces(self, entries: Sequence[Interface]) -> tuple[Interface, ...]:
-        """Return what lies between plies by the names of the plies; nothing for a single one.
+        """Return what lies between plies by the names of the plies.
 
-        Entries without ``between`` come first, as they hold for all that no other one names. An
-        entry of two plies goes before one of their materials.
+        A single one has at most an interface with itself. Entries without ``between`` come first,
+        as they hold for all that no other one names. An entry of two plies goes before one of their
+        materials.
         """
         if len(self.plies) < 2:
-            return ()
+            return tuple(entries)
         anywhere = [entry for entry in entries if entry.between is None]
         of_pair: dict[tuple[str, str], Interface] = {}
         names = {ply.name for ply in self.plies}
@@ -468,9 +469,11 @@ def _check_overlap(under: PlySettings, ply: PlySettings) -> None:
 
 def _check_interfaces(scene: Scene, stack: Stack) -> None:
     """Refuse an interface of a ply with itself, or with one that is not there."""
-    if scene.interfaces and len(stack) < 2:
+    alone = len(stack) < 2
+    if alone and any(entry.between or not entry.itself for entry in scene.interfaces):
         raise wrong(
-            "lie between plies, but the scene has one sheet; leave them out, or give [[plies]]",
+            "lie between plies, but the scene has one sheet; leave them out, give [[plies]], or "
+            "let the sheet touch itself with itself = true and no between",
             field="interfaces",
         )
     plies = [ply.name for ply in stack]
@@ -486,7 +489,7 @@ def _check_interfaces(scene: Scene, stack: Stack) -> None:
         if pair is not None and len(pair) == 1 and pair <= set(plies):
             raise wrong(
                 f'names the ply "{entry.between[0]}" twice; '  # type: ignore[index]
-                "an interface lies between two plies",
+                "an interface lies between two plies, and itself = true lets them touch themselves",
                 field=key,
             )
         if pair in given:

@@ -63,8 +63,8 @@ position = "0 0 {bottom} mm"
 name = "upper"
 shape = {{ type = "plate", side = "above" }}
 position = "0 0 {top} mm"
-motion = {{ type = "table", direction = [0, 0, -1], times = "0 {stop} {time} ms", travel = "0 {travel} {travel} mm" }}
-"""  # noqa: E501
+motion = {{ type = "table", direction = [0, 0, -1], times = "{times}", travel = "{way}" }}
+"""
 
 
 def ply(name, shift=(0.0, 0.0, 0.0), **entries):
@@ -120,10 +120,17 @@ def scene_of(
     top=FAR,
     travel=0.0,
     stop=None,
+    times=None,
+    way=None,
 ):
-    """The scene of one ply between plates; lengths in mm, times in ms, the angle in degrees."""
+    """The scene of one ply between plates; lengths in mm, times in ms, the angle in degrees.
+
+    The upper plate goes down by ``travel`` until ``stop``; ``times`` and ``way`` say it as a table.
+    """
     stop = 0.5 * time if stop is None else stop
-    entries = {**locals(), "stop": stop}
+    times = times or f"0 {stop} {time} ms"
+    way = way or f"0 {travel} {travel} mm"
+    entries = locals()
     return scene_from_text(SCENE.format(**entries))
 
 

@@ -102,7 +102,7 @@ def test_the_warning_names_the_first_state_and_the_share(monkeypatch):
     (text,) = crossing_warnings(result([points, apart, through, points], faces), T)
     count = int(crossing_faces(through, faces, T).sum())
     assert f"at 2 ms {count} faces ({count / len(faces):.2%} of the area)" in text
-    assert "no contact with itself" in text
+    assert "interfaces.itself = true" in text
     assert crossing_warnings(result([points, apart], faces), T) == []
     monkeypatch.setattr("lcmchain.fields.crossings.MOST_FACES", 10)
     assert crossing_warnings(result([points, through, points], faces), T) == []
