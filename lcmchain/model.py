@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lcmchain.cache_lines import aligned
-from lcmchain.effects.contact_depth import depth_control
+from lcmchain.effects.contact_depth import depth_control, gap_left, pressure_in_gap
 from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, build_face_pressure
 from lcmchain.effects.fibre_bending import (
     FORCE_ROWS,
@@ -46,6 +46,10 @@ from lcmchain.tools.table import ToolTable, build_tool_table
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
 # start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres.
 AUTOMATIC_PENALTY = 0.1
+# Part of a ply's thickness by which springs give way at most where tools close on a stack, or a
+# pressure acts on it. On long elements they would be softer, and all faces would take up what is
+# pressed together instead of the plies.
+DEEPEST_EXPECTED = 0.1
 
 
 class Sheet(NamedTuple):
@@ -196,21 +200,6 @@ class Model:
             names = ", ".join(body.name for body in self.bodies)
             raise ValueError(f"the model has several bodies ({names}); name one")
         return self.bodies[0]
-
-    @property
-    def blank(self) -> Any:
-        """Undeformed mesh of the only body."""
-        return self.body.mesh
-
-    @property
-    def material(self) -> Material:
-        """Material of the only body."""
-        return self.body.material
-
-    @property
-    def geometry(self) -> Any:
-        """Reference geometry of the only body."""
-        return self.body.geometry
 
     @cached_property
     def fibre_bending_omega2(self) -> float:
@@ -432,14 +421,26 @@ def assemble_bodies(
         placed = _with_bending(placed, order, fibre_bending)
     mass = np.concatenate([body.inertial_mass for body in bodies])
     area = np.concatenate([body.node_area for body in bodies])
+    materials = [body.material for body in bodies]
+    gap = gap_left(contact, tools, [body.mesh for body in bodies], float(process.time))
+    pressure = build_face_pressure(face_pressures, bodies, float(process.time))
+    expected = 0.0
+    if len(bodies) > 1:
+        bag = 0.0 if pressure is None else pressure.largest
+        expected = max(pressure_in_gap(gap, materials), bag)
+    stiff_enough = expected / (DEEPEST_EXPECTED * thickness)
+
+    def automatic_penalty(body: Body) -> float:
+        return max(_automatic_penalty(body), stiff_enough)
+
     penalty = contact.penalty
     if penalty is None:
-        penalty = min(_automatic_penalty(body) for body in bodies)
+        penalty = min(automatic_penalty(body) for body in bodies)
     depth_time, depth_stiffening = depth_control(
         contact,
         tools,
-        [body.mesh for body in bodies],
-        [body.material for body in bodies],
+        gap,
+        materials,
         float(process.time),
         2.0 * contact.damping_ratio * float(np.sqrt(penalty * area / mass).min()),
     )
@@ -450,8 +451,8 @@ def assemble_bodies(
         placed=placed,
         fibre_bending=fibre_bending,
         pore=pressed_elements(bodies, key="pore pressure") if pore_pressure else None,
-        face_pressure=build_face_pressure(face_pressures, bodies, float(process.time)),
-        ply_contact=build_interfaces(interfaces, bodies, _automatic_penalty),
+        face_pressure=pressure,
+        ply_contact=build_interfaces(interfaces, bodies, automatic_penalty),
         corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
             force_slot=force_slot,

@@ -100,7 +100,9 @@ def draw(axis: Any, folder: Path, row: tuple[str, ...]) -> None:
     corner = [np.column_stack([x[face], y[face]]) for face in faces]
     at_nodes = 1e3 * ply["wrinkle_height"].values
     height = np.array([at_nodes[face].mean() for face in faces])
-    drawn = PolyCollection(corner, array=height, cmap="PuOr_r", edgecolor="0.7", linewidth=0.2, antialiased=False)
+    drawn = PolyCollection(
+        corner, array=height, cmap="PuOr_r", edgecolor="0.7", linewidth=0.2, antialiased=False
+    )
     drawn.set_clim(-MOST_HEIGHT, MOST_HEIGHT)
     axis.add_collection(drawn)
     axis.set_aspect("equal")

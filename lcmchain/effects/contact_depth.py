@@ -43,6 +43,8 @@ CLOSED = 0.999
 #: Evenly spaced times of the process at which the gap between tools is looked for.
 TIMES = 11
 
+#: Stretch over the thickness down to which a pressure is looked up.
+MOST_COMPACTED = 0.5
 #: Stretch over the thickness at which the stiffening of a law is looked up.
 COMPACTED, STRETCH_STEP = 0.7, 1e-3
 
@@ -65,7 +67,7 @@ def offset_change(depth, offset, share, stiffening):
 def depth_control(
     contact: Any,
     tools: Any,
-    meshes: Sequence[Any],
+    gap: float,
     materials: Sequence[Any],
     process_time: float,
     rate: float,
@@ -75,21 +77,46 @@ def depth_control(
     Parameters
     ----------
     contact : table of a scene. tools : :class:`lcmchain.tools.table.ToolTable`.
-    meshes, materials : of the sheets.
+    gap : from :func:`gap_left` [m]. materials : of the sheets.
     rate : smallest c/m of the nodes on their contact springs [1/s].
     """
     wanted = getattr(contact, "depth", FREE)
     if wanted == FREE or tools.kind.size == 0 or rate <= 0.0 or not math.isfinite(process_time):
         return None, 0.0
-    if wanted == AUTOMATIC:
-        guided = bool((tools.motion_kind == GUIDED).any())
-        if contact.penalty is not None or guided or tools.kind.size < 2:
-            return None, 0.0
-        thickness = min(material.thickness for material in materials)
-        if closest_gap(tools, places_of_sheet(meshes), process_time) > CLOSED * thickness:
-            return None, 0.0
+    if wanted == AUTOMATIC and gap > CLOSED * sum(material.thickness for material in materials):
+        return None, 0.0
     time = max(PART_OF_PROCESS * process_time, LEAST_DAMPED_TIMES / rate)
     return time, min(stiffening_of(material) for material in materials)
+
+
+def gap_left(contact: Any, tools: Any, meshes: Sequence[Any], process_time: float) -> float:
+    """Return the smallest gap that tools of given motions leave near the sheets [m].
+
+    Infinite where it decides nothing: with ``contact.penalty`` given, a guided tool, fewer than two
+    tools, or no time.
+    """
+    guided = bool((tools.motion_kind == GUIDED).any())
+    given = getattr(contact, "penalty", None) is not None
+    if given or guided or tools.kind.size < 2 or not math.isfinite(process_time):
+        return math.inf
+    return closest_gap(tools, places_of_sheet(meshes), process_time)
+
+
+def pressure_in_gap(gap: float, materials: Sequence[Any]) -> float:
+    """Return the pressure of sheets that lie over each other in a gap [m], from their laws [Pa].
+
+    0 where they are not pressed, or nothing resists; beyond ``MOST_COMPACTED`` it is that there.
+    """
+    if gap >= sum(material.thickness for material in materials):
+        return 0.0
+    stretch = np.linspace(1.0, MOST_COMPACTED, 701)
+    each = [np.maximum.accumulate(nominal_pressure(material, stretch)) for material in materials]
+    pressure = np.unique(np.concatenate(each))
+    height = sum(
+        material.thickness * np.interp(pressure, own, stretch)
+        for material, own in zip(materials, each, strict=True)
+    )
+    return float(np.interp(-gap, -height, pressure))
 
 
 def stiffening_of(material: Any) -> float:

@@ -14,7 +14,7 @@ def nodal_forces(model: Model, displacement: np.ndarray) -> np.ndarray:
 
     What elements share with their neighbours is that of the displacement.
     """
-    position = np.ascontiguousarray(model.blank.node_positions.T + displacement)
+    position = np.ascontiguousarray(model.body.mesh.node_positions.T + displacement)
     corner_force = np.zeros(model.corner_force_size)
     history = np.zeros(model.history_size)
     model.renew(position, history)

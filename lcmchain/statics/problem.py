@@ -77,8 +77,8 @@ class StaticProblem:
     def __post_init__(self) -> None:
         if self.model.remembers:
             raise InputError(
-                f'"{self.model.material.name}" has a law with memory, which the static solver does '
-                "not follow; use the explicit solver, or a law without",
+                f'"{self.model.body.material.name}" has a law with memory, which the static solver '
+                "does not follow; use the explicit solver, or a law without",
                 key="material.law",
             )
         shape = (3, self.model.node_count)
@@ -86,7 +86,7 @@ class StaticProblem:
             value = getattr(self, name)
             if value is not None and np.shape(value) != shape:
                 raise InputError(f"must have the shape {shape}, not {np.shape(value)}", key=name)
-        elements, pair_count = self.model.blank.elements, self.model.blank.pair_count
+        elements, pair_count = self.model.body.mesh.elements, self.model.body.mesh.pair_count
         if self.held_middle is not None and np.shape(self.held_middle) != (3, pair_count):
             shape = np.shape(self.held_middle)
             raise InputError(
@@ -112,8 +112,8 @@ class StaticProblem:
 
     def directors(self, displacement: np.ndarray) -> np.ndarray:
         """Return the vectors (pair_count, 3) [m] from bottom to top nodes."""
-        position = self.model.blank.node_positions + displacement.T
-        n = self.model.blank.pair_count
+        position = self.model.body.mesh.node_positions + displacement.T
+        n = self.model.body.mesh.pair_count
         return position[n:] - position[:n]
 
     def external_forces(self, displacement: np.ndarray) -> np.ndarray:
@@ -121,7 +121,7 @@ class StaticProblem:
         forces = self.dead_forces.copy()
         if self.couples:
             directors = self.directors(displacement)
-            n = self.model.blank.pair_count
+            n = self.model.body.mesh.pair_count
             for couple in self.couples:
                 force, _ = couple.force_and_gradient(directors[couple.pairs])
                 np.add.at(forces.T, couple.pairs + n, force)
@@ -139,7 +139,7 @@ def require_supports(model: Model, held: np.ndarray, held_middle: np.ndarray | N
     held = np.asarray(held, dtype=bool)
     if held_middle is not None:
         held = held | np.tile(held_middle, 2)
-    centred = model.blank.node_positions - model.blank.node_positions.mean(axis=0)
+    centred = model.body.mesh.node_positions - model.body.mesh.node_positions.mean(axis=0)
     centred = centred / abs(centred).max()
     motions = [np.tile(axis, (len(centred), 1)) for axis in np.eye(3)]
     motions += [np.cross(axis, centred) for axis in np.eye(3)]

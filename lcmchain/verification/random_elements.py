@@ -202,7 +202,10 @@ def shared_history(model: Model, curvature: np.ndarray) -> np.ndarray:
 
 def random_curvature(rng: np.random.Generator, model: Model) -> np.ndarray:
     """Return β11, β22, β12, q (E, 4) as of elements whose directors turn by up to 25°."""
-    span = np.linalg.norm(model.geometry.modes[:, :2], axis=2).min(axis=1) * model.geometry.height
+    span = (
+        np.linalg.norm(model.body.geometry.modes[:, :2], axis=2).min(axis=1)
+        * model.body.geometry.height
+    )
     turns = rng.uniform(-0.2, 0.2, (model.element_count, 3)) / span[:, None]
     return np.column_stack([turns, rng.uniform(0.0, 0.04, model.element_count)])
 
@@ -256,13 +259,13 @@ def bounds_and_frequencies(
     def forces(x):
         return corner_forces(model, positions_of(x), history).reshape(len(x), 24)
 
-    step = 1e-5 * model.geometry.height.min()
+    step = 1e-5 * model.body.geometry.height.min()
     K = np.zeros((len(x), 24, 24))
     for i, dx in enumerate(step * np.eye(24).reshape(24, 8, 3)):
         near = forces(x + dx) - forces(x - dx)
         far = forces(x + 2 * dx) - forces(x - 2 * dx)
         K[:, :, i] = (8 * near - far) / (12 * step)
-    nodal_mass = material.density * model.geometry.volume / 8
+    nodal_mass = material.density * model.body.geometry.volume / 8
     eigenvalues = np.linalg.eigvals(K / nodal_mass[:, None, None]).astype(complex)
     # a tangent that is not symmetric: the imaginary part of a frequency is growth, not period
     return np.sqrt(omega2[: len(x)]), np.sqrt(eigenvalues).real.max(axis=1)

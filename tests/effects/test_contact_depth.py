@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.effects.contact_depth import closest_gap
+from lcmchain.effects.contact_depth import closest_gap, nominal_pressure, pressure_in_gap
 from lcmchain.fields.hidden_compaction import hidden_compaction, hidden_compaction_warnings
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
@@ -54,7 +54,7 @@ def test_force_and_thickness_between_plates_are_those_of_the_law_at_their_gap(pr
     positions = pressed.state.position
     top, bottom = positions[2].max(), positions[2].min()
     assert top - bottom == pytest.approx(GAP, rel=1e-3)
-    law = float(pressed.model.material.compaction_pressure(GAP / THICKNESS))
+    law = float(pressed.model.body.material.compaction_pressure(GAP / THICKNESS))
     force = np.abs(pressed.state.tool_force[:, 2])
     assert force == pytest.approx(law * 20e-3**2, rel=0.02)
 
@@ -131,3 +131,43 @@ def test_the_gap_between_curved_tools_is_found_from_the_flat_sheet():
     found = closest_gap(model.tools, places_of_sheet([model.body.mesh]), 20e-3)
     assert found == pytest.approx(0.8e-3, rel=0.01)
     assert model.environment.depth_time is not None
+
+
+def test_the_pressure_in_a_gap_is_that_of_the_laws():
+    """Of one sheet, and of two that share the gap such that both bear the same."""
+    thin, thick = (
+        scene_from_text(
+            PLATES.format(motion=CLOSE, contact="").replace(
+                '"MD600"', f'"MD600", areal_mass = "{0.6 * t} kg/m^2", thickness = "{t} mm"'
+            )
+        ).material.build()
+        for t in (0.5, 2.0)
+    )
+    pressure = float(nominal_pressure(thin, np.array([0.7]))[0])
+    assert pressure_in_gap(0.35e-3, [thin]) == pytest.approx(pressure, rel=1e-3)
+    assert pressure_in_gap(0.7 * 2.5e-3, [thin, thick]) == pytest.approx(pressure, rel=0.02)
+    assert pressure_in_gap(2.6e-3, [thin, thick]) == 0.0
+    assert pressure_in_gap(0.1e-3, [thin]) == pressure_in_gap(0.15e-3, [thin]) > pressure
+
+
+@pytest.mark.parametrize("edge", ["5 mm", "25 mm"])
+def test_springs_bear_what_closing_tools_press_in_a_stack(edge):
+    """Also under long elements, whose own stiffness asks for soft ones: on tools and plies."""
+    text = 'layup = "[0/90]2"\n' + PLATES.format(motion=CLOSE, contact="")
+    for old, new in (("5 mm", edge), ("20 mm", "100 mm"), ("0.304 mm", "0.608 mm")):
+        text = text.replace(f'"{old}"', f'"{new}"')
+    model = build_model(scene_from_text(text.replace("0 0 1.004 mm", "0 0 2.008 mm")))
+    law = model.bodies[0].material
+    pressure = float(law.compaction_pressure(GAP / THICKNESS))
+    for penalty in (model.environment.penalty, model.ply_contact.data.penalty[0]):
+        assert penalty * 0.1 * THICKNESS >= 0.99 * pressure
+
+
+def test_tools_close_on_a_stack_where_they_leave_less_than_all_plies():
+    text = 'layup = "[0/90]2"\n' + PLATES.format(motion=CLOSE, contact="").replace(
+        '"0 0 1.004 mm"', '"0 0 2.008 mm"'
+    )
+    model = build_model(scene_from_text(text))
+    assert model.environment.depth_time is not None
+    apart = text.replace("0.304 mm", "0.05 mm").replace("2.008 mm", "2.2 mm")
+    assert build_model(scene_from_text(apart)).environment.depth_time is None

@@ -138,12 +138,12 @@ def test_an_arc_within_the_plane_has_its_energy(element, family):
     # a fibre shifted across itself keeps its arc; at 60 mm the chord of 10 mm leaves 0.03 %
     np.testing.assert_allclose(np.abs(kappa[family, bent]), 1.0 / R, rtol=0.01)
     np.testing.assert_allclose(kappa[1 - family], 0.0, atol=1e-9 / R)
-    D = model.material.fibre_bending[family]
+    D = model.body.material.fibre_bending[family]
     area = model.nodes.area[table.below][bent].sum()
     energy = stored_energy(table, position.T)
     assert energy == pytest.approx(0.5 * D / R**2 * area, rel=0.01)
-    inertia = model.material.thickness**3 / 12.0
-    assert D == pytest.approx(0.1 * model.material.bending_matrix()[family, family] * inertia)
+    inertia = model.body.material.thickness**3 / 12.0
+    assert D == pytest.approx(0.1 * model.body.material.bending_matrix()[family, family] * inertia)
 
 
 @pytest.mark.parametrize("element", TYPES)

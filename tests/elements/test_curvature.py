@@ -145,9 +145,9 @@ def test_forces_derive_from_the_energy(batch, shape):
 @pytest.mark.parametrize("shape", ["flat", "curved"])
 def test_tangent_is_the_derivative_of_the_forces(batch, shape):
     model, x, _, history = batch(shape)
-    displacement = (x - model.blank.node_positions.reshape(x.shape)).reshape(-1, 3).T
+    displacement = (x - model.body.mesh.node_positions.reshape(x.shape)).reshape(-1, 3).T
     K = node_stiffness(linearise(model, displacement, history=history).stiffness)
-    step = 1e-3 * model.geometry.height.min()
+    step = 1e-3 * model.body.geometry.height.min()
     for i in range(0, 24, 5):
         move = np.zeros((8, 3))
         move.flat[i] = step
@@ -304,12 +304,14 @@ def test_fields_have_the_thickness_of_the_kernel():
     bent = cylinder(0.3) + 2e-4 * rng.normal(size=cylinder(0.3).shape)
     strain, history = compaction(model, bent)
     flat_positions = bent.reshape(-1, 3)
-    thickness = derive_fields(model.blank, model.material, flat_positions)["thickness"]
+    thickness = derive_fields(model.body.mesh, model.body.material, flat_positions)["thickness"]
     np.testing.assert_allclose(thickness, THICKNESS * np.sqrt(1.0 + 2.0 * strain), rtol=1e-9)
     condition = model.body.condition(positions_of(bent), history)
     np.testing.assert_allclose(condition.thickness_stretch * THICKNESS, thickness, rtol=1e-9)
     several = bend_part(
-        model.blank.elements, model.blank.neighbours, np.stack([flat_positions, 2 * flat_positions])
+        model.body.mesh.elements,
+        model.body.mesh.neighbours,
+        np.stack([flat_positions, 2 * flat_positions]),
     )
     np.testing.assert_allclose(several[1], 4.0 * several[0], rtol=1e-9)
 
@@ -322,7 +324,9 @@ def test_a_fold_shares_no_more_than_a_turn_of_sixty_degrees():
     rows = from_blocks(history, 4, model.element_count)
     half = 0.5 * THICKNESS * np.cos(np.radians(75.0))
     assert 2.0 * rows[:, 3].max() <= 0.25 * (2.0 * half / THICKNESS) ** 2 * (1.0 + 1e-9)
-    thickness = derive_fields(model.blank, model.material, folded.reshape(-1, 3))["thickness"]
+    thickness = derive_fields(model.body.mesh, model.body.material, folded.reshape(-1, 3))[
+        "thickness"
+    ]
     np.testing.assert_allclose(thickness, THICKNESS * np.sqrt(1.0 + 2.0 * strain), rtol=1e-9)
 
 
@@ -337,6 +341,6 @@ def test_between_steps_a_renewal_puts_in_what_half_a_step_before_it_would():
         given.append(model.renew(x, history, counted_at))
     old = corner_forces(model, x, np.zeros(model.history_size))
     change = corner_forces(model, x, history) - old
-    way = half_way.T[model.blank.elements]
+    way = half_way.T[model.body.mesh.elements]
     assert given[1] - given[0] == pytest.approx(-np.sum(change * way), rel=1e-3)
     assert given[2] - given[0] == pytest.approx(np.sum(change * way), rel=1e-3)

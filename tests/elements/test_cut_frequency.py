@@ -45,7 +45,7 @@ def true_frequency(model, position):
     stiffness = linearise(model, displacement).stiffness
     corner = np.einsum("ka,ekdlf,lb->eadbf", MODES, stiffness, MODES)
     corner = corner.reshape(model.element_count, 24, 24)
-    place = (3 * model.blank.elements[:, :, None] + np.arange(3)).reshape(-1, 24)
+    place = (3 * model.body.mesh.elements[:, :, None] + np.arange(3)).reshape(-1, 24)
     rows, columns = np.repeat(place, 24, axis=1).ravel(), np.tile(place, (1, 24)).ravel()
     K = coo_array((corner.ravel(), (rows, columns)), shape=(3 * model.node_count,) * 2).tocsr()
     scale = diags_array(np.repeat(model.nodes.mass, 3) ** -0.5)
@@ -69,7 +69,7 @@ def deformed(model, *, shear, compaction, warp, seed):
 @pytest.mark.parametrize("outline, angle", [(SQUARE, 30.0), (SQUARE, 45.0), (KITE, -17.0)])
 def test_bound_lies_above_the_highest_frequency_of_the_sheet(outline, angle):
     model = model_of(outline, angle)
-    assert model.blank.is_triangle.any()
+    assert model.body.mesh.is_triangle.any()
     # and how much shorter than that of the highest frequency the step may be at most
     states = [
         (1.15, {"shear": 0.0, "compaction": 1.0, "warp": 0.0}),
@@ -89,11 +89,11 @@ def test_bound_lies_above_the_highest_frequency_of_the_sheet(outline, angle):
 def test_cut_blanks_keep_the_step_of_whole_elements(outline, angle, element):
     model = model_of(outline, angle, element)
     # the edges of inner elements are those along the fibres
-    faces = model.blank.sheet_faces
-    corner = model.blank.mid_surface(model.node_positions)[faces[:, :3]]
-    along = np.abs((corner[:, 1] - corner[:, 0]) @ model.blank.fibre_direction_1[0])
+    faces = model.body.mesh.sheet_faces
+    corner = model.body.mesh.mid_surface(model.node_positions)[faces[:, :3]]
+    along = np.abs((corner[:, 1] - corner[:, 0]) @ model.body.mesh.fibre_direction_1[0])
     whole = np.median(along)
-    speed = math.sqrt(model.material.wave_stiffness()[0] / model.material.density)
+    speed = math.sqrt(model.body.material.wave_stiffness()[0] / model.body.material.density)
     assert Simulation(model).critical_step() > whole / speed / 1.2
 
 

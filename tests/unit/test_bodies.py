@@ -169,7 +169,7 @@ def test_ranges_follow_each_other_without_gaps():
     assert model.node_count == first.mesh.node_count + second.mesh.node_count
     assert model.element_at(second.first_node) >= second.first_element
     with pytest.raises(ValueError, match="several bodies \\(thick, flat\\)"):
-        _ = model.blank
+        _ = model.body.mesh
 
 
 def test_an_unsound_element_names_its_body():

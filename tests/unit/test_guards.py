@@ -48,9 +48,9 @@ def test_a_value_that_is_not_a_number_names_node_element_place_and_time(simulati
 def test_a_folded_element_is_named(simulation, fraction, word):
     """Squeeze one element until it holds more fibre than space (0.33), or turn it inside out."""
     model, state = simulation.model, simulation.state
-    bottom, top = model.blank.elements[5, :4], model.blank.elements[5, 4:]
+    bottom, top = model.body.mesh.elements[5, :4], model.body.mesh.elements[5, 4:]
     middle = 0.5 * (state.position[2, bottom] + state.position[2, top])
-    half = 0.5 * fraction * model.material.thickness
+    half = 0.5 * fraction * model.body.material.thickness
     state.position[2, bottom], state.position[2, top] = middle - half, middle + half
     with pytest.raises(SimulationError, match=rf"element 5 is {word}\b.*edge_length"):
         simulation.advance_to(1e-4)
@@ -105,7 +105,7 @@ def test_a_sheet_that_sinks_into_a_tool_stops_the_run():
         scene_from_text(cured, overrides=["contact.depth=free", value.replace(" = ", "=")])
     )
     again.advance_to(10e-3)
-    assert again.state.penetration_max.max() < 0.1 * again.model.material.thickness
+    assert again.state.penetration_max.max() < 0.1 * again.model.body.material.thickness
 
 
 def sunk(scene, depth, part_of_the_process):

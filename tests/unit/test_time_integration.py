@@ -75,7 +75,7 @@ def node_forces(sim, position):
     corner_force = np.zeros(model.corner_force_size)
     internal_forces(model.body.data, position, corner_force, np.empty(0))
     total = np.zeros_like(position)
-    for element, nodes in enumerate(model.blank.elements):
+    for element, nodes in enumerate(model.body.mesh.elements):
         block, lane = divmod(element, 16)
         for corner, node in enumerate(nodes):
             for d in range(3):
@@ -205,8 +205,8 @@ def test_a_thickness_wave_that_governs_is_looked_at_where_it_may_have_become_fas
     fabric = simulation(SHEET)
     fabric.state.position[2] *= 0.98
     height = fabric.model.body.geometry.height.min()
-    tangent = fabric.model.material.stress_and_tangent(np.zeros(6))[1][2, 2]
-    wave = tangent / (fabric.model.material.density * height**2)
+    tangent = fabric.model.body.material.stress_and_tangent(np.zeros(6))[1][2, 2]
+    wave = tangent / (fabric.model.body.material.density * height**2)
     assert fabric._may_stiffen(fabric.require_sound(), wave)
 
 

@@ -60,19 +60,21 @@ class Bent(NamedTuple):
     @property
     def inside(self) -> np.ndarray:
         """Elements away from the ends, where the normals of the nodes are those of one chord."""
-        middle = self.model.blank.node_positions[self.model.blank.elements].mean(axis=1)
+        middle = self.model.body.mesh.node_positions[self.model.body.mesh.elements].mean(axis=1)
         return np.abs(middle[:, 0]) < EDGE * (0.5 * COUNT - 1)
 
 
 def bend(radius, load, element=""):
     """Bend a strip with ``load`` times the moment of an elastica of this radius."""
     model = build_model(scene_from_text(SCENE + element))
-    X, pairs = model.blank.node_positions, model.blank.pair_count
+    X, pairs = model.body.mesh.node_positions, model.body.mesh.pair_count
     clamped = X[:, 0] < X[:, 0].min() + 1e-9
     held = np.array([clamped, clamped, clamped & (np.arange(len(X)) < pairs)])
     tip = np.flatnonzero(X[:pairs, 0] > X[:, 0].max() - 1e-9)
     on_edge = np.abs(X[tip, 1]) > 1e-9
-    full = model.material.law.B11 * model.material.thickness**3 / 12.0 / radius * 2.0 * EDGE
+    full = (
+        model.body.material.law.B11 * model.body.material.thickness**3 / 12.0 / radius * 2.0 * EDGE
+    )
     couples = DirectorCouples(tip, np.array([0.0, 1.0, 0.0]), full * np.where(on_edge, 0.25, 0.5))
     problem = StaticProblem(model=model, held=held, couples=(couples,))
     x = X + solve(problem, [load], first_step=0.1)[-1].displacement.T
@@ -80,14 +82,16 @@ def bend(radius, load, element=""):
     middle = middle[np.argsort(X[:pairs, 0][np.abs(X[:pairs, 1]) < 1e-9])]
     turn = np.diff(np.unwrap(np.arctan2(*np.diff(middle, axis=0)[:, [2, 0]].T)))
     np.testing.assert_allclose(turn, turn.mean(), rtol=1e-6)  # a circle
-    return Bent(model, x, derive_fields(model.blank, model.material, x)["thickness"], np.abs(turn))
+    return Bent(
+        model, x, derive_fields(model.body.mesh, model.body.material, x)["thickness"], np.abs(turn)
+    )
 
 
 @pytest.mark.parametrize("radius", [50e-3, 20e-3, 16e-3])
 def test_thickness_of_a_strip_bent_to_a_circle(radius):
     # less than the moment of the radius by what the thinning takes: reached from below
     bent = bend(radius, 0.8)
-    material, thickness = bent.model.material, bent.thickness
+    material, thickness = bent.model.body.material, bent.thickness
     curvature = 2.0 * np.sin(0.5 * bent.turn.mean()) / EDGE  # of directors over a chord
     expected = expected_stretch(material, curvature) * material.thickness
     np.testing.assert_allclose(thickness, expected, rtol=2e-3)
@@ -109,9 +113,13 @@ def test_at_the_reference_thickness_it_stays_as_thick_and_as_stiff(radius):
     bent = bend(radius, 1.0, 'element = { bending_thickness = "reference" }')
     # strain 2 sin(φ/2)/L of a chord; the moment works on its change with the turn φ, cos(φ/2)/L
     np.testing.assert_allclose(np.sin(bent.turn) / EDGE, 1.0 / radius, rtol=1e-3)
-    np.testing.assert_allclose(bent.thickness, bent.model.material.thickness, rtol=1e-3)
+    np.testing.assert_allclose(bent.thickness, bent.model.body.material.thickness, rtol=1e-3)
     body = bent.model.body
     pressure = pressure_fields(body, bent.positions, bent.history)
-    pull = bent.model.material.law.B11 * (0.5 * bent.model.material.thickness / radius) ** 2 / 3.0
+    pull = (
+        bent.model.body.material.law.B11
+        * (0.5 * bent.model.body.material.thickness / radius) ** 2
+        / 3.0
+    )
     for name in ("compaction_pressure", "bending_pressure"):
         assert np.abs(pressure[name][bent.inside]).max() < 0.01 * pull, name

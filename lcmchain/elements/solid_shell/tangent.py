@@ -94,7 +94,7 @@ def linearise(
     count = model.element_count
     if history is None:
         history = np.zeros(model.history_size)
-        model.renew(model.blank.node_positions.T + displacement, history)
+        model.renew(model.body.mesh.node_positions.T + displacement, history)
     shared = from_blocks(history, model.body.history_count, count)[:, :CURVATURE_ROWS]
     result = Linearisation(
         np.empty((count, 7, 3, 7, 3)), np.empty((count, 42)), np.empty((count, 42, 21))
@@ -123,13 +123,13 @@ def node_stiffness(mode_stiffness: np.ndarray, basis: np.ndarray = MODES) -> np.
 
 def _linearise_block(model, displacement, block, given, shared):
     options = model.body.data.options
-    A = model.geometry.modes[block]
-    corner = displacement.T[model.blank.elements[block]]
+    A = model.body.geometry.modes[block]
+    corner = displacement.T[model.body.mesh.elements[block]]
     change = np.einsum("kn,end->ekd", MODES, corner)
     a = A + change
     B, E = _strains(model, block, A, change)
     if options.director is None:
-        height = model.geometry.height[block]
+        height = model.body.geometry.height[block]
         E[:, CENTRE, NORMAL], gradient, hessian = normal_compaction(a[:, :3], height)
         B[:, CENTRE, NORMAL] = 0.0
         B[:, CENTRE, NORMAL, :9] = gradient
@@ -166,7 +166,7 @@ def _linearise_block(model, displacement, block, given, shared):
     blocks = K.reshape(-1, 7, 3, 7, 3)
     for d in range(3):
         blocks[:, :, d, :, d] += sigma
-    blocks *= model.geometry.volume[block, None, None, None, None]
+    blocks *= model.body.geometry.volume[block, None, None, None, None]
     return blocks, R, DB
 
 
@@ -221,7 +221,7 @@ def _shear_scaling(model, block):
 
 def _resultants(model, E):
     """Return R (E, 7, 6) of Eqs. (15) and (16) and D = ∂R/∂E (E, 7, 6, 7, 6)."""
-    options, material = model.body.data.options, model.material
+    options, material = model.body.data.options, model.body.material
     S_centre, C_M = material.stress_and_tangent(E[:, CENTRE])
     C_B = material.bending_matrix()
     C_zeta = np.broadcast_to(C_B, C_M.shape)
