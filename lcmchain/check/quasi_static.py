@@ -29,6 +29,7 @@ from lcmchain.scene.pace import (
     entries_that_slow,
     is_driven,
     is_led,
+    led_tools,
     slower_process,
     slowing_entry,
 )
@@ -299,13 +300,13 @@ def _hourglass(measures: Mapping[str, float], scene: Scene) -> list[str]:
 
 
 def snap_warnings(loads: Mapping[str, Any], scene: Scene) -> list[str]:
-    """Say where the sheet snaps under a tool.
+    """Say where the sheet snaps under a tool that is led; a guided one bounces by itself.
 
     loads : of every tool, see :func:`lcmchain.fields.loads.tool_loads`.
     """
     found: list[str] = []
-    for name, of_tool in loads.items() if is_led(scene) else ():
-        if snaps := of_tool.get("snaps"):
+    for name in led_tools(scene):
+        if snaps := loads.get(name, {}).get("snaps"):
             slower = slower_process(scene, 2.0 * scene.process.time)
             found.append(
                 f"the sheet snaps under {name}: {snaps_text(snaps)}, and the sheet gives off what "

@@ -35,6 +35,7 @@ from lcmchain.scene.pace import (
     has_guided_load,
     is_driven,
     is_led,
+    led_tools,
     slowing_entry,
 )
 from lcmchain.solver import guards
@@ -188,8 +189,9 @@ def _damping(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
 
 
 def _snaps(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
-    for name, loads in summary.get("tool_loads", {}).items() if is_led(scene) else ():
-        if snaps := loads.get("snaps"):
+    loads = summary.get("tool_loads", {})
+    for name in led_tools(scene):
+        if snaps := loads.get(name, {}).get("snaps"):
             text = (
                 f"the sheet snaps under {name}: {snaps_text(snaps)}. What it does from there on "
                 "may depend on pace and mesh"

@@ -18,7 +18,12 @@ def is_driven(scene: Scene) -> bool:
 
 def is_led(scene: Scene) -> bool:
     """Tell whether a stroke or a table drives a tool: else weight and forces set the pace."""
-    return any(tool.motion.moves and tool.motion.kind != GUIDED for tool in scene.tools)
+    return bool(led_tools(scene))
+
+
+def led_tools(scene: Scene) -> list[str]:
+    """Return the names of the tools that a stroke or a table drives."""
+    return [t.name for t in scene.tools if t.motion.moves and t.motion.kind != GUIDED]
 
 
 def has_guided_load(scene: Scene) -> bool:

@@ -378,6 +378,10 @@ def test_a_snap_is_named_in_verdict_and_warning(scene, datasets):
     (warning,) = snap_warnings(loads, scene)
     assert words in warning and 'process.time = "400 ms"' in warning
     assert "Snaps" not in judged(scene, datasets, tool_loads={"punch": {}})
+    # a holder that bounces is no sheet that snaps
+    holder = {"holder": {"snaps": [snap]}}
+    assert snap_warnings(holder, scene) == []
+    assert "Snaps" not in judged(scene, datasets, tool_loads=holder)
     # what falls onto a tool may do so
     falling = driven_by('{ type = "guided", direction = [0, 0, -1], mass = "1 kg" }', "true")
     assert snap_warnings(loads, falling) == []
