@@ -79,6 +79,7 @@ from lcmchain.interfaces.search import (
     build_grid,
     cost_of,
     furthest_outside,
+    is_around,
     is_triangle,
     looks_at,
     nearest_facet,
@@ -405,6 +406,7 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
         most = max(beside, hanging)
         furthest = furthest_outside(data, point, facet)
         leaves = beside > HELD_GAPING or hanging > furthest
+        leaves = leaves or (data.facet_ply[facet] == ply and is_around(data, point, facet))
         _, normal, _, gap = spring_at(position, data.facet_node, slopes, facet, xi, eta, x)
         reach = GIVEN_UP * data.far[ply, data.facet_ply[facet]]
         facing = looks_at(position, data, point, normal, HELD_FACING)
