@@ -64,6 +64,7 @@ LONG_FILES = (
     "effects/test_contract.py",
     "elements/test_frequency_bound.py",
     "verification/test_hemisphere_holder.py",
+    "interfaces/test_closed_forms.py",
     "elements/test_kernel.py",
 )
 

@@ -20,7 +20,6 @@ from __future__ import annotations
 from typing import Any
 
 from lcmchain.effects.effect import Effect, range_in_words
-from lcmchain.interfaces.surfaces import NONE
 
 
 def active(model: Any) -> list[Effect]:
@@ -35,7 +34,7 @@ def active(model: Any) -> list[Effect]:
     own = [
         body.name
         for ply, body in enumerate(model.bodies)
-        if contact.data.interface[ply, ply] != NONE
+        if contact.data.interface[ply, ply] >= 0
     ]
     if own:
         effects.append(Effect("contact of a ply with itself", True, f"of {', '.join(own)}"))

@@ -233,6 +233,7 @@ def test_of_a_stack_the_outer_faces_are_pressed():
         assert loaded == [{"bottom"}, set(), {"top"}][number]
 
 
+@pytest.mark.slow
 def test_a_bag_presses_a_stack_onto_its_table():
     """The table bears pressure times area, and both plies the pressure."""
     simulation = Simulation.from_scene(scene_from_text(STACK))

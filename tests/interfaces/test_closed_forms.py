@@ -139,7 +139,10 @@ def test_a_ply_is_drawn_out_by_what_its_laws_say_of_the_area_that_is_left(speed)
 # --- from facet to facet --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("curved", [False, True], ids=["flat", "in a drum"])
+@pytest.mark.parametrize(
+    "curved",
+    [pytest.param(False, marks=pytest.mark.slow, id="flat"), pytest.param(True, id="in a drum")],
+)
 def test_the_force_has_no_jump_where_points_go_from_facet_to_facet(curved):
     """A sled pressed by 10 % and dragged over some seven facets: no jump above 2 %, nor a course.
 

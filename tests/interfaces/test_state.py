@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
-from stacks import T, of_points, ply, scene_of, stack, thickness
+from stacks import ALL, T, of_points, ply, scene_of, stack, thickness
 from test_sliding import sled
 
 from lcmchain.errors import SimulationError
@@ -88,7 +88,7 @@ def test_a_ply_that_goes_through_another_one_stops_the_run():
     """Springs that are far too soft: it names both plies, the element and what to do."""
     plies = [ply("lower", z=0.5 * T), ply("upper", z=1.5 * T)]
     plates = scene_of(time=2.0, bottom=0.0, top=2 * T, travel=0.9 * T, stop=1.9)
-    sim = stack(plies, plates, Interface(penalty="0.001 N/mm^3"))
+    sim = stack(plies, plates, ALL, Interface(penalty="0.001 N/mm^3"))
     with pytest.raises(SimulationError, match="half the thickness of the thicker") as error:
         sim.advance_to(2e-3)
     for words in ("lower", "upper", "element", "ms (step", "interfaces.penalty"):
