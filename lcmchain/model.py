@@ -422,7 +422,9 @@ def assemble_bodies(
     mass = np.concatenate([body.inertial_mass for body in bodies])
     area = np.concatenate([body.node_area for body in bodies])
     materials = [body.material for body in bodies]
-    gap = gap_left(contact, tools, [body.mesh for body in bodies], float(process.time))
+    gap = math.inf
+    if contact.penalty is None or len(bodies) > 1:  # else it decides nothing
+        gap = gap_left(tools, [body.mesh for body in bodies], float(process.time))
     pressure = build_face_pressure(face_pressures, bodies, float(process.time))
     expected = 0.0
     if len(bodies) > 1:

@@ -83,21 +83,21 @@ def depth_control(
     wanted = getattr(contact, "depth", FREE)
     if wanted == FREE or tools.kind.size == 0 or rate <= 0.0 or not math.isfinite(process_time):
         return None, 0.0
-    if wanted == AUTOMATIC and gap > CLOSED * sum(material.thickness for material in materials):
-        return None, 0.0
+    if wanted == AUTOMATIC:
+        thickness = sum(material.thickness for material in materials)
+        if contact.penalty is not None or gap > CLOSED * thickness:
+            return None, 0.0
     time = max(PART_OF_PROCESS * process_time, LEAST_DAMPED_TIMES / rate)
     return time, min(stiffening_of(material) for material in materials)
 
 
-def gap_left(contact: Any, tools: Any, meshes: Sequence[Any], process_time: float) -> float:
+def gap_left(tools: Any, meshes: Sequence[Any], process_time: float) -> float:
     """Return the smallest gap that tools of given motions leave near the sheets [m].
 
-    Infinite where it decides nothing: with ``contact.penalty`` given, a guided tool, fewer than two
-    tools, or no time.
+    Infinite with a guided tool, fewer than two tools, or no time.
     """
     guided = bool((tools.motion_kind == GUIDED).any())
-    given = getattr(contact, "penalty", None) is not None
-    if given or guided or tools.kind.size < 2 or not math.isfinite(process_time):
+    if guided or tools.kind.size < 2 or not math.isfinite(process_time):
         return math.inf
     return closest_gap(tools, places_of_sheet(meshes), process_time)
 

@@ -32,9 +32,7 @@ def active(model: Any) -> list[Effect]:
     stiffness = range_in_words(1e-9 * contact.data.penalty)
     effects = [Effect("contact between plies", True, f"stiffness {stiffness} N/mm^3")]
     own = [
-        body.name
-        for ply, body in enumerate(model.bodies)
-        if contact.data.interface[ply, ply] >= 0
+        body.name for ply, body in enumerate(model.bodies) if contact.data.interface[ply, ply] >= 0
     ]
     if own:
         effects.append(Effect("contact of a ply with itself", True, f"of {', '.join(own)}"))

@@ -156,11 +156,16 @@ def test_springs_bear_what_closing_tools_press_in_a_stack(edge):
     text = 'layup = "[0/90]2"\n' + PLATES.format(motion=CLOSE, contact="")
     for old, new in (("5 mm", edge), ("20 mm", "100 mm"), ("0.304 mm", "0.608 mm")):
         text = text.replace(f'"{old}"', f'"{new}"')
-    model = build_model(scene_from_text(text.replace("0 0 1.004 mm", "0 0 2.008 mm")))
+    text = text.replace("0 0 1.004 mm", "0 0 2.008 mm")
+    model = build_model(scene_from_text(text))
     law = model.bodies[0].material
     pressure = float(law.compaction_pressure(GAP / THICKNESS))
     for penalty in (model.environment.penalty, model.ply_contact.data.penalty[0]):
         assert penalty * 0.1 * THICKNESS >= 0.99 * pressure
+    given = build_model(scene_from_text(text, overrides=['contact.penalty="1 N/mm^3"']))
+    assert given.environment.penalty == 1e9
+    assert given.environment.depth_time is None
+    assert given.ply_contact.data.penalty[0] * 0.1 * THICKNESS >= 0.99 * pressure
 
 
 def test_tools_close_on_a_stack_where_they_leave_less_than_all_plies():
