@@ -49,7 +49,7 @@ AUTOMATIC_PENALTY = 0.1
 # Part of a ply's thickness by which springs give way at most where tools close on a stack, or a
 # pressure acts on it. On long elements they would be softer, and all faces would take up what is
 # pressed together instead of the plies.
-DEEPEST_EXPECTED = 0.1
+DEEPEST_EXPECTED = 0.03
 
 
 class Sheet(NamedTuple):

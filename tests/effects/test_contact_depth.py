@@ -161,11 +161,11 @@ def test_springs_bear_what_closing_tools_press_in_a_stack(edge):
     law = model.bodies[0].material
     pressure = float(law.compaction_pressure(GAP / THICKNESS))
     for penalty in (model.environment.penalty, model.ply_contact.data.penalty[0]):
-        assert penalty * 0.1 * THICKNESS >= 0.99 * pressure
+        assert penalty * 0.03 * THICKNESS >= 0.99 * pressure
     given = build_model(scene_from_text(text, overrides=['contact.penalty="1 N/mm^3"']))
     assert given.environment.penalty == 1e9
     assert given.environment.depth_time is None
-    assert given.ply_contact.data.penalty[0] * 0.1 * THICKNESS >= 0.99 * pressure
+    assert given.ply_contact.data.penalty[0] * 0.03 * THICKNESS >= 0.99 * pressure
 
 
 def test_tools_close_on_a_stack_where_they_leave_less_than_all_plies():

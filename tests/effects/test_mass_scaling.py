@@ -93,7 +93,7 @@ def test_the_report_is_the_sum_of_nodal_masses(element):
     assert told["mass_added_total"] == pytest.approx(added.sum() / plain.nodes.mass.sum())
     assert told["mass_added_largest"] == pytest.approx((added / plain.nodes.mass).max())
     np.testing.assert_allclose(scaled.sheet_mass, plain.nodes.mass, rtol=1e-14)
-    assert scaled.material.density == plain.material.density
+    assert scaled.body.material.density == plain.body.material.density
     assert scaled.body.volume == plain.body.volume
     assert added.min() >= -1e-18
 

@@ -51,13 +51,18 @@ def test_it_is_the_field_of_the_results():
     flat = build_model(scene_from_text(SCENE))
     X = flat.node_positions + rng.uniform(-1.0, 1.0, (flat.node_count, 3)) * [1e-3, 1e-3, 5e-5]
     X[:, 2] += 20.0 * X[:, 0] ** 2
-    mesh = type(flat.blank)(
-        X, flat.blank.elements, flat.blank.fibre_direction_1, flat.blank.fibre_direction_2, 1.004e-3
+    mesh = type(flat.body.mesh)(
+        X,
+        flat.body.mesh.elements,
+        flat.body.mesh.fibre_direction_1,
+        flat.body.mesh.fibre_direction_2,
+        1.004e-3,
     )
     sim = Simulation(
         assemble_model(
-            mesh, flat.material, scene_from_text(SCENE).element, tools=flat.tools, tool_names=(),
-            contact=scene_from_text(SCENE).contact, process=scene_from_text(SCENE).process,
+            mesh, flat.body.material, scene_from_text(SCENE).element, tools=flat.tools,
+            tool_names=(), contact=scene_from_text(SCENE).contact,
+            process=scene_from_text(SCENE).process,
         )
     )  # fmt: skip
     x = X @ deformation(0.9, 0.8).T + rng.uniform(-1.0, 1.0, X.shape) * [5e-4, 5e-4, 5e-5]
@@ -65,7 +70,7 @@ def test_it_is_the_field_of_the_results():
     positions, history = np.ascontiguousarray(x.T), body.no_history()
     body.renew(positions, history)
     fraction = body.fibre_volume_fraction(body.condition(positions, history))
-    field = derive_fields(mesh, flat.material, x)["fibre_volume_fraction"]
+    field = derive_fields(mesh, flat.body.material, x)["fibre_volume_fraction"]
     assert np.ptp(field) > 0.1
     np.testing.assert_allclose(fraction, field, rtol=1e-10)
 

@@ -48,7 +48,7 @@ def flat_body(material, columns=3, rows=2, edge=5e-3):
         f'"{1e3 * edge * rows} mm"]\nedge_length = "{1e3 * edge} mm"\n'
         '[material]\npreset = "MD600"\n'
     )
-    mesh = build_model(scene_from_text(text)).blank
+    mesh = build_model(scene_from_text(text)).body.mesh
     return SolidShellBody.build("sheet", mesh, material, Element(), 0, 0)
 
 
