@@ -186,7 +186,7 @@ def _report(
         initial_overlap=model.tools.initial_overlap.tolist(),
         closing=closing,
         preview=draping_preview(scene, blanks, model.tools),
-        warnings=found + noted,
+        warnings=[scene.stack.in_own_words(text) for text in found + noted],
         picture=picture,
     )
 

@@ -559,4 +559,7 @@ class Simulation:
             cause = model.body_of_element(element).cause(code)
         total = sum((one.omega2 for one in reversed(bounds)), start=omega2)
         rate = sum(one.rate for one in bounds)
-        return 2.0 * (math.sqrt(0.25 * rate**2 + total) - 0.5 * rate) / total, cause
+        step = 2.0 * (math.sqrt(0.25 * rate**2 + total) - 0.5 * rate) / total
+        if 2.0 * step < 2.0 / math.sqrt(total):  # what resists a speed makes more of it
+            cause = f"damping by {max(bounds, key=lambda one: one.rate).cause}"
+        return step, cause

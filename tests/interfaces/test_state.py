@@ -5,10 +5,11 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
-from stacks import ALL, T, of_points, ply, scene_of, stack, thickness
+from stacks import ALL, MU, T, of_points, ply, scene_of, stack, thickness
 from test_sliding import sled
 
 from lcmchain.errors import SimulationError
+from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
 from lcmchain.interfaces.limits import omega2_bound
 from lcmchain.interfaces.rows import SPRING_ROWS
 from lcmchain.interfaces.table import Interface
@@ -109,3 +110,17 @@ def test_the_springs_count_in_the_step(halfway):
     assert stiff.control.cause == "contact between plies"
     sim.prepare_steps()
     assert stiff.control.step < 0.2 * sim.control.step
+
+
+def test_a_thick_film_between_plies_is_named_as_what_shortens_the_step():
+    """What resists a speed has no stiffness, and shortens the step even so."""
+    film = ViscousFilmTable(viscosity=50.0, thickness=0.05e-3)
+    plies = [ply("lower", z=0.5 * T), ply("upper", z=1.5 * T)]
+    thick, dry = (
+        stack(plies, scene_of(), ALL, Interface(friction=MU, laws=laws)) for laws in ((film,), ())
+    )
+    for sim in (thick, dry):
+        sim.prepare_steps()
+    assert thick.control.step < 0.2 * dry.control.step
+    assert thick.control.cause == "damping by contact between plies"
+    assert "damping" not in dry.control.cause

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from lcmchain.check import large_mesh
+from lcmchain.check import check_scene, large_mesh
 from lcmchain.check.large_mesh import checked_mesh
 from lcmchain.check.quasi_static import process_time_needed
 from lcmchain.check.remarks import scene_warnings
@@ -201,3 +201,17 @@ def test_a_result_of_a_stack_has_no_one_material_but_its_permeability():
     with pytest.raises(InputError, match="a stack of plies"):
         formed_material(text)
     assert formed_permeability(text).law == "gebart"
+
+
+def test_a_check_speaks_of_the_plies_that_the_scene_has(scene_of):
+    """Warnings of edge lengths name those of [[plies]], not a blank that is not there."""
+    plate = 'shape = { type = "plate", side = "below" }'
+    hole = (
+        'shape = { type = "plate_with_hole", hole_radius = "15 mm", fillet_radius = "5 mm", '
+        'side = "below" }'
+    )
+    tools = PLATES.format(height=2.1 * T, stroke=0.05).replace(plate, hole)
+    scene = scene_of(MD600 + PLY + 'height = "0.502 mm"\n' + PLY + tools)
+    (warning,) = [text for text in check_scene(scene).warnings if "fillet" in text]
+    assert "edge_length of [[plies]]" in warning
+    assert "blank." not in warning
