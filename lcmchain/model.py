@@ -431,13 +431,10 @@ def assemble_bodies(
         bag = 0.0 if pressure is None else pressure.largest
         expected = max(pressure_in_gap(gap, materials), bag)
     stiff_enough = expected / (DEEPEST_EXPECTED * thickness)
-
-    def automatic_penalty(body: Body) -> float:
-        return max(_automatic_penalty(body), stiff_enough)
-
+    penalties = [max(_automatic_penalty(body), stiff_enough) for body in bodies]
     penalty = contact.penalty
     if penalty is None:
-        penalty = min(automatic_penalty(body) for body in bodies)
+        penalty = min(penalties)
     depth_time, depth_stiffening = depth_control(
         contact,
         tools,
@@ -454,7 +451,7 @@ def assemble_bodies(
         fibre_bending=fibre_bending,
         pore=pressed_elements(bodies, key="pore pressure") if pore_pressure else None,
         face_pressure=pressure,
-        ply_contact=build_interfaces(interfaces, bodies, automatic_penalty),
+        ply_contact=build_interfaces(interfaces, bodies, penalties),
         corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
             force_slot=force_slot,

@@ -7,13 +7,13 @@ the points of both faces that meet press on each other's facets.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lcmchain.cache_lines import aligned
-from lcmchain.effects.contact_depth import stiffening_of
+from lcmchain.effects.contact_depth import LEAST_DAMPED_TIMES, stiffening_of
 from lcmchain.errors import InputError
 from lcmchain.interfaces.law import MOST_LAWS, NO_LAW
 from lcmchain.interfaces.rows import row_count
@@ -44,11 +44,9 @@ SLIDE = 0.04
 STEPS_PER_SLOPES, SLOPE_PART = 250, 0.3
 # Steps over which the depth of a point goes to zero, up to what is left of it, in parts of half the
 # thickness: thickness is then right within 0.1 %, and plies that only lie on each other are left.
+# Heavy plies on springs that a light one makes soft need longer, as in tools: an offset that is
+# faster than the damping calms the mass on the springs feeds its vibration.
 STEPS_PER_DEPTH, DEPTH_LEFT = 500.0, 1e-3
-# An offset that follows the depth faster than the damping c of the springs calms the mass m on them
-# feeds its vibration (Routh: m s³ + c s² + k s + k/τ is stable for τ > m/c). Heavy plies on springs
-# that a light one makes soft need longer than these steps: at least so many times m/c.
-LEAST_DAMPED_TIMES = 10.0
 
 # Points are found up to this multiple of the gap at which laws act.
 REACH_MARGIN = 1.2
@@ -149,21 +147,22 @@ class PlyContact(NamedTuple):
 def build_interfaces(
     interfaces: Sequence[Interface],
     bodies: Sequence[Any],
-    automatic_penalty: Callable[[Any], float],
+    automatic_penalties: Sequence[float],
 ) -> PlyContact | None:
     """Return the contact between plies; None where none touch.
 
     Parameters
     ----------
     interfaces : tables of a scene; of two that name the same plies the last one holds.
-    bodies : the plies. automatic_penalty : returns the contact stiffness of one of them [Pa/m].
+    bodies : the plies. automatic_penalties : the contact stiffness of each [Pa/m].
 
     Raises
     ------
     InputError : an unknown ply, an interface of a ply with itself, elements without two faces, or
         plies that overlap at the start by more than half a thickness.
     """
-    if not interfaces or (len(bodies) < 2 and not any(entry.itself for entry in interfaces)):
+    interface, entries = _interfaces(interfaces, [body.name for body in bodies])
+    if not entries:
         return None
     for body in bodies:
         if not body.mesh.has_thickness or body.contact_offset != 0.0:
@@ -172,10 +171,9 @@ def build_interfaces(
                 'other ply could lie; use element = "solid-shell"',
                 key="element",
             )
-    interface, entries = _interfaces(interfaces, [body.name for body in bodies])
     penalties = np.array(
         [
-            min(automatic_penalty(bodies[a]), automatic_penalty(bodies[b]))
+            min(automatic_penalties[a], automatic_penalties[b])
             if it.penalty is None
             else it.penalty
             for it, a, b in entries
@@ -356,7 +354,8 @@ def _interfaces(
     for index, interface in enumerate(interfaces):
         key = f"interfaces[{index}].between"
         if interface.between is None:
-            pairs = [(a, b) for a in range(len(names)) for b in range(a)]
+            plies = list(range(len(names)))
+            pairs = [(a, b) for a in plies for b in range(a)]
         else:
             for name in interface.between:
                 if name not in names:
@@ -368,9 +367,10 @@ def _interfaces(
                 raise InputError(
                     f"the ply {interface.between[0]} cannot touch itself; name two plies", key=key
                 )
+            plies = sorted((first, second))
             pairs = [(first, second)]
         if interface.itself:
-            pairs += [(ply, ply) for ply in sorted({ply for pair in pairs for ply in pair} or {0})]
+            pairs += [(ply, ply) for ply in plies]
         for a, b in pairs:
             law[a, b] = law[b, a] = len(entries)
             entries.append((interface, a, b))

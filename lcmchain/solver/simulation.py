@@ -560,6 +560,6 @@ class Simulation:
         total = sum((one.omega2 for one in reversed(bounds)), start=omega2)
         rate = sum(one.rate for one in bounds)
         step = 2.0 * (math.sqrt(0.25 * rate**2 + total) - 0.5 * rate) / total
-        if 2.0 * step < 2.0 / math.sqrt(total):  # what resists a speed makes more of it
+        if step < 1.0 / math.sqrt(total):  # what resists a speed makes more of it
             cause = f"damping by {max(bounds, key=lambda one: one.rate).cause}"
         return step, cause

@@ -54,6 +54,34 @@ times = "{times} {time} ms", travel = "{way} {travel} mm" }}
         """
 
 
+def ply_table(
+    name: str,
+    width: float,
+    length: float,
+    edge: float,
+    *,
+    x: float = 0.0,
+    height: float | None = None,
+    **entries: str,
+) -> str:
+    """Return the table of a ply around (x, 0), its middle at a height; lengths in mm.
+
+    Without a height it lies on the one before. entries : further ones, texts.
+    """
+    lines = [f'{key} = "{value}"' for key, value in entries.items()]
+    if height is not None:
+        lines.append(f'height = "{height} mm"')
+    more = "\n        ".join(lines)
+    return f"""
+        [[plies]]
+        name = "{name}"
+        size = ["{width} mm", "{length} mm"]
+        center = ["{x} mm", "0 mm"]
+        edge_length = "{edge} mm"
+        {more}
+        """
+
+
 def positions_of(sim: Simulation, body: Body) -> np.ndarray:
     """Return the present positions of the nodes of a ply (node_count, 3) [m]."""
     return sim.state.position.T[body.first_node : body.first_node + body.mesh.node_count]
@@ -165,20 +193,9 @@ def dragged(**contact: Any) -> Simulation:
         {MD600}
         [[interfaces]]
         friction = {FRICTION}
-        [[plies]]
-        name = "bed"
-        size = ["40 mm", "20 mm"]
-        edge_length = "4 mm"
-        fibre_angle = "30 deg"
-        height = "{0.5 * T} mm"
-        [[plies]]
-        name = "sled"
-        size = ["16 mm", "12 mm"]
-        edge_length = "4 mm"
-        [[plies]]
-        name = "cover"
-        size = ["24 mm", "15 mm"]
-        edge_length = "3 mm"
+        {ply_table("bed", 40, 20, 4, height=0.5 * T, fibre_angle="30 deg")}
+        {ply_table("sled", 16, 12, 4)}
+        {ply_table("cover", 24, 15, 3)}
         {plates(-FAR, 3 * T, 0.4 * T, PRESSED, end)}
         """,
         supports=supports,
@@ -268,24 +285,9 @@ def edge_over_fold(time: float) -> Simulation:
         {MD600}
         [[interfaces]]
         friction = {FRICTION}
-        [[plies]]
-        name = "folded"
-        size = ["63 mm", "9 mm"]
-        center = ["-4.5 mm", "0 mm"]
-        edge_length = "2.25 mm"
-        height = "{-0.5 * T} mm"
-        [[plies]]
-        name = "strip"
-        size = ["30 mm", "9 mm"]
-        center = ["-15 mm", "0 mm"]
-        edge_length = "3 mm"
-        height = "{0.5 * T} mm"
-        [[plies]]
-        name = "cover"
-        size = ["27 mm", "9 mm"]
-        center = ["-16.5 mm", "0 mm"]
-        edge_length = "1.8 mm"
-        height = "{1.5 * T} mm"
+        {ply_table("folded", 63, 9, 2.25, x=-4.5, height=-0.5 * T)}
+        {ply_table("strip", 30, 9, 3, x=-15, height=0.5 * T)}
+        {ply_table("cover", 27, 9, 1.8, x=-16.5, height=1.5 * T)}
         {plates(-FAR, FAR, 0.0, 500.0 * time, 1e3 * time)}
         """,
         supports=supports,
@@ -360,24 +362,9 @@ def light_between_heavy(time: float, speed: float) -> Simulation:
         fibre_density = "181 kg/m^3"
         [[interfaces]]
         friction = {FRICTION}
-        [[plies]]
-        name = "lower"
-        material = "heavy"
-        size = ["30 mm", "20 mm"]
-        edge_length = "5 mm"
-        height = "{-T - 0.1} mm"
-        [[plies]]
-        name = "light"
-        material = "light"
-        size = ["24 mm", "16 mm"]
-        edge_length = "4 mm"
-        height = "0 mm"
-        [[plies]]
-        name = "upper"
-        material = "heavy"
-        size = ["30 mm", "20 mm"]
-        edge_length = "5 mm"
-        height = "{T + 0.1} mm"
+        {ply_table("lower", 30, 20, 5, height=-T - 0.1, material="heavy")}
+        {ply_table("light", 24, 16, 4, height=0, material="light")}
+        {ply_table("upper", 30, 20, 5, height=T + 0.1, material="heavy")}
         {plates(-FAR, FAR, 0.0, 0.5 * time, time)}
         """,
     )
@@ -458,23 +445,9 @@ def thin_between_thick(time: float, **contact: Any) -> Simulation:
         thickness = "{THIN} mm"
         [[interfaces]]
         friction = {FRICTION}
-        [[plies]]
-        name = "lower"
-        material = "thick"
-        size = ["40 mm", "30 mm"]
-        edge_length = "5 mm"
-        height = "{0.5 * THICK} mm"
-        [[plies]]
-        name = "thin"
-        material = "thin"
-        size = ["44 mm", "24 mm"]
-        edge_length = "4 mm"
-        fibre_angle = "30 deg"
-        [[plies]]
-        name = "upper"
-        material = "thick"
-        size = ["36 mm", "33 mm"]
-        edge_length = "5 mm"
+        {ply_table("lower", 40, 30, 5, height=0.5 * THICK, material="thick")}
+        {ply_table("thin", 44, 24, 4, material="thin", fibre_angle="30 deg")}
+        {ply_table("upper", 36, 33, 5, material="thick")}
         {plates(0.0, 2.0 * THICK + THIN, SQUEEZE, 400.0 * time, 1e3 * time)}
         """,
         supports=supports,
@@ -642,11 +615,4 @@ def closed_tools_on_a_stack(name: str, full: bool) -> Iterator[CaseResult]:
         yield CaseResult(name, f"{where}: each ply against a third of the gap", value, limit, "%")
     yield overlap_result(name, deepest_overlap(sim), 30.0)
     yield balance_result(name, sim, 0.1)
-    energy = sim.energy()
-    yield CaseResult(
-        name,
-        "kinetic over internal energy at the end",
-        100.0 * energy["kinetic"] / energy["internal"],
-        1.0,
-        "%",
-    )
+    yield CaseResult(name, "kinetic over internal energy at the end", calm(sim), 1.0, "%")
