@@ -431,10 +431,10 @@ def assemble_bodies(
         bag = 0.0 if pressure is None else pressure.largest
         expected = max(pressure_in_gap(gap, materials), bag)
     stiff_enough = expected / (DEEPEST_EXPECTED * thickness)
-    penalties = [max(_automatic_penalty(body), stiff_enough) for body in bodies]
-    penalty = contact.penalty
-    if penalty is None:
-        penalty = min(penalties)
+    penalties: list[float] = []  # [Pa/m] of each ply, where anything asks for them
+    if contact.penalty is None or interfaces:
+        penalties = [max(_automatic_penalty(body), stiff_enough) for body in bodies]
+    penalty = min(penalties) if contact.penalty is None else contact.penalty
     depth_time, depth_stiffening = depth_control(
         contact,
         tools,
