@@ -30,10 +30,23 @@ from lcmchain.materials.law import (
     membrane_response,
     plane_bending_stiffness,
     plane_response,
+    tangent_coupling,
     tangent_curvature,
     tangent_slope,
 )
 from lcmchain.materials.rounded_shear import rounded_shear, rounded_shear_of
+from lcmchain.materials.shear_compaction import (
+    LARGEST_SQUARE,
+    coupled_class,
+    coupling_of,
+    own_curvature,
+    own_slope,
+    strain_of,
+    thickening,
+    thickening_stretch,
+    with_coupling,
+    with_thickening,
+)
 from lcmchain.materials.shear_locking import (
     ShearLocking,
     locking_class,
@@ -147,7 +160,9 @@ def stabilising_shear_curvature(law, g):
 def fabric_response(law, E, history):
     """Return the stress S^M (Eq. 19, at the centre) and the diagonal of the tangent C^M."""
     S12, C12 = shear_stress_and_tangent(law, E[3])
-    S33, C33 = compaction_stress_and_tangent(law, E[2])
+    sheared = thickening(law, E[2], E[3])
+    S33, C33 = compaction_stress_and_tangent(law, strain_of(sheared, E[2]))
+    S33, C33, S12, C12 = with_thickening(sheared, S33, C33, S12, C12)
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
@@ -161,10 +176,11 @@ def fabric_hourglass_tangent(law, E, C_M, history):
 @implements(tangent_slope, FabricLaw)
 @equation
 def fabric_tangent_slope(law, E, history):
+    sheared = thickening(law, E[2], E[3])
     return (
         None,
         None,
-        compaction_tangent_slope(law, E[2]),
+        own_slope(sheared, compaction_tangent_slope(law, strain_of(sheared, E[2]))),
         stabilising_shear_slope(law, E[3]),
         None,
         None,
@@ -174,14 +190,32 @@ def fabric_tangent_slope(law, E, history):
 @implements(tangent_curvature, FabricLaw)
 @equation
 def fabric_tangent_curvature(law, E, history):
+    sheared = thickening(law, E[2], E[3])
     return (
         None,
         None,
-        compaction_tangent_curvature(law, E[2]),
+        own_curvature(sheared, compaction_tangent_curvature(law, strain_of(sheared, E[2]))),
         stabilising_shear_curvature(law, E[3]),
         None,
         None,
     )
+
+
+@equation
+def compaction_coupling(sheared, law):
+    """Return the answer of ``tangent_coupling`` for the compaction at the strain that it sees."""
+    if sheared is None:
+        return None
+    S33, C33 = compaction_stress_and_tangent(law, sheared.strain)
+    slope33 = compaction_tangent_slope(law, sheared.strain)
+    curvature33 = compaction_tangent_curvature(law, sheared.strain)
+    return coupling_of(sheared, S33, C33, slope33, curvature33)
+
+
+@implements(tangent_coupling, FabricLaw)
+@equation
+def fabric_tangent_coupling(law, E, history):
+    return compaction_coupling(thickening(law, E[2], E[3]), law)
 
 
 @implements(bending_stiffness, FabricLaw)
@@ -204,9 +238,13 @@ def fabric_plane_bending_stiffness(law):
     return (law.B11, law.B22, law.B12)
 
 
+CoupledFabricLaw = coupled_class(FabricLaw)
 LockingFabricLaw = locking_class(FabricLaw)
+LockingCoupledFabricLaw = locking_class(CoupledFabricLaw)
 LinearFabricLaw = linear_class(FabricLaw)
 LinearLockingFabricLaw = linear_class(LockingFabricLaw)
+LinearCoupledFabricLaw = linear_class(CoupledFabricLaw)
+LinearLockingCoupledFabricLaw = linear_class(LockingCoupledFabricLaw)
 
 
 class Fabric:
@@ -223,6 +261,7 @@ class Fabric:
     locking : beyond a shear angle, None for a law that does not lock.
     in_plane_bending : stiffness of the fibres against bending within the plane, over that against
         bending out of it.
+    shear_coupling : β of :mod:`lcmchain.materials.shear_compaction`.
     """
 
     is_diagonal = True
@@ -241,8 +280,10 @@ class Fabric:
         shear_range: float | None = None,
         locking: ShearLocking | None = None,
         in_plane_bending: float = 0.0,
+        shear_coupling: float = 0.0,
     ) -> None:
-        self.law = linear_where_constant(with_locking(law, locking))
+        self.law = linear_where_constant(with_locking(with_coupling(law, shear_coupling), locking))
+        self.shear_coupling = shear_coupling
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
         self.locking = locking
@@ -261,6 +302,10 @@ class Fabric:
     def locks(self) -> bool:
         return self.locking is not None
 
+    @property
+    def couples_shear(self) -> bool:
+        return self.shear_coupling != 0.0
+
     def with_fibre_modulus(self, factor: float) -> Self:
         """Return the fabric with C11 and C22 of the membrane times a factor."""
         changed = copy.copy(self)
@@ -275,89 +320,166 @@ class Fabric:
         """
         E = np.asarray(E)
         law = self.law
-        e12 = 0.5 * np.abs(E[..., 3])
-        coefficients = np.array([law.s0, law.s1, law.s2, law.s3, law.s4])
-        modulus = np.polynomial.polynomial.polyval(e12, coefficients)
-        slope = np.polynomial.polynomial.polyval(e12, coefficients[1:] * np.arange(1, 5))
         S = np.zeros_like(E)
         C = np.zeros((*E.shape, 6))
         for row, stiffness in ((0, law.C11), (1, law.C22), (4, law.C23), (5, law.C13)):
             S[..., row] = stiffness * E[..., row]
             C[..., row, row] = stiffness
-        S[..., 3] = modulus * E[..., 3]
-        C[..., 3, 3] = modulus + e12 * slope
-        if self.locking is not None:
-            stress, tangent = self.locking.response(E[..., 3])
-            S[..., 3] += stress
-            C[..., 3, 3] += tangent
-        S[..., 2], C[..., 2, 2] = self._compaction(E[..., 2])
+        S[..., 3], C[..., 3, 3] = self._shear(E[..., 3])
+        S33, C33 = self._compaction(self._seen(E))
+        a, a_g, a_gg = self._squared_stretch(E[..., 3])
+        S[..., 2], C[..., 2, 2] = a * S33, a * a * C33
+        if self.shear_coupling != 0.0:
+            # by the chain rule from W33(E') with E' = ((1 + 2 E33) a - 1)/2
+            half = 0.5 + E[..., 2]
+            S[..., 3] += half * a_g * S33
+            C[..., 3, 3] += half * a_gg * S33 + (half * a_g) ** 2 * C33
+            C[..., 2, 3] = C[..., 3, 2] = a_g * S33 + a * half * a_g * C33
         return S, C
 
     def stabilising_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return C^M with the shear of the rounded strain (..., 6, 6), its slope and curvature."""
+        """Return a diagonal tangent (..., 6, 6), its slope and curvature (..., 6).
+
+        C^M, but for the shear: its modulus is that of the rounded strain, without pressure.
+        """
         E = np.array(E, dtype=float)
-        E[..., 3], first, second = rounded_shear_of(E[..., 3])
+        diagonal = np.arange(6)
+        C = np.zeros((*E.shape, 6))
+        C[..., diagonal, diagonal] = self.stress_and_tangent(E)[1][..., diagonal, diagonal]
         slope, curvature = self.tangent_slope(E), self.tangent_curvature(E)
-        curvature[..., 3] = first**2 * curvature[..., 3] + second * slope[..., 3]
-        slope[..., 3] *= first
-        return self.stress_and_tangent(E)[1], slope, curvature
+        size, first, second = rounded_shear_of(E[..., 3])
+        shear_slope, shear_curvature = self._shear_slope(size), self._shear_curvature(size)
+        C[..., 3, 3] = self._shear(size)[1]
+        slope[..., 3] = first * shear_slope
+        curvature[..., 3] = first**2 * shear_curvature + second * shear_slope
+        return C, slope, curvature
 
     def tangent_slope(self, E: ArrayLike) -> np.ndarray:
-        """Return dC_ii/dE_i (..., 6) of the diagonal tangent C^M; only 12 and 33 are not zero."""
+        """Return dC_ii/dE_i (..., 6) of the tangent without pressure on sheared fabric."""
         E = np.asarray(E)
-        law = self.law
         slope = np.zeros_like(E)
-        e12 = 0.5 * np.abs(E[..., 3])
-        powers = np.arange(1, 5)
-        tangent = np.array([law.s0, law.s1, law.s2, law.s3, law.s4]) * np.arange(1, 6)
-        derivative = np.polynomial.polynomial.polyval(e12, tangent[1:] * powers)
-        slope[..., 3] = 0.5 * np.where(E[..., 3] >= 0.0, derivative, -derivative)
-        if self.locking is not None:
-            slope[..., 3] += self.locking.slope_and_curvature(E[..., 3])[0]
-        e33 = np.maximum(-E[..., 2], 1e-16)
-        exponent = law.c1 * e33**law.c2
-        slope[..., 2] = (
-            -law.c0 * np.exp(exponent) * law.c2 * exponent / e33
-            * (1.0 + law.c2 + law.c2 * exponent)
-        )  # fmt: skip
+        slope[..., 3] = self._shear_slope(E[..., 3])
+        slope[..., 2] = self._squared_stretch(E[..., 3])[0] ** 3 * self._compaction_slope(
+            self._seen(E)
+        )
         return slope
 
     def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
-        """Return d²C_ii/dE_i² (..., 6) of the diagonal tangent C^M; only 12 and 33 are not zero."""
+        """Return d²C_ii/dE_i² (..., 6), as :meth:`tangent_slope`."""
         E = np.asarray(E)
-        law = self.law
         curvature = np.zeros_like(E)
-        tangent = np.array([law.s0, law.s1, law.s2, law.s3, law.s4]) * np.arange(1, 6)
-        second = tangent[2:] * np.array([2.0, 6.0, 12.0])
-        e12 = 0.5 * np.abs(E[..., 3])
-        curvature[..., 3] = 0.25 * np.polynomial.polynomial.polyval(e12, second)
-        if self.locking is not None:
-            curvature[..., 3] += self.locking.slope_and_curvature(E[..., 3])[1]
-        compressed = E[..., 2] < 0.0
-        e33 = np.where(compressed, -E[..., 2], 1.0)
-        exponent = law.c1 * e33**law.c2
-        # with x = c1 e^c2 the tangent is c0 exp(x) (1 + c2 x) and e dx/de = c2 x
-        cubic = exponent * (
-            (law.c2 - 1.0) * (1.0 + law.c2) + exponent * law.c2 * (3.0 * law.c2 + exponent * law.c2)
+        curvature[..., 3] = self._shear_curvature(E[..., 3])
+        curvature[..., 2] = self._squared_stretch(E[..., 3])[0] ** 4 * self._compaction_curvature(
+            self._seen(E)
         )
-        cubic *= law.c0 * law.c2 / e33**2
-        curvature[..., 2] = np.where(compressed, np.exp(np.where(compressed, exponent, 0.0)), 0.0)
-        curvature[..., 2] *= np.where(compressed, cubic, 0.0)
         return curvature
+
+    def tangent_coupling(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return dC33/dg, d²C33/dE33dg and d²C33/dg² (...) at strains E (..., 6)."""
+        E = np.asarray(E)
+        strain, half = self._seen(E), 0.5 + E[..., 2]
+        a, a_g, a_gg = self._squared_stretch(E[..., 3])
+        C33 = self._compaction(strain)[1]
+        slope, curvature = self._compaction_slope(strain), self._compaction_curvature(strain)
+        rate = half * a_g  # of E' with g
+        return (
+            2.0 * a * a_g * C33 + a**2 * rate * slope,
+            3.0 * a**2 * a_g * slope + a**3 * rate * curvature,
+            2.0 * (a_g**2 + a * a_gg) * C33
+            + (4.0 * a * a_g * rate + a**2 * half * a_gg) * slope
+            + (a * rate) ** 2 * curvature,
+        )
 
     def bending_matrix(self) -> np.ndarray:
         """Return C^B (6, 6), Eq. (25)."""
         law = self.law
         return np.diag([law.B11, law.B22, law.B33, law.B12, law.B23, law.B13])
 
+    def _shear(self, g):
+        """Return S12 and dS12/dg without pressure, Eq. (21) and locking."""
+        law = self.law
+        e12 = 0.5 * np.abs(g)
+        coefficients = np.array([law.s0, law.s1, law.s2, law.s3, law.s4])
+        modulus = np.polynomial.polynomial.polyval(e12, coefficients)
+        slope = np.polynomial.polynomial.polyval(e12, coefficients[1:] * np.arange(1, 5))
+        stress, tangent = modulus * g, modulus + e12 * slope
+        if self.locking is not None:
+            locked = self.locking.response(g)
+            stress, tangent = stress + locked[0], tangent + locked[1]
+        return stress, tangent
+
+    def _shear_slope(self, g):
+        law = self.law
+        tangent = np.array([law.s0, law.s1, law.s2, law.s3, law.s4]) * np.arange(1, 6)
+        derivative = np.polynomial.polynomial.polyval(
+            0.5 * np.abs(g), tangent[1:] * np.arange(1, 5)
+        )
+        slope = 0.5 * np.where(g >= 0.0, derivative, -derivative)
+        if self.locking is not None:
+            slope = slope + self.locking.slope_and_curvature(g)[0]
+        return slope
+
+    def _shear_curvature(self, g):
+        law = self.law
+        tangent = np.array([law.s0, law.s1, law.s2, law.s3, law.s4]) * np.arange(1, 6)
+        second = tangent[2:] * np.array([2.0, 6.0, 12.0])
+        curvature = 0.25 * np.polynomial.polynomial.polyval(0.5 * np.abs(g), second)
+        if self.locking is not None:
+            curvature = curvature + self.locking.slope_and_curvature(g)[1]
+        return curvature
+
+    def _squared_stretch(self, g):
+        """Return a = cos^2β γ and its first and second derivative with g."""
+        beta = self.shear_coupling
+        if beta == 0.0:
+            return 1.0, 0.0, 0.0
+        square = np.minimum(g * g, LARGEST_SQUARE)
+        rest, follows = 1.0 - square, g * g < LARGEST_SQUARE
+        first = -2.0 * beta * g * rest ** (beta - 1.0)
+        second = -2.0 * beta * rest ** (beta - 2.0) * (rest - 2.0 * (beta - 1.0) * square)
+        return rest**beta, np.where(follows, first, 0.0), np.where(follows, second, 0.0)
+
+    def _seen(self, E):
+        """Return the strain E' that the compaction law sees."""
+        if self.shear_coupling == 0.0:
+            return E[..., 2]
+        return (0.5 + E[..., 2]) * self._squared_stretch(E[..., 3])[0] - 0.5
+
     def _compaction(self, E33):
+        """Return S33 and dS33/dE33 of the unsheared fabric, Eq. (23)."""
         law = self.law
         exponent = law.c1 * np.maximum(-E33, 0.0) ** law.c2
         modulus = law.c0 * np.exp(exponent)
         return modulus * E33, modulus * (1.0 + law.c2 * exponent)
 
+    def _compaction_slope(self, E33):
+        law = self.law
+        e33 = np.maximum(-E33, 1e-16)
+        exponent = law.c1 * e33**law.c2
+        return (
+            -law.c0 * np.exp(exponent) * law.c2 * exponent / e33
+            * (1.0 + law.c2 + law.c2 * exponent)
+        )  # fmt: skip
+
+    def _compaction_curvature(self, E33):
+        law = self.law
+        compressed = E33 < 0.0
+        e33 = np.where(compressed, -E33, 1.0)
+        exponent = law.c1 * e33**law.c2
+        # with x = c1 e^c2 the tangent is c0 exp(x) (1 + c2 x) and e dx/de = c2 x
+        cubic = exponent * (
+            (law.c2 - 1.0) * (1.0 + law.c2) + exponent * law.c2 * (3.0 * law.c2 + exponent * law.c2)
+        )
+        cubic *= law.c0 * law.c2 / e33**2
+        curvature = np.where(compressed, np.exp(np.where(compressed, exponent, 0.0)), 0.0)
+        return curvature * np.where(compressed, cubic, 0.0)
+
     def membrane_energy(self, E: ArrayLike, history: np.ndarray | None = None) -> np.ndarray:
         """Return the stored energy density W^M [J/m³] of the centre strain E (..., 6)."""
+        return self._energy_in_plane(E) + self._compaction_energy(self._seen(np.asarray(E)))
+
+    def _energy_in_plane(self, E: ArrayLike) -> np.ndarray:
+        """Return W^M without that of the compaction."""
         E = np.asarray(E)
         law = self.law
         e12 = 0.5 * np.abs(E[..., 3])
@@ -371,7 +493,7 @@ class Fabric:
             + law.C23 * E[..., 4] ** 2
             + law.C13 * E[..., 5] ** 2
         )
-        return linear + shear + self._compaction_energy(E[..., 2])
+        return linear + shear
 
     def _compaction_energy(self, E33: np.ndarray) -> np.ndarray:
         """Return the integral of c0 exp(u) E33 with u = c1 |E33|^c2, by its series in u.
@@ -390,10 +512,20 @@ class Fabric:
         return law.c0 * E33**2 * total
 
     def compaction_pressure(
-        self, thickness_stretch: ArrayLike, history: np.ndarray | None = None
+        self,
+        thickness_stretch: ArrayLike,
+        history: np.ndarray | None = None,
+        shear_strain: ArrayLike = 0.0,
     ) -> np.ndarray:
-        """Return the tool pressure p = λ |S33| [Pa] of plate-to-plate compaction; 0 if thicker."""
-        stretch = np.asarray(thickness_stretch, dtype=float)
+        """Return the pressure p = λ |S33| [Pa] of plates on the area at the start; 0 if thicker.
+
+        shear_strain : g = sin γ at which the thickness stretch λ is held.
+        """
+        free = thickening_stretch(self.shear_coupling, shear_strain)
+        stretch = np.asarray(thickness_stretch, dtype=float) / free
+        return self._pressure(stretch, history) / free
+
+    def _pressure(self, stretch: np.ndarray, history: np.ndarray | None) -> np.ndarray:
         stress, _ = self._compaction(0.5 * (stretch**2 - 1.0))
         return np.where(stretch < 1.0, -stretch * stress, 0.0)
 
@@ -477,6 +609,11 @@ class FabricCompaction(SceneModel):
     c0: PositiveStiffness = Field(description="Stiffness of the undeformed fabric.")
     c1: Annotated[float, Number(60.4653, NOT_NEGATIVE)] = Field(description="Growth factor.")
     c2: Annotated[float, Number(2.4528, Range(1.0, 10.0))] = Field(description="Growth exponent.")
+    shear_coupling: Annotated[float, Number(1.0, Range(0.0, 2.0))] = Field(
+        default=0.0,
+        description="Exponent β: fabric sheared by γ is thicker by 1/cos(γ)^β without pressure, and "
+        "stiffer by as much; 0: shear does not thicken it, 1: the fibre volume fraction governs.",
+    )
 
     @model_validator(mode="after")
     def _check_growth(self) -> Self:
@@ -558,6 +695,14 @@ class FabricMaterial(MaterialTable):
         """Return the fabric with the thickness stiffness of the undeformed one."""
         return self._with("compaction", c1=0.0)
 
+    @property
+    def couples_shear(self) -> bool:
+        return self.compaction.shear_coupling > 0.0
+
+    def without_shear_coupling(self) -> Self:
+        """Return the fabric whose thickness does not know its shear."""
+        return self._with("compaction", shear_coupling=0.0)
+
     def without_locking(self) -> Self:
         """Return the fabric whose shear law goes on beyond the locking angle."""
         return self._with("membrane", locking_angle=None, locking_stiffness=None)
@@ -610,6 +755,7 @@ class FabricMaterial(MaterialTable):
             "shear_range": self.membrane.shear_range,
             "locking": self.membrane.locking,
             "in_plane_bending": self.bending.in_plane,
+            "shear_coupling": self.compaction.shear_coupling,
         }
 
     def remarks(self) -> list[str]:

@@ -9,7 +9,8 @@ set, the share s of the largest compaction κ = min E33 so far,
 so that the curve starts where the loading has ended (E' = κ at E33 = κ) and reaches zero stress at
 the set. The stored energy is (1 - s) W33(E'), what is lost s W33(κ): together the work of the
 loading. One number is remembered, κ. The tangent is that of the way back also while κ grows, since
-small vibrations about a state go back and forth.
+small vibrations about a state go back and forth. Where the thickness knows its shear, all strains
+are those that the compaction law sees (:mod:`lcmchain.materials.shear_compaction`).
 
 Source: the phenomenon, Robitaille and Gauvin, "Compaction of textile reinforcements for composites
 manufacturing. II", Polymer Composites 19 (1998). The form is the simplest one that dissipates and
@@ -51,8 +52,18 @@ from lcmchain.materials.law import (
     hourglass_tangent,
     implements,
     membrane_response,
+    tangent_coupling,
     tangent_curvature,
     tangent_slope,
+)
+from lcmchain.materials.shear_compaction import (
+    coupled_class,
+    coupling_of,
+    own_curvature,
+    own_slope,
+    strain_of,
+    thickening,
+    with_thickening,
 )
 from lcmchain.materials.shear_locking import locking_class
 from lcmchain.quantities.entry_types import Number, Range
@@ -76,44 +87,83 @@ def strain_from_set(law, E33, history):
     return stiffening * above, rate, stiffening
 
 
+@equation
+def slope_from_set(law, E33, history):
+    """Return dC33/dE33 of the way back, the strain being that which the compaction law sees."""
+    strain, rate, stiffening = strain_from_set(law, E33, history)
+    return stiffening * rate * compaction_tangent_slope(law, strain)
+
+
+@equation
+def curvature_from_set(law, E33, history):
+    """Return d²C33/dE33² of the way back."""
+    strain, rate, stiffening = strain_from_set(law, E33, history)
+    return stiffening * rate * rate * compaction_tangent_curvature(law, strain)
+
+
 @implements(membrane_response, FabricWithSetLaw)
 @equation
 def response(law, E, history):
-    strain, _, stiffening = strain_from_set(law, E[2], history)
+    sheared = thickening(law, E[2], E[3])
+    strain, _, stiffening = strain_from_set(law, strain_of(sheared, E[2]), history)
     S12, C12 = shear_stress_and_tangent(law, E[3])
     S33, C33 = compaction_stress_and_tangent(law, strain)
+    S33, C33, S12, C12 = with_thickening(sheared, S33, stiffening * C33, S12, C12)
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
-    return S, (law.C11, law.C22, stiffening * C33, C12, law.C23, law.C13)
+    return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
 
 @implements(tangent_slope, FabricWithSetLaw)
 @equation
 def slope(law, E, history):
-    strain, rate, stiffening = strain_from_set(law, E[2], history)
-    slope33 = stiffening * rate * compaction_tangent_slope(law, strain)
+    sheared = thickening(law, E[2], E[3])
+    slope33 = own_slope(sheared, slope_from_set(law, strain_of(sheared, E[2]), history))
     return (None, None, slope33, stabilising_shear_slope(law, E[3]), None, None)
 
 
 @implements(tangent_curvature, FabricWithSetLaw)
 @equation
 def curvature(law, E, history):
-    strain, rate, stiffening = strain_from_set(law, E[2], history)
-    curvature33 = stiffening * rate * rate * compaction_tangent_curvature(law, strain)
+    sheared = thickening(law, E[2], E[3])
+    seen = curvature_from_set(law, strain_of(sheared, E[2]), history)
+    curvature33 = own_curvature(sheared, seen)
     return (None, None, curvature33, stabilising_shear_curvature(law, E[3]), None, None)
+
+
+@equation
+def coupling_from_set(sheared, law, history):
+    """Return the answer of ``tangent_coupling`` on the way back."""
+    if sheared is None:
+        return None
+    strain, _, stiffening = strain_from_set(law, sheared.strain, history)
+    S33, C33 = compaction_stress_and_tangent(law, strain)
+    slope33 = slope_from_set(law, sheared.strain, history)
+    curvature33 = curvature_from_set(law, sheared.strain, history)
+    return coupling_of(sheared, S33, stiffening * C33, slope33, curvature33)
+
+
+@implements(tangent_coupling, FabricWithSetLaw)
+@equation
+def coupling(law, E, history):
+    return coupling_from_set(thickening(law, E[2], E[3]), law, history)
 
 
 @implements(evolved_history, FabricWithSetLaw)
 @equation
 def evolved(law, E, history):
-    return (min(E[2], history[0]),)
+    return (min(strain_of(thickening(law, E[2], E[3]), E[2]), history[0]),)
 
 
 implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
 implements(hourglass_tangent, FabricWithSetLaw)(fabric_hourglass_tangent)
 
+CoupledFabricWithSetLaw = coupled_class(FabricWithSetLaw)
 LockingFabricWithSetLaw = locking_class(FabricWithSetLaw)
+LockingCoupledFabricWithSetLaw = locking_class(CoupledFabricWithSetLaw)
 LinearFabricWithSetLaw = linear_class(FabricWithSetLaw)
 LinearLockingFabricWithSetLaw = linear_class(LockingFabricWithSetLaw)
+LinearCoupledFabricWithSetLaw = linear_class(CoupledFabricWithSetLaw)
+LinearLockingCoupledFabricWithSetLaw = linear_class(LockingCoupledFabricWithSetLaw)
 
 
 class FabricWithSet(Fabric):
@@ -124,38 +174,27 @@ class FabricWithSet(Fabric):
     def __init__(self, law: FabricLaw, permanent_set: float, **sheet: Any) -> None:
         super().__init__(FabricWithSetLaw(*law, permanent_set), **sheet)  # type: ignore[arg-type, call-arg]
 
-    def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        S, C = super().stress_and_tangent(E)
-        C[..., 2, 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
-        return S, C
+    def _compaction(self, E33):
+        S33, C33 = super()._compaction(E33)
+        return S33, C33 * self._strain_from_set(E33)[1]
 
-    def tangent_slope(self, E: ArrayLike) -> np.ndarray:
-        slope = super().tangent_slope(E)
-        slope[..., 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
-        return slope
+    def _compaction_slope(self, E33):
+        return super()._compaction_slope(E33) * self._strain_from_set(E33)[1]
 
-    def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
-        curvature = super().tangent_curvature(E)
-        curvature[..., 2] *= self._strain_from_set(np.asarray(E)[..., 2])[1]
-        return curvature
+    def _compaction_curvature(self, E33):
+        return super()._compaction_curvature(E33) * self._strain_from_set(E33)[1]
 
     def membrane_energy(self, E: ArrayLike, history: np.ndarray | None = None) -> np.ndarray:
-        """Return W^M [J/m³], with the stored part of the compaction in place of W33(E33)."""
-        in_plane, compaction = np.array(E, dtype=float), np.zeros(np.shape(E))
-        compaction[..., 2], stiffening = self._strain_from_set(in_plane[..., 2], history)
-        in_plane[..., 2] = 0.0
-        return super().membrane_energy(in_plane) + super().membrane_energy(compaction) / stiffening
+        """Return W^M [J/m³], with the stored part of the compaction in place of W33."""
+        strain, stiffening = self._strain_from_set(self._seen(np.asarray(E, dtype=float)), history)
+        stored = self._compaction_energy(strain) / stiffening
+        return self._energy_in_plane(E) + stored
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
         """Return s W33(κ) [J/m³]."""
-        most = np.zeros((*np.shape(history[0]), 6))
-        most[..., 2] = history[0]
-        return self.law.permanent_set * super().membrane_energy(most)
+        return self.law.permanent_set * self._compaction_energy(history[0])
 
-    def compaction_pressure(
-        self, thickness_stretch: ArrayLike, history: np.ndarray | None = None
-    ) -> np.ndarray:
-        stretch = np.asarray(thickness_stretch, dtype=float)
+    def _pressure(self, stretch: np.ndarray, history: np.ndarray | None) -> np.ndarray:
         strain, _ = self._strain_from_set(0.5 * (stretch**2 - 1.0), history)
         stress, _ = self._compaction(strain)
         return np.where(stress < 0.0, -stretch * stress, 0.0)

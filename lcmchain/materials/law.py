@@ -8,7 +8,8 @@ are inlined. Nothing else in the program needs to know the law.
 Strains and stresses are Green-Lagrange and second Piola-Kirchhoff in the reference fibre axes,
 Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness is a tuple of six
 moduli where it is diagonal, an ``Orthotropic`` where it couples the normal strains alone, else a
-tuple of six rows (:mod:`lcmchain.materials.stiffness`).
+tuple of six rows (:mod:`lcmchain.materials.stiffness`). A fabric whose thickness knows its shear
+answers the diagonal, and the one modulus beside it by ``tangent_coupling``.
 
 A law with memory lists in ``remembers`` up to three numbers that each element keeps, zero at first.
 Kernels hand them to the law as a tuple, as they were after the last step. What the law answers for
@@ -35,6 +36,7 @@ __all__ = [
     "MOST_HISTORY",
     "Material",
     "bending_stiffness",
+    "couples_shear",
     "evolved_history",
     "history_count",
     "hourglass_tangent",
@@ -48,6 +50,8 @@ __all__ = [
     "serves_planes",
     "stabilising_tangent",
     "store_history",
+    "tangent_coupling",
+    "tangent_coupling_of",
     "tangent_curvature",
     "tangent_slope",
     "with_fibre_modulus",
@@ -101,6 +105,15 @@ def tangent_slope(law, E, history):
 def tangent_curvature(law, E, history):
     """Return the six d²C_ii/dE_i² of the stabilising tangent; ``None`` where always zero."""
     return (None, None, None, None, None, None)
+
+
+@optional
+def tangent_coupling(law, E, history):
+    """Return what couples the normal strain E33 with the shear g = 2 E12; ``None`` for nothing.
+
+    dS33/dg of the tangent C^M; of the stabilising tangent dC33/dg, d²C33/dE33dg and d²C33/dg².
+    """
+    return None
 
 
 @optional
@@ -188,7 +201,8 @@ class Material(Protocol):
 
     law : NamedTuple of the parameters. name : as in the scene.
     thickness : initial [m]. areal_mass [kg/m²]. density [kg/m³]. fibre_density [kg/m³] or None.
-    is_diagonal : whether C^M and C^B are diagonal in the fibre axes.
+    is_diagonal : whether C^M and C^B are diagonal in the fibre axes; ``tangent_coupling`` may
+        couple 33 and 12 in C^M even so.
     constant_tangent : whether C^M never changes.
     compacts : whether the stiffness over the thickness grows with the compaction.
     shear_range : shear angle [rad] up to which the law was measured, None where nobody says.
@@ -258,6 +272,24 @@ def stabilising_tangent(
         return method(E)
     tangent = material.stress_and_tangent(E)[1]
     return tangent, material.tangent_slope(E), material.tangent_curvature(E)
+
+
+def tangent_coupling_of(
+    material: Material, E: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return dC33/dg, d²C33/dE33dg and d²C33/dg² (...) of the stabilising tangent at E (..., 6).
+
+    ``None`` for a material whose C33 does not depend on the shear; one where it does says so by
+    ``couples_shear`` and offers a method ``tangent_coupling``.
+    """
+    if not couples_shear(material):
+        return None
+    return material.tangent_coupling(E)  # type: ignore[attr-defined]
+
+
+def couples_shear(material: Material) -> bool:
+    """Tell whether the thickness of a material knows its shear."""
+    return bool(getattr(material, "couples_shear", False))
 
 
 def with_fibre_modulus(material: Material, factor: float) -> Material:

@@ -37,7 +37,13 @@ from lcmchain.elements.solid_shell.packing import (
 )
 from lcmchain.elements.solid_shell.pressure import normal_pressure
 from lcmchain.errors import InputError
-from lcmchain.materials.law import MOST_HISTORY, Material, MaterialWithMemory, history_count
+from lcmchain.materials.law import (
+    MOST_HISTORY,
+    Material,
+    MaterialWithMemory,
+    couples_shear,
+    history_count,
+)
 from lcmchain.mesh.blank import BlankMesh
 
 CORNERS = 8
@@ -107,6 +113,12 @@ class SolidShellBody:
                 f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
                 "leave it out",
                 key="element.fibre_hourglass",
+            )
+        if choices.hourglass == "published" and couples_shear(material):
+            raise InputError(
+                'is "published", which is derived for a thickness that does not know the shear; '
+                'use "conservative", or a shear_coupling of 0',
+                key="element.hourglass",
             )
         geometry = reference_geometry(mesh.node_positions[mesh.elements], mesh.fibre_direction_1)
         kind = kind_of(geometry)

@@ -57,6 +57,7 @@ from lcmchain.materials.law import (
     load_history,
     membrane_response,
     store_history,
+    tangent_coupling,
     tangent_slope,
 )
 from lcmchain.materials.stiffness import by_structure, product
@@ -232,6 +233,15 @@ def with_hourglass_tangent_stress(c, moments, fibre_share, slope, x, e):
 
 
 @equation
+def with_coupling_stress(c, moments, coupling, x, e):
+    """Add to the shear of the centre that from the change of the stabilising C33 with it."""
+    if coupling is None:
+        return c
+    change = 0.5 * coupling[1] * (moments.xi * (x * x) + moments.eta * (e * e))
+    return (c[0], c[1], c[2], c[3] + change, c[4], c[5])
+
+
+@equation
 def stabilising_tangent(conservative, law, E, C_M, history):
     """Return the tangent of Eq. (18); where its slope makes stress too, one without kinks."""
     if conservative is None:
@@ -334,6 +344,8 @@ def resultants(law, history, options, conservative, enhanced, coupled, moments, 
     if conservative is not None:
         slope = tangent_slope(law, E.centre, history)
         c = with_hourglass_tangent_stress(c, moments, options.fibre_share, slope, E.xi, E.eta)
+        coupling = tangent_coupling(law, E.centre, history)
+        c = with_coupling_stress(c, moments, coupling, E.xi[2], E.eta[2])
     return Taylor(
         c,
         z,

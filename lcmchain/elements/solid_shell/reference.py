@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcmchain.elements.solid_shell.geometry import MODES, reference_geometry
-from lcmchain.materials.law import Material, stabilising_tangent
+from lcmchain.materials.law import Material, stabilising_tangent, tangent_coupling_of
 
 TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
 
@@ -117,6 +117,8 @@ class ReferenceElement:
             R_alpha += weight * zeta * B_e @ S
             S_alpha += weight * zeta**2 * B_e @ C_M @ B_e
         alpha = -R_alpha / S_alpha
+        # along ζ a fabric bends apart from its membrane: no shear by the enhanced strain
+        C_e = np.diag(np.diag(C_M)) if self.material.is_diagonal else C_M
 
         force = np.zeros(24)
         bending_energy = 0.0
@@ -124,10 +126,10 @@ class ReferenceElement:
             E_e = zeta * B_e * alpha
             E_linear, E_quadratic = zeta * E["zeta"], zeta**2 * E["zeta2"]
             # Eq. (19), the membrane law linearised along ζ about the centre
-            S = S_centre + C_M @ E_e + C_B @ (E_linear + E_quadratic)
+            S = S_centre + C_e @ E_e + C_B @ (E_linear + E_quadratic)
             force += weight * (B["centre"] + zeta * B["zeta"] + zeta**2 * B["zeta2"]).T @ S
             bending_energy += weight * (
-                0.5 * E_linear @ (C_B @ E_linear + C_M @ E_e)
+                0.5 * E_linear @ (C_B @ E_linear + C_e @ E_e)
                 + 0.5 * E_quadratic @ C_B @ E_quadratic
             )
             if self.options.cross_terms:
@@ -143,9 +145,10 @@ class ReferenceElement:
 
         hourglass = np.zeros(24)  # Eq. (16): C^M in the ξ, η terms, C^B in the ηζ, ξζ terms
         conservative = self.options.hourglass == "conservative"
-        C_hg, slope = C_M.copy(), np.zeros(6)
+        C_hg, slope, coupling = C_M.copy(), np.zeros(6), None
         if conservative:
             C_hg, slope, _ = stabilising_tangent(self.material, E["centre"])
+            coupling = tangent_coupling_of(self.material, E["centre"])
         if self.material.is_diagonal:
             for i in (0, 1):  # fibres within the plane
                 C_hg[i, i] *= self.options.fibre_hourglass
@@ -163,6 +166,8 @@ class ReferenceElement:
             # derivative of that energy with respect to E⁰, on which the tangent of Eq. (18) depends
             squares = E["xi"] ** 2 + E["eta"] ** 2
             hourglass += self.volume / 6.0 * B["centre"].T @ (slope * squares)
+            if coupling is not None:
+                hourglass += self.volume / 6.0 * B["centre"][3] * coupling[0] * squares[2]
         total = (force + hourglass).reshape(8, 3)
         return ElementResult(total, hourglass.reshape(8, 3), float(energy), float(hourglass_energy))
 

@@ -26,14 +26,14 @@ from lcmchain.elements.solid_shell.equations import NINTH, THIRD
 from lcmchain.elements.solid_shell.geometry import MODES
 from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS
 from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
-from lcmchain.materials.law import stabilising_tangent
+from lcmchain.materials.law import stabilising_tangent, tangent_coupling_of
 
 # bounds the temporary arrays to about 50 MB
 ELEMENTS_PER_BLOCK = 512
 
 CENTRE, ZETA, ZETA2, XI, ETA, ETA_ZETA, XI_ZETA = range(7)
 HOURGLASS = [XI, ETA]
-NORMAL = 2  # Voigt component 33
+NORMAL, SHEAR = 2, 3  # Voigt components 33 and 12
 
 _PRODUCTS = [
     (TERMS.index(term), component, factor, k - 1, m - 1)
@@ -227,7 +227,10 @@ def _resultants(model, E):
     C_zeta = np.broadcast_to(C_B, C_M.shape)
     if options.enhanced is not None:
         # the enhanced strain -S33^ζ / C^M_33 of ``condensed_enhanced_strain`` adds C^M_i3 of it
-        share = C_M[:, :, NORMAL] / C_M[:, NORMAL, NORMAL, None]
+        column = C_M[:, :, NORMAL]
+        if material.is_diagonal:
+            column = column * (np.arange(6) == NORMAL)
+        share = column / C_M[:, NORMAL, NORMAL, None]
         C_zeta = C_B - share[:, :, None] * C_B[NORMAL]
     fibres = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     share = np.ones(6)
@@ -268,7 +271,24 @@ def _resultants(model, E):
         squares = E[:, XI] ** 2 + E[:, ETA] ** 2
         R[:, CENTRE] += 0.5 * THIRD * slope * squares
         D[:, CENTRE, i, CENTRE, i] += 0.5 * THIRD * share * curvature * squares
+        _add_coupling(tangent_coupling_of(material, E[:, CENTRE]), E, squares, R, D)
     return R, D
+
+
+def _add_coupling(coupling, E, squares, R, D):
+    """Add to R and D what the stabilising C33 takes from the shear of the centre."""
+    if coupling is None:
+        return
+    slope, mixed, curvature = coupling
+    normal = 0.5 * THIRD * squares[:, NORMAL]
+    R[:, CENTRE, SHEAR] += slope * normal
+    D[:, CENTRE, SHEAR, CENTRE, SHEAR] += curvature * normal
+    D[:, CENTRE, SHEAR, CENTRE, NORMAL] += mixed * normal
+    D[:, CENTRE, NORMAL, CENTRE, SHEAR] += mixed * normal
+    for term in (XI, ETA):
+        pair = THIRD * slope * E[:, term, NORMAL]
+        D[:, term, NORMAL, CENTRE, SHEAR] += pair
+        D[:, CENTRE, SHEAR, term, NORMAL] += pair
 
 
 def normal_compaction(

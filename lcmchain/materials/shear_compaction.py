@@ -1,0 +1,159 @@
+"""Shear-compaction coupling: how the thickness that a fabric would take grows as it is sheared.
+
+The energy of compaction W33 of :mod:`lcmchain.materials.compaction` is taken at the strain E' of a
+thickness that is measured from the one that the sheared fabric takes without pressure,
+
+    1 + 2 E' = (1 + 2 E33) a,  a = (1 - g²)^β,  g = 2 E12 = sin γ,
+
+for fibres that keep their length: E' belongs to the stretch λ cos^β γ. Without pressure the fabric
+then thickens as cos^-β γ. β = 0 is a fabric whose thickness does not know its shear. β = 1 keeps
+the fibre volume fraction: what presses on the present area is the unsheared law at the same fibre
+volume fraction. One potential gives all that follows,
+
+    S33 = a S,  S12 = -τ m S,  with S = dW33/dE', m = 1 + 2 E', τ = β g / (1 - g²),
+
+so that a fabric under pressure resists shear more. The published shear law holds as it is wherever
+nothing presses.
+
+Source: the fibre volume fraction as what governs the compaction of sheared fabric, Schäfer, Mitsch,
+Kärger, references 87 and 88; the form is the simplest potential with both limits (manual: theory).
+
+A fabric with the coupling is a class of its own with one more parameter (:func:`coupled_class`):
+where a scene states none, its kernels hold none of this.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lcmchain.dispatch import implements, inherit, optional
+from lcmchain.jit import equation
+from lcmchain.materials.elementary import exponential, logarithm
+
+#: Beyond sin² γ of 84 degrees the thickness no longer follows the shear: 1/cos has no end.
+LARGEST_SQUARE = 0.99
+
+
+class Thickening(NamedTuple):
+    """What the shear does to the compaction strain: E', a, τ, and dτ/dg."""
+
+    strain: Any
+    a: Any
+    tau: Any
+    rate: Any
+
+
+# --- compiled -------------------------------------------------------------------------------------
+
+
+@optional
+def thickening(law, E33, g):
+    """Return :class:`Thickening` at the shear strain g; ``None`` for a law without the coupling."""
+    return None
+
+
+@equation
+def power_thickening(law, E33, g):
+    beta = law.shear_coupling
+    square = g * g
+    rest = 1.0 - min(square, LARGEST_SQUARE)
+    a = exponential(beta * logarithm(rest))
+    follows = beta / rest if square < LARGEST_SQUARE else 0.0
+    strain = E33 * a + 0.5 * (a - 1.0)
+    return Thickening(strain, a, follows * g, follows * (1.0 + square) / rest)
+
+
+@equation
+def strain_of(thickening, E33):
+    """Return the strain that the compaction law sees."""
+    if thickening is None:
+        return E33
+    return thickening.strain
+
+
+@equation
+def with_thickening(thickening, S33, C33, S12, C12):
+    """Return S33, C33, S12, C12 of a law whose compaction answers S33 and C33 to E'."""
+    if thickening is None:
+        return S33, C33, S12, C12
+    a, tau = thickening.a, thickening.tau
+    m = 1.0 + 2.0 * thickening.strain
+    stress = -tau * m * S33
+    tangent = m * ((2.0 * tau * tau - thickening.rate) * S33 + tau * tau * m * C33)
+    return a * S33, a * a * C33, S12 + stress, C12 + tangent
+
+
+@equation
+def own_slope(thickening, slope33):
+    """Return dC33/dE33 where the law of compaction has the slope ``slope33`` at E'."""
+    if thickening is None:
+        return slope33
+    return thickening.a * thickening.a * thickening.a * slope33
+
+
+@equation
+def own_curvature(thickening, curvature33):
+    """Return d²C33/dE33²."""
+    if thickening is None:
+        return curvature33
+    square = thickening.a * thickening.a
+    return square * square * curvature33
+
+
+@equation
+def coupling_of(thickening, S33, C33, slope33, curvature33):
+    """Return dS33/dg, dC33/dg, d²C33/dE33dg, d²C33/dg²; all arguments are those at E'."""
+    if thickening is None:
+        return None
+    a, tau = thickening.a, thickening.tau
+    m = 1.0 + 2.0 * thickening.strain
+    bracket = 4.0 * C33 + m * slope33
+    bracket_rate = 6.0 * slope33 + m * curvature33
+    return (
+        -a * tau * (2.0 * S33 + m * C33),
+        -a * a * tau * bracket,
+        -a * a * a * tau * bracket_rate,
+        a * a * ((4.0 * tau * tau - thickening.rate) * bracket + tau * tau * m * bracket_rate),
+    )
+
+
+# --- laws -----------------------------------------------------------------------------------------
+
+_coupled_classes: dict[type, type] = {}
+
+
+def coupled_class(law_class: Any) -> Any:
+    """Return the twin of a class of laws whose thickness knows its shear.
+
+    It must be a global of the class's own module, under its own name: compiled kernels on disk
+    look it up there.
+    """
+    entries = [*law_class.__annotations__.items(), ("shear_coupling", float)]
+    twin: Any = NamedTuple(f"Coupled{law_class.__name__}", entries)  # type: ignore[misc]
+    twin.__doc__ = f"Parameters of :class:`{law_class.__name__}` and β."
+    twin.__module__ = law_class.__module__
+    if hasattr(law_class, "remembers"):
+        setattr(twin, "remembers", law_class.remembers)  # noqa: B010
+    inherit(twin, law_class)
+    implements(thickening, twin)(power_thickening)
+    _coupled_classes[law_class] = twin
+    return twin
+
+
+def with_coupling(law: Any, shear_coupling: float) -> Any:
+    """Return a law with the coupling β, or the law itself where it is 0."""
+    if shear_coupling == 0.0:
+        return law
+    return _coupled_classes[type(law)](*law, shear_coupling)
+
+
+# --- plain Python ---------------------------------------------------------------------------------
+
+
+def thickening_stretch(shear_coupling: float, shear_strain: ArrayLike) -> np.ndarray:
+    """Return cos^-β γ, the thickness stretch without pressure at shear strains g = sin γ."""
+    square = np.minimum(np.square(shear_strain), LARGEST_SQUARE)
+    return (1.0 - square) ** (-0.5 * shear_coupling)
