@@ -41,6 +41,7 @@ __all__ = [
     "history_count",
     "hourglass_tangent",
     "Remembered",
+    "TangentCoupling",
     "remembered",
     "implements",
     "load_history",
@@ -64,6 +65,19 @@ class Remembered(NamedTuple):
     name: str
     unit: str
     meaning: str
+
+
+class TangentCoupling(NamedTuple):
+    """What couples the normal strain E33 with the shear g = 2 E12 in a tangent that is diagonal.
+
+    modulus : dS33/dg of C^M. slope, mixed, curvature : dC33/dg, d²C33/dE33dg and d²C33/dg² of the
+    stabilising tangent.
+    """
+
+    modulus: Any
+    slope: Any
+    mixed: Any
+    curvature: Any
 
 
 def remembered(law: Any) -> tuple[Remembered, ...]:
@@ -109,10 +123,7 @@ def tangent_curvature(law, E, history):
 
 @optional
 def tangent_coupling(law, E, history):
-    """Return what couples the normal strain E33 with the shear g = 2 E12; ``None`` for nothing.
-
-    dS33/dg of the tangent C^M; of the stabilising tangent dC33/dg, d²C33/dE33dg and d²C33/dg².
-    """
+    """Return the :class:`TangentCoupling` of the normal strain and the shear; ``None`` for none."""
     return None
 
 

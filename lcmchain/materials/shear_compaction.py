@@ -32,6 +32,7 @@ from numpy.typing import ArrayLike
 from lcmchain.dispatch import implements, inherit, optional
 from lcmchain.jit import equation
 from lcmchain.materials.elementary import exponential, logarithm
+from lcmchain.materials.law import TangentCoupling
 
 #: Beyond sin² γ of 84 degrees the thickness no longer follows the shear: 1/cos has no end.
 LARGEST_SQUARE = 0.99
@@ -105,14 +106,14 @@ def own_curvature(thickening, curvature33):
 
 @equation
 def coupling_of(thickening, S33, C33, slope33, curvature33):
-    """Return dS33/dg, dC33/dg, d²C33/dE33dg, d²C33/dg²; all arguments are those at E'."""
+    """Return the :class:`TangentCoupling`; all arguments are those at E'."""
     if thickening is None:
         return None
     a, tau = thickening.a, thickening.tau
     m = 1.0 + 2.0 * thickening.strain
     bracket = 4.0 * C33 + m * slope33
     bracket_rate = 6.0 * slope33 + m * curvature33
-    return (
+    return TangentCoupling(
         -a * tau * (2.0 * S33 + m * C33),
         -a * a * tau * bracket,
         -a * a * a * tau * bracket_rate,

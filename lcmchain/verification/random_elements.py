@@ -34,7 +34,9 @@ CUBE = np.array(
 ).astype(float)  # fmt: skip
 
 
-def md600(locking: ShearLocking | None = None, **changes: float) -> Fabric:
+def md600(
+    locking: ShearLocking | None = None, *, shear_coupling: float = 0.0, **changes: float
+) -> Fabric:
     """MD600 of the paper's Tables B.1-B.3 (engineering shear); ``changes`` in Pa."""
     law = FabricLaw(
         C11=1000 * MPA, C22=1000 * MPA, C23=0.1 * MPA, C13=0.1 * MPA,
@@ -43,7 +45,14 @@ def md600(locking: ShearLocking | None = None, **changes: float) -> Fabric:
         B11=38.0615 * MPA, B22=43.0668 * MPA, B33=0.1 * MPA, B12=4.2123 * MPA, B23=0.1 * MPA,
         B13=0.1 * MPA,
     )._replace(**changes)  # fmt: skip
-    return Fabric(law, thickness=THICKNESS, areal_mass=0.6, fibre_density=1810.0, locking=locking)
+    return Fabric(
+        law,
+        thickness=THICKNESS,
+        areal_mass=0.6,
+        fibre_density=1810.0,
+        locking=locking,
+        shear_coupling=shear_coupling,
+    )
 
 
 def isotropic(

@@ -98,13 +98,14 @@ def test_cross_terms_have_no_potential_when_stiffnesses_differ(make):
 FORMED = pytest.mark.parametrize("shear, compaction", [(0.9, 0.7), (-0.4, 0.85), (0.02, 1.1)])
 
 
-def formed_fabric(make, shear, compaction, **options):
+def formed_fabric(make, shear, compaction, *, shear_coupling=0.0, **options):
     """A warped element of fabric, sheared and compacted, and its node positions."""
     rng = np.random.default_rng(13)
     X, fibre = make.curved_reference(rng)
     options = ElementOptions(**options)
     x = make.deformed(rng, X, fibre, gradient=make.sheared(shear, compaction, 1.001), warp=0.05)
-    return ReferenceElement(X, fibre, make.md600(), options), x
+    material = make.md600(shear_coupling=shear_coupling)
+    return ReferenceElement(X, fibre, material, options), x
 
 
 @FORMED
@@ -114,6 +115,17 @@ def test_fabric_has_a_potential(make, bending_thickness, strain, shear, compacti
     options = {"compaction_strain": strain, "bending_thickness": bending_thickness}
     assert_forces_derive_from_energy(
         *formed_fabric(make, shear, compaction, **options),
+        1e-6,
+        lambda result: result.energy + result.hourglass_energy,
+        lambda result: result.force,
+    )
+
+
+@FORMED
+@pytest.mark.parametrize("strain", STRAINS)
+def test_fabric_whose_thickness_knows_its_shear_has_a_potential(make, strain, shear, compaction):
+    assert_forces_derive_from_energy(
+        *formed_fabric(make, shear, compaction, shear_coupling=0.8, compaction_strain=strain),
         1e-6,
         lambda result: result.energy + result.hourglass_energy,
         lambda result: result.force,

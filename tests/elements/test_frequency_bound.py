@@ -33,6 +33,18 @@ def test_fabric_sheared_compacted_and_stretched(make, shape, compaction, shear):
     assert_close_from_above(*bounds_and_frequencies(references, x, make.md600()))
 
 
+@pytest.mark.parametrize("shear", [30.0, -60.0])
+@pytest.mark.parametrize("compaction", [1.15, 0.8, 0.6])
+def test_fabric_whose_thickness_knows_its_shear(make, compaction, shear):
+    rng = np.random.default_rng(29)
+    references = [make.curved_reference(rng) for _ in range(COUNT)]
+    x = []
+    for element in references:
+        gradient = make.sheared(np.radians(shear), compaction, rng.uniform(0.997, 1.01))
+        x.append(make.deformed(rng, *element, gradient=gradient, warp=rng.uniform(0.0, 0.1)))
+    assert_close_from_above(*bounds_and_frequencies(references, x, make.md600(shear_coupling=1.0)))
+
+
 @pytest.mark.parametrize("shape", ["flat", "curved"])
 def test_fabric_that_is_curved_with_its_neighbours(make, shape):
     rng = np.random.default_rng(27)

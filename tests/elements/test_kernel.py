@@ -36,6 +36,7 @@ COMBINATIONS = [
     FABRIC_MIXED,
     ("full", "mixed", "director", "conservative"),
     ("orthotropic", "aligned and mixed", "normal", "conservative"),
+    ("coupled fabric", "aligned and mixed", "normal", "conservative"),
 ]
 ELEMENT_COUNT = 37  # two full blocks of 16 lanes and a part of a third
 CURVED_OF_MIXED = [16, 20, 31]  # the second block has elements of both kinds, the others flat ones
@@ -67,6 +68,7 @@ def batch(make):
         rng = np.random.default_rng(7)
         materials = {
             "fabric": make.md600,
+            "coupled fabric": lambda: make.md600(shear_coupling=0.8),
             "orthotropic": lambda: make.orthotropic(rng),
             "full": lambda: make.coupled(rng),
         }
@@ -117,15 +119,15 @@ def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
     is_flat = shape in ("flat", "aligned")
     assert (options.flat is None, options.curved is None) == (not is_flat, is_flat)
     assert (options.director is None) == (strain == "normal")
-    assert (options.conservative is None) == (hourglass == "published" or kind != "fabric")
-    assert (options.enhanced is None) == (kind == "fabric" and is_flat)
+    assert (options.conservative is None) == (hourglass == "published" or "fabric" not in kind)
+    assert (options.enhanced is None) == ("fabric" in kind and is_flat)
     data = case.model.body.data
     assert (data.quick_data is None) == (shape in ("flat", "curved"))
     assert (data.general is None) == (shape == "aligned")
     if data.quick_data is not None:
         mixed = shape != "aligned"
         assert (data.quick_data.start != GENERAL).tolist() == [True, not mixed, True]
-        assert (data.quick_options.enhanced is None) == (kind == "fabric")
+        assert (data.quick_options.enhanced is None) == ("fabric" in kind)
         assert (data.quick_options.aligned is None) == (shape == "mixed")
     assert_agree(case, forces_of(case))
 

@@ -25,6 +25,10 @@ CASES = {
     "fabric curved, director": ("fabric", "curved", {"compaction_strain": "director"}),
     "fabric flat, no cross terms": ("fabric", "flat", {"cross_terms": False}),
     "fabric curved, soft fibres in hourglass": ("fabric", "curved", {"fibre_hourglass": 0.1}),
+    "coupled fabric curved": ("coupled fabric", "curved", {}),
+    "coupled fabric curved, no cross terms": (
+        "coupled fabric", "curved", {"cross_terms": False}
+    ),
     "full flat": ("full", "flat", {}),
     "full curved": ("full", "curved", {}),
     "full curved, director": ("full", "curved", {"compaction_strain": "director"}),
@@ -51,6 +55,7 @@ CASES = {
 }  # fmt: skip
 WITH_POTENTIAL = (
     "fabric flat, no cross terms",
+    "coupled fabric curved, no cross terms",
     "equal curved",
     "fabric flat, reference thickness",
     "fabric curved, reference thickness, director",
@@ -63,8 +68,8 @@ def batch(make):
 
     def build(kind, shape, options):
         rng = np.random.default_rng(3)
-        if kind == "fabric":
-            material = make.md600()
+        if "fabric" in kind:
+            material = make.md600(shear_coupling=0.8 if "coupled" in kind else 0.0)
         else:
             material = make.coupled(rng, equal=kind == "equal")
         reference = make.flat_reference if shape == "flat" else make.curved_reference

@@ -234,19 +234,19 @@ def add_nodal_stiffness(
     add_coupling(coupling, options.cross, conservative, rows, E, norms, parts)
 
 
-@equation
+@routine
 def add_coupling(coupling, cross, conservative, rows, E, norms, parts):
     """Add what couples the normal strain 33 with the shear 12; ``None`` for nothing."""
     if coupling is not None:
-        add_pair(rows[0, 2], rows[0, 3], abs(coupling[0]), norms, parts)
-        add_pair(rows[0, 2], rows[2, 3], 0.5 * cross * abs(coupling[0]), norms, parts)
+        add_pair(rows[0, 2], rows[0, 3], abs(coupling.modulus), norms, parts)
+        add_pair(rows[0, 2], rows[2, 3], 0.5 * cross * abs(coupling.modulus), norms, parts)
         if conservative is not None:
             xi, eta = abs(E.xi[2]), abs(E.eta[2])
             squares = (xi * xi + eta * eta) / 6.0
-            add_pair(rows[0, 2], rows[0, 3], abs(coupling[2]) * squares, norms, parts)
-            add_row(rows[0, 3], abs(coupling[3]) * squares, norms, parts)
-            add_pair(rows[0, 3], rows[3, 2], abs(coupling[1]) * xi / 3.0, norms, parts)
-            add_pair(rows[0, 3], rows[4, 2], abs(coupling[1]) * eta / 3.0, norms, parts)
+            add_pair(rows[0, 2], rows[0, 3], abs(coupling.mixed) * squares, norms, parts)
+            add_row(rows[0, 3], abs(coupling.curvature) * squares, norms, parts)
+            add_pair(rows[0, 3], rows[3, 2], abs(coupling.slope) * xi / 3.0, norms, parts)
+            add_pair(rows[0, 3], rows[4, 2], abs(coupling.slope) * eta / 3.0, norms, parts)
 
 
 @routine

@@ -237,7 +237,7 @@ def with_coupling_stress(c, moments, coupling, x, e):
     """Add to the shear of the centre that from the change of the stabilising C33 with it."""
     if coupling is None:
         return c
-    change = 0.5 * coupling[1] * (moments.xi * (x * x) + moments.eta * (e * e))
+    change = 0.5 * coupling.slope * (moments.xi * (x * x) + moments.eta * (e * e))
     return (c[0], c[1], c[2], c[3] + change, c[4], c[5])
 
 
