@@ -66,11 +66,19 @@ def coupon_compaction(
     out: OutFolder = None,
     pressure: Annotated[str, typer.Option(help="Pressure at the end.")] = "1.5 MPa",
     size: Annotated[str, typer.Option(help="Side length of the specimen.")] = "20 mm",
+    shear_angle: Annotated[
+        str, typer.Option(help="Shear angle to which the piece is brought first, and held.")
+    ] = "0 deg",
     edge_length: EdgeLength = "5 mm",
     overrides: Overrides = None,
 ) -> None:
-    """Press a piece between plates: pressure over thickness."""
-    sizes = {"--pressure": pressure, "--size": size, "--edge-length": edge_length}
+    """Press a piece between plates, sheared or not: pressure over thickness."""
+    sizes = {
+        "--pressure": pressure,
+        "--size": size,
+        "--shear-angle": shear_angle,
+        "--edge-length": edge_length,
+    }
     _run_coupon("compaction", scene, overrides, out, sizes)
 
 

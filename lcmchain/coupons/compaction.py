@@ -2,32 +2,46 @@
 
 Source: Schäfer, Mitsch, Kärger, section 3.2.2. The pressure on the plates is p = λ|S33|, nominal
 and Cauchy alike, because the area does not change; the experimental law is Φ = A p_n^B, Eq. (24).
+
+A piece may be sheared first. Its area is less by cos γ then, and the pressure that of the plates on
+this area, λ|S33|/cos γ.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from lcmchain.coupons.analytic import power_law_pressure
 from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import Progress, require_solid_shell
+from lcmchain.effects.supports import Support
+from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
 from lcmchain.materials.fabric import FabricMaterial
+from lcmchain.materials.law import couples_shear
+from lcmchain.materials.shear_compaction import thickening_stretch
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
 from lcmchain.scene.presets import MEASURED_COMPACTION
 from lcmchain.solver.simulation import Simulation
 
-DURATION = 0.04  # [s]
+DURATION = 0.04  # of the pressing [s]
+SHEARING = 0.02  # duration of the shear before it, and of a rest [s]
 SAMPLES = 80
 # Plates are this much stiffer than the automatic contact of a forming tool would be: they may
 # sink into the fabric by this part of its thickness under the full pressure.
 PENETRATION = 0.01
+LARGEST_ANGLE = math.radians(80.0)
 COMPARED_AT = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.4)  # pressures [MPa]
 
 
@@ -37,6 +51,7 @@ def compaction(
     *,
     pressure: float = 1.5e6,
     size: float = 20e-3,
+    shear_angle: float = 0.0,
     edge_length: float = 5e-3,
     progress: Progress | None = None,
 ) -> CouponResult:
@@ -46,28 +61,49 @@ def compaction(
     ----------
     material : material of a scene; element : its element options.
     pressure : at the end [Pa]; size : of the square specimen [m]; edge_length : of elements [m].
+    shear_angle : to which the specimen is sheared before it is pressed [rad].
 
     Raises
     ------
-    InputError : the element has no thickness direction.
+    InputError : the element has no thickness direction, or the shear angle is not below 80 degrees.
     """
     require_solid_shell(element)
+    if not 0.0 <= shear_angle < LARGEST_ANGLE:
+        raise InputError(
+            f"is {math.degrees(shear_angle):.4g} deg; a specimen can be pressed at 0 to "
+            f"{math.degrees(LARGEST_ANGLE):g} deg",
+            key="shear_angle",
+        )
     thickness = material.thickness
-    law = material.build().compaction_pressure
+    fabric = material.build()
+    area = size**2 * math.cos(shear_angle)
+
+    def law(stretch: ArrayLike) -> np.ndarray:
+        if not shear_angle:
+            return fabric.compaction_pressure(stretch)
+        g = math.sin(shear_angle)
+        return fabric.compaction_pressure(stretch, None, g) / math.cos(shear_angle)  # type: ignore[call-arg]
+
+    before = SHEARING if shear_angle else 0.0
+    free = thickness
+    if couples_shear(fabric):
+        free *= float(thickening_stretch(fabric.law.shear_coupling, math.sin(shear_angle)))
     penalty = pressure / (PENETRATION * thickness)
-    squeezed = thickness - _thickness_at(law, thickness, pressure)
+    squeezed = free - _thickness_at(law, thickness, pressure, free / thickness)
+    distance = squeezed + 2.0 * PENETRATION * thickness
+    motion: dict[str, Any] = {"type": "stroke", "distance": distance, "profile": "smooth"}
+    if before:
+        s = np.linspace(0.0, 1.0, 101)
+        times = [0.0, *(before + DURATION * s)]
+        travel = [0.0, *(distance * s**3 * (10.0 - s * (15.0 - 6.0 * s)))]
+        motion = {"type": "table", "times": tuple(times), "travel": tuple(travel)}
     plates = [
         {"name": "lower", "shape": {"type": "plate", "side": "below"}, "friction": 0.0},
         {
             "name": "upper",
             "shape": {"type": "plate", "side": "above"},
-            "position": (0.0, 0.0, thickness),
-            "motion": {
-                "type": "stroke",
-                "direction": (0, 0, -1),
-                "distance": squeezed + 2.0 * PENETRATION * thickness,
-                "profile": "smooth",
-            },
+            "position": (0.0, 0.0, free),
+            "motion": {"direction": (0, 0, -1), **motion},
             "friction": 0.0,
         },
     ]
@@ -75,23 +111,23 @@ def compaction(
         title=f"Compaction of {material.name} between plates",
         material=material,
         element=element or Element(),
-        process={"time": DURATION, "frames": SAMPLES + 1},
-        blank={"size": (size, size), "edge_length": edge_length, "height": 0.5 * thickness},
+        process={"time": before + DURATION, "frames": SAMPLES + 1},
+        blank={"size": (size, size), "edge_length": edge_length, "height": 0.5 * free},
         contact={"penalty": penalty},
         tools=plates,
     )
-    simulation = Simulation(build_model(scene))
+    simulation = Simulation(build_model(scene, _sheared(shear_angle)))
     state = simulation.state
     (body,) = simulation.model.bodies
     rows = []
-    for time in np.linspace(0.0, DURATION, SAMPLES + 1)[1:]:
+    for time in before + np.linspace(0.0, DURATION, SAMPLES + 1)[1:]:
         simulation.advance_to(float(time))
         # forces are those of the last step, whose positions were these
         position = (state.position - state.last_step * state.velocity).T
         measured = derive_fields(body.mesh, body.material, position)["thickness"]
-        rows.append((measured.mean(), np.ptp(measured), state.tool_force[1, 2] / size**2))
+        rows.append((measured.mean(), np.ptp(measured), state.tool_force[1, 2] / area))
         if progress is not None:
-            progress(simulation.time, DURATION, scene.title)
+            progress(simulation.time, before + DURATION, scene.title)
     t, spread, p = np.array(rows).T
     expected = law(t / thickness)
     curves = {
@@ -99,16 +135,17 @@ def compaction(
         "pressure [MPa]": 1e-6 * p,
         "law pressure [MPa]": 1e-6 * expected,
     }
+    at_shear = " and shear" if shear_angle else ""
     comparisons = [
         Comparison(  # type: ignore[call-arg]
             f"pressure at {at:g} MPa", "MPa", *(1e-6 * _at(1e6 * at, expected, v)  # type: ignore[arg-type]
-            for v in (p, expected)), "λ|S33| at the same thickness",
+            for v in (p, expected)), "λ|S33| at the same thickness" + at_shear,
         )
         for at in COMPARED_AT
         if 1e6 * at <= expected[-1]
     ]  # fmt: skip
     measured_law = MEASURED_COMPACTION.get(getattr(material, "preset", None) or material.name)
-    if measured_law is not None:
+    if measured_law is not None and not shear_angle:
         solid_height = material.areal_mass / material.fibre_density
         experiment = power_law_pressure(t, *measured_law, solid_height)
         curves["measured pressure, Eq. (24) [MPa]"] = 1e-6 * experiment
@@ -127,6 +164,7 @@ def compaction(
             "specimen": f"{1e3 * size:g} mm x {1e3 * size:g} mm",
             "elements": f"{simulation.model.element_count} elements of {1e3 * edge_length:g} mm",
             "duration": f"{1e3 * DURATION:g} ms",
+            **({"shear angle": f"{math.degrees(shear_angle):g} deg"} if shear_angle else {}),
         },
         curves=curves,
         comparisons=tuple(comparisons),
@@ -140,9 +178,26 @@ def compaction(
     )
 
 
-def _thickness_at(law, thickness: float, pressure: float) -> float:
-    """Return the thickness [m] under a pressure [Pa]."""
-    return thickness * brentq(lambda stretch: float(law(stretch)) - pressure, 0.35, 1.0)
+def _sheared(angle: float) -> Callable[[BlankMesh], list[Support]]:
+    """Return what shears all nodes in the plane, fibres at their length, and holds them so."""
+
+    def motion(time: float) -> np.ndarray:
+        s = min(time / (0.75 * SHEARING), 1.0)
+        half = 0.5 * angle * s**3 * (10.0 - s * (15.0 - 6.0 * s))
+        c, t = math.cos(half), math.sin(half)
+        return np.array([[c, t, 0.0, 0.0], [t, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+
+    def supports(mesh: BlankMesh) -> list[Support]:
+        if not angle:
+            return []
+        return [Support("shear", np.arange(mesh.node_count), "xy", motion=motion)]
+
+    return supports
+
+
+def _thickness_at(law, thickness: float, pressure: float, free: float) -> float:
+    """Return the thickness [m] under a pressure [Pa]; ``free`` is the stretch without any."""
+    return thickness * brentq(lambda stretch: float(law(stretch)) - pressure, 0.35 * free, free)
 
 
 def _at(pressure: float, of: np.ndarray, values: np.ndarray) -> float:

@@ -26,6 +26,7 @@ from lcmchain.effects import (
     pace,
     ply_contact,
     pore_pressure,
+    shear_compaction,
     shear_locking,
     supports,
     thickness,
@@ -38,6 +39,7 @@ from lcmchain.effects.effect import Effect, Switch
 EFFECTS = (
     thickness,
     compaction,
+    shear_compaction,
     bending,
     transverse_shear,
     fibre_bending,

@@ -33,6 +33,11 @@ class MaterialTable(SceneModel):
         return False
 
     @property
+    def couples_shear(self) -> bool:
+        """Whether the thickness knows the shear."""
+        return False
+
+    @property
     def remembers(self) -> bool:
         """Whether the law has a memory."""
         return False

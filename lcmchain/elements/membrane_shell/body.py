@@ -186,6 +186,7 @@ class MembraneShellBody:
         return {
             "thickness": (False, "triangles on the mid-surface have none"),
             "compaction": (False, "the mid-surface has no thickness direction"),
+            "shear-compaction coupling": (False, "the mid-surface has no thickness direction"),
             "bending": (
                 (True, "C^B, superimposed on the membrane; rotation-free")
                 if self.has_bending

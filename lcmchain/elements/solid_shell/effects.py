@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
-from lcmchain.materials.law import Material, Remembered, remembered
+from lcmchain.materials.law import Material, Remembered, couples_shear, remembered
 
 
 def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, tuple[bool, str]]:
@@ -14,6 +14,7 @@ def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, t
     return {
         "thickness": (True, "both faces of the sheet have nodes"),
         "compaction": _compaction(material, options),
+        "shear-compaction coupling": _shear_compaction(material),
         "bending": (True, _bending(material, options)),
         "transverse shear": (True, "assumed natural strains, C13 and C23"),
         "hourglass control": (True, _hourglass(material, options)),
@@ -31,6 +32,13 @@ def _compaction(material: Material, options: Options) -> tuple[bool, str]:
         return False, "the law has a constant stiffness C33"
     measure = "normal thickness" if options.director is None else "length of the director"
     return True, f"C33 grows with the compaction, measured by the {measure}"
+
+
+def _shear_compaction(material: Material) -> tuple[bool, str]:
+    if not couples_shear(material):
+        return False, "the law of compaction does not know the shear"
+    beta = material.law.shear_coupling
+    return True, f"sheared by γ the sheet is thicker by 1/cos(γ)^{beta:g} without pressure"
 
 
 def _bending(material: Material, options: Options) -> str:
