@@ -79,7 +79,7 @@ def identify_compaction(
     noise_floor: NoiseFloor = 0.001,
     accept: Accept = False,
 ) -> None:
-    """Compaction law from plate-to-plate tests: thickness, pressure."""
+    """Compaction law from plate-to-plate tests: thickness, pressure (and shear angle)."""
     from lcmchain.identification.from_file import identify_compaction_file
 
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "fibre_density": fibre_density}

@@ -1,7 +1,8 @@
 """Picture-frame test: a square of fabric is sheared by a hinged frame along its sides.
 
 The reference is homogeneous pure shear (:class:`lcmchain.coupons.analytic.PictureFrame`); the shear
-force along a side is L t0 S12 exactly.
+force along a side is L t0 S12 exactly. Nothing presses the fabric: its thickness is that which the
+shear-compaction coupling gives without pressure.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ from lcmchain.coupons.specimen import (
 from lcmchain.effects.supports import Support
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.fabric import FabricMaterial
+from lcmchain.materials.law import couples_shear
+from lcmchain.materials.shear_compaction import free_strain
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
@@ -40,6 +43,8 @@ from lcmchain.scene.plies import PlySettings
 DURATION = 0.5  # [s]
 MASS_DAMPING = 20.0  # [1/s]
 COMPARED_AT = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)  # shear angles [deg]
+# Curve, its unit, and where the reference comes from.
+COMPARED = (("thickness", "mm", "t0/cos^β"), ("edge shear force", "N", "L t0 S12"))
 
 
 @dataclass(frozen=True)
@@ -142,18 +147,24 @@ def picture_frame(
     d = np.array([pull.travel(t) for t in recording.time])
     gamma = analytic.shear_angle(d[1::2])
     edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
-    measured = mean_field(simulation, recording.snapshots[1::2], "shear_angle", everywhere)
+    measured, thickness = (
+        mean_field(simulation, recording.snapshots[1::2], field, everywhere)
+        for field in ("shear_angle", "thickness")
+    )
 
     (body,) = simulation.model.bodies
+    free = material.thickness * np.sqrt(1.0 + 2.0 * free_strain(body.material, np.sin(gamma)))
     shear_stress = shear_stress_of(body.material)
     curves = {
         "displacement [mm]": 1e3 * d[1::2],
         "force [N]": force,
         "shear angle [deg]": np.degrees(measured),
         "edge shear force [N]": edge_force,
+        "thickness [mm]": 1e3 * thickness,
         "analytic force [N]": analytic.force(gamma, shear_stress),
         "analytic shear angle [deg]": np.degrees(gamma),
         "analytic edge shear force [N]": analytic.edge_shear_force(gamma, shear_stress),
+        "analytic thickness [mm]": 1e3 * free,
     }
     angles = curves["analytic shear angle [deg]"]
     frames = FrameSeries.from_snapshots(recording.snapshots[::4], ())
@@ -168,12 +179,13 @@ def picture_frame(
         curves=curves,
         comparisons=tuple(
             Comparison(
-                f"edge shear force at {angle:g}°",
-                "N",
-                float(np.interp(angle, angles, edge_force)),
-                float(np.interp(angle, angles, curves["analytic edge shear force [N]"])),
-                "L t0 S12",
+                f"{name} at {angle:g}°",
+                unit,
+                float(np.interp(angle, angles, curves[f"{name} [{unit}]"])),
+                float(np.interp(angle, angles, curves[f"analytic {name} [{unit}]"])),
+                origin,
             )
+            for name, unit, origin in COMPARED[0 if couples_shear(body.material) else 1 :]
             for angle in COMPARED_AT
             if angle <= angles[-1]
         ),

@@ -12,7 +12,13 @@ from typing import Any
 
 from lcmchain.coupons.analytic import BiasExtension, load_parameter_at_chord_angle
 from lcmchain.errors import InputError
-from lcmchain.identification import bending, cantilever_tests, compaction, shear
+from lcmchain.identification import (
+    bending,
+    cantilever_tests,
+    compaction,
+    shear,
+    sheared_compaction,
+)
 from lcmchain.identification.data import read_coupon
 from lcmchain.identification.result import Identification
 from lcmchain.quantities.units import (
@@ -81,6 +87,8 @@ def identify_compaction_file(
 ) -> Identification:
     """Identify the compaction law; ``sizes``: thickness, areal_mass, fibre_density as text.
 
+    A file with a column ``shear angle`` tells the shear-compaction coupling too.
+
     ``accept`` takes the fit as it is where the law does not describe the data.
 
     Raises
@@ -90,8 +98,12 @@ def identify_compaction_file(
     """
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, ("thickness", "areal_mass", "fibre_density"))
-    data = read_coupon(path, compaction.COLUMNS, minimum_rows=compaction.MINIMUM_ROWS)
-    return compaction.identify_compaction(
+    layouts = (*sheared_compaction.SHEARED_COLUMNS, *compaction.COLUMNS)
+    data = read_coupon(path, layouts, minimum_rows=compaction.MINIMUM_ROWS)
+    identify = compaction.identify_compaction
+    if sheared_compaction.SHEAR_ANGLE in data:
+        identify = sheared_compaction.identify_sheared_compaction
+    return identify(
         data, thickness=values["thickness"],
         solid_height=values["areal_mass"] / values["fibre_density"], noise_floor=noise_floor,
         inputs=_with_file(inputs, data), accept=accept,

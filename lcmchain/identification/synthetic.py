@@ -21,6 +21,7 @@ from lcmchain.coupons.analytic import (
     strip_stiffness,
 )
 from lcmchain.materials.fabric import Fabric
+from lcmchain.materials.shear_compaction import free_strain
 from lcmchain.scene import FabricMaterial
 from lcmchain.scene.presets import PRESETS
 
@@ -36,10 +37,11 @@ def noisy(values: np.ndarray, noise: float, seed: int) -> np.ndarray:
 
 
 def shear_stress(fabric: Fabric, shear_angle: ArrayLike) -> np.ndarray:
-    """Return S12 [Pa] of a fabric law in pure shear by an angle [rad]."""
+    """Return S12 [Pa] of a fabric law in pure shear by an angle [rad] without pressure."""
     angle = np.asarray(shear_angle)
     strain = np.zeros((*angle.shape, 6))
     strain[..., 3] = np.sin(angle)
+    strain[..., 2] = free_strain(fabric, strain[..., 3])
     return fabric.stress_and_tangent(strain)[0][..., 3]
 
 

@@ -611,8 +611,8 @@ class FabricCompaction(SceneModel):
     c2: Annotated[float, Number(2.4528, Range(1.0, 10.0))] = Field(description="Growth exponent.")
     shear_coupling: Annotated[float, Number(1.0, Range(0.0, 2.0))] = Field(
         default=0.0,
-        description="Exponent β: fabric sheared by γ is thicker by 1/cos(γ)^β without pressure, and "
-        "stiffer by as much; 0: shear does not thicken it, 1: the fibre volume fraction governs.",
+        description="Exponent β: fabric sheared by γ is thicker by 1/cos(γ)^β without pressure; "
+        "0: shear does not thicken it, 1: the fibre volume fraction governs.",
     )
 
     @model_validator(mode="after")

@@ -154,6 +154,12 @@ def with_coupling(law: Any, shear_coupling: float) -> Any:
 # --- plain Python ---------------------------------------------------------------------------------
 
 
+def free_strain(material: Any, shear_strain: ArrayLike) -> np.ndarray:
+    """Return the normal strain E33 that a material takes without pressure at shear strains g."""
+    stretch = thickening_stretch(getattr(material, "shear_coupling", 0.0), shear_strain)
+    return 0.5 * (stretch**2 - 1.0)
+
+
 def thickening_stretch(shear_coupling: float, shear_strain: ArrayLike) -> np.ndarray:
     """Return cos^-β γ, the thickness stretch without pressure at shear strains g = sin γ."""
     square = np.minimum(np.square(shear_strain), LARGEST_SQUARE)
