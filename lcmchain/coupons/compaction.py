@@ -82,7 +82,7 @@ def compaction(
         if not shear_angle:
             return fabric.compaction_pressure(stretch)
         g = math.sin(shear_angle)
-        return fabric.compaction_pressure(stretch, None, g) / math.cos(shear_angle)  # type: ignore[call-arg]
+        return fabric.compaction_pressure(stretch, None, g) / math.cos(shear_angle)
 
     before = SHEARING if shear_angle else 0.0
     free = thickness

@@ -8,6 +8,7 @@ pressure on the present area, that on the area at the start over cos γ
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -39,7 +40,7 @@ MINIMUM_ROWS = 4
 
 
 def sheared_pressure(
-    stretch: np.ndarray, shear_angle: np.ndarray, law: tuple[float, float, float], beta: float
+    stretch: np.ndarray, shear_angle: np.ndarray, law: Sequence[float], beta: float
 ) -> np.ndarray:
     """Return the pressure [Pa] on the present area at stretches t/t0 and shear angles [rad]."""
     thinner = np.cos(shear_angle) ** beta
@@ -133,7 +134,7 @@ def _fit_all(data: CouponData, thickness: float, law: Any, noise_floor: float) -
 
     def model(theta: np.ndarray) -> np.ndarray:
         own = tuple(np.multiply(law, np.exp(theta[:3])))
-        return sheared_pressure(stretch, gamma, own, theta[3])  # type: ignore[arg-type]
+        return sheared_pressure(stretch, gamma, own, theta[3])
 
     return fit_nonlinear(
         model, np.array([0.0, 0.0, 0.0, 0.5]), rows["pressure"], noise_floor,

@@ -159,6 +159,23 @@ def test_the_limits_of_the_coupling(degrees):
         assert stress[3] >= shear  # what presses resists the shear
 
 
+def test_an_energy_counted_from_the_initial_thickness_would_drive_the_shear():
+    """Why W is counted from the free thickness: W = t0 ∫_λ^1 p(λ' cos γ) dλ' falls with the shear.
+
+    Its slope with γ at λ = 1/cos γ, β tan γ (λ p(λ) - p(1)) + W) with p(λ) = 0, over t0 S12 cos γ.
+    """
+    material, gamma = fabric(0.0), math.radians(45.0)
+    cos = math.cos(gamma)
+    stretch = np.linspace(1.0, 1.0 / cos, 4001)
+    energy = -np.trapezoid(material.compaction_pressure(stretch * cos), stretch)
+    moment = math.tan(gamma) * (energy - float(material.compaction_pressure(cos)))
+    shear = material.stress_and_tangent(voigt(0.0, math.sin(gamma)))[0][0, 3] * cos
+    assert moment / shear == pytest.approx(-7.27, abs=0.01)
+    one = fabric(1.0)
+    free = voigt(0.5 * (cos**-2 - 1.0), math.sin(gamma))
+    assert one.stress_and_tangent(free)[0][0, 3] * cos == pytest.approx(shear, rel=1e-9)
+
+
 # --- identification -------------------------------------------------------------------------------
 
 
