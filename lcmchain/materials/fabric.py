@@ -16,6 +16,15 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from lcmchain.jit import equation
+from lcmchain.materials.bending_curve import (
+    KINKS,
+    SIZE,
+    BendingCurve,
+    bent_class,
+    curve_energy,
+    curve_response,
+    with_curves,
+)
 from lcmchain.materials.compaction import (
     compaction_stress_and_tangent,
     compaction_tangent_curvature,
@@ -64,6 +73,8 @@ from lcmchain.quantities.entry_types import (
     ArealMass,
     Density,
     Number,
+    PositiveCurvature,
+    PositiveForce,
     PositiveLength,
     PositiveStiffness,
     Quantity,
@@ -246,6 +257,16 @@ LinearLockingFabricLaw = linear_class(LockingFabricLaw)
 LinearCoupledFabricLaw = linear_class(CoupledFabricLaw)
 LinearLockingCoupledFabricLaw = linear_class(LockingCoupledFabricLaw)
 
+# each of them once more for fabric that bends by curves
+BentFabricLaw = bent_class(FabricLaw)
+BentCoupledFabricLaw = bent_class(CoupledFabricLaw)
+BentLockingFabricLaw = bent_class(LockingFabricLaw)
+BentLockingCoupledFabricLaw = bent_class(LockingCoupledFabricLaw)
+BentLinearFabricLaw = bent_class(LinearFabricLaw)
+BentLinearLockingFabricLaw = bent_class(LinearLockingFabricLaw)
+BentLinearCoupledFabricLaw = bent_class(LinearCoupledFabricLaw)
+BentLinearLockingCoupledFabricLaw = bent_class(LinearLockingCoupledFabricLaw)
+
 
 class Fabric:
     """A fabric as the rest of the program sees it: the law, its energy, and its constants.
@@ -262,6 +283,7 @@ class Fabric:
     in_plane_bending : stiffness of the fibres against bending within the plane, over that against
         bending out of it.
     shear_coupling : β of :mod:`lcmchain.materials.shear_compaction`.
+    bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
     """
 
     is_diagonal = True
@@ -281,8 +303,10 @@ class Fabric:
         locking: ShearLocking | None = None,
         in_plane_bending: float = 0.0,
         shear_coupling: float = 0.0,
+        bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
     ) -> None:
-        self.law = linear_where_constant(with_locking(with_coupling(law, shear_coupling), locking))
+        law = linear_where_constant(with_locking(with_coupling(law, shear_coupling), locking))
+        self.law = law = with_curves(law, bending_curves, thickness)
         self.shear_coupling = shear_coupling
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
@@ -305,6 +329,10 @@ class Fabric:
     @property
     def couples_shear(self) -> bool:
         return self.shear_coupling != 0.0
+
+    @property
+    def bends_by_curves(self) -> bool:
+        return hasattr(self.law, "curves")
 
     def with_fibre_modulus(self, factor: float) -> Self:
         """Return the fabric with C11 and C22 of the membrane times a factor."""
@@ -394,6 +422,20 @@ class Fabric:
         """Return C^B (6, 6), Eq. (25)."""
         law = self.law
         return np.diag([law.B11, law.B22, law.B33, law.B12, law.B23, law.B13])
+
+    def bending_response(
+        self, E: np.ndarray, height: ArrayLike
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return S^ζ (..., 6), its tangent (..., 6, 6) and 2 W^B - S^ζ:E^ζ (...)."""
+        C_B, h = self.bending_matrix(), np.asarray(height)
+        S, C = E @ C_B.T, np.broadcast_to(C_B, (*E.shape, 6)).copy()
+        excess = np.zeros(E.shape[:-1])
+        for i in (0, 1):
+            curve = self.law.curves[i * SIZE : (i + 1) * SIZE]
+            size, slope = curve_response(curve, E[..., i] / h)
+            S[..., i], C[..., i, i] = h * size, slope
+            excess += 2.0 * h * h * curve_energy(curve, E[..., i] / h) - S[..., i] * E[..., i]
+        return S, C, excess
 
     def _shear(self, g):
         """Return S12 and dS12/dg without pressure, Eq. (21) and locking."""
@@ -628,11 +670,39 @@ class FabricCompaction(SceneModel):
         return self
 
 
+class BendingCurveTable(SceneModel):
+    """Moment per width over curvature, by points from zero; it softens, and goes on straight."""
+
+    curvature: Annotated[
+        tuple[PositiveCurvature, ...], Row('"2 5 20 1/m"', minimum_count=1, entries="curvatures")
+    ] = Field(description=f"Curvatures of the points, increasing, {KINKS} at most.")
+    moment: Annotated[
+        tuple[PositiveForce, ...], Row('"0.24 0.32 0.38 N"', minimum_count=1, entries="moments")
+    ] = Field(description="Moments per width at these curvatures [N m/m].")
+
+    @property
+    def curve(self) -> BendingCurve:
+        """The points."""
+        return BendingCurve(self.curvature, self.moment)
+
+    @model_validator(mode="after")
+    def _check_points(self) -> Self:
+        if fault := self.curve.fault():
+            raise wrong(fault, field="moment")
+        return self
+
+
 class FabricBending(SceneModel):
     """Bending stiffness C^B, independent of the membrane (paper Eq. (25))."""
 
     C11: PositiveStiffness = Field(description="Bending stiffness along fibre direction 1.")
     C22: PositiveStiffness = Field(description="Bending stiffness along fibre direction 2.")
+    curve_1: Annotated[BendingCurveTable | None, AbsentMeans("C11 is constant")] = Field(
+        default=None, description="Measured bending along fibre direction 1, in place of C11."
+    )
+    curve_2: Annotated[BendingCurveTable | None, AbsentMeans("C22 is constant")] = Field(
+        default=None, description="Measured bending along fibre direction 2, in place of C22."
+    )
     C33: PositiveStiffness = Field(description="Stiffness against a gradient of compaction.")
     C12: PositiveStiffness = Field(description="Torsional stiffness.")
     C23: PositiveStiffness = Field(description="Transverse shear stiffness 23.")
@@ -643,6 +713,14 @@ class FabricBending(SceneModel):
         "bending out of it: a regularisation that gives shear bands a width, no measured property; "
         "0: none, as published.",
     )
+
+    @property
+    def curves(self) -> tuple[BendingCurve | None, BendingCurve | None]:
+        """Measured bending along both directions."""
+        first, second = (
+            None if table is None else table.curve for table in (self.curve_1, self.curve_2)
+        )
+        return first, second
 
 
 #: The published fabrics of :mod:`lcmchain.scene.fabrics`, which knows this law.
@@ -756,6 +834,7 @@ class FabricMaterial(MaterialTable):
             "locking": self.membrane.locking,
             "in_plane_bending": self.bending.in_plane,
             "shear_coupling": self.compaction.shear_coupling,
+            "bending_curves": self.bending.curves,
         }
 
     def remarks(self) -> list[str]:

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from lcmchain.jit import equation
+from lcmchain.materials.bending_curve import bent_class
 from lcmchain.materials.compaction import (
     compaction_stress_and_tangent,
     compaction_tangent_curvature,
@@ -164,6 +165,15 @@ LinearFabricWithSetLaw = linear_class(FabricWithSetLaw)
 LinearLockingFabricWithSetLaw = linear_class(LockingFabricWithSetLaw)
 LinearCoupledFabricWithSetLaw = linear_class(CoupledFabricWithSetLaw)
 LinearLockingCoupledFabricWithSetLaw = linear_class(LockingCoupledFabricWithSetLaw)
+
+BentFabricWithSetLaw = bent_class(FabricWithSetLaw)
+BentCoupledFabricWithSetLaw = bent_class(CoupledFabricWithSetLaw)
+BentLockingFabricWithSetLaw = bent_class(LockingFabricWithSetLaw)
+BentLockingCoupledFabricWithSetLaw = bent_class(LockingCoupledFabricWithSetLaw)
+BentLinearFabricWithSetLaw = bent_class(LinearFabricWithSetLaw)
+BentLinearLockingFabricWithSetLaw = bent_class(LinearLockingFabricWithSetLaw)
+BentLinearCoupledFabricWithSetLaw = bent_class(LinearCoupledFabricWithSetLaw)
+BentLinearLockingCoupledFabricWithSetLaw = bent_class(LinearLockingCoupledFabricWithSetLaw)
 
 
 class FabricWithSet(Fabric):

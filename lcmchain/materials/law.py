@@ -31,11 +31,16 @@ from numpy.typing import ArrayLike
 from lcmchain.dispatch import implements, is_implemented, optional, required
 from lcmchain.errors import InputError
 from lcmchain.jit import INLINED
+from lcmchain.materials.stiffness import product
 
 __all__ = [
     "MOST_HISTORY",
     "Material",
+    "bending_excess",
+    "bending_response",
     "bending_stiffness",
+    "bending_stress",
+    "bends_by_curves",
     "couples_shear",
     "evolved_history",
     "history_count",
@@ -101,6 +106,21 @@ def membrane_response(law, E, history):
 @required
 def bending_stiffness(law):
     """Return C^B, Eq. (25), constant: the stiffness of the strains linear and quadratic in ζ."""
+
+
+@optional
+def bending_stress(law, C_B, E, inverse_height):
+    """Return the stress S^ζ (6) of the strain E^ζ linear in ζ; E^ζ times 1/h is a curvature.
+
+    It is stiffest at zero, where its slope is C^B: the step is bound by that.
+    """
+    return product(C_B, E)
+
+
+@optional
+def bending_excess(law, E, inverse_height):
+    """Return 2 W^B - S^ζ:E^ζ [J/m³], by which twice the energy exceeds stress times strain."""
+    return 0.0
 
 
 @optional
@@ -283,6 +303,26 @@ def stabilising_tangent(
         return method(E)
     tangent = material.stress_and_tangent(E)[1]
     return tangent, material.tangent_slope(E), material.tangent_curvature(E)
+
+
+def bending_response(
+    material: Material, E: np.ndarray, height: ArrayLike
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return S^ζ (..., 6), its tangent (..., 6, 6) and 2 W^B - S^ζ:E^ζ (...) at E^ζ (..., 6).
+
+    height : half the thickness of the element in the reference (...) [m]. A material whose law
+    implements :func:`bending_stress` says so by ``bends_by_curves`` and offers a method of this
+    name.
+    """
+    if bends_by_curves(material):
+        return material.bending_response(E, height)  # type: ignore[attr-defined]
+    C_B = material.bending_matrix()
+    return E @ C_B.T, np.broadcast_to(C_B, (*E.shape, 6)), np.zeros(E.shape[:-1])
+
+
+def bends_by_curves(material: Material) -> bool:
+    """Tell whether the bending stiffness of a material changes with the curvature."""
+    return bool(getattr(material, "bends_by_curves", False))
 
 
 def tangent_coupling_of(

@@ -16,6 +16,7 @@ from lcmchain.quantities.units import (
     ACCELERATION,
     ANGLE,
     AREAL_MASS,
+    CURVATURE,
     DENSITY,
     DIFFUSIVITY,
     DYNAMIC_VISCOSITY,
@@ -394,6 +395,8 @@ AcuteAngle = Annotated[
 Stiffness = Annotated[float, Quantity(STIFFNESS)]
 PositiveStiffness = Annotated[float, Quantity(STIFFNESS, POSITIVE)]
 Modulus = Annotated[float, Quantity(STIFFNESS, POSITIVE, "210 GPa")]
+PositiveCurvature = Annotated[float, Quantity(CURVATURE, POSITIVE)]
+PositiveForce = Annotated[float, Quantity(FORCE, POSITIVE)]
 Density = Annotated[float, Quantity(DENSITY, POSITIVE)]
 ArealMass = Annotated[float, Quantity(AREAL_MASS, POSITIVE)]
 Penalty = Annotated[float, Quantity(PENALTY, POSITIVE)]

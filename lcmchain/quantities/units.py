@@ -12,7 +12,8 @@ from functools import lru_cache
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})\s*(\S.*)?")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+(\s|$|[^\d,])")
-_ROW = re.compile(rf"\s*((?:{_NUMBER}[\s,]+)+{_NUMBER})\s*([^\d\s.+-].*)")
+# a unit may begin with 1, as in "0.5 1 2 1/m"
+_ROW = re.compile(rf"\s*((?:{_NUMBER}[\s,]+)+{_NUMBER})(?:\s+(1\s*/.*)|\s*([^\d\s.+/-].*))")
 
 #: Longest text of one quantity: what is longer was pasted by mistake, and pint is slow on it.
 LONGEST_QUANTITY = 200
@@ -73,6 +74,7 @@ AREAL_MASS = Dimension("mass per area", "kg/m^2", "600 g/m^2", ("g/m^2", "kg/m^2
 PENALTY = Dimension(
     "contact stiffness per area", "Pa/m", "1 MPa/mm", ("MPa/mm", "Pa/m", "N/mm^3"), 1e-6, 1e21
 )
+CURVATURE = Dimension("curvature", "1/m", "10 1/m", ("1/m", "1/mm", "1/cm"), 1e-9, 1e9)
 RATE = Dimension("rate", "1/s", "50 1/s", ("1/s", "1/ms", "Hz"), 1e-12, 1e15)
 SPEED = Dimension("speed", "m/s", "10 mm/s", ("mm/s", "m/s", "mm/min", "m/min"), 1e-15, 1e6)
 ACCELERATION = Dimension("acceleration", "m/s^2", "9.81 m/s^2", ("m/s^2", "mm/s^2"), 1e-12, 1e12)
@@ -110,7 +112,8 @@ def split_row(text: str) -> list[str] | None:
     match = _ROW.fullmatch(text)
     if match is None:
         return None
-    return [f"{number} {match[2].strip()}" for number in re.split(r"[\s,]+", match[1].strip())]
+    unit = (match[2] or match[3]).strip()
+    return [f"{number} {unit}" for number in re.split(r"[\s,]+", match[1].strip())]
 
 
 def parse_quantity(text: str, dimension: Dimension, *, is_size: bool = True) -> float:

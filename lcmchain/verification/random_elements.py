@@ -13,6 +13,7 @@ from lcmchain.elements.blocks import from_blocks, in_blocks
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.frequency import frequency_bounds
 from lcmchain.elements.solid_shell.reference import ElementOptions
+from lcmchain.materials.bending_curve import BendingCurve
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.materials.law import Material
 from lcmchain.materials.shear_locking import ShearLocking
@@ -22,6 +23,11 @@ from lcmchain.model import Model, assemble_model
 from lcmchain.tools import build_tool_table
 
 MPA = 1e6
+#: Curves of both directions that soften within what a random element bends.
+CURVES = (
+    BendingCurve((0.5, 2.0, 6.0), (0.003, 0.006, 0.008)),
+    BendingCurve((1.0, 3.0, 4.0, 20.0), (0.005, 0.009, 0.0095, 0.012)),
+)
 THICKNESS = 1.004e-3
 EDGE = 5e-3
 
@@ -35,7 +41,11 @@ CUBE = np.array(
 
 
 def md600(
-    locking: ShearLocking | None = None, *, shear_coupling: float = 0.0, **changes: float
+    locking: ShearLocking | None = None,
+    *,
+    shear_coupling: float = 0.0,
+    bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
+    **changes: float,
 ) -> Fabric:
     """MD600 of the paper's Tables B.1-B.3 (engineering shear); ``changes`` in Pa."""
     law = FabricLaw(
@@ -52,6 +62,7 @@ def md600(
         fibre_density=1810.0,
         locking=locking,
         shear_coupling=shear_coupling,
+        bending_curves=bending_curves,
     )
 
 

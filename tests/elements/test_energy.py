@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
+from lcmchain.verification.random_elements import CURVES
 
 STRAINS = ("normal", "director")
 seeds = st.integers(0, 2**32 - 1)
@@ -98,13 +99,13 @@ def test_cross_terms_have_no_potential_when_stiffnesses_differ(make):
 FORMED = pytest.mark.parametrize("shear, compaction", [(0.9, 0.7), (-0.4, 0.85), (0.02, 1.1)])
 
 
-def formed_fabric(make, shear, compaction, *, shear_coupling=0.0, **options):
+def formed_fabric(make, shear, compaction, *, law=None, **options):
     """A warped element of fabric, sheared and compacted, and its node positions."""
     rng = np.random.default_rng(13)
     X, fibre = make.curved_reference(rng)
     options = ElementOptions(**options)
     x = make.deformed(rng, X, fibre, gradient=make.sheared(shear, compaction, 1.001), warp=0.05)
-    material = make.md600(shear_coupling=shear_coupling)
+    material = make.md600(**law or {})
     return ReferenceElement(X, fibre, material, options), x
 
 
@@ -122,10 +123,10 @@ def test_fabric_has_a_potential(make, bending_thickness, strain, shear, compacti
 
 
 @FORMED
-@pytest.mark.parametrize("strain", STRAINS)
-def test_fabric_whose_thickness_knows_its_shear_has_a_potential(make, strain, shear, compaction):
+@pytest.mark.parametrize("law", [{"shear_coupling": 0.8}, {"bending_curves": CURVES}], ids=list)
+def test_fabric_with_all_that_a_law_can_have_has_a_potential(make, law, shear, compaction):
     assert_forces_derive_from_energy(
-        *formed_fabric(make, shear, compaction, shear_coupling=0.8, compaction_strain=strain),
+        *formed_fabric(make, shear, compaction, law=law),
         1e-6,
         lambda result: result.energy + result.hourglass_energy,
         lambda result: result.force,

@@ -14,6 +14,7 @@ from lcmchain.elements.solid_shell.kernel import GENERAL, element_forces
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError
 from lcmchain.materials.st_venant_kirchhoff import StiffnessLaw
+from lcmchain.verification import random_elements
 
 # Every combination of effect slots that is compiled once; numbers (moments, the weight of the
 # shear row, material parameters) vary within a combination at no cost.
@@ -68,7 +69,9 @@ def batch(make):
         rng = np.random.default_rng(7)
         materials = {
             "fabric": make.md600,
-            "coupled fabric": lambda: make.md600(shear_coupling=0.8),
+            "coupled fabric": lambda: make.md600(
+                shear_coupling=0.8, bending_curves=random_elements.CURVES
+            ),
             "orthotropic": lambda: make.orthotropic(rng),
             "full": lambda: make.coupled(rng),
         }

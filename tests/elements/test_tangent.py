@@ -12,7 +12,7 @@ from lcmchain.elements.solid_shell.tangent import (
     node_stiffness,
     normal_compaction,
 )
-from lcmchain.verification.random_elements import corner_forces
+from lcmchain.verification.random_elements import CURVES, corner_forces
 
 COUNT = 5
 
@@ -69,7 +69,8 @@ def batch(make):
     def build(kind, shape, options):
         rng = np.random.default_rng(3)
         if "fabric" in kind:
-            material = make.md600(shear_coupling=0.8 if "coupled" in kind else 0.0)
+            whole = {"shear_coupling": 0.8, "bending_curves": CURVES}
+            material = make.md600(**whole if "coupled" in kind else {})
         else:
             material = make.coupled(rng, equal=kind == "equal")
         reference = make.flat_reference if shape == "flat" else make.curved_reference

@@ -38,7 +38,13 @@ from lcmchain.elements.membrane_shell.patch import (
 )
 from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
-from lcmchain.materials.law import Material, history_count, plane_bending_stiffness, serves_planes
+from lcmchain.materials.law import (
+    Material,
+    bends_by_curves,
+    history_count,
+    plane_bending_stiffness,
+    serves_planes,
+)
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.step_measure import SWEEPS, nodal_bound
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
@@ -90,6 +96,12 @@ class MembraneShellBody:
         ------
         InputError : triangles without area, or a material that does not serve them.
         """
+        if bends_by_curves(material):
+            raise InputError(
+                f"of {material.name} follows a curve, unknown to elements without thickness; "
+                'use element = "solid-shell", or leave out curve_1 and curve_2',
+                key="material.bending",
+            )
         if not serves_planes(material.law) or history_count(material.law):
             raise InputError(
                 f"{material.name} does not serve sheets without thickness; use element = "

@@ -41,6 +41,7 @@ from lcmchain.materials.law import (
     MOST_HISTORY,
     Material,
     MaterialWithMemory,
+    bends_by_curves,
     couples_shear,
     history_count,
 )
@@ -461,6 +462,14 @@ def strip_share(material: Material, geometry: ReferenceGeometry) -> float:
     return min(1.0, float(width**2 / area))
 
 
+def bends_at_reference(material: Material, choices: Any) -> bool:
+    """Tell whether strains of the bending are those of the initial thickness.
+
+    A measured curve of moments is always one of the sheet with the thickness that it had.
+    """
+    return choices.bending_thickness == "reference" or bends_by_curves(material)
+
+
 def kernel_options(
     material: Material, choices: Any, *, kind: Kind, fibre_share: float = 1.0
 ) -> Options:
@@ -478,7 +487,7 @@ def kernel_options(
         # a constant tangent needs no correction of the hourglass energy
         conservative=True if conservative else None,
         enhanced=True if enhanced else None,
-        reference_bending=True if choices.bending_thickness == "reference" else None,
+        reference_bending=True if bends_at_reference(material, choices) else None,
         coupled=True if choices.cross_terms else None,
         zeta2=1.0 / 3.0,
         zeta4=1.0 / 9.0 if choices.integration_points == 2 else 1.0 / 5.0,

@@ -175,7 +175,9 @@ def inverse_height_of(options, data, i):
 @routine
 def mean_stress33(a, data, i, law, history, curvature, options, change):
     """Return the volume times S33 in the middle of a change of E33 [J]."""
-    _, E, _, _, volume, _ = element_stress(a, data, i, law, history, curvature, options)
+    _, E, _, _, volume, inverse_height = element_stress(
+        a, data, i, law, history, curvature, options
+    )
     middle = with_centre33(E, E.centre[2] + 0.5 * change)
     S = resultants(
         law,
@@ -185,6 +187,7 @@ def mean_stress33(a, data, i, law, history, curvature, options, change):
         options.enhanced,
         options.coupled,
         natural_moments(options),
+        inverse_height,
         middle,
     )
     return volume * S.centre[2]

@@ -23,7 +23,7 @@ from lcmchain.elements.solid_shell.kernel import (
 )
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel
-from lcmchain.materials.law import load_history
+from lcmchain.materials.law import bending_excess, load_history
 from lcmchain.materials.stiffness import product
 
 
@@ -144,11 +144,12 @@ def element_energies(
             )
             lane_history = load_history(law, past, lane, LANES)
             curvature = load_curvature(options.director, shared, lane)
-            _, E, _, _, volume, _ = element_stress(
+            _, E, _, _, volume, inverse_height = element_stress(
                 a, data, lane, law, lane_history, curvature, options
             )
-            S = stresses(law, lane_history, options, options.enhanced, E)
-            bending = options.zeta2 * product6(S.zeta, E.zeta)
+            S = stresses(law, lane_history, options, options.enhanced, inverse_height, E)
+            bending = product6(S.zeta, E.zeta) + bending_excess(law, E.zeta, inverse_height)
+            bending *= options.zeta2
             bending += options.zeta4 * product6(S.zeta2, E.zeta2)
             S_cross = product(S.C_B, E.centre)
             bending += options.cross * (product6(S.centre, E.zeta2) + product6(S_cross, E.zeta2))

@@ -625,7 +625,7 @@ def element_frequency_bounds(
                 add_curvature(shared_curvature, covariant[1], material[0, 2])
             C_M = membrane_response(law, E.centre, lane_history)[1]
             if options.reference_bending is not None:
-                S = stresses(law, lane_history, options, options.enhanced, E)
+                S = stresses(law, lane_history, options, options.enhanced, inverse_height, E)
                 add_change_of_bending(S, E, options, material, norms, parts)
             if nodal is None:
                 add_stiffness(

@@ -52,6 +52,7 @@ from lcmchain.elements.solid_shell.equations import (
 from lcmchain.jit import entry, equation, kernel, routine
 from lcmchain.materials.law import (
     bending_stiffness,
+    bending_stress,
     evolved_history,
     hourglass_tangent,
     load_history,
@@ -308,13 +309,13 @@ class Stresses(NamedTuple):
 
 
 @equation
-def stresses(law, history, options, enhanced, E):
+def stresses(law, history, options, enhanced, inverse_height, E):
     """Return the stresses of the strains E: the law's at the centre, C^B along ζ, Eq. (19)."""
     S_centre, C_M = membrane_response(law, E.centre, history)
     C_B = bending_stiffness(law)
     C_hg = stabilising_tangent(options.conservative, law, E.centre, C_M, history)
     C_hg = hourglass_stiffness(C_hg, options.fibre_share)
-    S_zeta = product(C_B, E.zeta)
+    S_zeta = bending_stress(law, C_B, E.zeta, inverse_height)
     if enhanced is not None:
         S_zeta = relieved(C_M, S_zeta)
     return Stresses(
@@ -337,9 +338,9 @@ def natural_moments(options):
 
 
 @equation
-def resultants(law, history, options, conservative, enhanced, coupled, moments, E):
+def resultants(law, history, options, conservative, enhanced, coupled, moments, inverse_height, E):
     """Return stress resultants of Eqs. (15) and (16) per unit volume 8 J⁰."""
-    S = stresses(law, history, options, enhanced, E)
+    S = stresses(law, history, options, enhanced, inverse_height, E)
     c, z, q = thickness_resultants(coupled, moments, S.centre, S.zeta, S.zeta2)
     if conservative is not None:
         slope = tangent_slope(law, E.centre, history)
@@ -634,7 +635,9 @@ def chosen_element_stress(
         E = with_centre33(E, normal[0] + curvature_compaction(curvature, products.zeta))
     if reference_bending is not None:
         E = at_reference_thickness(E)
-    S = resultants(law, history, options, conservative, enhanced, coupled, moments, E)
+    S = resultants(
+        law, history, options, conservative, enhanced, coupled, moments, inverse_height, E
+    )
     if reference_bending is not None:
         S = at_reference_thickness_stress(E, S)
     S33 = 0.0

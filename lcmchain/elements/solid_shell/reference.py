@@ -13,7 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from lcmchain.elements.solid_shell.geometry import MODES, reference_geometry
-from lcmchain.materials.law import Material, stabilising_tangent, tangent_coupling_of
+from lcmchain.materials.law import (
+    Material,
+    bending_response,
+    bends_by_curves,
+    stabilising_tangent,
+    tangent_coupling_of,
+)
 
 TERMS = ("centre", "zeta", "zeta2", "xi", "eta", "eta_zeta", "xi_zeta")
 
@@ -93,7 +99,7 @@ class ReferenceElement:
                 E["centre"][2] += factor * products["zeta"][row]
                 B["centre"][2] += factor * operators["zeta"][row]
             E["centre"][2] -= q
-        if self.options.bending_thickness == "reference":
+        if self.options.bending_thickness == "reference" or bends_by_curves(self.material):
             # bending strains over powers of the thickness stretch λ = (1 + 2 E33)^½
             stretch = np.sqrt(1.0 + 2.0 * E["centre"][2])
             for term, power in (("zeta", 1), ("zeta2", 2), ("eta_zeta", 1), ("xi_zeta", 1)):
@@ -107,13 +113,14 @@ class ReferenceElement:
         E, B = self.strain(np.asarray(nodes, dtype=float))
         S_centre, C_M = self.material.stress_and_tangent(E["centre"])
         C_B = self.material.bending_matrix()
+        S_zeta, _, excess = bending_response(self.material, E["zeta"], self.height)
         points, weights = np.polynomial.legendre.leggauss(self.options.integration_points)
 
         # Eq. (17): R_α is linear in α_e, so that one update from 0 is exact
         B_e = np.array([0.0, 0.0, self.height**-2, 0.0, 0.0, 0.0])
         R_alpha = S_alpha = 0.0
         for zeta, weight in zip(points, weights, strict=True):
-            S = S_centre + C_B @ (zeta * E["zeta"] + zeta**2 * E["zeta2"])
+            S = S_centre + zeta * S_zeta + zeta**2 * C_B @ E["zeta2"]
             R_alpha += weight * zeta * B_e @ S
             S_alpha += weight * zeta**2 * B_e @ C_M @ B_e
         alpha = -R_alpha / S_alpha
@@ -126,10 +133,10 @@ class ReferenceElement:
             E_e = zeta * B_e * alpha
             E_linear, E_quadratic = zeta * E["zeta"], zeta**2 * E["zeta2"]
             # Eq. (19), the membrane law linearised along ζ about the centre
-            S = S_centre + C_e @ E_e + C_B @ (E_linear + E_quadratic)
+            S = S_centre + C_e @ E_e + zeta * S_zeta + C_B @ E_quadratic
             force += weight * (B["centre"] + zeta * B["zeta"] + zeta**2 * B["zeta2"]).T @ S
             bending_energy += weight * (
-                0.5 * E_linear @ (C_B @ E_linear + C_e @ E_e)
+                0.5 * (E_linear @ (zeta * S_zeta + C_e @ E_e) + zeta**2 * excess)
                 + 0.5 * E_quadratic @ C_B @ E_quadratic
             )
             if self.options.cross_terms:

@@ -26,7 +26,12 @@ from lcmchain.elements.solid_shell.equations import NINTH, THIRD
 from lcmchain.elements.solid_shell.geometry import MODES
 from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS
 from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
-from lcmchain.materials.law import stabilising_tangent, tangent_coupling_of
+from lcmchain.materials.law import (
+    bending_response,
+    bends_by_curves,
+    stabilising_tangent,
+    tangent_coupling_of,
+)
 
 # bounds the temporary arrays to about 50 MB
 ELEMENTS_PER_BLOCK = 512
@@ -144,7 +149,7 @@ def _linearise_block(model, displacement, block, given, shared):
     unscaled = B
     if options.reference_bending is not None:
         B, E = bending.at_reference_thickness(B, E)
-    R, D = _resultants(model, E)
+    R, D = _resultants(model, E, block)
     R, D, B = R.reshape(-1, 42), D.reshape(-1, 42, 42), B.reshape(-1, 42, 21)
 
     DB = D @ B
@@ -219,19 +224,21 @@ def _shear_scaling(model, block):
     return np.eye(6) + (model.body.data.options.in_plane_shear - 1.0) * _outer(unit, read)
 
 
-def _resultants(model, E):
+def _resultants(model, E, block):
     """Return R (E, 7, 6) of Eqs. (15) and (16) and D = ∂R/∂E (E, 7, 6, 7, 6)."""
     options, material = model.body.data.options, model.body.material
     S_centre, C_M = material.stress_and_tangent(E[:, CENTRE])
     C_B = material.bending_matrix()
-    C_zeta = np.broadcast_to(C_B, C_M.shape)
+    height = model.body.geometry.height[block]
+    S_zeta, C_zeta, _ = bending_response(material, E[:, ZETA], height)
     if options.enhanced is not None:
         # the enhanced strain -S33^ζ / C^M_33 of ``condensed_enhanced_strain`` adds C^M_i3 of it
         column = C_M[:, :, NORMAL]
         if material.is_diagonal:
             column = column * (np.arange(6) == NORMAL)
         share = column / C_M[:, NORMAL, NORMAL, None]
-        C_zeta = C_B - share[:, :, None] * C_B[NORMAL]
+        C_zeta = C_zeta - share[:, :, None] * C_B[NORMAL]
+        S_zeta = S_zeta - share * (E[:, ZETA] @ C_B[NORMAL])[:, None]
     fibres = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     share = np.ones(6)
     if options.conservative is None:
@@ -254,8 +261,10 @@ def _resultants(model, E):
         (XI_ZETA, NINTH, C_B),
     ):
         D[:, term, :, term] = weight * C
-    # linear in every strain but that of the centre
+    # linear in every strain but that of the centre, and of the bending by a curve
     R = np.einsum("etipj,epj->eti", D[:, :, :, 1:], E[:, 1:])
+    if bends_by_curves(material):
+        R[:, ZETA] = options.zeta2 * S_zeta
     R[:, CENTRE] += S_centre
     R[:, ZETA2] += options.cross * S_centre
 
