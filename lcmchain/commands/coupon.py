@@ -67,18 +67,16 @@ def coupon_compaction(
     pressure: Annotated[str, typer.Option(help="Pressure at the end.")] = "1.5 MPa",
     size: Annotated[str, typer.Option(help="Side length of the specimen.")] = "20 mm",
     shear_angle: Annotated[
-        str, typer.Option(help="Shear angle to which the piece is brought first, and held.")
-    ] = "0 deg",
+        str | None,
+        typer.Option(help="Shear angle to which the piece is brought first; unsheared without."),
+    ] = None,
     edge_length: EdgeLength = "5 mm",
     overrides: Overrides = None,
 ) -> None:
     """Press a piece between plates, sheared or not: pressure over thickness."""
-    sizes = {
-        "--pressure": pressure,
-        "--size": size,
-        "--shear-angle": shear_angle,
-        "--edge-length": edge_length,
-    }
+    sizes = {"--pressure": pressure, "--size": size, "--edge-length": edge_length}
+    if shear_angle is not None:
+        sizes["--shear-angle"] = shear_angle
     _run_coupon("compaction", scene, overrides, out, sizes)
 
 

@@ -18,9 +18,11 @@ import numpy as np
 
 from lcmchain.coupons.analytic import (
     CANTILEVER_ANGLE,
+    MomentCurve,
     elastica,
     load_parameter_at_chord_angle,
     overhang_at_angle,
+    overhang_by_curve,
     strip_stiffness,
 )
 from lcmchain.coupons.plots import finish, two_panels
@@ -95,8 +97,8 @@ def cantilever(
     for number, orientation in enumerate(orientations):
         if progress is not None:
             progress(number, len(orientations), "bending under own weight")
-        limits = _stiffness_limits(material, orientation)
-        guess = float(overhang_at_angle(np.mean([D for _, D in limits]), weight, angle))
+        expected = _expected_overhangs(material, orientation, weight, angle)
+        guess = float(np.mean(list(expected.values())))
         strip = _strip_at_angle(
             material, element or Element(), orientation, width, edge_length, guess, angle
         )
@@ -106,11 +108,10 @@ def cantilever(
         for column, direction in enumerate(("reach", "drop")):
             values = np.interp(s, strip.arc / strip.overhang, strip.line[:, column])
             curves[f"{direction} {name} [mm]"] = 1e3 * values
-        for origin, D in limits:
-            comparisons.append(
-                Comparison(f"overhang at {name}", "mm", 1e3 * strip.overhang,
-                           1e3 * float(overhang_at_angle(D, weight, angle)), origin)
-            )  # fmt: skip
+        comparisons += [
+            Comparison(f"overhang at {name}", "mm", 1e3 * strip.overhang, 1e3 * overhang, origin)
+            for origin, overhang in expected.items()
+        ]
     title = f"Cantilevers of {material.name} under their own weight"
     return CouponResult(
         name="cantilever",
@@ -200,19 +201,33 @@ def _strip_at_angle(material, element, orientation, width, edge_length, overhang
     )
 
 
-def _stiffness_limits(material, orientation: float) -> list[tuple[str, float]]:
-    """Return the bending stiffness per width [N m] with its origin: one, or two limits."""
+def _expected_overhangs(material, orientation: float, weight: float, angle: float):
+    """Return the overhang [m] of the elastica by its origin: one, or two limits."""
     cB, inertia = material.bending, material.thickness**3 / 12.0
     if abs(math.sin(2.0 * orientation)) < math.sin(2.0 * ALIGNED):
-        along = cB.C11 if abs(math.cos(orientation)) > 0.5 else cB.C22
-        return [("heavy elastica", along * inertia)]
-    return [
-        (origin, float(strip_stiffness(cB.C11, cB.C22, cB.C12, orientation, kind)) * inertia)
+        first = abs(math.cos(orientation)) > 0.5
+        curve = cB.curve_1 if first else cB.curve_2
+        if curve is not None:
+            points = MomentCurve(curve.curvature, curve.moment)
+            return {"heavy elastica of the curve": overhang_by_curve(points, weight, angle)}
+        along = (cB.C11 if first else cB.C22) * inertia
+        return {"heavy elastica": float(overhang_at_angle(along, weight, angle))}
+    C11, C22 = (
+        stiffness if curve is None else curve.curve.start_slope / inertia
+        for stiffness, curve in ((cB.C11, cB.curve_1), (cB.C22, cB.curve_2))
+    )
+    start = ", stiffness at the start" if any(cB.curves) else ""
+    return {
+        origin + start: float(
+            overhang_at_angle(
+                strip_stiffness(C11, C22, cB.C12, orientation, kind) * inertia, weight, angle
+            )
+        )
         for origin, kind in (
             ("elastica, free strip", "free-strip"),
             ("elastica, held across", "cylindrical"),
         )
-    ]
+    }
 
 
 def _draw(path: Path, title, orientations, strips, comparisons, angle) -> None:

@@ -22,6 +22,7 @@ FABRIC_FLAT = ("fabric", "flat", "normal", "conservative")
 FULL_CURVED = ("full", "curved", "normal", "conservative")
 FABRIC_MIXED = ("fabric", "mixed", "normal", "conservative")
 FABRIC_ALIGNED = ("fabric", "aligned", "normal", "conservative")
+COUPLED_FABRIC = ("coupled fabric", "aligned and mixed", "normal", "conservative")
 COMBINATIONS = [
     FABRIC_FLAT,
     FABRIC_ALIGNED,
@@ -37,7 +38,7 @@ COMBINATIONS = [
     FABRIC_MIXED,
     ("full", "mixed", "director", "conservative"),
     ("orthotropic", "aligned and mixed", "normal", "conservative"),
-    ("coupled fabric", "aligned and mixed", "normal", "conservative"),
+    COUPLED_FABRIC,
 ]
 ELEMENT_COUNT = 37  # two full blocks of 16 lanes and a part of a third
 CURVED_OF_MIXED = [16, 20, 31]  # the second block has elements of both kinds, the others flat ones
@@ -186,6 +187,7 @@ def test_a_flat_element_has_the_same_forces_as_a_curved_one(batch, forces_of, ma
     "combination, options",
     [
         (FABRIC_FLAT, {}),
+        (COUPLED_FABRIC, {}),
         (FABRIC_FLAT, {"bending_thickness": "reference"}),
         (FULL_CURVED, {}),
         (FULL_CURVED, {"cross_terms": True}),

@@ -1,5 +1,10 @@
 """Closed-form relations of the coupon tests: what a fabric law means for force and shape."""
 
+from lcmchain.coupons.analytic.bending_curve import (
+    MomentCurve,
+    curve_elastica,
+    overhang_by_curve,
+)
 from lcmchain.coupons.analytic.plate_compaction import (
     compaction_pressure,
     compaction_strain,
@@ -30,16 +35,19 @@ __all__ = [
     "CANTILEVER_ANGLE",
     "BiasExtension",
     "Elastica",
+    "MomentCurve",
     "PictureFrame",
     "ShearStress",
     "bending_length",
     "bending_stiffness_from_overhang",
     "compaction_pressure",
     "compaction_strain",
+    "curve_elastica",
     "elastica",
     "elastica_with_tip_slope",
     "load_parameter_at_chord_angle",
     "overhang_at_angle",
+    "overhang_by_curve",
     "power_law_fibre_volume_fraction",
     "power_law_pressure",
     "power_law_thickness",
