@@ -100,6 +100,9 @@ def identify_bending(
     off_axis: Annotated[
         str, typer.Option(help="Strips off the fibres: free-strip (narrow) or cylindrical (wide).")
     ] = "free-strip",
+    curve: Annotated[
+        bool, typer.Option("--curve", help="Find moments over curvature from deflection curves.")
+    ] = False,
     accept: Accept = False,
 ) -> None:
     """Bending stiffness from cantilever tests: orientation, overhang (or length, angle; x, y)."""
@@ -107,7 +110,9 @@ def identify_bending(
 
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "angle": angle}
     _report_identification(
-        data, out, lambda: identify_bending_file(data, sizes, off_axis=off_axis, accept=accept)
+        data,
+        out,
+        lambda: identify_bending_file(data, sizes, off_axis=off_axis, curve=curve, accept=accept),
     )
 
 

@@ -41,7 +41,7 @@ ASSUMPTIONS = {
     "cylindrical": "a wide strip that curves along only",
 }
 # Strips within this angle of a fibre direction are taken as cut along it.
-_ALONG_FIBRE = math.radians(2.0)
+ALONG_FIBRE = math.radians(2.0)
 # Degrees of freedom from which Student's t is normal.
 _MANY = 10**6
 
@@ -189,7 +189,8 @@ def _objections(tests: Cantilever, lacks: dict[str, LackOfFit]) -> tuple[tuple[s
     if tests.along:
         holds = (
             "a constant stiffness stands for the curvatures of one place of the strip only; test "
-            "strips that bend as much as the part will, and take the fit of these"
+            "strips that bend as much as the part will, and take the fit of these, or take a curve "
+            "of moments over curvature: --curve (in Python curve=True)"
         )
     else:
         lack = next(lack for lack in lacks.values() if lack.is_systematic)
@@ -256,8 +257,8 @@ class _Strips(NamedTuple):
 
 def _strips(tests: Cantilever, file) -> _Strips:
     """Sort the tests by their strips; InputError without a strip along either fibre."""
-    along_1 = tests.orientation <= _ALONG_FIBRE
-    along_2 = tests.orientation >= 0.5 * np.pi - _ALONG_FIBRE
+    along_1 = tests.orientation <= ALONG_FIBRE
+    along_2 = tests.orientation >= 0.5 * np.pi - ALONG_FIBRE
     for found, degrees in ((along_1, 0), (along_2, 90)):
         if not found.any():
             raise InputError(

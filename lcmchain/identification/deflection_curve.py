@@ -113,7 +113,7 @@ class _PiecewiseCurvature:
             curve, slope = shape(theta)
             end = np.array([np.cos(slope[-1]), np.sin(slope[-1])])
             beyond = end @ (np.array([x[-1], y[-1]]) - curve[:, -1])
-            return np.append(_signed_distance(np.stack([x, y]), curve), beyond) / scale
+            return np.append(signed_distance(np.stack([x, y]), curve), beyond) / scale
 
         turn = min(2.0 * math.atan2(y[-1], x[-1]), 1.5)
         start = np.append(np.full(count, turn), 1.0)
@@ -160,7 +160,7 @@ def fit_deflection_curve(
 
     def residuals(theta):
         solved, curve = shape(theta)
-        distance = _signed_distance(np.stack([x, y]), curve)
+        distance = signed_distance(np.stack([x, y]), curve)
         along = np.array([np.cos(solved.slope[-1]), np.sin(solved.slope[-1])])
         return np.append(distance, along @ (np.array([x[-1], y[-1]]) - curve[:, -1])) / scale
 
@@ -185,7 +185,7 @@ def fit_deflection_curve(
     return stiffness, math.sqrt(gradient @ covariance @ gradient), tuple(shape(solution.x)[1])
 
 
-def _signed_distance(points, curve) -> np.ndarray:
+def signed_distance(points, curve) -> np.ndarray:
     """Distance of points from a polyline, positive below it; shapes [2, n] and [2, m]."""
     start, step = curve[:, :-1], np.diff(curve, axis=1)
     to_point = points[:, :, None] - start[:, None, :]

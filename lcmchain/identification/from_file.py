@@ -14,6 +14,7 @@ from lcmchain.coupons.analytic import BiasExtension, load_parameter_at_chord_ang
 from lcmchain.errors import InputError
 from lcmchain.identification import (
     bending,
+    bending_curve,
     cantilever_tests,
     compaction,
     shear,
@@ -115,10 +116,12 @@ def identify_bending_file(
     sizes: Mapping[str, str | None],
     *,
     off_axis: str = "free-strip",
+    curve: bool = False,
     accept: bool = False,
 ) -> Identification:
     """Identify the bending stiffness; ``sizes``: thickness, areal_mass, angle as text.
 
+    ``curve`` finds moments over curvature from deflection curves, beside the constants.
     ``accept`` takes the fit as it is where the law does not describe the data.
 
     Raises
@@ -134,7 +137,8 @@ def identify_bending_file(
         raise InputError(str(error), key="--angle") from None
     inputs.append(("off-axis strip", bending.ASSUMPTIONS[off_axis], f"--off-axis {off_axis}"))
     data = read_coupon(path, cantilever_tests.COLUMNS)
-    return bending.identify_bending(
+    identify = bending_curve.identify_bending_curve if curve else bending.identify_bending
+    return identify(
         data, thickness=values["thickness"],
         areal_weight=STANDARD_GRAVITY * values["areal_mass"], angle=values["angle"],
         off_axis=off_axis, inputs=_with_file(inputs, data), accept=accept,

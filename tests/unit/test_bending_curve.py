@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import numpy as np
 import pytest
 
@@ -9,12 +11,15 @@ from lcmchain.coupons.analytic import (
     CANTILEVER_ANGLE,
     MomentCurve,
     curve_elastica,
+    elastica,
     overhang_at_angle,
     overhang_by_curve,
 )
 from lcmchain.coupons.cantilever import bent_strip
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
+from lcmchain.identification.from_file import identify_bending_file
+from lcmchain.identification.result import FitRefusedError
 from lcmchain.materials.bending_curve import KINKS, BendingCurve, curve_energy, curve_response
 from lcmchain.materials.law import bending_excess, bending_stress
 from lcmchain.model import build_model
@@ -148,3 +153,57 @@ def test_more_points_than_a_kernel_holds_are_refused():
 def test_elements_without_thickness_refuse_a_curve():
     with pytest.raises(InputError, match="follows a curve"):
         build_model(scene(more='element = "membrane-shell"'))
+
+
+def hanging_strips(path, *, noise=0.05e-3, break_at=None):
+    """Deflection curves: the measured ply, 250 mm, and one of constant stiffness, 200 mm."""
+    shape = curve_elastica(POINTS, 1.385 * 9.80665, 0.25)
+    rng = np.random.default_rng(3)
+    rows = ["specimen,orientation [deg],x [mm],y [mm]"]
+    straight = elastica(13.58 * 0.2**3 / 0.1192)
+    strips = ("a", 0, shape, 250.0), ("b", 90, straight, 200.0)
+    for name, degrees, own, length in strips:
+        for k in range(0, shape.x.size, 4):
+            x, y = length * own.x[k], length * own.y[k]
+            if break_at is not None and k > break_at:
+                y += 0.15 * (x - length * own.x[break_at])
+            x, y = np.array([x, y]) + (1e3 * noise * rng.standard_normal(2) if k else 0.0)
+            rows.append(f"{name},{degrees},{x:.4f},{y:.4f}")
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+SIZES = {"areal_mass": "1385 g/m^2", "thickness": "1 mm"}
+
+
+def test_the_curve_is_found_from_a_strip_that_hangs(tmp_path):
+    """Moments within 8 % from a curvature of 1 1/m on, in a form that a scene takes."""
+    file = hanging_strips(tmp_path / "strips.csv")
+    with pytest.raises(FitRefusedError, match="--curve"):
+        identify_bending_file(file, SIZES)
+    found = identify_bending_file(file, SIZES, curve=True)
+    snippet = tomllib.loads("\n".join(f"{k} = {v}" for k, v in found.scene_entries.items()))
+    curvature, moment = (
+        np.array([float(value) for value in snippet["curve_1"][key].split()[:-1]])
+        for key in ("curvature", "moment")
+    )
+    bent = np.linspace(1.0, 18.0, 100)
+    own = np.interp(bent, np.append(0.0, curvature), np.append(0.0, moment))
+    true = np.interp(bent, np.append(0.0, POINTS.curvature), np.append(0.0, POINTS.moment))
+    np.testing.assert_allclose(own, true, rtol=0.08)
+    scene(snippet["curve_1"]["curvature"], snippet["curve_1"]["moment"])
+    assert not any("M/kappa" in warning for warning in found.warnings)
+
+
+def test_a_strip_that_no_curve_describes_is_refused(tmp_path):
+    """A crease: half way along it hangs on at another slope."""
+    file = hanging_strips(tmp_path / "creased.csv", break_at=100)
+    with pytest.raises(FitRefusedError, match="beside the shape by its curve"):
+        identify_bending_file(file, SIZES, curve=True)
+
+
+def test_overhangs_alone_give_no_curve(tmp_path):
+    file = tmp_path / "overhang.csv"
+    file.write_text("orientation [deg],overhang [mm]\n0,100\n90,110\n0,101\n90,111\n")
+    with pytest.raises(InputError, match="no deflection curves"):
+        identify_bending_file(file, SIZES, curve=True)

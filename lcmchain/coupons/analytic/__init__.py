@@ -3,6 +3,7 @@
 from lcmchain.coupons.analytic.bending_curve import (
     MomentCurve,
     curve_elastica,
+    curve_elastica_with_tip_slope,
     overhang_by_curve,
 )
 from lcmchain.coupons.analytic.plate_compaction import (
@@ -43,6 +44,7 @@ __all__ = [
     "compaction_pressure",
     "compaction_strain",
     "curve_elastica",
+    "curve_elastica_with_tip_slope",
     "elastica",
     "elastica_with_tip_slope",
     "load_parameter_at_chord_angle",

@@ -50,23 +50,25 @@ def curve_elastica(curve: MomentCurve, areal_weight: float, overhang: float) -> 
     if not low < overhang < high:
         raise ValueError(f"a strip of {overhang:g} m falls by less than 0.01 or more than 89.9 deg")
     slope = brentq(lambda s: _overhang(curve, areal_weight, s) - overhang, *SLOPES, xtol=1e-10)
-    return _shape(curve, areal_weight, slope)
+    return curve_elastica_with_tip_slope(curve, areal_weight, slope)
 
 
 def overhang_by_curve(curve: MomentCurve, areal_weight: float, angle: float) -> float:
     """Return the length [m] at which the line from clamp to tip falls by an angle [rad]."""
     slope = brentq(
-        lambda s: _shape(curve, areal_weight, s).chord_angle - angle, *SLOPES, xtol=1e-10
+        lambda s: curve_elastica_with_tip_slope(curve, areal_weight, s).chord_angle - angle,
+        *SLOPES,
+        xtol=1e-10,
     )
     return _overhang(curve, areal_weight, slope)
 
 
 def _overhang(curve: MomentCurve, areal_weight: float, tip_slope: float) -> float:
-    shape = _shape(curve, areal_weight, tip_slope)
+    shape = curve_elastica_with_tip_slope(curve, areal_weight, tip_slope)
     return float((shape.load_parameter * curve.start_slope / areal_weight) ** (1.0 / 3.0))
 
 
-def _shape(
+def curve_elastica_with_tip_slope(
     curve: MomentCurve, areal_weight: float, tip_slope: float, point_count: int = 201
 ) -> Elastica:
     """Return the shape with a slope of the tip [rad]; Λ and M L/D with the slope at the start."""
