@@ -11,6 +11,7 @@ from lcmchain.scene.scene import Scene
 from lcmchain.thresholds import LARGEST_KINETIC_PART
 from lcmchain.tools.motion import GUIDED
 
+
 def is_driven(scene: Scene) -> bool:
     """Tell whether anything moves the sheet at all."""
     return scene.process.gravity or any(tool.motion.moves for tool in scene.tools)

@@ -15,7 +15,6 @@ from lcmchain.effects.pace import PaceLaw, next_pace
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.in_frames import FRAME_ROWS, frame_of_points
-from lcmchain.interfaces.limits import require_on_the_face
 from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.model import Model, build_model
 from lcmchain.solver import (
@@ -454,7 +453,7 @@ class Simulation:
             guards.require_sound(self.model, self.state, body, condition)
         guards.require_outside(self.model, self.state)
         if self.model.ply_contact is not None:
-            require_on_the_face(self.model, self.state)
+            guards.require_on_the_face(self.model, self.state)
         guards.require_passive(self.model, self.state)
         return conditions
 
