@@ -93,7 +93,7 @@ def section_lines(
     solid = "*SOLID SECTION" if mesh.is_solid else "*SHELL SECTION"
     entries = np.ones(mesh.cell_count, dtype=np.int64)
     if through is not None:
-        yield "** an element stands in its set as often as CalculiX needs to have room for its layers"
+        yield "** sets name an element so often that CalculiX has room for its layers"
         entries = _entries_of_layers(mesh, (through.share > THINNEST_LAYER).sum(axis=0))
     for cell, (number, axes) in enumerate(zip(mesh.cell_ids, sections.axes)):
         yield f"*ORIENTATION, NAME=LCM_O{number}, SYSTEM=RECTANGULAR"
