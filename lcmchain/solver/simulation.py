@@ -235,7 +235,7 @@ class Simulation:
             "energies": self.energy,
         }
         if (plies := self.model.ply_contact) is not None:
-            calls["contact between plies"] = lambda: self._between_plies(plies.data)
+            calls["contact between plies"] = lambda: self.between_plies(plies.data)
         if not self.model.tool_names:
             del calls["contact search"]
         if not self.model.pressed:
@@ -267,10 +267,11 @@ class Simulation:
         """Return what a saved frame holds of the present."""
         arrays = self.state.frame()
         if self.model.ply_contact is not None:
-            arrays[BETWEEN_PLIES] = self._between_plies(self.model.ply_contact.data)
+            arrays[BETWEEN_PLIES] = self.between_plies(self.model.ply_contact.data)
         return Snapshot(self.time, self.energy(), arrays)
 
-    def _between_plies(self, data: InterfaceData) -> np.ndarray:
+    def between_plies(self, data: InterfaceData) -> np.ndarray:
+        """Return what a frame holds of the contact between plies (FRAME_ROWS, node_count)."""
         state, frame = self.state, np.empty((FRAME_ROWS, self.model.node_count))
         frame_of_points(
             data, state.position, state.ply_slope, state.ply_facet, state.ply_rows, frame
