@@ -117,6 +117,8 @@ def require_on_the_face(model: Model, state: State) -> None:
     ------
     SimulationError : it names the plies, the element, the place and the time.
     """
+    if model.ply_contact is None:
+        return
     data = model.ply_contact.data
     point = int(state.ply_counters[TOO_DEEP]) - 1
     if point < 0:

@@ -453,8 +453,7 @@ class Simulation:
         for body, condition in zip(self.model.bodies, conditions, strict=True):
             guards.require_sound(self.model, self.state, body, condition)
         guards.require_outside(self.model, self.state)
-        if self.model.ply_contact is not None:
-            guards.require_on_the_face(self.model, self.state)
+        guards.require_on_the_face(self.model, self.state)
         guards.require_passive(self.model, self.state)
         return conditions
 
