@@ -19,11 +19,14 @@ from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.elements.families import family_of
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
+from lcmchain.fields.between_plies import BetweenPlies, ContactOfFaces
 from lcmchain.fields.stack import StackedPly, columns_of
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.fmu import forming_state
 from lcmchain.fmu.forming_variables import (
     AT_REST,
+    BETWEEN,
+    BETWEEN_SCALARS,
     ENERGY,
     FIELDS,
     FLUID,
@@ -318,6 +321,7 @@ class FormingPart(Part):
             SOLVER: self._solver_outputs,
             FLUID: self._fluid_outputs,
             STACK: self._stack_outputs,
+            BETWEEN: self._between_outputs,
         }
         return at_interface(self._interface, compute[group](), self.step)
 
@@ -390,6 +394,26 @@ class FormingPart(Part):
             if all(field is not None for field in of_plies):
                 values[f"stack_{name}"] = np.concatenate(of_plies, axis=1)[0]
                 values |= _extrema(f"stack_{name}", np.concatenate(of_plies, axis=1)[0])
+        return values
+
+    def _between_outputs(self) -> dict[str, float]:
+        """What plies do to each other, as in ``summary.json`` of a run that ends here."""
+        model, state = self.simulation.model, self.simulation.state
+        prefixes, of_all = self._prefixes, ContactOfFaces()
+        each = [ContactOfFaces() for _ in prefixes]
+        if model.ply_contact is not None:
+            rows = self.simulation.between_plies(model.ply_contact.data)[None]
+            names = [body.name for body in model.bodies]
+            for body, own in zip(model.bodies, each, strict=True):
+                faces = BetweenPlies.of_body(body, state.position.T[None], rows, names)
+                for nodes in body.mesh.sides().values():
+                    faces.add_to(own, nodes)
+                    faces.add_to(of_all, nodes)
+        values: dict[str, float] = {}
+        for prefix, contact in zip([*prefixes, ""], [*each, of_all], strict=True):
+            found = list(contact.measures().values()) or [0.0] * len(BETWEEN_SCALARS)
+            for (name, *_), value in zip(BETWEEN_SCALARS, found, strict=True):
+                values[f"{prefix}{name}"] = value
         return values
 
     def _rate_outputs(self) -> dict[str, np.ndarray]:

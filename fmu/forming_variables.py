@@ -17,8 +17,8 @@ from lcmchain.fmu.variables import (
 from lcmchain.tools.motion import FIXED, GUIDED
 
 # Groups: outputs that are computed together.
-TOOLS, ENERGY, FIELDS, RATES, SOLVER, FLUID, STACK = (
-    "tools", "energy", "fields", "rates", "solver", "fluid", "stack",
+TOOLS, ENERGY, FIELDS, RATES, SOLVER, FLUID, STACK, BETWEEN = (
+    "tools", "energy", "fields", "rates", "solver", "fluid", "stack", "between plies",
 )  # fmt: skip
 
 #: Pore pressure that the fluid gives [Pa] per element; the unit's one field input.
@@ -99,6 +99,15 @@ STACK_SCALARS = tuple(
     for name, unit, declared, group, text in STACK_FIELDS
     for end, size in (("min", "smallest"), ("max", "largest"))
 )
+#: What plies do to each other: of every ply, on both of its faces, and of all plies.
+BETWEEN_SCALARS = (
+    ("ply_pressure_max", "Pa", "Pressure", BETWEEN,
+     "largest pressure of another ply on a face in the last step of the solver"),
+    ("slip_path_max", "m", "Length", BETWEEN,
+     "longest way that a node has slid on other plies since the start, to and fro"),
+    ("sliding_part", "1", "Fraction", BETWEEN,
+     "part of the area that touches another ply which slides in the last step of the solver"),
+)  # fmt: skip
 #: Input that says how the pore pressure is meant.
 AT_REST = "pore_pressure_at_rest"
 #: Fields that a fluid in the pores exchanges, by the names of
@@ -286,11 +295,13 @@ def _all_fields(abilities: Abilities) -> list[tuple[str, Variable]]:
 
 
 def _scalars_of_plies(abilities: Abilities) -> list[Variable]:
-    """Extrema of every ply, and of what lies over each other."""
+    """Extrema of every ply, of what lies over each other, and of what is between the plies."""
     if not abilities.plies:
         return []
-    found = [_of_ply(ply, entry) for ply in abilities.plies for entry in PLY_SCALARS]
-    return found + [_output(*entry) for entry in STACK_SCALARS]
+    found = [
+        _of_ply(ply, entry) for ply in abilities.plies for entry in (*PLY_SCALARS, *BETWEEN_SCALARS)
+    ]
+    return found + [_output(*entry) for entry in (*STACK_SCALARS, *BETWEEN_SCALARS)]
 
 
 def _of_ply(ply: PlyAbilities, entry: tuple[str, ...], size: int | None = None) -> Variable:

@@ -26,6 +26,8 @@ LARGEST_HOURGLASS_PART = 0.05
 LARGEST_RIPPLE = 0.1
 #: Depth that nodes reach inside a tool, in parts of the thickness.
 LARGEST_PENETRATION = 0.1
+#: The same inside another ply, in parts of the thickness of the thinner one of the two.
+LARGEST_PLY_DEPTH = 0.1
 #: Thickness that the depths of nodes in tools add to a sheet between them, in parts of it, and the
 #: force over the thickness that they take, in parts of it.
 LARGEST_HIDDEN_THICKNESS = 0.01

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import matplotlib
 import numpy as np
 
+from lcmchain.mapping.plies import of_ply, on_faces_of_one
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, Sheet
 from lcmchain.mapping.target import TargetMesh
@@ -66,6 +67,7 @@ def draw_mapping(
     report: MappingReport,
 ) -> None:
     """Draw thickness, fibre volume fraction and both fibre families on sheet and target (PNG)."""
+    sheet, title_of_sheet = comparable(sheet)
     meshes = _drawn_sheet(sheet), drawn_target(target, weights)
     rows = _rows(sheet, mapped, weights)
     heights = [height_of(row.view, meshes) for row in rows]
@@ -83,13 +85,27 @@ def draw_mapping(
             )
             _draw_row(figure, axes, bar, row, meshes)
             if number == 0:
-                axes[0].set_title("formed sheet", color=FAINT, loc="left")
+                axes[0].set_title(title_of_sheet, color=FAINT, loc="left")
                 title = f"{report.name} mesh, {report.cell_count:,} cells"
                 axes[1].set_title(title, color=FAINT, loc="left")
             bottom -= GAP
         _explain_status(figure, weights)
         headline(figure, f"{report.name}: mapped fields", _subtitle(report))
         save(figure, path)
+
+
+def comparable(sheet: Sheet) -> tuple[Sheet, str]:
+    """Return what a target is compared with, and its title.
+
+    Fields of a target are those of a stack. Of plies that is the largest one, with what all that
+    lie over each other have there together.
+    """
+    plies = [of_ply(sheet, number) for number in range(len(sheet.ply_names))]
+    if not sheet.is_stack or not all("thickness" in ply.scalars for ply in plies):
+        return sheet, "formed sheet"
+    areas = [float(ply.surface.areas.sum()) for ply in plies]  # as on_faces_of_one chooses
+    name = sheet.ply_names[int(np.argmax(areas))]
+    return on_faces_of_one(sheet)[0], f"formed stack, at the faces of its largest ply, {name}"
 
 
 def _subtitle(report: MappingReport) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.quantities.rounded import two_digits
+from lcmchain.quantities.rounded import two_digits_up
 from lcmchain.scene import Scene
 from lcmchain.thresholds import LARGEST_FIBRE_STRAIN
 
@@ -39,7 +39,7 @@ def fibre_strain_measures(sheet: xr.Dataset, scene: Scene) -> dict[str, Any]:
         "fibre_modulus_factor": process.fibre_modulus_factor,
         "fibre_strain_largest": largest,
         "fibre_strain_allowed": process.fibre_strain_allowed,
-        "fibre_modulus_factor_possible": -float(two_digits(-possible)),  # rounded up
+        "fibre_modulus_factor_possible": float(two_digits_up(possible)),
     }
 
 
@@ -54,7 +54,7 @@ def fibre_strain_warnings(measures: Mapping[str, Any]) -> list[str]:
         return _beyond_what_fibres_bear(measures)
     possible = measures["fibre_modulus_factor_possible"]
     cure = "leave it out" if possible == 1.0 else f"use {possible:g}"
-    largest = -float(two_digits(-measures["fibre_strain_largest"]))
+    largest = float(two_digits_up(measures["fibre_strain_largest"]))
     return [
         f"fibres strain by up to {100 * measures['fibre_strain_largest']:.2g} % (allowed: "
         f"{100 * measures['fibre_strain_allowed']:.2g} %) with process.fibre_modulus_factor = "

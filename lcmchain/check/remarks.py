@@ -8,6 +8,8 @@ from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.quantities.rounded import two_digits
 from lcmchain.scene import Scene, left_out_of
 from lcmchain.scene.fabrics import preset_remarks
+from lcmchain.scene.plies import PlySettings, Stack
+from lcmchain.tools.tool import Tool
 
 
 def scene_warnings(scene: Scene) -> list[str]:
@@ -46,7 +48,23 @@ def scene_warnings(scene: Scene) -> list[str]:
     found += _drag_of_added_mass(scene)
     for tool in scene.tools:
         found += tool.motion.remarks(tool.name, process.time)
-        found += tool.shape.remarks(tool.name, stack.shortest_edge)
+        found += _of_shape(tool, stack)
+    return list(dict.fromkeys(found))
+
+
+def _of_shape(tool: Tool, stack: Stack) -> list[str]:
+    """Say what a tool's shape asks of the elements of every ply, those of one edge together."""
+    of_edge: dict[float, list[PlySettings]] = {}
+    for ply in stack:
+        of_edge.setdefault(ply.blank.edge_length, []).append(ply)
+    if len(of_edge) == 1:
+        return tool.shape.remarks(tool.name, stack.shortest_edge)
+    found = []
+    for edge_length, plies in of_edge.items():
+        names = " and ".join(ply.name for ply in plies)
+        whose = f" of the {'ply' if len(plies) == 1 else 'plies'} {names}"
+        for text in tool.shape.remarks(tool.name, edge_length, whose):
+            found.append(plies[0].in_own_words(text) if len(plies) == 1 else text)
     return found
 
 

@@ -24,6 +24,7 @@ from lcmchain.jit import routine
 from lcmchain.scene import Scene
 from lcmchain.tools.distance import FIELD, PLANE, gaps, signed_distance
 from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
+from lcmchain.tools.motion.base import TABULATED
 from lcmchain.tools.table import ToolTable
 
 #: Who asks for the one sheet of a scene.
@@ -119,6 +120,8 @@ def is_drapable(scene: Scene, tools: ToolTable) -> bool:
 def draped_surface(scene: Scene, tools: ToolTable, nodes: np.ndarray) -> DrapedSurface:
     """Return the surface that a scene's ``[draping]`` names, or that of its largest stroke.
 
+    A tool that returns counts where it was farthest; one that is named, where it ends.
+
     Parameters
     ----------
     nodes : of the mid-surface of the flat blank [m], (node_count, 3).
@@ -151,14 +154,14 @@ def draped_surface(scene: Scene, tools: ToolTable, nodes: np.ndarray) -> DrapedS
             key="draping.surface",
         )
     tool = tool_or_none
-    side = float(np.sign(_travel_vector(tools, tool, time)[2]))
+    side = float(np.sign(_farthest_place(tools, tool, time)[2]))
     if side == 0.0:
         raise InputError(
             f'is missing, and the stroke of "{scene.tools[tool].name}" lies in the plane of the '
             "blank; name the tool that the sheet ends on",
             key="draping.surface",
         )
-    travel = end_travel(tools, tool, time)
+    travel = farthest_travel(tools, tool, time)
     if _is_open_mould(tools, tool, travel, nodes, side, ply.thickness):
         return DrapedSurface(shapes, tool, travel, offset, False, 0.0, 1.0, 0.0)
     return DrapedSurface(
@@ -194,7 +197,7 @@ def _is_open_mould(
 def surface_in_words(scene: Scene, surface: DrapedSurface) -> str:
     """Say which surface a net lies on."""
     name = scene.tools[surface.tool].name
-    at = f" at a travel of {1e3 * abs(surface.travel):.4g} mm" if surface.travel else ""
+    at = f" at a travel of {1e3 * surface.travel:.4g} mm" if surface.travel else ""
     if not surface.has_plane:
         return f"{name}{at}"
     return (
@@ -208,7 +211,7 @@ def stroke_direction(scene: Scene, tools: ToolTable) -> np.ndarray:
     tool = _largest_stroke(tools, scene.process.time, flat=True)
     if tool is None:
         return np.array([0.0, 0.0, -1.0])
-    way = _travel_vector(tools, tool, scene.process.time)
+    way = _farthest_place(tools, tool, scene.process.time)
     return way / np.linalg.norm(way)
 
 
@@ -218,9 +221,9 @@ def touching_tool(scene: Scene, tools: ToolTable) -> int | None:
 
 
 def _largest_stroke(tools: ToolTable, time: float, *, flat: bool) -> int | None:
-    """Return the tool that has travelled farthest at a time [s]; planes count only if ``flat``."""
+    """Return the tool that goes farthest up to a time [s]; planes count only if ``flat``."""
     ways = [
-        abs(end_travel(tools, tool, time)) if flat or tools.kind[tool] != PLANE else 0.0
+        abs(farthest_travel(tools, tool, time)) if flat or tools.kind[tool] != PLANE else 0.0
         for tool in range(len(tools.kind))
     ]
     if not ways or max(ways) == 0.0:
@@ -235,8 +238,21 @@ def end_travel(tools: ToolTable, tool: int, time: float) -> float:
     return float(prescribed_travel(tools, tool, time)[0])
 
 
-def _travel_vector(tools: ToolTable, tool: int, time: float) -> np.ndarray:
-    return end_travel(tools, tool, time) * tools.direction[tool]
+def farthest_travel(tools: ToolTable, tool: int, time: float) -> float:
+    """Return the prescribed travel of a tool where it is farthest from its start [m], up to a time.
+
+    A punch that is drawn back has formed the sheet where it turned, not where it comes to rest.
+    """
+    times = [time]
+    if tools.stroke_profile[tool] == TABULATED:
+        first, end = tools.table_start[tool], tools.table_start[tool + 1]
+        times += [moment for moment in tools.table_times[first:end] if moment < time]
+    travels = [end_travel(tools, tool, moment) for moment in times]
+    return max(travels, key=abs)
+
+
+def _farthest_place(tools: ToolTable, tool: int, time: float) -> np.ndarray:
+    return farthest_travel(tools, tool, time) * tools.direction[tool]
 
 
 def _edge_radius(scene: Scene, tools: ToolTable, tool: int) -> float:

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 from lcmchain.effects.effect import Effect
 from lcmchain.materials.shear_waves import shear_energy
+from lcmchain.quantities.rounded import two_digits_up
 
 #: Kinetic energy in parts of the stored energy: inertia is no part of the shape below it.
 KINETIC_PART = 0.065
@@ -34,6 +35,8 @@ AVERAGING, GROWTH, FALL = 0.03, 0.2, 0.07
 #: A stored energy below this part of shearing all of the sheet by this angle [rad] says
 #: nothing of inertia: the sheet is only touched.
 FLOOR_PART, FLOOR_ANGLE = 0.012, 0.1
+#: Advice to slow a process asks for this factor at least: less does not show in two digits.
+LEAST_SLOWER = 1.05
 
 
 class PaceLaw(NamedTuple):
@@ -92,6 +95,15 @@ def next_pace(
     found = min(max(pace * math.exp(change), SLOWEST), 1.0)
     # what moves with the tools follows at once: the mean would tell of it too late
     return found, mean_kinetic * (found / pace) ** 2
+
+
+def more_quasi_static(present: float, times: float) -> str:
+    """Return the scene entry by which a process without a time takes so many times as long.
+
+    present : ``process.quasi_static`` as it is. The value is rounded up: two digits of a factor
+        close to 1 would be the present one.
+    """
+    return f"process.quasi_static = {two_digits_up(present * max(times, LEAST_SLOWER))}"
 
 
 def active(model: Any) -> list[Effect]:

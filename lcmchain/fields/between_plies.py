@@ -33,6 +33,37 @@ _LENGTHS = {"ply_gap": GAP, "slip": SLID, "slip_path": SLID_PATH}
 _STRESSES = {"ply_pressure": PRESSED, "ply_shear_stress": SHEARED}
 
 
+class ContactOfFaces:
+    """What faces of plies bear at most, gathered face by face, under the names of a summary.
+
+    ``sliding_part`` is that of the area that touches another ply in the last step.
+    """
+
+    def __init__(self) -> None:
+        self._pressure: list[float] = []
+        self._path: list[float] = []
+        self._touching = self._sliding = 0.0
+
+    def add(
+        self, pressure: np.ndarray, path: np.ndarray, state: np.ndarray, area: np.ndarray
+    ) -> None:
+        """Add the nodes (n,) of a face: pressure [Pa], slip path [m], state and area [m²]."""
+        self._pressure.append(float(pressure.max()))
+        self._path.append(float(path.max()))
+        self._touching += float(area[state != APART].sum())
+        self._sliding += float(area[state == SLIDES].sum())
+
+    def measures(self) -> dict[str, float]:
+        """Return the extrema and the part that slides; nothing without a face."""
+        if not self._path:
+            return {}
+        return {
+            "ply_pressure_max_Pa": max(self._pressure),
+            "slip_path_max_m": max(self._path),
+            "sliding_part": self._sliding / self._touching if self._touching else 0.0,
+        }
+
+
 @dataclass(frozen=True)
 class BetweenPlies:
     """The nodes of one ply against the others.
@@ -55,6 +86,11 @@ class BetweenPlies:
         own = slice(body.first_node, body.first_node + body.mesh.node_count)
         area = [body.present_node_area(np.ascontiguousarray(x.T)) for x in positions]
         return cls(rows[..., own], np.stack(area), tuple(plies))
+
+    def add_to(self, contact: ContactOfFaces, nodes: slice) -> None:
+        """Add one face of the ply, as it is in the last frame."""
+        rows, area = self.rows[-1][:, nodes], self.area[-1][nodes]
+        contact.add(rows[PRESSED] / area, rows[SLID_PATH], rows[CONTACT], area)
 
     def fields(self, side: str, nodes: slice) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
         """Return values (F, n) and attributes of every variable of one face of the ply."""

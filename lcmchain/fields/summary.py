@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lcmchain.fields.between_plies import ContactOfFaces
 from lcmchain.fields.crossings import crossing_warnings
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.limits import packing_warnings, shear_range_warnings
@@ -15,7 +16,7 @@ from lcmchain.fields.sheet import node_areas, sheet_areas, vector
 from lcmchain.fields.stack import plies_of
 from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.fields.waves import wave_warnings
-from lcmchain.interfaces.in_frames import APART, SLIDES
+from lcmchain.interfaces.in_frames import APART
 from lcmchain.materials.law import Material
 
 if TYPE_CHECKING:
@@ -110,7 +111,8 @@ def stack_summary(datasets: Mapping[str, xr.Dataset], *, frame: int = -1) -> dic
     ``plies``, by name the entries of :func:`field_summary` that a ply has of its own, and
     ``stack`` with ``ply_count``, ``thickness_min_m``, ``thickness_max_m``, ``fibre_mass_kg`` and
     the largest fibre volume fraction: those of all plies over each other. Where plies touch both
-    have ``ply_pressure_max_Pa``, ``slip_path_max_m`` and ``sliding_part``. Nothing for one sheet.
+    have ``ply_pressure_max_Pa``, ``slip_path_max_m`` and ``sliding_part``, and ``stack`` has
+    ``ply_depth``, the largest depth of a node in another ply, of all frames. Nothing for one sheet.
     """
     sheets = {name: groups[SHEET] for name, groups in plies_of(datasets)}
     plies = {
@@ -128,6 +130,7 @@ def stack_summary(datasets: Mapping[str, xr.Dataset], *, frame: int = -1) -> dic
         stack["fibre_volume_fraction_max"] = float(last["stack_fibre_volume_fraction"].max())
     stack["fibre_mass_kg"] = sum(ply["fibre_mass_kg"] for ply in plies.values())
     stack |= _between_plies(list(sheets.values()), frame)
+    stack |= _deepest_in_plies(sheets)
     return {"stack": stack, "plies": plies}
 
 
@@ -136,24 +139,55 @@ def _between_plies(sheets: Sequence[xr.Dataset], frame: int) -> dict[str, float]
 
     ``sliding_part`` is that of the area that touches another ply in the last step of the frame.
     """
-    pressure, path, touching, sliding = [], [], 0.0, 0.0
+    found = ContactOfFaces()
     for sheet in sheets:
         if "ply_contact_top" not in sheet:
             continue
         area = node_areas(sheet, frame)
         for side in ("top", "bottom"):
-            pressure.append(float(sheet[f"ply_pressure_{side}"].values[frame].max()))
-            path.append(float(sheet[f"slip_path_{side}"].values[frame].max()))
-            state = sheet[f"ply_contact_{side}"].values[frame]
-            touching += float(area[state != APART].sum())
-            sliding += float(area[state == SLIDES].sum())
-    if not path:
-        return {}
-    return {
-        "ply_pressure_max_Pa": max(pressure),
-        "slip_path_max_m": max(path),
-        "sliding_part": sliding / touching if touching else 0.0,
+            pressure, path, state = (
+                sheet[f"{name}_{side}"].values[frame]
+                for name in ("ply_pressure", "slip_path", "ply_contact")
+            )
+            found.add(pressure, path, state, area)
+    return found.measures()
+
+
+def _deepest_in_plies(sheets: Mapping[str, xr.Dataset]) -> dict[str, Any]:
+    """Return where a node is deepest in another ply that it touches, of all frames and faces.
+
+    Measured by the thickness of the thinner one at the start: ``part`` of it, ``depth_m``, the ply
+    of the node, the one that it is in, and the time. What bears no force lies beside a rim.
+    """
+    thickness = {
+        name: float(sheet["thickness"].values[0].max())
+        for name, sheet in sheets.items()
+        if "thickness" in sheet
     }
+    found: dict[str, Any] = {}
+    for name, sheet in sheets.items():
+        for side in ("top", "bottom"):
+            if f"ply_gap_{side}" not in sheet or name not in thickness:
+                continue
+            faced = sheet[f"faced_ply_{side}"]
+            flags = np.atleast_1d(faced.attrs["flag_values"]).tolist()
+            touches = sheet[f"ply_contact_{side}"].values != APART
+            depth = np.where(touches, -sheet[f"ply_gap_{side}"].values, 0.0)
+            for number, other in zip(flags, faced.attrs["flag_meanings"].split(), strict=True):
+                if other not in thickness:
+                    continue
+                own = np.where(faced.values == number, np.nan_to_num(depth), 0.0)
+                at, _ = np.unravel_index(np.argmax(own), own.shape)
+                part = float(own.max()) / min(thickness[name], thickness[other])
+                if part > found.get("part", -1.0):
+                    found = {
+                        "part": part,
+                        "depth_m": float(own.max()),
+                        "ply": name,
+                        "into": other,
+                        "time_s": float(sheet["time"].values[at]),
+                    }
+    return {"ply_depth": found} if found else {}
 
 
 def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:

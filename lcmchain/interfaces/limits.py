@@ -1,4 +1,4 @@
-"""What contact between plies asks of the step, and where it cannot go on."""
+"""What contact between plies asks of the step."""
 
 from __future__ import annotations
 
@@ -6,12 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.errors import SimulationError
-from lcmchain.interfaces.forces import TOO_DEEP
 from lcmchain.interfaces.rows import INTERFACE, STIFFNESS, WEIGHT, row_start
-from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.jit import entry
-from lcmchain.quantities.places import millimetres
 from lcmchain.tools.span_rows import SPAN
 
 
@@ -49,29 +45,3 @@ def largest_row_sum(data, facets, springs, mass):
     for node in range(mass.size):
         largest = max(largest, rows[node] / mass[node])
     return largest
-
-
-def require_on_the_face(model: Any, state: Any) -> None:
-    """Stop where a ply has gone into another one deeper than its springs can follow.
-
-    Raises
-    ------
-    SimulationError : it names the plies, the element, the place and the time.
-    """
-    data: InterfaceData = model.ply_contact.data
-    point = int(state.ply_counters[TOO_DEEP]) - 1
-    if point < 0:
-        return
-    facet = int(state.ply_facet[point])
-    own = model.bodies[int(data.ply[point])]
-    other = model.bodies[int(data.facet_ply[facet])] if facet >= 0 else None
-    raise SimulationError(
-        f"the ply {own.name} has gone into "
-        f"{'another ply' if other is None else other.name} by more than half the thickness of the "
-        f"thicker one, at its element {model.element_at(point) - own.first_element} at "
-        f"{millimetres(state.position[:, point])}, {1e3 * state.time:.4f} ms (step "
-        f"{state.step_count}): its contact is lost from there on. Likely cause: pressure that a "
-        f"contact stiffness of {1e-9 * data.penalty.max():.3g} N/mm^3 cannot carry, plies that "
-        "strike each other, or elements that are long for what they are bent over; set a higher "
-        "interfaces.penalty, slow what presses them, or shorten the edges"
-    )

@@ -7,10 +7,15 @@ import math
 
 def milliseconds(time: float) -> str:
     """Return a time as an entry of a scene, rounded up to two digits."""
-    return f'"{-float(two_digits(-1e3 * time)):g} ms"'
+    return f'"{two_digits_up(1e3 * time)} ms"'
 
 
 def two_digits(value: float) -> str:
     """Return a number rounded down to two digits (up if it is negative)."""
     unit = 10.0 ** (math.floor(math.log10(abs(value))) - 1)
     return f"{math.floor(value / unit + 1e-6) * unit:g}"
+
+
+def two_digits_up(value: float) -> str:
+    """Return a number rounded up to two digits (down if it is negative)."""
+    return f"{-float(two_digits(-value)):g}"

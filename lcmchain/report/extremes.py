@@ -12,8 +12,6 @@ from lcmchain.report.style import INK
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Values within this part of their range count as equal: those of mirror images are, but for noise.
-TIE = 2e-3
 GAP = 4.0  # between a mark and its label, points
 
 
@@ -27,7 +25,7 @@ def mark_extremes(axis: Axes, places: np.ndarray, values: np.ndarray, shown: Sho
     halo = [withStroke(linewidth=2.0, foreground="white")]
     taken: list = []
     for (face, marker, word), corners in zip(
-        _extremes(places, values), (CORNERS + FARTHER, CORNERS[::-1] + FARTHER)
+        _extremes(places, values, shown), (CORNERS + FARTHER, CORNERS[::-1] + FARTHER)
     ):
         axis.plot(*places[face], marker, ms=5.5, mfc="white", mec=INK, mew=0.9, zorder=5)
         label = axis.annotate(
@@ -44,11 +42,15 @@ CORNERS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 FARTHER = tuple((x, lift * y) for lift in (4, 7) for x, y in CORNERS)
 
 
-def _extremes(places: np.ndarray, values: np.ndarray) -> list[tuple[int, str, str]]:
-    """Return number, mark and word; of equal values the ones that lie far apart."""
-    slack = TIE * float(np.nanmax(values) - np.nanmin(values))
-    largest = np.flatnonzero(values >= np.nanmax(values) - slack)
-    smallest = np.flatnonzero(values <= np.nanmin(values) + slack)
+def _extremes(places: np.ndarray, values: np.ndarray, shown: Shown) -> list[tuple[int, str, str]]:
+    """Return number, mark and word; of equal values the ones that lie far apart.
+
+    Those of mirror images are equal, but for noise. The colour bar names the extreme itself: values
+    are equal where they read the same.
+    """
+    read = np.round(values, shown.decimals)
+    largest = np.flatnonzero(read == np.nanmax(read))
+    smallest = np.flatnonzero(read == np.nanmin(read))
     # to the upper right, whatever order the faces have
     top = int(largest[np.argmax(places[largest] @ [1.0, 1.01])])
     away = np.linalg.norm(places[smallest] - places[top], axis=1)

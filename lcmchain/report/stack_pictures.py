@@ -49,6 +49,9 @@ LIFT_OF_HEIGHT, LIFT_OF_WIDTH = 0.8, 0.16
 PLACES = (300, 80)
 #: How far beyond the stack an unrolled section reaches, in thicknesses of a ply.
 BEYOND = 1.5
+#: Strips whose lengths differ by less than this part are as long as each other: a ply outside of a
+#: bend is longer by its thickness.
+AS_LONG = 0.1
 
 
 def draw_plies(out_dir: Path, datasets: Mapping[str, xr.Dataset], frame: int = -1) -> list[Path]:
@@ -312,10 +315,11 @@ def draw_stack_sections(
     travel: np.ndarray | None = None,
     frame: int = -1,
 ) -> None:
-    """Draw cuts through all plies and the tools: to scale, and unrolled along the lowest ply.
+    """Draw cuts through all plies and the tools: to scale, and unrolled along the longest ply.
 
-    Unrolled, the middle of the lowest ply is straight, and all else is as far from it as it is, at
-    every place the nearest way; the thickness is stretched.
+    Unrolled, the middle of the ply that covers most of the cut is straight, of equal ones the
+    lowest, and all else is as far from it as it is, at every place the nearest way; the thickness
+    is stretched.
 
     Parameters
     ----------
@@ -373,15 +377,14 @@ def _draw_unrolled(
     tools: RunTools | None,
     travel: np.ndarray | None,
 ) -> None:
-    """Draw all plies over the length of the lowest one that the plane cuts."""
+    """Draw all plies over the length of the one that the plane cuts farthest."""
     from matplotlib.collections import PolyCollection
 
-    cut = [strips for _, strips in plies if strips]
-    if not cut:
+    found = _base_of(plane, plies)
+    if found is None:
         axis.text(0.5, 0.5, "the plane misses the stack", transform=axis.transAxes, ha="center")
         return
-    base = max(cut[0], key=lambda strip: len(strip[0]))
-    line = _Line(plane.flat(0.5 * (base[0] + base[1])))
+    name, base, line = found
     thickness = float(np.linalg.norm(base[1] - base[0], axis=1).max())
     low, high = 0.0, 0.0
     for number, (_, strips) in enumerate(plies):
@@ -402,13 +405,29 @@ def _draw_unrolled(
     extent = axis.get_window_extent()
     stretch = (extent.height / (high - low + 2.0 * margin)) / (extent.width / (1e3 * line.length))
     axis.set_title(f"unrolled, thickness × {float(f'{stretch:.2g}'):g}", color=FAINT, loc="left")
-    label_axes(axis, "along the lowest ply [mm]", "from its middle [mm]")
+    label_axes(axis, f"along {name} [mm]", "from its middle [mm]")
+
+
+def _base_of(
+    plane: Plane, plies: Sequence[tuple[str, Sequence[Strip]]]
+) -> tuple[str, Strip, _Line] | None:
+    """Return the strip that is longest in a cut, with the name of its ply, and its middle line.
+
+    A patch tells nothing of the rest; of plies that are as long as each other the lowest is taken.
+    """
+    found: tuple[str, Strip, _Line] | None = None
+    for name, strips in plies:
+        for strip in strips:
+            line = _Line(plane.flat(0.5 * (strip[0] + strip[1])))
+            if found is None or line.length > (1.0 + AS_LONG) * found[2].length:
+                found = name, strip, line
+    return found
 
 
 def _draw_unrolled_tools(
     axis: Axes, plane: Plane, line: _Line, tools: RunTools, travel: np.ndarray
 ) -> None:
-    """Draw where the distance of a tool is zero, seen from the lowest ply."""
+    """Draw where the distance of a tool is zero, seen from the line that is unrolled."""
     along = np.linspace(0.0, line.length, PLACES[0])
     across = 1e-3 * np.linspace(*axis.get_ylim(), PLACES[1])
     points = plane.place(line.places(along, across)).reshape(-1, 3)

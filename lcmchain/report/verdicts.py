@@ -2,7 +2,8 @@
 
 A check is doubtful where the summary warns of it, since both read the same threshold, and bad
 where the number is :data:`lcmchain.thresholds.BAD` times as large, where a guard would stop a run,
-or as the check itself says.
+or as the check itself says. The depth between plies is judged here alone: single nodes at the rim
+of a ply exceed it for a moment, of which a run need not warn.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ from lcmchain.thresholds import (
     LARGEST_KINETIC_PART,
     LARGEST_KINETIC_PART_AT_END,
     LARGEST_PENETRATION,
+    LARGEST_PLY_DEPTH,
     LARGEST_TARGET_DISTANCE,
     LONGEST_DYNAMIC_PART,
     balance_scale,
@@ -82,6 +84,7 @@ def verdicts(
         *_hourglass(summary),
         *_halvings(summary),
         *_penetration(summary, scene),
+        *_depth_between_plies(summary),
         *_hidden_compaction(summary),
         *field_verdicts(datasets[SHEET], scene),
         *_mappings(summary),
@@ -280,6 +283,23 @@ def _penetration(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     grade = grade_of(depth, limit, guards.DEEPEST_PENETRATION * thickness)
     text = f"nodes reach up to {1e3 * depth:.3f} mm into {tool} (good up to {1e3 * limit:.2g} mm)"
     yield Verdict("Penetration", grade, text, "contact.penalty" if grade != GOOD else "")
+
+
+def _depth_between_plies(summary: Mapping[str, Any]) -> Iterator[Verdict]:
+    deepest = summary.get("stack", {}).get("ply_depth")
+    if deepest is None:
+        return
+    part = deepest["part"]
+    yield share(
+        "Depth between plies",
+        part,
+        LARGEST_PLY_DEPTH,
+        f"nodes of {deepest['ply']} reach up to {1e3 * deepest['depth_m']:.3f} mm into "
+        f"{deepest['into']}, at {milliseconds_text(deepest['time_s'])}: {{}} of the thinner one",
+        "thickness and pressure are not known there; a ply whose rim dents another one does so at "
+        "single nodes",
+        "interfaces.penalty, edge_length",
+    )
 
 
 def _hidden_compaction(summary: Mapping[str, Any]) -> Iterator[Verdict]:

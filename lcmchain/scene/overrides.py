@@ -51,14 +51,15 @@ def parse_value(text: str) -> Any:
 def _assign(data: dict[str, Any], key: str, value: Any) -> None:
     node: Any = data
     steps: list[Any] = _steps(key)
-    key = shortened(key)
     for position, step in enumerate(steps):
         last = position == len(steps) - 1
         if isinstance(node, list):
-            step = _index_in(node, step, key)
+            step = _index_in(node, steps, position)
         elif not isinstance(node, dict) or isinstance(step, int):
             before = ".".join(str(part) for part in steps[:position])
-            raise InputError(f'cannot set "{key}": "{before}" holds no entries', key="--set")
+            raise InputError(
+                f'cannot set "{shortened(key)}": "{before}" holds no entries', key="--set"
+            )
         if last:
             node[step] = value
         elif isinstance(node, list):
@@ -82,7 +83,9 @@ def _steps(key: str) -> list[str | int]:
     return steps
 
 
-def _index_in(entries: list[Any], step: str | int, key: str) -> int:
+def _index_in(entries: list[Any], steps: list[Any], position: int) -> int:
+    """Return the index in a list of the entry that a step of a key names."""
+    step, key = steps[position], shortened(".".join(str(part) for part in steps))
     names = [entry.get("name") if isinstance(entry, dict) else None for entry in entries]
     if step in names:
         return names.index(step)
@@ -98,4 +101,28 @@ def _index_in(entries: list[Any], step: str | int, key: str) -> int:
     close = difflib.get_close_matches(step, known, n=1, cutoff=0.5)
     hint = f'; did you mean "{close[0]}"?' if close else ""
     there = f"; there is {', '.join(known)}" if known and not close else ""
+    if entries and not close:
+        there += _how_entries_are_named(entries, known, steps, position)
     raise InputError(f'cannot set "{key}": there is no "{step}"{hint}{there}', key="--set")
+
+
+def _how_entries_are_named(
+    entries: list[Any], known: list[str], steps: list[Any], position: int
+) -> str:
+    """Say how a key goes on where a list stands in it, and the step names none of its entries.
+
+    That step is mostly the key of an entry, as in ``interfaces.friction``; else it stands for one.
+    """
+    before = ".".join(str(part) for part in steps[:position])
+    is_key = position == len(steps) - 1 or any(
+        isinstance(entry, dict) and steps[position] in entry for entry in entries
+    )
+    rest = ".".join(str(part) for part in steps[position if is_key else position + 1 :])
+    ways = [f"{before}.{way}.{rest}" for way in (0, *known[:1])]
+    many = f"{len(entries)} entries" if len(entries) > 1 else "one entry"
+    by_name = " or its name" if known else ""
+    return shortened(
+        f'; "{before}" is a list of {many}: name one by its number from 0{by_name}, as in '
+        f"{' or '.join(ways)}",
+        300,
+    )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from lcmchain.quantities.rounded import milliseconds, two_digits
+from lcmchain.effects.pace import more_quasi_static
+from lcmchain.quantities.rounded import milliseconds
 from lcmchain.scene.scene import Scene
 from lcmchain.thresholds import LARGEST_KINETIC_PART
 from lcmchain.tools.motion import GUIDED
@@ -40,8 +41,7 @@ def slower_process(scene: Scene, time: float) -> str:
     """Return the scene entry, with its value, by which a led process takes a longer time [s]."""
     if not scene.time_is_found:
         return f"process.time = {milliseconds(time)}"
-    factor = scene.process.quasi_static * time / scene.process.time
-    return f"process.quasi_static = {two_digits(factor)}"
+    return more_quasi_static(scene.process.quasi_static, time / scene.process.time)
 
 
 def entries_that_slow(scene: Scene) -> list[str]:

@@ -175,16 +175,17 @@ class PlySettings:
         except InputError as error:
             if self.key == "blank":
                 raise
-            key = None if error.key is None else self._own(error.key)
-            raise InputError(self._own(error.message), key=key, file=error.file) from None
+            key = None if error.key is None else self.in_own_words(error.key)
+            raise InputError(self.in_own_words(error.message), key=key, file=error.file) from None
 
-    def _own(self, text: str) -> str:
+    def in_own_words(self, text: str) -> str:
+        """Return a text about ``blank`` and ``material`` as one about the entries of this ply."""
         text = text.replace("blank.", f"{self.key}.")
         return text.replace("material.", f"{self.material_key}.")
 
     def remarks(self, mesh: BlankMesh) -> list[str]:
         """Say where the elements of the ply are too large for its outline."""
-        return [self._own(text) for text in mesh.remarks()]
+        return [self.in_own_words(text) for text in mesh.remarks()]
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
+from lcmchain.interfaces.forces import TOO_DEEP
 from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
 from lcmchain.solver.remedies import (
@@ -21,6 +22,7 @@ from lcmchain.solver.remedies import (
 from lcmchain.solver.runaway import cause_of_runaway, energies_in_words
 from lcmchain.state import (
     EXTERNAL,
+    KINETIC,
     LOOKED,
     RESOLVED,
     SAMPLE_COLUMNS,
@@ -91,16 +93,79 @@ def require_sound(model: Model, state: State, body: Body, condition: Condition) 
 
 def require_outside(model: Model, state: State) -> None:
     """Stop where the sheet has sunk into a tool: more pressure than the contact can carry."""
-    limit = DEEPEST_PENETRATION * min(body.material.thickness for body in model.bodies)
+    thinnest = min(model.bodies, key=lambda body: body.material.thickness)
+    limit = DEEPEST_PENETRATION * thinnest.material.thickness
     if not (state.penetration_max > limit).any():
         return
     tool = int(np.argmax(state.penetration_max))
     depth = 1e3 * state.penetration_max[tool]
+    whose = "the sheet"
+    if len(model.bodies) > 1:
+        whose = f"the thinnest ply, {thinnest.name} ({1e3 * thinnest.material.thickness:.3g} mm)"
     raise SimulationError(
         f"nodes are {depth:.3f} mm inside {model.tool_names[tool]} at {when(state)}, more than "
-        f"{DEEPEST_PENETRATION:g} of the thickness of the sheet. Likely cause: too much pressure "
+        f"{DEEPEST_PENETRATION:g} of the thickness of {whose}. Likely cause: too much pressure "
         f"for a contact stiffness of {1e-9 * model.environment.penalty:.3g} N/mm^3; check gap and "
         f"stroke of the tools, or set {stiffer_contact(model, state)}"
+    )
+
+
+def require_on_the_face(model: Model, state: State) -> None:
+    """Stop where a ply has gone into another one deeper than its springs can follow.
+
+    Raises
+    ------
+    SimulationError : it names the plies, the element, the place and the time.
+    """
+    if model.ply_contact is None:
+        return
+    data = model.ply_contact.data
+    point = int(state.ply_counters[TOO_DEEP]) - 1
+    if point < 0:
+        return
+    facet, own = int(state.ply_facet[point]), int(data.ply[point])
+    other, penalty, away = "another ply", float(data.penalty.max()), state.velocity[:, point]
+    if facet >= 0:
+        faced = int(data.facet_ply[facet])
+        other = model.bodies[faced].name
+        penalty = float(data.penalty[data.interface[own, faced]])
+        away = away - state.velocity[:, data.facet_node[facet]].mean(axis=1)
+    body, speed = model.bodies[own], float(np.linalg.norm(away))
+    raise SimulationError(
+        f"the ply {body.name} has gone into {other} by more than half the thickness of the "
+        f"thicker one, at its element {model.element_at(point) - body.first_element} at "
+        f"{millimetres(state.position[:, point])}, {when(state)}, at {speed:.2g} m/s against each "
+        "other: its contact is lost from there on. Likely cause: "
+        f"{_cause_of_depth(model, state, penalty, speed)}"
+    )
+
+
+def _cause_of_depth(model: Model, state: State, penalty: float, speed: float) -> str:
+    """Say why plies went into each other, the likeliest cause first.
+
+    Loose rims of a process that is too fast flap, faster than any tool moves, and are driven
+    through each other's edges at any contact stiffness. Else they were pressed.
+
+    penalty : contact stiffness of the two [Pa/m]. speed : at which they move there [m/s].
+    """
+    stiffness = f"{1e-9 * penalty:.3g} N/mm^3"
+    internal = sum(
+        body.stored_energy(state.position, model.history_of(body, state.history))[0]
+        for body in model.bodies
+    )
+    moved = float(state.work[KINETIC]) / max(internal, energy_floor(model))
+    if moved > LARGEST_KINETIC_PART and speed > np.abs(state.tool_velocity).max(initial=0.0):
+        return (
+            "a process so fast that loose rims flap and strike each other: the kinetic energy is "
+            f"{moved:.0%} of the strain energy (quasi-static: below {LARGEST_KINETIC_PART:.0%}); "
+            f"use {slower_loads(model, moved)}. If it goes on in a slow process, pressure that a "
+            f"contact stiffness of {stiffness} cannot carry; then set a higher interfaces.penalty, "
+            "or shorten the edges"
+        )
+    return (
+        f"pressure that a contact stiffness of {stiffness} cannot carry, or elements that are long "
+        "for what they are bent over; set a higher interfaces.penalty, slow what presses the "
+        "plies, or shorten the edges"
     )
 
 

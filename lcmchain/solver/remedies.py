@@ -12,8 +12,9 @@ from itertools import combinations
 
 import numpy as np
 
+from lcmchain.effects.pace import more_quasi_static
 from lcmchain.model import Model
-from lcmchain.quantities.rounded import milliseconds, two_digits
+from lcmchain.quantities.rounded import milliseconds, two_digits, two_digits_up
 from lcmchain.state import State
 from lcmchain.thresholds import (
     LARGEST_HOURGLASS_PART,
@@ -59,7 +60,7 @@ def stiffer_contact(model: Model, state: State) -> str:
     needed = model.environment.penalty * max(grows * depth / left, 1.0)
     if not math.isfinite(needed):
         return "a larger contact.penalty"
-    entry = f'contact.penalty = "{-float(two_digits(-1e-9 * needed)):g} N/mm^3"'
+    entry = f'contact.penalty = "{two_digits_up(1e-9 * needed)} N/mm^3"'
     return entry + (' and contact.depth = "zero"' if model.environment.depth_time else "")
 
 
@@ -78,14 +79,14 @@ def slower_loads(model: Model, moved: float) -> str:
         return slower_process(model)
     times = math.sqrt(max(moved / LARGEST_KINETIC_PART, 1.0))
     if model.pace is not None:
-        return f"process.quasi_static = {two_digits(times * model.pace.quasi_static)}"
+        return more_quasi_static(model.pace.quasi_static, times)
     entries = [] if model.face_pressure is None else ["pressure.ramp"]
     for tool in np.flatnonzero(tools.motion_kind == GUIDED).tolist():
         entries.append(f"tools.{model.tool_names[tool]}.motion.ramp")
     longer = f"process.time = {milliseconds(times * model.process_time)}"
     if not entries:
         return longer
-    factor = f"{-float(two_digits(-times)):g} times as long"
+    factor = f"{two_digits_up(times)} times as long"
     led = bool((tools.motion_kind == PRESCRIBED).any())
     damped = "" if led else ", or more process.mass_damping"
     return f"{longer} with {' and '.join(entries)} {factor}{damped}"

@@ -15,7 +15,6 @@ from lcmchain.effects.pace import PaceLaw, next_pace
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.in_frames import FRAME_ROWS, frame_of_points
-from lcmchain.interfaces.limits import require_on_the_face
 from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.model import Model, build_model
 from lcmchain.solver import (
@@ -236,7 +235,7 @@ class Simulation:
             "energies": self.energy,
         }
         if (plies := self.model.ply_contact) is not None:
-            calls["contact between plies"] = lambda: self._between_plies(plies.data)
+            calls["contact between plies"] = lambda: self.between_plies(plies.data)
         if not self.model.tool_names:
             del calls["contact search"]
         if not self.model.pressed:
@@ -268,10 +267,11 @@ class Simulation:
         """Return what a saved frame holds of the present."""
         arrays = self.state.frame()
         if self.model.ply_contact is not None:
-            arrays[BETWEEN_PLIES] = self._between_plies(self.model.ply_contact.data)
+            arrays[BETWEEN_PLIES] = self.between_plies(self.model.ply_contact.data)
         return Snapshot(self.time, self.energy(), arrays)
 
-    def _between_plies(self, data: InterfaceData) -> np.ndarray:
+    def between_plies(self, data: InterfaceData) -> np.ndarray:
+        """Return what a frame holds of the contact between plies (FRAME_ROWS, node_count)."""
         state, frame = self.state, np.empty((FRAME_ROWS, self.model.node_count))
         frame_of_points(
             data, state.position, state.ply_slope, state.ply_facet, state.ply_rows, frame
@@ -453,8 +453,7 @@ class Simulation:
         for body, condition in zip(self.model.bodies, conditions, strict=True):
             guards.require_sound(self.model, self.state, body, condition)
         guards.require_outside(self.model, self.state)
-        if self.model.ply_contact is not None:
-            require_on_the_face(self.model, self.state)
+        guards.require_on_the_face(self.model, self.state)
         guards.require_passive(self.model, self.state)
         return conditions
 

@@ -27,6 +27,9 @@ ALL_NODES, ALL_ELEMENTS = "LCM_NODES", "LCM_ELEMENTS"
 LONGEST_NAME = 70
 PER_LINE = 12
 
+#: Nodes that CalculiX reserves for each layer and entry of the set of a layered section.
+NODES_OF_A_LAYER = 20
+
 
 @dataclass(frozen=True)
 class Units:
@@ -88,11 +91,14 @@ def section_lines(
     yield f"** materials and sections, {units.words}"
     yield from _material_lines(materials, units, layered)
     solid = "*SOLID SECTION" if mesh.is_solid else "*SHELL SECTION"
+    entries = np.ones(mesh.cell_count, dtype=np.int64)
+    if through is not None:
+        yield "** sets name an element so often that CalculiX has room for its layers"
+        entries = _entries_of_layers(mesh, (through.share > THINNEST_LAYER).sum(axis=0))
     for cell, (number, axes) in enumerate(zip(mesh.cell_ids, sections.axes)):
         yield f"*ORIENTATION, NAME=LCM_O{number}, SYSTEM=RECTANGULAR"
         yield ", ".join(f"{x:.9f}" for x in axes[:2].ravel())
-        yield f"*ELSET, ELSET=LCM_E{number}"
-        yield f"{number},"
+        yield from _set("*ELSET, ELSET", f"LCM_E{number}", np.full(entries[cell], number))
         material = materials.of_cell[cell] + 1
         head = f"{solid}, ELSET=LCM_E{number}"
         if through is not None:
@@ -115,6 +121,30 @@ def section_lines(
         values = units.length * mesh.with_middles(sections.node_thickness)[rows]
         for number, thickness in zip(mesh.node_ids[rows], values):
             yield f"{number}, {thickness:.9e}"
+
+
+def _entries_of_layers(mesh: DeckMesh, layers: np.ndarray) -> np.ndarray:
+    """Return how often every layered element stands in its set, (C,), for CalculiX to have room.
+
+    CalculiX 2.20 reserves 20 nodes for every layer and entry of the set of a section
+    (``allocation.f``), but makes three for each node of an element and each layer of the element
+    with the most of them, wherever thickness or normal differs from that of the neighbours
+    (``gen3dnor.f``): 24 for a quadrilateral. It stops with "increase nk_" where that is more in
+    sum. An entry that is there already is reserved for, and changes nothing else.
+
+    layers : of every element, (C,).
+    """
+    nodes = np.concatenate([np.full(len(cells), cells.shape[1]) for _, _, cells in mesh.blocks])
+    needed = 3 * int(layers.max(initial=0)) * nodes
+    entries = np.ones(len(layers), dtype=np.int64)
+    missing = 0
+    for cell, (need, reserved) in enumerate(zip(needed, NODES_OF_A_LAYER * layers)):
+        missing += need - reserved
+        if missing > 0:
+            more = -(-missing // reserved)
+            entries[cell] += more
+            missing -= more * reserved
+    return entries
 
 
 def step_lines(mesh: DeckMesh, structure: Structure) -> Iterator[str]:

@@ -10,6 +10,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
 from lcmchain.errors import InputError
+from lcmchain.fields.summary import stack_summary
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.forming import variables_of
 from lcmchain.mapping.interface import read_interface
@@ -122,6 +123,24 @@ def test_extrema_without_a_ply_are_those_of_all_plies(simulated):
         assert recorded[f"{name}_{end}"][-1] == (min if end == "min" else max)(of_plies)
 
 
+BETWEEN = ("ply_pressure_max", "slip_path_max", "sliding_part")
+
+
+def test_what_happens_between_the_plies_is_that_of_the_file(simulated):
+    recorded, groups = simulated
+    of_run = stack_summary(groups)
+    of_plies = [of_run["plies"][name] for name in ("lower", "upper-patch")]
+    for prefix, entries in zip(
+        ("", *(f"{ply}." for ply in PLIES)), (of_run["stack"], *of_plies), strict=True
+    ):
+        pressure, path, part = (recorded[f"{prefix}{name}"] for name in BETWEEN)
+        assert pressure[-1] == entries["ply_pressure_max_Pa"] > 0.0
+        assert path[-1] == entries["slip_path_max_m"] > 0.0
+        assert part[-1] == pytest.approx(entries["sliding_part"], rel=1e-12)
+        assert 0.0 < part.max() <= 1.0
+        assert path[0] == 0.0
+
+
 def test_both_versions_give_the_same_numbers(simulated, units):
     of_fmi3, _ = simulated
     of_fmi2 = fmpy.simulate_fmu(str(units[2]), stop_time=POINTS[-1], output_interval=STEP)
@@ -129,7 +148,8 @@ def test_both_versions_give_the_same_numbers(simulated, units):
         assert of_fmi3[name].shape == (len(POINTS), count)
         found = [of_fmi2[f"{name}[{entry + 1}]"][-1] for entry in range(count)]
         np.testing.assert_array_equal(found, of_fmi3[name][-1])
-    for name in ("internal_energy", "punch.force_z", "step_count"):
+    between = [f"{prefix}{name}" for prefix in ("", *(f"{p}." for p in PLIES)) for name in BETWEEN]
+    for name in ("internal_energy", "punch.force_z", "step_count", *between):
         np.testing.assert_array_equal(of_fmi2[name], of_fmi3[name])
 
 
@@ -159,6 +179,13 @@ class Master:
     def step(self, number):
         self.slave.doStep(currentCommunicationPoint=POINTS[number], communicationStepSize=STEP)
 
+    def between(self):
+        """What the unit tells of the contact between the plies."""
+        names = [
+            f"{prefix}{name}" for prefix in ("", *(f"{p}." for p in PLIES)) for name in BETWEEN
+        ]
+        return list(self.read([self.references[name] for name in names]))
+
     def content(self):
         """The whole state, as bytes."""
         state = self.call("get")
@@ -173,13 +200,16 @@ def test_a_saved_state_goes_on_to_the_same_bits(fmi, units, tmp_path):
     one = Master(fmi, units[fmi], tmp_path / "one")
     for number in range(2):
         one.step(number)
-    state, content = one.call("get"), one.content()
-    ends = []
+    state, content, before = one.call("get"), one.content(), one.between()
+    ends, told = [], []
     for _ in range(3):
         for number in range(2, 6):
             one.step(number)
         ends.append(one.content())
+        told.append(one.between())
         one.call("set", state)
+        assert one.between() == before
+    assert told[0] == told[1] == told[2] != before
     assert ends[0] == ends[1] == ends[2] != content == one.content()
     other = Master(fmi, units[fmi], tmp_path / "other")
     assert other.content() != content
@@ -187,7 +217,7 @@ def test_a_saved_state_goes_on_to_the_same_bits(fmi, units, tmp_path):
     other.call("set", restored)
     for number in range(2, 6):
         other.step(number)
-    assert other.content() == ends[0]
+    assert other.content() == ends[0] and other.between() == told[0]
     for master in (one, other):
         master.slave.freeInstance()
 

@@ -324,6 +324,16 @@ def test_the_summary_tells_slip_pressure_and_what_slides(pulled):
     assert stack["ply_pressure_max_Pa"] == max(float(p.values[3].max()) for p in pressures)
     assert sled_alone["ply_pressure_max_Pa"] == float(pressures[1].values[3].max())
     assert sled_alone["sliding_part"] == 1.0
+    deepest, depths = summary["stack"]["ply_depth"], {}
+    for name, sheet, side in (("bed", pulled.bed, "top"), ("sled", pulled.sled, "bottom")):
+        touches = sheet[f"ply_contact_{side}"].values != APART
+        depths[name] = np.where(touches, -sheet[f"ply_gap_{side}"].values, 0.0).max(axis=1)
+    by = max(depths, key=lambda name: depths[name].max())
+    assert deepest["ply"] == by and {by, deepest["into"]} == {"bed", "sled"}
+    assert deepest["depth_m"] == depths[by].max() > 0.0
+    frame = int(np.argmax(depths[by]))
+    assert deepest["time_s"] == pulled.groups["/"]["time"].values[frame]
+    assert deepest["part"] == pytest.approx(deepest["depth_m"] / (1e-3 * T), rel=1e-9)
     pressed_only = stack_summary(pulled.groups, frame=1)["plies"]["sled"]
     state, area = pulled.sled["ply_contact_bottom"].values[1], node_areas(pulled.sled, 1)
     wanted = area[state == SLIDES].sum() / area[state != APART].sum()

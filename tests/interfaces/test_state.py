@@ -9,11 +9,14 @@ from stacks import ALL, MU, T, of_points, ply, scene_of, stack, thickness
 from test_sliding import sled
 
 from lcmchain.errors import SimulationError
+from lcmchain.interfaces.forces import TOO_DEEP
 from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
 from lcmchain.interfaces.limits import omega2_bound
 from lcmchain.interfaces.rows import SPRING_ROWS
 from lcmchain.interfaces.table import Interface
+from lcmchain.solver import guards
 from lcmchain.solver.simulation import Simulation
+from lcmchain.state import KINETIC
 from lcmchain.tools.span_rows import NODE_CHUNK
 
 
@@ -94,6 +97,41 @@ def test_a_ply_that_goes_through_another_one_stops_the_run():
         sim.advance_to(2e-3)
     for words in ("lower", "upper", "element", "ms (step", "interfaces.penalty"):
         assert words in str(error.value)
+    assert "Likely cause: pressure that a contact stiffness of 0.001 N/mm^3" in str(error.value)
+
+
+def test_what_moves_fast_is_told_to_be_slow_before_stiff():
+    """Loose rims flap at any stiffness of the springs; where nothing moves, plies were pressed."""
+    sim = stack([ply("lower", z=0.5 * T), ply("upper", z=1.5 * T)], scene_of())
+    state = sim.state
+    state.ply_counters[TOO_DEEP], state.ply_facet[0] = 1, 0
+    state.velocity[2, 0] = 3.0  # the facet is at rest, or has a part of it as its own corner
+    told = {}
+    for moved in (0.0, 1.0):
+        state.work[KINETIC] = moved
+        with pytest.raises(SimulationError) as error:
+            guards.require_on_the_face(sim.model, state)
+        told[moved] = str(error.value)
+    pressed, struck = (text.partition("Likely cause: ")[2] for text in told.values())
+    assert pressed.startswith("pressure that a contact stiffness of")
+    assert struck.startswith("a process so fast that loose rims flap")
+    assert struck.index("process.time = ") < struck.index("interfaces.penalty")
+    assert "m/s against each other" in told[1.0]
+    state.tool_velocity[1] = -5.0  # a tool that is faster drives them
+    with pytest.raises(SimulationError, match="Likely cause: pressure"):
+        guards.require_on_the_face(sim.model, state)
+
+
+def test_a_depth_in_a_tool_is_measured_by_the_thinnest_ply_and_names_it():
+    plies = [ply("lower", z=0.5 * T), ply("upper", z=1.5 * T)]
+    sim = stack(plies, scene_of())
+    sim.state.penetration_max[0] = 0.2e-3 * T
+    with pytest.raises(SimulationError, match=r"0\.15 of the thickness of the thinnest ply, lower"):
+        guards.require_outside(sim.model, sim.state)
+    alone = stack(plies[:1], scene_of())
+    alone.state.penetration_max[0] = 0.2e-3 * T
+    with pytest.raises(SimulationError, match=r"0\.15 of the thickness of the sheet\."):
+        guards.require_outside(alone.model, alone.state)
 
 
 def test_the_springs_count_in_the_step(halfway):

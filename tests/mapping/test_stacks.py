@@ -8,8 +8,17 @@ import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import write_netcdf
-from lcmchain.mapping import Status, TargetMesh, compute_weights, map_file, read_sheet, transfer
+from lcmchain.mapping import (
+    Status,
+    TargetMesh,
+    compute_weights,
+    map_file,
+    plies,
+    read_sheet,
+    transfer,
+)
 from lcmchain.mapping.bodies import present
+from lcmchain.mapping.picture import comparable
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells
 from lcmchain.mapping.transfer import content_of_cells, content_of_sheet
 
@@ -159,6 +168,22 @@ def test_every_ply_keeps_its_mass_on_shells(make, curved):
         for name, density in zip(sheet.ply_names, DENSITIES)
     )
     assert volume.sum() == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_picture_compares_a_stack_with_a_stack(make):
+    """Thickness of all plies on either side, not that of one ply beside that of all."""
+    shape = flat(make)
+    sheet = read_sheet(two_plies(make, shape))
+    _, fields = mapped_onto(sheet, shells(make, shape, half=0.45))
+    drawn, title = comparable(sheet)
+    inner = np.abs(drawn.surface.centroids[:, :2]).max(axis=1) < 0.4
+    for name in ("thickness", "fibre_volume_fraction"):
+        shown, mapped = drawn.scalars[name][inner], fields.scalars[name]
+        np.testing.assert_allclose(shown, mapped.mean(), rtol=1e-9)
+        np.testing.assert_allclose(mapped, mapped.mean(), rtol=1e-9)
+    assert title.startswith("formed stack") and title.endswith(", under")
+    alone = plies.of_ply(sheet, 0)
+    assert comparable(alone) == (alone, "formed sheet")
 
 
 # --- what lies where in the thickness -------------------------------------------------------------

@@ -215,3 +215,29 @@ def test_a_check_speaks_of_the_plies_that_the_scene_has(scene_of):
     (warning,) = [text for text in check_scene(scene).warnings if "fillet" in text]
     assert "edge_length of [[plies]]" in warning
     assert "blank." not in warning
+
+
+def test_a_fillet_is_compared_with_the_elements_of_each_ply(scene_of):
+    """The finest ply of a stack says nothing of the others: each is named with its own edge."""
+    hole = (
+        '[[tools]]\nname = "die"\nshape = { type = "plate_with_hole", hole_radius = "30 mm", '
+        'fillet_radius = "6 mm", side = "below" }\nposition = "0 0 -1 mm"\n'
+    )
+
+    def told(*edges):
+        plies = "".join(
+            PLY.replace('"10 mm"', f'"{edge} mm"') + f'name = "{name}"\n'
+            for name, edge in zip(("low", "mid", "top"), edges)
+        )
+        scene = scene_of(MD600 + plies + hole)
+        return [text for text in scene_warnings(scene) if "long for the fillet" in text]
+
+    assert told(2, 2.5, 2) == []
+    (text,) = told(2, 8, 2)
+    assert text.startswith("the elements of the ply mid (8 mm) are long")
+    assert 'use plies[1] "mid".edge_length = "' in text
+    (text,) = told(8, 2, 8)
+    assert text.startswith("the elements of the plies low and top (8 mm) are long")
+    assert len(told(8, 2, 9)) == 2
+    (text,) = told(8, 8, 8)  # as one sheet of such elements
+    assert text.startswith("the elements (8 mm) are long")

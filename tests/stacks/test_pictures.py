@@ -8,9 +8,10 @@ from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.stack import PLY
 from lcmchain.report import draw_result, draw_stack
 from lcmchain.report.captions import CAPTIONS
+from lcmchain.report.cut import Plane
 from lcmchain.report.field_view import view_data
 from lcmchain.report.pictures import _from_back_to_front
-from lcmchain.report.stack_pictures import _Line
+from lcmchain.report.stack_pictures import _base_of, _Line
 from lcmchain.report.start import MOST_PLIES_SHOWN, _shown_plies
 from lcmchain.report.view import FROM_ABOVE, oblique
 
@@ -79,6 +80,23 @@ def test_an_unrolled_line_tells_length_and_side():
     np.testing.assert_allclose(line.unrolled(inside)[:, 1], -0.2, atol=1e-5)
     back = line.places(np.array(along), np.array([0.2]))[0]
     np.testing.assert_allclose(back, outside, atol=2e-3)
+
+
+def test_a_section_is_unrolled_along_the_ply_that_covers_most_of_it():
+    """Not along a patch below the others, whose length shows nothing of these."""
+
+    def strip(start, end, z):
+        x = np.linspace(start, end, 5)
+        return tuple(np.column_stack([x, 0.0 * x, 0.0 * x + z + side]) for side in (-5e-4, 5e-4))
+
+    plane = Plane.through(np.zeros(3), np.array([0.0, 1.0, 0.0]))
+    patch, base, upper = strip(0.02, 0.05, 0.0), strip(-0.1, 0.1, 1e-3), strip(-0.102, 0.102, 2e-3)
+    plies = [("patch", [patch]), ("base", [base]), ("upper", [upper])]
+    name, found, line = _base_of(plane, plies)
+    assert name == "base", "of plies as long as each other, but for a bend, the lowest"
+    assert found is base and line.length == pytest.approx(0.2)
+    assert _base_of(plane, plies[::2])[0] == "upper"
+    assert _base_of(plane, [("patch", [])]) is None
 
 
 def test_the_view_of_the_report_knows_the_plies(groups):

@@ -1,12 +1,16 @@
 """Studies of a stack: compared ply by ply; what varies an edge length needs one that all share."""
 
+import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
+from typer.testing import CliRunner
 
+from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.study import accuracy
 from lcmchain.study.accuracy import study_accuracy
@@ -128,6 +132,26 @@ def test_settings_that_all_fail_are_told(dent, tmp_path, monkeypatch):
     monkeypatch.setattr(accuracy.Study, "outcomes", lambda *_: found)
     with pytest.raises(InputError, match=r'nothing is left .* \("a = 1"\) since it fell'):
         study_accuracy(of_text(dent, LAYUP), tmp_path, vary={"a": ["1", "2"]})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "wish", [["--within", "5 deg shear, 10 % thickness"], ["--budget", "8 s"]], ids=lambda w: w[0]
+)
+def test_a_run_of_a_layup_chooses_its_mesh(tmp_path, wish):
+    """From the command line to the files of a stack, with what was chosen for all plies."""
+    path, out = tmp_path / "scene.toml", tmp_path / "out"
+    path.write_text(LAYUP, encoding="utf-8")
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--quiet", *wish])
+    assert done.exit_code == 0, done.output
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert summary["state"] == "complete"
+    assert list(summary["plies"]) == ["ply_1", "ply_2"] and summary["choice"]
+    counts = []
+    for ply in summary["plies"]:
+        with xr.open_dataset(out / "forming.nc", group=ply) as own:
+            counts.append(own["thickness"].shape[1])
+    assert sum(counts) == summary["element_count"] and min(counts) > 0
 
 
 def test_the_plies_of_a_result_are_kept():

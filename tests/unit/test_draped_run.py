@@ -249,6 +249,20 @@ def test_check_previews_any_model_with_the_net():
     assert dict(check_scene(scene()).preview)["surface"] == rows["surface"]
 
 
+@pytest.mark.parametrize("back", [10.0, 0.0, -5.0])
+def test_a_punch_that_is_drawn_back_has_formed_the_sheet_where_it_turned(back):
+    """Whether it stops halfway, where it began, or beyond that on the other side."""
+    table = (
+        f'type = "table", direction = [0, 0, -1], times = "0 10 20 ms", travel = "0 15 {back} mm"'
+    )
+    returning = scene(f"tools.punch.motion={{ {table} }}")
+    tools = build_tool_table(returning.tools, None, returning.process.time)
+    assert is_drapable(returning, tools)
+    formed, led = drape(returning), drape(scene())
+    assert formed.surface == led.surface
+    np.testing.assert_allclose(formed.positions, led.positions, atol=1e-12)
+
+
 def test_what_the_net_does_not_reach_is_not_called_sheared():
     small = scene("tools.punch.shape.radius=8 mm", "tools.punch.motion.distance=60 mm",
                   "draping.surface=punch")  # fmt: skip

@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 
 from lcmchain.check import estimate_run, machine_speed
-from lcmchain.check.expected_cost import contact_omega2, omega2_over_time, plate_distance
+from lcmchain.check.expected_cost import (
+    contact_between_plies,
+    contact_omega2,
+    omega2_over_time,
+    plate_distance,
+)
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
 from lcmchain.threads import worthwhile_threads
 
 PLATES = """
@@ -61,6 +67,46 @@ def test_stiff_contacts_and_light_tools_shorten_the_step():
     )
     more = contact_omega2(guided) - contact_omega2(model_of(PLATES))
     assert more == pytest.approx(1e9 * 0.02**2 / 1e-3, rel=1e-9)
+
+
+PLIES = """
+layup = "[0/90, 45/-45]"
+process = { time = "20 ms", step_safety = 0.9 }
+blank = { size = ["20 mm", "20 mm"], edge_length = "5 mm" }
+material = { preset = "MD600" }
+[[interfaces]]
+friction = 0.2
+"""
+FILM = '[{ type = "viscous_film", viscosity = "50 Pa*s", thickness = "0.05 mm" }]'
+
+
+def test_plies_and_films_shorten_the_expected_step_as_they_do_in_the_solver():
+    """The first step of a run, at rest: springs of the plies, and a film whose speed lags."""
+    steps = {}
+    for name, laws in (("dry", "[]"), ("film", FILM)):
+        model = model_of(PLIES, f"interfaces.0.laws={laws}")
+        estimate, simulation = estimate_run(model), Simulation(model)
+        omega2, element, code = simulation._highest_frequency()
+        solved, cause = simulation._step_of(omega2, element, code)
+        assert estimate.critical_step == pytest.approx(solved, rel=0.02)
+        steps[name] = estimate
+        assert ("damping by" in cause) == ("damping by" in estimate.controlled_by)
+    assert steps["film"].critical_step < 0.3 * steps["dry"].critical_step
+    assert steps["film"].step_count > 3 * steps["dry"].step_count
+    assert steps["film"].controlled_by == "damping by viscous film between plies"
+    alone = PLIES.partition("[[")[0].replace(", 45/-45", "")
+    alone = estimate_run(model_of(alone))
+    assert alone.critical_step > steps["dry"].critical_step
+
+
+def test_the_damping_of_a_film_is_the_same_in_finer_elements():
+    model = model_of(PLIES, f"interfaces.0.laws={FILM}")
+    coarse, fine = contact_between_plies(model), contact_between_plies(model, 3.0)
+    assert fine.omega2 == pytest.approx(9.0 * coarse.omega2)
+    finer = model_of(PLIES, f"interfaces.0.laws={FILM}", 'blank.edge_length="2.5 mm"')
+    carried, built = contact_between_plies(model, 2.0), contact_between_plies(finer)
+    assert carried.omega2 == pytest.approx(built.omega2, rel=0.05)
+    assert carried.rate == pytest.approx(built.rate, rel=0.02)
 
 
 def test_shear_shortens_the_steps_of_triangles():

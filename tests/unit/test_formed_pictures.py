@@ -349,6 +349,18 @@ def test_labels_of_extremes_lie_within_the_map_of_a_strip(aspect):
             assert frame.y0 <= box.y0 and box.y1 <= frame.y1
 
 
+def test_a_mark_stands_at_the_value_that_the_colour_bar_names():
+    """Values within a thousandth of their range are not the extreme: they read otherwise."""
+    thickness = next(shown for shown in SHOWN if shown.name == "thickness")
+    places = np.array([[0.0, 0.0], [10.0, 10.0], [0.0, 10.0], [10.0, 0.0]])
+    figure = new_figure(3.0, 3.0)
+    axis = axes_at(figure, 0.3, 0.3, 2.5, 2.5)
+    axis.set_xlim(-5.0, 15.0)
+    axis.set_ylim(-5.0, 15.0)
+    mark_extremes(axis, places, np.array([2.735, 2.732, 0.967, 0.969]), thickness)
+    assert [text.get_text() for text in axis.texts] == ["max 2.735 mm", "min 0.967 mm"]
+
+
 def test_of_equal_extremes_the_ones_far_apart_are_marked():
     axis = axes_at(new_figure(3.0, 3.0), 0.3, 0.3, 2.5, 2.5)
     places = np.array([[1, 1], [-1, -1], [-1, 1], [1, -1], [1.1, 0.9]], dtype=float)

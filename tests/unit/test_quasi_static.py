@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -128,6 +129,22 @@ def measured(kinetic=0.0, damping=0.0, mass_damping=0.0, hourglass=0.0):
 
 def warnings_of(measures, scene):
     return quasi_static_warnings(measures, scene, process_time_needed(build_model(scene)))
+
+
+@pytest.mark.parametrize("given", [1.0, 1.3, 2.0])
+@pytest.mark.parametrize("kinetic", [0.1001, 0.11, 0.15, 0.4])
+def test_a_process_without_a_time_is_told_a_slowness_that_it_does_not_have(given, kinetic):
+    """At a factor of 1.05, two digits rounded down named what the scene had already."""
+    text = SCENE.replace(
+        'time = "{time} ms", mass_damping = "{rate} 1/s"', f"quasi_static = {given}"
+    )
+    found = scene_from_text(text.format(material=MD600, motion=STROKE))
+    (said,) = warnings_of(measured(10 * [kinetic]), found)
+    advice = float(re.search(r"process\.quasi_static = ([0-9.]+) or more", said)[1])
+    assert advice > given
+    # the kinetic energy falls with its square, and no more steps are asked for than it takes
+    assert kinetic * (given / advice) ** 2 <= 0.1
+    assert advice <= 1.1 * given * max(math.sqrt(kinetic / 0.1), 1.05)
 
 
 def test_measures_are_ratios_of_energies():

@@ -293,6 +293,8 @@ def test_overrides(override, read):
         ("=3", "is not key=value"),
         ("tools.pnuch.friction=0.2", 'did you mean "punch"'),
         ("tools[7].friction=0.2", "there is no entry 7, the list has 2"),
+        ("tools.friction=0.2", "as in tools.0.friction or tools.punch.friction"),
+        ("tools.die.friction=0.2", "as in tools.0.friction or tools.punch.friction"),
         ("title.text=5", '"title" holds no entries'),
         (f"tools.{'7' * 5000}.friction=0.2", "there is no entry 777"),
         (f"tools[{'7' * 5000}].friction=0.2", "is not a dotted key"),
@@ -307,6 +309,14 @@ def test_overrides(override, read):
 def test_wrong_overrides(override, complaint):
     with pytest.raises(InputError, match=complaint.replace("[", r"\[")):
         scene_from_text(SCENE, overrides=[override])
+
+
+def test_an_entry_of_a_list_without_names_is_told_by_its_number():
+    text = SCENE + "\n[[interfaces]]\nitself = true\n"
+    with pytest.raises(InputError, match=r"number from 0, as in interfaces\.0\.friction$"):
+        scene_from_text(text, overrides=["interfaces.friction=0.2"])
+    changed = scene_from_text(text, overrides=["interfaces.0.friction=0.2"])
+    assert changed.interfaces[0].friction == 0.2
 
 
 def test_all_errors_are_reported_together():

@@ -187,6 +187,16 @@ def test_the_deepest_tool_is_named_and_judged_by_the_thickness(scene, datasets):
         assert f"{1e3 * depth:.3f} mm into die" in verdict.text
 
 
+@pytest.mark.parametrize(("part", "grade"), [(0.09, "good"), (0.2, "doubtful"), (0.31, "bad")])
+def test_a_depth_between_plies_is_judged_by_the_thinner_one(scene, datasets, part, grade):
+    deepest = {"part": part, "depth_m": part * 1e-3, "ply": "top", "into": "base", "time_s": 0.08}
+    verdict = judged(scene, datasets, stack={"ply_depth": deepest})["Depth between plies"]
+    assert verdict.grade == grade
+    assert f"top reach up to {part:.3f} mm into base, at 80 ms: {percent(part)}" in verdict.text
+    assert bool(verdict.remedy_key) == (grade != "good")
+    assert "Depth between plies" not in judged(scene, datasets, stack={"ply_count": 2})
+
+
 @pytest.mark.parametrize(
     ("thickness", "force", "grade"),
     [(0.009, 0.019, "good"), (0.011, 0.0, "doubtful"), (0.0, 0.021, "doubtful"),

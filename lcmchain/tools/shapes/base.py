@@ -76,8 +76,11 @@ class ToolShape(SceneModel):
         """Local axes that the compiled distance works in, from those of the tool, shape [3, 3]."""
         return axes
 
-    def remarks(self, tool_name: str, edge_length: float) -> list[str]:
-        """Say what is allowed but probably not meant, for elements of an edge length [m]."""
+    def remarks(self, tool_name: str, edge_length: float, whose: str = "") -> list[str]:
+        """Say what is allowed but probably not meant, for elements of an edge length [m].
+
+        whose : the plies that the elements belong to, as in " of the ply patch".
+        """
         return []
 
 

@@ -32,7 +32,7 @@ class PlateWithHole(ProfileShape):
         radii = [0.0, self.fillet_radius, 0.0]
         return build_profile(points, radii, solid=solid, revolved=True, key=key)
 
-    def remarks(self, tool_name: str, edge_length: float) -> list[str]:
+    def remarks(self, tool_name: str, edge_length: float, whose: str = "") -> list[str]:
         if self.fillet_radius == 0.0:
             return [f'the hole of "{tool_name}" has a sharp edge (fillet_radius = 0)']
         ripple = largest_ripple(edge_length / self.fillet_radius)
@@ -40,7 +40,7 @@ class PlateWithHole(ProfileShape):
             return []
         enough = 1e3 * edge_length * math.sqrt(LARGEST_RIPPLE / ripple)
         return [
-            f"the elements ({1e3 * edge_length:g} mm) are long for the fillet of "
+            f"the elements{whose} ({1e3 * edge_length:g} mm) are long for the fillet of "
             f'"{tool_name}" ({1e3 * self.fillet_radius:g} mm): where they are drawn over it, the '
             f"forces of the tools go up and down by up to {ripple:.0%}; use "
             f'blank.edge_length = "{two_digits(enough)} mm"'

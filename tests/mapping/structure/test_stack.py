@@ -21,14 +21,19 @@ FORCE = 500.0  # [N], over the width
 ANGLES = (0.0, np.pi / 4)
 
 
-def two_plies(make, *, length=1.1 * LENGTH):
-    """The plies one on the other around z = 0; the upper one ends at ``length``."""
+def two_plies(make, *, length=1.1 * LENGTH, uneven=0.0):
+    """The plies one on the other around z = 0; the upper one ends at ``length``.
+
+    uneven : part of the mean by which thickness and fibre mass grow over the length of a ply.
+    """
     low, high = (-0.1 * LENGTH, -0.1 * WIDTH), (1.1 * LENGTH, 1.1 * WIDTH)
     meshes = []
     for nx, end, z in ((12, high[0], -0.5 * UPPER), (10, length, 0.5 * LOWER)):
         points, quads = make.grid(nx, 6, low, (end, high[1]))
         meshes.append((make.lifted(points) + [0.0, 0.0, z], quads))
-    thickness = (LOWER, UPPER)
+    # also across, by a third, so that no two elements of a target are equal
+    along = [(centres_of(mesh)[:, :2] / (LENGTH, WIDTH) - 0.5) @ (1.0, 1 / 3) for mesh in meshes]
+    thickness = tuple(t * (1.0 + uneven * x) for t, x in zip((LOWER, UPPER), along))
     families = [
         [np.tile(unit(angle + turn), (len(quads), 1)) for turn in (0.0, np.pi / 2)]
         for angle, (_, quads) in zip(ANGLES, meshes)
@@ -44,6 +49,12 @@ def two_plies(make, *, length=1.1 * LENGTH):
     )
     result.attrs["fibre_density_kg_m3"] = FIBRE_DENSITY
     return result
+
+
+def centres_of(mesh):
+    """Centres of the faces of a mesh."""
+    points, quads = mesh
+    return points[quads].mean(axis=1)
 
 
 def of_laminate(plies=((LOWER, ANGLES[0]), (UPPER, ANGLES[1]))):
@@ -215,6 +226,27 @@ def test_where_a_ply_ends_the_elements_have_the_layers_that_are_left(make, strip
     away = np.abs(x - 0.5 * LENGTH) > 0.01  # the thickness is the mean at the nodes
     expected = np.where(x < 0.5 * LENGTH, TOTAL, LOWER)
     np.testing.assert_allclose(thickness[away], expected[away], rtol=1e-6)
+
+
+@needs_calculix
+@pytest.mark.parametrize("length", [1.1 * LENGTH, 0.5 * LENGTH])
+def test_calculix_has_room_for_layers_where_no_element_is_as_thick_as_its_neighbour(
+    make, strip, length
+):
+    """Six layers, or three beside six: the mean strain along the strip is that of its sections."""
+    source = two_plies(make, length=length, uneven=0.1)
+    report, cells, _ = strip(case("symmetric", flat=True), source=source)
+    assert report.solved
+    assert len(np.unique(cells["deck_thickness"].values.round(9))) > 20
+    points, quads = make.grid(24, 6, high=(LENGTH, WIDTH))
+    x = points[quads].mean(axis=1)[:, 0]
+    around = np.abs(x - 0.3 * LENGTH) < 0.02
+    force = (cells["stress_11"].values * cells["deck_thickness"].values)[around].mean() * WIDTH
+    assert force == pytest.approx(FORCE, rel=2e-3)
+    A, _, _ = of_laminate()
+    thinner = 1.0 + 0.1 * (0.3 - 0.5)
+    expected = np.linalg.solve(A, [FORCE / WIDTH, 0.0, 0.0])[0] / thinner
+    assert cells["strain_11"].values[around].mean() == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize("turned", [False, True])
