@@ -267,6 +267,9 @@ CLOSING = {
     "bag": 'type = "bag"\npressure = "1 bar"\n',
     "gap": 'type = "gap"\nthickness = "1.7 mm"\nclosing_time = "100 s"\n',
     "press": 'type = "press"\nforce = "1600 N"\n',
+    # resin bears what the fibres do not, from the start
+    "wet press": 'type = "press"\nforce = "1600 N"\n[[wetted]]\nname = "all"\n'
+    'box = ["-1 -1 -1 mm", "301 61 9 mm"]\n',
 }
 ENDS = """
 [[gates]]
@@ -421,6 +424,25 @@ def test_a_mapped_stack_is_pressed_as_its_own_faces_are(kit, tmp_path, write_qua
     )
     thickness = mapped.thickness_under(np.full(14, 4e4))
     np.testing.assert_allclose(thickness, own.thickness_under(np.full(36, 4e4))[0], rtol=1e-9)
+
+
+def test_a_ply_over_half_of_a_cell_is_pressed_as_half_a_ply(kit, tmp_path, write_quads):
+    half = strip(6, 3, length=0.5 * LENGTH)
+    upper = (0.75e-3, 0.45, *FORMED[2:])
+    source = pressed_stack(tmp_path, FABRIC, SOFT, upper=upper, upper_mesh=half)
+    points, quads = strip(7, 2)
+    mesh = write_quads(points + [0.0, 0.0, 0.85e-3], quads)
+    map_file(source, mesh, tmp_path / "mapped.nc", kind="infiltration", picture=False)
+    part = read_formed_part(source)
+    lower, patch = (
+        law_of(material, part, ply)(4e4)[0]
+        for material, ply in ((FABRIC, "lower"), (SOFT, "upper"))
+    )
+    law = compaction_of(read_formed_part(tmp_path / "mapped.nc"))
+    covered = np.repeat([1.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0], 2)
+    np.testing.assert_allclose(law.thickness, FREE + covered * 0.8e-3, rtol=1e-6)
+    found = law.thickness_under(np.full(14, 4e4))
+    np.testing.assert_allclose(found, lower + covered * patch, rtol=1e-6)
 
 
 def test_a_pressed_stack_is_saved_and_restored_to_the_same_bits(kit, tmp_path):
