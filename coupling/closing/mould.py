@@ -31,7 +31,7 @@ from lcmchain.coupling.iteration import (
 from lcmchain.coupling.iteration.interface import PORE_PRESSURE, VOLUME_RATE
 from lcmchain.coupling.solids import closures
 from lcmchain.coupling.solids.closures import value_at
-from lcmchain.coupling.solids.compaction_law import CellCompaction
+from lcmchain.coupling.solids.compaction_law import CompactionLaw
 from lcmchain.coupling.solids.local import LocalCompaction
 from lcmchain.scene import closure as scene
 
@@ -58,7 +58,7 @@ class Begun(NamedTuple):
     area that the direction of closing sees, (C,). wet : whether resin bears a part from the start.
     """
 
-    law: CellCompaction
+    law: CompactionLaw
     solid: LocalCompaction
     across: np.ndarray
     wet: bool
@@ -192,7 +192,7 @@ def _swells(filling: Filling) -> bool:
 
 
 def _borne(
-    case: scene.Closure, law: CellCompaction, start: np.ndarray, seen: np.ndarray
+    case: scene.Closure, law: CompactionLaw, start: np.ndarray, seen: np.ndarray
 ) -> np.ndarray:
     """Pressure (C,) [Pa] that is left for the resin at the start, before any of it has left."""
     fibres = law.pressure(start)

@@ -6,19 +6,26 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.formed_part import FormedPart
 from lcmchain.coupling.solids.compaction_law import CellCompaction
+from lcmchain.coupling.solids.stack_compaction import PressedPly, StackCompaction
 from lcmchain.errors import InputError
-from lcmchain.scene.origin import formed_material
+from lcmchain.mapping.plies import SHARE
+from lcmchain.materials.law import Material
+from lcmchain.scene.origin import formed_material, formed_plies
+
+#: A ply that covers all of a cell but for rounding covers all of it.
+WHOLE = 1.0 - 1e-9
 
 
-def compaction_of(part: FormedPart) -> CellCompaction:
+def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
     """Return the compaction law of a part's cells, that of the scene that formed it.
 
     A cell that was sheared has more fibres per area, and bears a pressure as a sheet of smaller
-    area does. What laws remember of the forming (their permanent set) is not known here.
+    area does. Plies of a stack have a law each. What laws remember of the forming (their permanent
+    set) is not known here.
 
     Raises
     ------
-    InputError : the file does not hold its scene, or the part is made of several sheets.
+    InputError : the file does not hold its scene, or has a ply that its scene does not have.
     """
     text = part.dataset.attrs.get("scene")
     if not text:
@@ -27,17 +34,49 @@ def compaction_of(part: FormedPart) -> CellCompaction:
             "from a forming result of lcmchain run, or a file mapped from one",
             file=part.file,
         )
-    if part.ply_names:
-        raise InputError(
-            f"is a stack of {len(part.ply_names)} plies; a closure presses a single sheet, whose "
-            "one compaction law tells how thick it becomes: leave the closure out",
-            file=part.file,
-        )
-    material = formed_material(str(text)).build()
     fraction, thickness = part.cell("fibre_volume_fraction"), part.cell("thickness")
-    areal_mass = material.fibre_density * fraction * thickness
+    if part.ply_names:
+        return _of_stack(part, str(text), thickness)
+    material = formed_material(str(text)).build()
+    return _of_cells(material, material.fibre_density * fraction * thickness)
+
+
+def _of_stack(part: FormedPart, text: str, thickness: np.ndarray) -> StackCompaction:
+    """Return the law of plies on each other.
+
+    Of a ply that covers a part of a cell of a mesh there is as much less in all of the cell: the
+    mapping takes it for a ply that is thinner by that part.
+    """
+    tables = formed_plies(text)
+    names = part.ply_names
+    shares = np.stack([np.nan_to_num(part.cell(f"{SHARE}{name}")) for name in names])
+    own = np.stack([part.cell(f"{name}_thickness") for name in names])
+    cover = np.where(shares > 0.0, shares / own, 0.0)
+    cover = cover / cover.max(axis=0)
+    cover = np.where(cover >= WHOLE, 1.0, cover)
+    plies = []
+    for name, share, covered in zip(names, shares, cover, strict=True):
+        if name not in tables:
+            raise InputError(
+                f'has the ply "{name}", but the scene in it has only {", ".join(tables)}; the '
+                "compaction law of a ply is that of the scene: form the stack again",
+                file=part.file,
+            )
+        cells = np.flatnonzero(covered > 0.0)
+        material = tables[name].build()
+        fraction = part.cell(f"{name}_fibre_volume_fraction")
+        areal_mass = material.fibre_density * fraction * share * thickness
+        law = _of_cells(material, areal_mass[cells], covered[cells])
+        plies.append(PressedPly(name, law, cells))
+    return StackCompaction(plies, len(thickness))
+
+
+def _of_cells(
+    material: Material, areal_mass: np.ndarray, covered: np.ndarray | float = 1.0
+) -> CellCompaction:
+    """Return the law of cells with so many fibres (C,) [kg/m²], of which a sheet covers a part."""
     return CellCompaction(
         material,
-        np.full(len(thickness), material.thickness),
-        area_stretch=material.areal_mass / areal_mass,
+        material.thickness * covered * np.ones(len(areal_mass)),
+        area_stretch=covered * material.areal_mass / areal_mass,
     )

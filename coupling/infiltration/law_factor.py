@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.infiltration.formed_part import FormedPart
 from lcmchain.coupling.infiltration.preform import PermeabilityFactor, kozeny_factor
 from lcmchain.coupling.permeability import law_of
+from lcmchain.coupling.solids.stack_compaction import StackCompaction
 from lcmchain.errors import SimulationError
+from lcmchain.mapping.plies import SHARE
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.scene.origin import formed_permeability
 from lcmchain.scene.permeability import Permeability
@@ -54,16 +57,91 @@ class LawFactor:
         return total
 
 
+class StackFactor:
+    """Factor on the permeabilities of a stack: of the mean of its plies by their thickness.
+
+    Plies that are pressed together share a thickness as they do under one pressure, each by its own
+    law of compaction; a law with memory as when it is first pressed. Each conducts as its own fibre
+    volume fraction says, by the law of permeability or else by Kozeny and Carman from the values
+    that it was formed with; where the file has none of single plies, all conducted alike. Like
+    :class:`LawFactor` it is one factor for both values in the plane.
+
+    Parameters
+    ----------
+    law : of the scene, None where none is known. part : with the plies of its cells.
+    directory : folder to which a file that the law names is relative.
+    """
+
+    def __init__(self, law: Permeability | None, part: FormedPart, directory: Path | None) -> None:
+        self.law = None if law is None else law_of(law, directory)
+        self.part = part
+        self.compaction = compaction_of(part)
+        assert isinstance(self.compaction, StackCompaction)  # a part with plies
+        shares = [np.nan_to_num(part.cell(f"{SHARE}{ply}")) for ply in part.ply_names]
+        own = [part.cell(f"{ply}_fibre_volume_fraction") for ply in part.ply_names]
+        #: Fibre volume per area of the cells, and that of every ply (P, C) [m].
+        self._fibres = part.cell("fibre_volume_fraction") * part.cell("thickness")
+        self._of_plies = np.nan_to_num(np.stack(own) * np.stack(shares) * part.cell("thickness"))
+
+    def __call__(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """Return the factors (C,) for fibre volume fractions (C,) now and in the beginning.
+
+        Raises
+        ------
+        SimulationError : a fibre volume fraction is out of the range of the law.
+        """
+        return self._in_plane(now) / self._in_plane(before)
+
+    def _in_plane(self, fraction: np.ndarray) -> np.ndarray:
+        assert isinstance(self.compaction, StackCompaction)
+        thickness = self._fibres / fraction
+        each = self.compaction.of_plies(thickness)
+        total = np.zeros_like(fraction)
+        for ply, own, fibres in zip(self.part.ply_names, each, self._of_plies, strict=True):
+            cells = np.flatnonzero(own > 0.0)
+            total[cells] += own[cells] * self._of_ply(ply, cells, fibres[cells] / own[cells])
+        return total / thickness
+
+    def _of_ply(self, ply: str, cells: np.ndarray, fraction: np.ndarray) -> np.ndarray:
+        """Return the sum of both values in the plane of a ply in some cells [m2]."""
+        if self.law is None:
+            names = [f"{ply}_permeability_{k}" for k in (1, 2)]
+            known = all(name in self.part.dataset for name in names)
+            start = sum(self.part.cell(name)[cells] for name in names) if known else 1.0
+            formed = self.part.cell(f"{ply}_fibre_volume_fraction")[cells]
+            return start * kozeny_factor(fraction, formed)
+        families = [
+            np.stack([self.part.cell(f"{ply}_{name}_{a}")[cells] for a in "xyz"], axis=1)
+            for name in FIBRE_FAMILIES
+        ]
+        found = self.law.principal(fraction, *families, out_of_range="nan")
+        total = found.k1 + found.k2
+        unknown = np.flatnonzero(~(total > 0.0))
+        if len(unknown):
+            cell = int(unknown[0])
+            raise SimulationError(
+                f'the ply "{ply}" of {self.part.place(int(cells[cell]))} is compacted to a fibre '
+                f"volume fraction of {fraction[cell]:.4g}, where the permeability law gives no "
+                f"value ({len(unknown)} cells); use a law that holds there, or close the tool less "
+                "far"
+            )
+        return total
+
+
 def factor_of(
-    part: FormedPart, law: Permeability | None, directory: Path | None
+    part: FormedPart, law: Permeability | None, directory: Path | None, *, pressed: bool = False
 ) -> PermeabilityFactor:
     """Return how the permeability of a part follows its compaction.
 
     That is by the law of the case, or else by that of the scene that formed the part. Where there
     is none, or where it is in a file that is not at hand, it is by Kozeny and Carman.
+
+    pressed : whether a closure presses the part, which then shares a thickness among its plies.
     """
     if law is None:
         law = formed_permeability(str(part.dataset.attrs.get("scene") or ""))
         if getattr(law, "file", None) is not None:
             law = None
+    if pressed and part.ply_names:
+        return StackFactor(law, part, directory)
     return kozeny_factor if law is None else LawFactor(law, part, directory)

@@ -95,7 +95,7 @@ def set_up(
     places = _places(mesh, part.target)
     part = _with_regions(part, case, places, directory)
     require_permeable(part)
-    factor = factor_of(part, case.permeability, directory)
+    factor = factor_of(part, case.permeability, directory, pressed=case.closure is not None)
     preform = Preform.from_mapped(part.dataset, factor=factor)
     gates = tuple(_gate(gate, places, key) for key, gate in _keyed("gates", case.gates))
     vents = tuple(

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from lcmchain.coupling.solids.compaction_law import CellCompaction
+from lcmchain.coupling.solids.compaction_law import CompactionLaw
 from lcmchain.errors import InputError, SimulationError
 
 #: A number, or how it changes over time [s].
@@ -17,6 +17,8 @@ OverTime = float | Callable[[float], float]
 # Newton's iteration on the gap of a plate: relative to the force, and at most so often.
 FORCE_TOLERANCE = 1e-12
 MOST_ITERATIONS = 100
+# Of the force: what may be left at the gap where the weakest ply gives no more.
+LEFT_OVER = 1e-9
 
 
 class Closed(NamedTuple):
@@ -33,7 +35,7 @@ class Closed(NamedTuple):
 class Closure(Protocol):
     """Gives the thickness of all cells at a time under given pore pressures."""
 
-    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+    def close(self, law: CompactionLaw, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
         """Return the thickness of cells of present area (C,) [m²] under pressures (C,) [Pa]."""
 
 
@@ -51,7 +53,7 @@ class Bag:
 
     pressure: OverTime | np.ndarray
 
-    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+    def close(self, law: CompactionLaw, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
         total = self.pressure
         if not isinstance(total, np.ndarray):
             total = np.full_like(pore, value_at(total, time))
@@ -69,7 +71,7 @@ class Gap:
     gap: OverTime | np.ndarray
     start: np.ndarray | None = None
 
-    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+    def close(self, law: CompactionLaw, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
         gap = self.gap
         if not isinstance(gap, np.ndarray):
             gap = np.full_like(pore, value_at(gap, time))
@@ -94,7 +96,7 @@ class ClosingGap:
     end: float
     duration: float
 
-    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+    def close(self, law: CompactionLaw, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
         highest = max(float(self.start.max()), self.end)
         gap = highest + (self.end - highest) * min(time / self.duration, 1.0)
         return Closed(np.minimum(self.start, gap), np.zeros_like(pore))
@@ -113,7 +115,7 @@ class Press:
     offset: np.ndarray | float = 0.0
     across: np.ndarray | float = 1.0
 
-    def close(self, law: CellCompaction, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
+    def close(self, law: CompactionLaw, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
         seen = self.across * area
         force = value_at(self.force, time) - float(np.sum(seen * pore))
         scale = max(abs(value_at(self.force, time)), float(np.sum(seen * np.abs(pore))), 1e-300)
@@ -121,11 +123,15 @@ class Press:
         mean = np.full_like(pore, force / float(seen.sum()))
         alone = law.thickness_under(mean) - self.offset
         low, high = float(alone.min()), float(alone.max())
+        least = law.least_gap(self.offset)
+        low = max(low, least)
         gap = 0.5 * (low + high)
         for _ in range(MOST_ITERATIONS):
             thickness = gap + self.offset + np.zeros_like(pore)
             lacking = force - float(np.sum(seen * law.pressure(thickness)))
             slope = float(np.sum(seen * law.stiffness(thickness)))
+            if lacking > LEFT_OVER * scale and gap - least <= LEFT_OVER * abs(gap):
+                break
             if abs(lacking) <= FORCE_TOLERANCE * scale or high - low <= 1e-16:
                 return Closed(thickness, np.full_like(pore, float(seen.sum()) / slope))
             low, high = (low, gap) if lacking > 0.0 else (gap, high)

@@ -7,7 +7,7 @@ cell whose mid-surface has shrunk to A bears lambda |S33| A0 / A.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -26,6 +26,31 @@ GRID = np.linspace(1.0, 0.05, 96)
 # Step of the stretch for the derivative of the law; leaves 1e-9 of it.
 DIFFERENCE = 1e-6
 MOST_ITERATIONS = 100
+
+
+class CompactionLaw(Protocol):
+    """What a closure asks of the textile of C cells: of one sheet, or of plies on each other.
+
+    thickness : of the undeformed textile (C,) [m]. history : what it remembers, an array.
+    """
+
+    thickness: np.ndarray
+    history: np.ndarray
+
+    def pressure(self, thickness: np.ndarray) -> np.ndarray:
+        """Return the pressure that the fibres bear (C,) [Pa]; negative where they are pulled."""
+
+    def stiffness(self, thickness: np.ndarray) -> np.ndarray:
+        """Return minus the derivative of the pressure by the thickness (C,) [Pa/m], positive."""
+
+    def thickness_under(self, pressure: np.ndarray) -> np.ndarray:
+        """Return the thickness at which the fibres bear a pressure (C,) [m]."""
+
+    def remember(self, thickness: np.ndarray) -> None:
+        """Move the history on to the end of a step that leads to a thickness (C,) [m]."""
+
+    def least_gap(self, offset: np.ndarray | float) -> float:
+        """Return the gap [m] below which cells that are thicker by an offset have no pressure."""
 
 
 class CellCompaction:
@@ -69,6 +94,15 @@ class CellCompaction:
         self._lift = stiffness / self.area_stretch
         carried = material.compaction_pressure(GRID)
         self._thinnest = float(GRID[int(np.argmax(carried))])
+
+    @property
+    def thinnest(self) -> np.ndarray:
+        """Thickness (C,) [m] at which the law gives its largest pressure."""
+        return self._thinnest * self.thickness
+
+    def least_gap(self, offset: np.ndarray | float) -> float:
+        """Return minus infinity: the law gives a pressure at any thickness."""
+        return -np.inf
 
     @property
     def free_stretch(self) -> np.ndarray:

@@ -24,7 +24,7 @@ from lcmchain.coupling.iteration.interface import (
     PartFailed,
 )
 from lcmchain.coupling.solids.closures import Closed, Closure, require_positive
-from lcmchain.coupling.solids.compaction_law import CellCompaction
+from lcmchain.coupling.solids.compaction_law import CompactionLaw
 from lcmchain.coupling.solids.fields import checked, chosen
 from lcmchain.errors import InputError, SimulationError
 
@@ -34,7 +34,7 @@ ROUND_OFF = 1e-12
 
 @dataclass(frozen=True)
 class SavedCompaction:
-    """State of a :class:`LocalCompaction`; arrays are per cell (C,), the history (numbers, C)."""
+    """State of a :class:`LocalCompaction`; arrays are per cell (C,), the history is the law's."""
 
     time: float
     step: float
@@ -73,7 +73,7 @@ class LocalCompaction:
 
     def __init__(
         self,
-        law: CellCompaction,
+        law: CompactionLaw,
         closure: Closure,
         area: np.ndarray,
         *,

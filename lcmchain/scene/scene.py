@@ -519,12 +519,6 @@ class Scene(SceneModel):
                     "that slides it is not simulated: leave it out, and the formed stack is filled",
                     field=f"{key}.with_forming",
                 )
-            if case.closure is not None:
-                raise wrong(
-                    "presses one sheet, whose compaction law tells how thick it becomes; leave it "
-                    "out, and the formed stack is filled as thick as it is",
-                    field=f"{key}.closure",
-                )
 
     def _check_draping(self) -> None:
         """Refuse what a net without forces knows nothing of."""

@@ -16,7 +16,7 @@ from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.report.field_verdicts import field_verdicts
 from lcmchain.scene.infiltration_file import is_scene_file
-from lcmchain.scene.origin import formed_material, formed_permeability
+from lcmchain.scene.origin import formed_material, formed_permeability, formed_plies
 from lcmchain.study.ladder import ladder
 from lcmchain.study.scene_text import SceneText
 from lcmchain.study.sensitivity import default_inputs
@@ -201,6 +201,25 @@ def test_a_result_of_a_stack_has_no_one_material_but_its_permeability():
     with pytest.raises(InputError, match="a stack of plies"):
         formed_material(text)
     assert formed_permeability(text).law == "gebart"
+
+
+def test_a_result_of_a_stack_has_a_material_for_each_ply():
+    """With the overrides of the run."""
+    head = 'process = { time = "10 ms" }\n'
+    named = head + (
+        PLY + 'name = "low"\n' + PLY + 'material = "thin"\n'
+        '[material]\npreset = "MD600"\n[materials.thin]\npreset = "MD600"\n'
+        '# Overrides:\n# --set materials.thin.thickness="0.5 mm"\n'
+        '# --set plies.low.edge_length="4 mm"\n'
+    )
+    found = formed_plies(named)
+    assert list(found) == ["low", "ply_2"]
+    assert [table.thickness for table in found.values()] == [1.004e-3, 0.5e-3]
+    blank = 'blank = { size = ["40 mm", "40 mm"], edge_length = "10 mm" }\n'
+    laid = formed_plies('layup = "[0/90, 45/-45]s"\n' + head + MD600 + blank)
+    assert list(laid) == ["ply_1", "ply_2", "ply_3", "ply_4"]
+    with pytest.raises(InputError, match="has no plies"):
+        formed_plies(head + MD600 + blank)
 
 
 def test_a_check_speaks_of_the_plies_that_the_scene_has(scene_of):

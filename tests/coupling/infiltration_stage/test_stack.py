@@ -5,10 +5,17 @@ Expected values are those of the closed formulas for flat plies.
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
+from lcmchain.coupling.closing.mould import Mould
+from lcmchain.coupling.closing.textile import compaction_of
+from lcmchain.coupling.infiltration.checkpoint import read_checkpoint, write_checkpoint
 from lcmchain.coupling.infiltration.formed_part import read_formed_part, with_permeability
+from lcmchain.coupling.infiltration.law_factor import factor_of
+from lcmchain.coupling.infiltration.preform import kozeny_factor
+from lcmchain.coupling.infiltration.results import FillingRecord
 from lcmchain.coupling.infiltration.setup import set_up
-from lcmchain.coupling.infiltration.stage import FillOptions, fill_part
+from lcmchain.coupling.infiltration.stage import FillOptions, fill, fill_part
 from lcmchain.coupling.permeability import principal_permeabilities
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
@@ -16,7 +23,8 @@ from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.mapping import map_file
 from lcmchain.mapping.permeability import through_layers
 from lcmchain.mapping.sheet import PrincipalPermeability
-from lcmchain.scene.permeability import GebartPermeability
+from lcmchain.scene import scene_from_text
+from lcmchain.scene.permeability import GebartPermeability, KozenyCarmanPermeability
 
 from .conftest import LENGTH, PRESSURE, VISCOSITY, WIDTH, strip, write_forming
 
@@ -237,19 +245,237 @@ def test_what_lies_beside_the_largest_ply_is_named(tmp_path):
     assert part.cell("ply_share_lower").max() == pytest.approx(2.0 / 3.0)
 
 
-def test_a_closure_of_a_stack_is_refused(kit, tmp_path):
-    case = kit.case('closure = { type = "bag", pressure = "1 bar" }\ntime = "1 h"\n'
-                    'resin = { law = "constant", viscosity = "0.1 Pa*s" }\n'
-                    'vent_pressure = "0 bar"\n'
-                    '[[gates]]\nname = "left"\nbox = ["0 -1 -1 mm", "0 61 9 mm"]\n'
-                    'pressure = "1 bar"\n[[vents]]\nname = "right"\n'
-                    'box = ["300 -1 -1 mm", "300 61 9 mm"]\n')  # fmt: skip
-    path = stack_of(tmp_path)
+# --- a closure ------------------------------------------------------------------------------------
+
+FABRIC = 'preset = "MD600"\n'
+SOFT = FABRIC + 'thickness = "0.8 mm"\ncompaction.c0 = "0.08 MPa"\n'
+DOUBLE = FABRIC + 'thickness = "2.008 mm"\nareal_mass = "1.2 kg/m^2"\n'
+AREAL_MASS, FIBRE_DENSITY, FREE = 0.6, 1810.0, 1.004e-3
+#: A ply of the fabric at 0.95 mm, below its free thickness; it has the fibres of the scene.
+FORMED = (0.95e-3, AREAL_MASS / (FIBRE_DENSITY * 0.95e-3), (4e-10, 1e-10, 2e-11), 0.0)
+PRESSED = """
+time = "400 s"
+frames = 5
+resin = { law = "constant", viscosity = "0.1 Pa*s", density = "1100 kg/m^3" }
+[permeability]
+law = "kozeny_carman"
+fibre_radius = "40 um"
+k_along = 1.0
+k_across = 1.0
+"""
+CLOSING = {
+    "bag": 'type = "bag"\npressure = "1 bar"\n',
+    "gap": 'type = "gap"\nthickness = "1.7 mm"\nclosing_time = "100 s"\n',
+    "press": 'type = "press"\nforce = "1600 N"\n',
+    # resin bears what the fibres do not, from the start
+    "wet press": 'type = "press"\nforce = "1600 N"\n[[wetted]]\nname = "all"\n'
+    'box = ["-1 -1 -1 mm", "301 61 9 mm"]\n',
+}
+ENDS = """
+[[gates]]
+name = "left"
+box = ["0 -1 -1 mm", "0 61 9 mm"]
+pressure = "0.5 bar"
+[[vents]]
+name = "right"
+box = ["300 -1 -1 mm", "300 61 9 mm"]
+bleeds = true
+"""
+
+
+def scene_of_plies(*materials, names=("lower", "upper")):
+    """Text of a scene whose plies have a material each."""
+    plies = "".join(
+        f'[[plies]]\nname = "{name}"\nmaterial = "{name}"\nsize = ["300 mm", "60 mm"]\n'
+        'edge_length = "20 mm"\n'
+        for name in names
+    )
+    tables = "".join(
+        f"[materials.{name}]\n{material}" for name, material in zip(names, materials, strict=True)
+    )
+    return '[process]\ntime = "1 s"\n' + plies + tables
+
+
+def with_scene(path, text):
+    """Put the scene that formed it into a result."""
     with open_netcdf(path) as dataset:
-        changed = dataset.load().assign_attrs(scene='material = { preset = "MD600" }')
+        changed = dataset.load().assign_attrs(scene=text)
     write_netcdf(path, {ROOT: changed})
-    with pytest.raises(InputError, match="is a stack of 2 plies; a closure presses a single sheet"):
-        fill_part(path, case, name="bag", out_dir=tmp_path, options=PLAIN)
+    return path
+
+
+def pressed_stack(folder, *materials, upper=FORMED, upper_mesh=None):
+    upper_mesh = strip() if upper_mesh is None else upper_mesh
+    path = write_stack(folder / "stack.nc", (strip(), FORMED), (upper_mesh, upper))
+    return with_scene(path, scene_of_plies(*materials))
+
+
+@pytest.mark.parametrize("kind", CLOSING)
+def test_two_equal_plies_are_pressed_as_one_sheet_of_twice_their_thickness(kit, tmp_path, kind):
+    """The same pressure, force and time; the resin that came is in the part or has left it."""
+    case = kit.case(PRESSED, ENDS, "[closure]\n" + CLOSING[kind])
+    one = with_scene(
+        write_forming(tmp_path / "one.nc", *strip(), **fields_of((2.0 * FORMED[0], *FORMED[1:]))),
+        'process = { time = "1 s" }\nblank = { size = ["300 mm", "60 mm"], '
+        'edge_length = "20 mm" }\n[material]\n' + DOUBLE,
+    )
+    stack, sheet = (
+        fill(read_formed_part(path), case)
+        for path in (pressed_stack(tmp_path, FABRIC, FABRIC), one)
+    )
+    np.testing.assert_allclose(stack.history.time, sheet.history.time, rtol=1e-9)
+    np.testing.assert_allclose(stack.thickness, sheet.thickness, rtol=1e-9)
+    np.testing.assert_allclose(stack.history.force, sheet.history.force, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(stack.pressure, sheet.pressure, rtol=1e-6, atol=1e-3)
+    assert np.ptp(stack.thickness) > 0.04e-3 and stack.state.full.all()
+    assert np.abs(stack.history.balance_error).max() < 1e-10 * stack.history.stored[-1]
+
+
+def law_of(material, part, ply):
+    """Thickness of a ply under a pressure, written apart from the program's."""
+    table = scene_from_text(scene_of_plies(material, names=("one",))).stack[0].material.build()
+    fraction, own = part.cell(f"{ply}_fibre_volume_fraction"), part.cell(f"{ply}_thickness")
+    areas = table.areal_mass / (table.fibre_density * fraction * own)
+
+    def thickness(pressure):
+        found = np.full(len(areas), np.nan)
+        for cell in np.flatnonzero(np.isfinite(areas)):
+
+            def lacking(stretch, cell=cell):
+                return float(table.compaction_pressure(stretch)) / areas[cell] - pressure
+
+            found[cell] = table.thickness * brentq(lacking, 0.5, 1.0, xtol=1e-14)
+        return found
+
+    return thickness
+
+
+def test_a_patch_of_another_fabric_is_pressed_with_the_ply_below(kit, tmp_path):
+    """Dry and at last wet: the thickness of every column is the sum of those under one pressure."""
+    half = strip(6, 3, length=0.5 * LENGTH)
+    upper = (0.75e-3, 0.45, *FORMED[2:])
+    path = pressed_stack(tmp_path, FABRIC, SOFT, upper=upper, upper_mesh=half)
+    part = read_formed_part(path)
+    case = kit.case(PRESSED.replace("400 s", "4000 s"), ENDS.replace("bleeds = true\n", ""),
+                    "[closure]\n" + CLOSING["bag"])  # fmt: skip
+    filled = fill(part, case)
+    for frame, pressure in ((0, 1e5), (-1, 0.5e5)):
+        lower, patch = (
+            law_of(material, part, ply)(pressure)
+            for material, ply in ((FABRIC, "lower"), (SOFT, "upper"))
+        )
+        assert np.isnan(patch).sum() == 18
+        assert np.nanmax(patch) / 0.8e-3 < 0.97 * lower.min() / FREE  # the softer one
+        expected = lower + np.nan_to_num(patch)
+        np.testing.assert_allclose(
+            filled.thickness[frame], expected, rtol=1e-9 if frame == 0 else 2e-3
+        )
+    assert filled.is_filled
+    assert np.abs(filled.history.balance_error).max() < 1e-10 * filled.history.stored[-1]
+
+
+def test_plies_become_unlike_dense_under_a_closure(tmp_path):
+    """The permeability is the mean of the plies as each is compacted, not that of the mean."""
+    path = pressed_stack(tmp_path, FABRIC, SOFT, upper=(0.75e-3, 0.45, *FORMED[2:]))
+    part = read_formed_part(path)
+    pressure = 5e4
+    each = [law_of(material, part, ply)(pressure) for material, ply in
+            ((FABRIC, "lower"), (SOFT, "upper"))]  # fmt: skip
+    start = [law_of(material, part, ply)(2e3) for material, ply in
+             ((FABRIC, "lower"), (SOFT, "upper"))]  # fmt: skip
+    law = KozenyCarmanPermeability(law="kozeny_carman", fibre_radius=40e-6, k_along=1.0,
+                                   k_across=1.0)  # fmt: skip
+    fibres = [FORMED[0] * FORMED[1], 0.75e-3 * 0.45]
+
+    def conducts(thicknesses):
+        total = 0.0
+        for own, volume in zip(thicknesses, fibres, strict=True):
+            v = volume / own
+            total = total + own * (1.0 - v) ** 3 / v**2
+        return total / sum(thicknesses)
+
+    now, before = (sum(fibres) / sum(thicknesses) for thicknesses in (each, start))
+    expected = conducts(each) / conducts(start)
+    for case_law in (law, None):  # without one it is by Kozeny and Carman too
+        given = with_permeability(part, case_law)
+        factor = factor_of(given, case_law, None, pressed=True)(now, before)
+        if case_law is not None:
+            np.testing.assert_allclose(factor, expected, rtol=1e-8)
+            of_mean = ((1.0 - now) / (1.0 - before)) ** 3 * (before / now) ** 2
+            assert (np.abs(of_mean / expected - 1.0) > 0.02).all()
+    values = [FORMED[2][0] + FORMED[2][1]] * 2
+
+    def by_start(thicknesses):
+        total = 0.0
+        for own, volume, k, v0 in zip(thicknesses, fibres, values, (FORMED[1], 0.45), strict=True):
+            total = total + own * k * kozeny_factor(volume / own, v0)
+        return total / sum(thicknesses)
+
+    np.testing.assert_allclose(factor, by_start(each) / by_start(start), rtol=1e-8)
+
+
+def test_a_mapped_stack_is_pressed_as_its_own_faces_are(kit, tmp_path, write_quads):
+    source = pressed_stack(tmp_path, FABRIC, SOFT, upper=(0.75e-3, 0.45, *FORMED[2:]))
+    points, quads = strip(7, 2)
+    mesh = write_quads(points + [0.0, 0.0, 0.85e-3], quads)
+    map_file(source, mesh, tmp_path / "mapped.nc", kind="infiltration", picture=False)
+    own, mapped = (
+        compaction_of(read_formed_part(path)) for path in (source, tmp_path / "mapped.nc")
+    )
+    thickness = mapped.thickness_under(np.full(14, 4e4))
+    np.testing.assert_allclose(thickness, own.thickness_under(np.full(36, 4e4))[0], rtol=1e-9)
+
+
+def test_a_ply_over_half_of_a_cell_is_pressed_as_half_a_ply(kit, tmp_path, write_quads):
+    half = strip(6, 3, length=0.5 * LENGTH)
+    upper = (0.75e-3, 0.45, *FORMED[2:])
+    source = pressed_stack(tmp_path, FABRIC, SOFT, upper=upper, upper_mesh=half)
+    points, quads = strip(7, 2)
+    mesh = write_quads(points + [0.0, 0.0, 0.85e-3], quads)
+    map_file(source, mesh, tmp_path / "mapped.nc", kind="infiltration", picture=False)
+    part = read_formed_part(source)
+    lower, patch = (
+        law_of(material, part, ply)(4e4)[0]
+        for material, ply in ((FABRIC, "lower"), (SOFT, "upper"))
+    )
+    law = compaction_of(read_formed_part(tmp_path / "mapped.nc"))
+    covered = np.repeat([1.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0], 2)
+    np.testing.assert_allclose(law.thickness, FREE + covered * 0.8e-3, rtol=1e-6)
+    found = law.thickness_under(np.full(14, 4e4))
+    np.testing.assert_allclose(found, lower + covered * patch, rtol=1e-6)
+
+
+def test_a_pressed_stack_is_saved_and_restored_to_the_same_bits(kit, tmp_path):
+    with_set = FABRIC + 'law = "fabric-with-set"\ncompaction.permanent_set = 0.3\n'
+    half = strip(6, 3, length=0.5 * LENGTH)
+    path = pressed_stack(tmp_path, with_set, FABRIC, upper_mesh=half)
+    case = kit.case(PRESSED, ENDS, "[closure]\n" + CLOSING["bag"])
+
+    def mould():
+        setup = set_up(read_formed_part(path), case)
+        return Mould(setup.part, setup.filling(), setup.case.closure, 400.0)
+
+    whole = mould()
+    whole.advance(20.0)
+    write_checkpoint(tmp_path / "state.npz", {}, whole.save(), FillingRecord.empty())
+    whole.advance(40.0)
+    resumed = mould()
+    resumed.restore(read_checkpoint(tmp_path / "state.npz", {})[0])
+    resumed.advance(40.0)
+    np.testing.assert_array_equal(whole.law.history, resumed.law.history)
+    np.testing.assert_array_equal(whole.filling.state.pressure, resumed.filling.state.pressure)
+    np.testing.assert_array_equal(whole.solid.thickness, resumed.solid.thickness)
+    assert whole.force == resumed.force and whole.law.history.min() < -0.01
+
+
+def test_a_ply_that_the_scene_does_not_have_is_named(kit, tmp_path):
+    path = pressed_stack(tmp_path, FABRIC, FABRIC)
+    with_scene(path, scene_of_plies(FABRIC, FABRIC, names=("lower", "middle")))
+    with pytest.raises(InputError, match='has the ply "upper", but the scene in it has only lower'):
+        compaction_of(read_formed_part(path))
+    with_scene(path, 'process = { time = "1 s" }\nmaterial = { preset = "MD600" }\n')
+    with pytest.raises(InputError, match="plies: the scene in it has no plies"):
+        compaction_of(read_formed_part(path))
 
 
 def test_tilted_layers_are_turned_into_the_plane_of_the_cell():
