@@ -9,7 +9,8 @@ from lcmchain.coupling.solids.compaction_law import CellCompaction
 from lcmchain.coupling.solids.stack_compaction import PressedPly, StackCompaction
 from lcmchain.errors import InputError
 from lcmchain.mapping.plies import SHARE
-from lcmchain.materials.law import Material
+from lcmchain.materials.law import Material, couples_shear
+from lcmchain.materials.shear_compaction import free_strain
 from lcmchain.scene.origin import formed_material, formed_plies
 
 #: A ply that covers all of a cell but for rounding covers all of it.
@@ -38,7 +39,7 @@ def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
     if part.ply_names:
         return _of_stack(part, str(text), thickness)
     material = formed_material(str(text)).build()
-    return _of_cells(material, material.fibre_density * fraction * thickness)
+    return of_cells(material, material.fibre_density * fraction * thickness)
 
 
 def _of_stack(part: FormedPart, text: str, thickness: np.ndarray) -> StackCompaction:
@@ -66,17 +67,26 @@ def _of_stack(part: FormedPart, text: str, thickness: np.ndarray) -> StackCompac
         material = tables[name].build()
         fraction = part.cell(f"{name}_fibre_volume_fraction")
         areal_mass = material.fibre_density * fraction * share * thickness
-        law = _of_cells(material, areal_mass[cells], covered[cells])
+        law = of_cells(material, areal_mass[cells], covered[cells])
         plies.append(PressedPly(name, law, cells))
     return StackCompaction(plies, len(thickness))
 
 
-def _of_cells(
+def of_cells(
     material: Material, areal_mass: np.ndarray, covered: np.ndarray | float = 1.0
 ) -> CellCompaction:
-    """Return the law of cells with so many fibres (C,) [kg/m²], of which a sheet covers a part."""
+    """Return the law of cells with so many fibres (C,) [kg/m²], of which a sheet covers a part.
+
+    Fibres that keep their length leave a sheared cell cos γ of its area. Where the thickness knows
+    the shear, its law is that of a sheet that is thicker by 1/cos^β γ, on an area as much larger.
+    """
+    area = material.areal_mass / areal_mass
+    thicker = np.ones(len(areal_mass))
+    if couples_shear(material):
+        shear = np.sqrt(np.maximum(1.0 - area**2, 0.0))
+        thicker = np.sqrt(1.0 + 2.0 * free_strain(material, shear))
     return CellCompaction(
         material,
-        material.thickness * covered * np.ones(len(areal_mass)),
-        area_stretch=covered * material.areal_mass / areal_mass,
+        material.thickness * covered * thicker,
+        area_stretch=covered * area * thicker,
     )

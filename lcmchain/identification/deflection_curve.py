@@ -185,7 +185,7 @@ def fit_deflection_curve(
     return stiffness, math.sqrt(gradient @ covariance @ gradient), tuple(shape(solution.x)[1])
 
 
-def signed_distance(points, curve) -> np.ndarray:
+def signed_distance(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
     """Distance of points from a polyline, positive below it; shapes [2, n] and [2, m]."""
     start, step = curve[:, :-1], np.diff(curve, axis=1)
     to_point = points[:, :, None] - start[:, None, :]

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.integrate import solve_ivp
 
 from lcmchain.coupling.closing.mould import Mould
-from lcmchain.coupling.closing.textile import compaction_of
+from lcmchain.coupling.closing.textile import compaction_of, of_cells
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file, fill, fill_part
@@ -17,6 +17,7 @@ from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.scene import infiltration_from_text
+from lcmchain.scene.fabrics import PUBLISHED
 
 LENGTH, WIDTH, COLUMNS, VISCOSITY = 0.2, 0.04, 20, 0.1
 SCENE = """
@@ -462,3 +463,23 @@ def test_the_gap_follows_its_table_over_time(source):
 def test_a_gap_needs_one_law_of_closing(entries, message):
     with pytest.raises(InputError, match=message):
         case(HEAD, ENDS, WET, f'[closure]\ntype = "gap"\n{entries}\n', LAW)
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.5, 1.0])
+def test_sheared_cells_are_pressed_by_the_coupled_law(beta):
+    """At 0 and 40 degrees, against the fabric itself: λ|S33| at the shear over the present area."""
+    table = PUBLISHED["MD600"].material
+    coupled = table.compaction.model_copy(update={"shear_coupling": beta})
+    fabric = table.model_copy(update={"compaction": coupled}).build()
+    gamma = np.radians([0.0, 40.0])
+    law = of_cells(fabric, fabric.areal_mass / np.cos(gamma))
+    free = fabric.thickness / np.cos(gamma) ** beta
+    np.testing.assert_allclose(law.pressure(free), 0.0, atol=1e-6)
+    for share in (0.9, 0.7):
+        expected = fabric.compaction_pressure(
+            share * free / fabric.thickness, None, np.sin(gamma)
+        ) / np.cos(gamma)
+        np.testing.assert_allclose(law.pressure(share * free), expected, rtol=1e-9)
+    # β = 1: one pressure for one fibre volume fraction
+    if beta == 1.0:
+        assert np.ptp(law.pressure(0.7 * free)) < 1e-9 * law.pressure(0.7 * free)[0]
