@@ -310,6 +310,9 @@ def bench(
     stacks: Annotated[
         bool, typer.Option("--stacks", help="Of stacks of plies, and of what an interface costs.")
     ] = False,
+    laws: Annotated[
+        bool, typer.Option("--laws", help="Of the element kernel, by what a fabric's law knows.")
+    ] = False,
     peers: Annotated[
         bool, typer.Option("--peers", help="Beside CalculiX and Kratos, where they are installed.")
     ] = False,
@@ -348,6 +351,11 @@ def bench(
         from lcmchain.bench import run_stack_bench
 
         show_whole(run_stack_bench(json_file))
+        return
+    if laws:
+        from lcmchain.bench import run_law_bench
+
+        show_whole(run_law_bench(json_file))
         return
     if peers:
         from lcmchain.bench.peers import run_peer_bench

@@ -3,9 +3,17 @@
 from lcmchain.bench.tables import (
     run_bench,
     run_effect_bench,
+    run_law_bench,
     run_part_bench,
     run_size_bench,
     run_stack_bench,
 )
 
-__all__ = ["run_bench", "run_effect_bench", "run_part_bench", "run_size_bench", "run_stack_bench"]
+__all__ = [
+    "run_bench",
+    "run_effect_bench",
+    "run_law_bench",
+    "run_part_bench",
+    "run_size_bench",
+    "run_stack_bench",
+]

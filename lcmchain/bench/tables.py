@@ -11,7 +11,8 @@ from typing import Any
 from rich.table import Table
 
 from lcmchain.atomic import replacing
-from lcmchain.bench import hemisphere, sizes, stacks
+from lcmchain.bench import hemisphere, laws, sizes, stacks
+from lcmchain.bench.laws import LawSpeed, measure_laws
 from lcmchain.bench.machine import Machine, measure_machine
 from lcmchain.bench.measure import REPETITIONS, Measurement
 from lcmchain.bench.operations import count_operations
@@ -74,6 +75,14 @@ def run_stack_bench(json_file: Path | None = None) -> Table:
         figures = {"kernel": kernel, "stacks": [asdict(speed) for speed in found]}
         write_figures(json_file, figures)
     return stack_table(kernel, found)
+
+
+def run_law_bench(json_file: Path | None = None) -> Table:
+    """Measure kernels of what a fabric may know; return the table of ``lcmchain bench --laws``."""
+    found = measure_laws()
+    if json_file is not None:
+        write_figures(json_file, {"laws": [speed._asdict() for speed in found]})
+    return law_table(found)
 
 
 def run_effect_bench(json_file: Path | None = None) -> Table:
@@ -168,6 +177,23 @@ def stack_table(kernel: float, found: list[StackSpeed]) -> Table:
             f"{speed.all.median:.4f}", f"{speed.all.median / first.all.median:.2f}",
             f"{speed.one.median / speed.all.median:.2f}", *contact,
         )  # fmt: skip
+    return table
+
+
+def law_table(found: list[LawSpeed]) -> Table:
+    """Return the table of the element kernels of laws."""
+    table = Table(
+        title=(
+            f"Element kernel of a fabric, µs per element, one core, median of {laws.ROUNDS} "
+            f"({platform.machine()})"
+        ),
+        title_justify="left",
+    )
+    table.add_column("law")
+    for column in ("kernel", "over the published law"):
+        table.add_column(column, justify="right")
+    for speed in found:
+        table.add_row(speed.name, f"{speed.time:.4f}", f"{speed.ratio:.2f}")
     return table
 
 

@@ -62,9 +62,10 @@ def power_thickening(law, E33, g):
     square = g * g
     rest = 1.0 - min(square, LARGEST_SQUARE)
     a = exponential(beta * logarithm(rest))
-    follows = beta / rest if square < LARGEST_SQUARE else 0.0
+    inverse = 1.0 / rest
+    follows = beta * inverse if square < LARGEST_SQUARE else 0.0
     strain = E33 * a + 0.5 * (a - 1.0)
-    return Thickening(strain, a, follows * g, follows * (1.0 + square) / rest)
+    return Thickening(strain, a, follows * g, follows * (1.0 + square) * inverse)
 
 
 @equation

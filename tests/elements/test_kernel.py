@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from dataclasses import dataclass
 
@@ -13,6 +14,8 @@ from lcmchain.elements.solid_shell.energies import strain_energies
 from lcmchain.elements.solid_shell.kernel import GENERAL, element_forces
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError
+from lcmchain.materials.fabric_with_set import FabricWithSet
+from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.materials.st_venant_kirchhoff import StiffnessLaw
 from lcmchain.verification import random_elements
 
@@ -23,6 +26,7 @@ FULL_CURVED = ("full", "curved", "normal", "conservative")
 FABRIC_MIXED = ("fabric", "mixed", "normal", "conservative")
 FABRIC_ALIGNED = ("fabric", "aligned", "normal", "conservative")
 COUPLED_FABRIC = ("coupled fabric", "aligned and mixed", "normal", "conservative")
+FABRIC_WITH_ALL = ("fabric with all", "aligned", "normal", "conservative")
 COMBINATIONS = [
     FABRIC_FLAT,
     FABRIC_ALIGNED,
@@ -63,6 +67,20 @@ class Batch:
         ]
 
 
+def fabric_with_all():
+    """A fabric that remembers, locks, thickens by shear and bends by curves."""
+    return FabricWithSet(
+        random_elements.md600().law,
+        0.3,
+        thickness=random_elements.THICKNESS,
+        areal_mass=0.6,
+        fibre_density=1810.0,
+        locking=ShearLocking.from_angle(0.8, 80e6),
+        shear_coupling=0.8,
+        bending_curves=random_elements.CURVES,
+    )
+
+
 @pytest.fixture(scope="session")
 def batch(make):
     def build(combination, **options):
@@ -73,6 +91,7 @@ def batch(make):
             "coupled fabric": lambda: make.md600(
                 shear_coupling=0.8, bending_curves=random_elements.CURVES
             ),
+            "fabric with all": fabric_with_all,
             "orthotropic": lambda: make.orthotropic(rng),
             "full": lambda: make.coupled(rng),
         }
@@ -257,15 +276,21 @@ def lane_loops(assembly):
 
 
 @pytest.mark.skipif("avx2" not in processor_flags(), reason="the processor has no AVX2")
-@pytest.mark.parametrize("bending_thickness", ["current", "reference"])
 @pytest.mark.parametrize(
-    "combination", [FABRIC_FLAT, FABRIC_ALIGNED, FULL_CURVED, FABRIC_MIXED], ids=" ".join
+    "combination, bending_thickness",
+    [
+        *itertools.product(
+            [FABRIC_FLAT, FABRIC_ALIGNED, FULL_CURVED, FABRIC_MIXED], ["current", "reference"]
+        ),
+        (FABRIC_WITH_ALL, "reference"),
+    ],
+    ids=str,
 )
 def test_the_lane_loop_is_packed(batch, make, combination, bending_thickness):
-    """The arithmetic of the element runs on vectors.
+    """The arithmetic of the element runs on vectors, with a memory of the law too.
 
-    A function that is not inlined, a call, or a division that may raise would leave it scalar; a
-    stack that begins anywhere costs a fifth.
+    A function that is not inlined, a call, a division that may raise, or a store to what might be
+    read would leave it scalar; a stack that begins anywhere costs a fifth.
     """
     case = batch(combination, bending_thickness=bending_thickness)
     data = case.model.body.data

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lcmchain.bench import hemisphere, machine, operations, parts, sizes, tables
+from lcmchain.bench.laws import LAWS, LawSpeed
 from lcmchain.bench.measure import Measurement
 from lcmchain.bench.stacks import StackSpeed
 from lcmchain.check.effect_cost import EffectCost
@@ -148,6 +149,24 @@ def test_stacks_in_the_table_and_as_json(monkeypatch, tmp_path):
     assert rows[1] == ("4", "0.1200", "1.50", "0.0600", "1.20", "2.00", "0.0400", "2.00")
     figures = json.loads((tmp_path / "stacks.json").read_text(encoding="utf-8"))
     assert figures["kernel"] == 0.02 and figures["stacks"][1]["interface"] == 0.04
+
+
+def test_laws_in_the_table_and_as_json(monkeypatch, tmp_path):
+    found = [LawSpeed("as published", 0.02, 1.0), LawSpeed("locking", 0.025, 1.25)]
+    monkeypatch.setattr(tables, "measure_laws", lambda: found)
+    table = tables.run_law_bench(tmp_path / "laws.json")
+    rows = list(zip(*(column.cells for column in table.columns), strict=True))
+    assert rows == [("as published", "0.0200", "1.00"), ("locking", "0.0250", "1.25")]
+    figures = json.loads((tmp_path / "laws.json").read_text(encoding="utf-8"))
+    assert figures["laws"][1] == {"name": "locking", "time": 0.025, "ratio": 1.25}
+
+
+def test_every_law_that_is_measured_is_one_of_its_own():
+    classes = [
+        type(scene_from_text(hemisphere.SCENE, overrides=own).material.build().law)
+        for own in LAWS.values()
+    ]
+    assert len(set(classes)) == len(LAWS)
 
 
 def test_a_plate_is_free_and_moves():

@@ -252,7 +252,7 @@ def test_bench_prints_its_table(monkeypatch, capsys):
     stand_in(
         monkeypatch, "lcmchain.bench", run_bench=figures("0.031 us"), run_size_bench=figures("1k"),
         run_effect_bench=figures("gravity"), run_part_bench=figures("gather"),
-        run_stack_bench=figures("2 plies"),
+        run_stack_bench=figures("2 plies"), run_law_bench=figures("locking"),
     )  # fmt: skip
     assert exit_code("bench") == 0
     assert "0.031 us to None" in capsys.readouterr().out
@@ -264,6 +264,8 @@ def test_bench_prints_its_table(monkeypatch, capsys):
     assert "gather to None" in capsys.readouterr().out
     assert exit_code("bench", "--stacks", "--json", "speed.json") == 0
     assert "2 plies to speed.json" in capsys.readouterr().out
+    assert exit_code("bench", "--laws") == 0
+    assert "locking to None" in capsys.readouterr().out
 
 
 def test_tables_of_speed_are_whole_on_narrow_terminals(monkeypatch, capsys):

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import prange
+from numba.extending import overload
 
 from lcmchain.dispatch import implements
 from lcmchain.elements.blocks import LANES, SharedBlocks
@@ -49,11 +50,12 @@ from lcmchain.elements.solid_shell.equations import (
     thickness_resultants,
     unit_in_plane_shear,
 )
-from lcmchain.jit import entry, equation, kernel, routine
+from lcmchain.jit import INLINED, entry, equation, kernel, routine
 from lcmchain.materials.law import (
     bending_stiffness,
     bending_stress,
     evolved_history,
+    history_count,
     hourglass_tangent,
     load_history,
     membrane_response,
@@ -708,6 +710,35 @@ def force_scales(aligned, data, i, volume):
     return element_lengths(data, i).forces
 
 
+def memory_of_block(law: Any, own: np.ndarray, past: np.ndarray) -> np.ndarray:
+    """Return the array that holds the memory of a law, for the lanes of a block.
+
+    ``own`` : the history of the block. ``past`` : the view of it that begins behind what elements
+    share. LLVM takes stores to this view for ones to what is read, and makes no vectors of the loop
+    over the lanes: a law with memory gets the whole, where the place is a number.
+    """
+    return own if history_count(law) else past
+
+
+@overload(memory_of_block, jit_options=INLINED, strict=False)
+def _choose_memory(law, own, past):
+    if history_count(law.instance_class):
+        return lambda law, own, past: own
+    return lambda law, own, past: past
+
+
+def place_in_memory(law: Any, director: Any, lane: int) -> int:
+    """Return where the memory of a lane begins in what :func:`memory_of_block` returns."""
+    return lane + curvature_rows(director) * LANES if history_count(law) else lane
+
+
+@overload(place_in_memory, jit_options=INLINED, strict=False)
+def _choose_place(law, director, lane):
+    if history_count(law.instance_class):
+        return lambda law, director, lane: lane + curvature_rows(director) * LANES
+    return lambda law, director, lane: lane
+
+
 @equation
 def element_in_lane(i, corner, data, law, history, shared, options):
     """Replace the corner positions at ``corner[i + row*16]`` by the internal corner forces.
@@ -718,14 +749,15 @@ def element_in_lane(i, corner, data, law, history, shared, options):
     mx = scaled7(scales, load_eightfold(corner, i))
     my = scaled7(scales, load_eightfold(corner, i + LANES))
     mz = scaled7(scales, load_eightfold(corner, i + 2 * LANES))
-    past = load_history(law, history, i, LANES)
+    first = place_in_memory(law, options.director, i)
+    past = load_history(law, history, first, LANES)
     curvature = load_curvature(options.director, shared, i)
     Sbar, E, S33, normal, volume, _ = element_stress(
         mode_vectors(mx, my, mz), data, i, law, past, curvature, options
     )
     xx, yy = places_at_edges(options.aligned, data, i)
     sigma = stress_matrix(Sbar, centre33(options.director, options.curved, Sbar), xx, yy)
-    store_history(law, evolved_history(law, E.centre, past), history, i, LANES)
+    store_history(law, evolved_history(law, E.centre, past), history, first, LANES)
     px = mode_force_components(sigma, mx[0], mx[1], mx[2], mx[3], mx[4], mx[5], mx[6])
     py = mode_force_components(sigma, my[0], my[1], my[2], my[3], my[4], my[5], my[6])
     pz = mode_force_components(sigma, mz[0], mz[1], mz[2], mz[3], mz[4], mz[5], mz[6])
@@ -860,6 +892,7 @@ def forces_of_block(
     corner = corner_force[place * CORNER_ROWS * LANES : (place + 1) * CORNER_ROWS * LANES]
     own = history[block * history_size : (block + 1) * history_size]
     shared, past = own[:curvature_size], own[curvature_size:]
+    memory = memory_of_block(law, own, past)
     load_corners(positions, corner_node, corner_run, block, corner)
     is_general = True
     if quick_data is not None:
@@ -867,9 +900,9 @@ def forces_of_block(
         if not is_general:
             data = constants_of_block(quick_options, quick_data, block)
             for lane in range(LANES):
-                element_in_lane(lane, corner, data, law, past, shared, quick_options)
+                element_in_lane(lane, corner, data, law, memory, shared, quick_options)
     if general is not None:
         if is_general:
             data = constants_of_block(options, element_data, block)
             for lane in range(LANES):
-                element_in_lane(lane, corner, data, law, past, shared, options)
+                element_in_lane(lane, corner, data, law, memory, shared, options)

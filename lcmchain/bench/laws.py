@@ -1,0 +1,61 @@
+"""Speed of the element kernel with what the law of a fabric may know beside the published one.
+
+Each on the blank of the hemisphere, formed a little: kernels of different laws in turn, several
+times, so that phases of the machine meet all of them.
+"""
+
+from __future__ import annotations
+
+from statistics import median
+from typing import NamedTuple
+
+from lcmchain.bench import hemisphere
+from lcmchain.bench.measure import KERNEL_CALLS, kernel_work, measure
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
+from lcmchain.threads import use_threads
+
+_CURVE = (
+    "material.bending.curve_1.curvature=2 3 5 10 20 1/m",
+    "material.bending.curve_1.moment=2.4 3.0 3.2 3.5 3.8 mN",
+)
+#: Overrides of the scene by what they add.
+LAWS: dict[str, tuple[str, ...]] = {
+    "as published": (),
+    "locking": (
+        "material.membrane.locking_angle=50 deg",
+        "material.membrane.locking_stiffness=80 MPa",
+    ),
+    "permanent set": ("material.law=fabric-with-set", "material.compaction.permanent_set=0.3"),
+    "shear-compaction coupling": ("material.compaction.shear_coupling=1.0",),
+    "bending by curves": _CURVE,
+}
+ROUNDS = 5
+FORMED = 0.3  # of the way to the middle of the stroke
+
+
+class LawSpeed(NamedTuple):
+    """Time of the kernel per element [µs], and over that of the published law."""
+
+    name: str
+    time: float
+    ratio: float
+
+
+def measure_laws(*overrides: str) -> list[LawSpeed]:
+    """Measure the kernel of every law on one core; overrides : of the scene, for tests."""
+    calls = []
+    for own in LAWS.values():
+        scene = scene_from_text(hemisphere.SCENE, overrides=(*own, *overrides))
+        simulation = Simulation.from_scene(scene)
+        simulation.advance_to(FORMED * hemisphere.MID_STROKE)
+        work = kernel_work(simulation, simulation.model.bodies[0].data)
+        calls.append((work, KERNEL_CALLS * simulation.model.element_count))
+    use_threads(1)
+    times: list[list[float]] = [[] for _ in LAWS]
+    for _ in range(ROUNDS):
+        for kept, (work, count) in zip(times, calls, strict=True):
+            kept.append(measure("kernel", 1, count, work).median)
+    use_threads(None)
+    found = [median(kept) for kept in times]
+    return [LawSpeed(name, time, time / found[0]) for name, time in zip(LAWS, found, strict=True)]
