@@ -166,7 +166,8 @@ def _misses(tests: Cantilever, strips: np.ndarray, curve: MomentCurve, weight: f
 
 
 def _entry(curve: MomentCurve) -> str:
-    k, M = (" ".join(f"{value:.4g}" for value in np.asarray(part)) for part in curve)
+    # so many digits that rounding makes no slope steeper than the first
+    k, M = (" ".join(f"{value:.9g}" for value in np.asarray(part)) for part in curve)
     return f'{{ curvature = "{k} 1/m", moment = "{M} N" }}'
 
 
