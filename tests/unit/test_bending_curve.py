@@ -155,7 +155,7 @@ def test_elements_without_thickness_refuse_a_curve():
         build_model(scene(more='element = "membrane-shell"'))
 
 
-def hanging_strips(path, *, noise=0.05e-3, break_at=None):
+def hanging_strips(path, *, noise=0.02e-3, break_at=None):
     """Deflection curves: the measured ply, 250 mm, and one of constant stiffness, 200 mm."""
     shape = curve_elastica(POINTS, 1.385 * 9.80665, 0.25)
     rng = np.random.default_rng(3)
@@ -177,7 +177,7 @@ SIZES = {"areal_mass": "1385 g/m^2", "thickness": "1 mm"}
 
 
 def test_the_curve_is_found_from_a_strip_that_hangs(tmp_path):
-    """Moments within 8 % from a curvature of 1 1/m on, in a form that a scene takes."""
+    """Moments within 10 % from a curvature of 1 1/m on, strips of other lengths within 3 %."""
     file = hanging_strips(tmp_path / "strips.csv")
     with pytest.raises(FitRefusedError, match="--curve"):
         identify_bending_file(file, SIZES)
@@ -190,7 +190,13 @@ def test_the_curve_is_found_from_a_strip_that_hangs(tmp_path):
     bent = np.linspace(1.0, 18.0, 100)
     own = np.interp(bent, np.append(0.0, curvature), np.append(0.0, moment))
     true = np.interp(bent, np.append(0.0, POINTS.curvature), np.append(0.0, POINTS.moment))
-    np.testing.assert_allclose(own, true, rtol=0.08)
+    np.testing.assert_allclose(own, true, rtol=0.1)
+    for overhang in (0.15, 0.2):
+        drop, expected = (
+            curve_elastica(curve, 1.385 * GRAVITY, overhang).y[-1]
+            for curve in (MomentCurve(curvature, moment), POINTS)
+        )
+        assert drop == pytest.approx(expected, rel=0.03)
     scene(snippet["curve_1"]["curvature"], snippet["curve_1"]["moment"])
     assert not any("M/kappa" in warning for warning in found.warnings)
 
