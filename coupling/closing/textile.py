@@ -10,7 +10,7 @@ from lcmchain.coupling.solids.stack_compaction import PressedPly, StackCompactio
 from lcmchain.errors import InputError
 from lcmchain.mapping.plies import SHARE
 from lcmchain.materials.law import Material, couples_shear
-from lcmchain.materials.shear_compaction import free_strain
+from lcmchain.materials.shear_compaction import free_stretch
 from lcmchain.scene.origin import formed_material, formed_plies
 
 #: A ply that covers all of a cell but for rounding covers all of it.
@@ -84,7 +84,7 @@ def of_cells(
     thicker = np.ones(len(areal_mass))
     if couples_shear(material):
         shear = np.sqrt(np.maximum(1.0 - area**2, 0.0))
-        thicker = np.sqrt(1.0 + 2.0 * free_strain(material, shear))
+        thicker = free_stretch(material, shear)
     return CellCompaction(
         material,
         material.thickness * covered * thicker,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy as np
 from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.infiltration.formed_part import FormedPart
 from lcmchain.coupling.infiltration.preform import PermeabilityFactor, kozeny_factor
-from lcmchain.coupling.permeability import law_of
+from lcmchain.coupling.measured_permeability import MeasuredPermeability
+from lcmchain.coupling.permeability import PermeabilityLaw, law_of
 from lcmchain.coupling.solids.stack_compaction import StackCompaction
 from lcmchain.errors import SimulationError
 from lcmchain.mapping.plies import SHARE
@@ -29,10 +31,7 @@ class LawFactor:
 
     def __init__(self, law: Permeability, part: FormedPart, directory: Path | None) -> None:
         self.law, self.part = law_of(law, directory), part
-        self._families = [
-            np.stack([part.cell(f"{family}_{axis}") for axis in "xyz"], axis=1)
-            for family in FIBRE_FAMILIES
-        ]
+        self._families = _fibre_directions(part)
 
     def __call__(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Return the factors (C,) for fibre volume fractions (C,) now and in the beginning.
@@ -44,17 +43,7 @@ class LawFactor:
         return self._in_plane(now) / self._in_plane(before)
 
     def _in_plane(self, fraction: np.ndarray) -> np.ndarray:
-        found = self.law.principal(fraction, *self._families, out_of_range="nan")
-        total = found.k1 + found.k2
-        unknown = np.flatnonzero(~(total > 0.0))
-        if len(unknown):
-            cell = int(unknown[0])
-            raise SimulationError(
-                f"{self.part.place(cell)} is compacted to a fibre volume fraction of "
-                f"{fraction[cell]:.4g}, where the permeability law gives no value "
-                f"({len(unknown)} cells); use a law that holds there, or close the tool less far"
-            )
-        return total
+        return _by_law(self.law, fraction, self._families, self.part.place)
 
 
 class StackFactor:
@@ -110,22 +99,45 @@ class StackFactor:
             start = sum(self.part.cell(name)[cells] for name in names) if known else 1.0
             formed = self.part.cell(f"{ply}_fibre_volume_fraction")[cells]
             return start * kozeny_factor(fraction, formed)
-        families = [
-            np.stack([self.part.cell(f"{ply}_{name}_{a}")[cells] for a in "xyz"], axis=1)
-            for name in FIBRE_FAMILIES
-        ]
-        found = self.law.principal(fraction, *families, out_of_range="nan")
-        total = found.k1 + found.k2
-        unknown = np.flatnonzero(~(total > 0.0))
-        if len(unknown):
-            cell = int(unknown[0])
-            raise SimulationError(
-                f'the ply "{ply}" of {self.part.place(int(cells[cell]))} is compacted to a fibre '
-                f"volume fraction of {fraction[cell]:.4g}, where the permeability law gives no "
-                f"value ({len(unknown)} cells); use a law that holds there, or close the tool less "
-                "far"
-            )
-        return total
+        families = [family[cells] for family in _fibre_directions(self.part, f"{ply}_")]
+
+        def place(cell: int) -> str:
+            return f'the ply "{ply}" of {self.part.place(int(cells[cell]))}'
+
+        return _by_law(self.law, fraction, families, place)
+
+
+def _fibre_directions(part: FormedPart, prefix: str = "") -> list[np.ndarray]:
+    """Return the directions of both families of fibres in the cells (C, 3)."""
+    return [
+        np.stack([part.cell(f"{prefix}{family}_{axis}") for axis in "xyz"], axis=1)
+        for family in FIBRE_FAMILIES
+    ]
+
+
+def _by_law(
+    law: PermeabilityLaw | MeasuredPermeability,
+    fraction: np.ndarray,
+    families: list[np.ndarray],
+    place: Callable[[int], str],
+) -> np.ndarray:
+    """Return the sum of both values in the plane (C,) [m2]; ``place`` names a cell.
+
+    Raises
+    ------
+    SimulationError : a fibre volume fraction is out of the range of the law.
+    """
+    found = law.principal(fraction, *families, out_of_range="nan")
+    total = found.k1 + found.k2
+    unknown = np.flatnonzero(~(total > 0.0))
+    if len(unknown):
+        cell = int(unknown[0])
+        raise SimulationError(
+            f"{place(cell)} is compacted to a fibre volume fraction of {fraction[cell]:.4g}, where "
+            f"the permeability law gives no value ({len(unknown)} cells); use a law that holds "
+            "there, or close the tool less far"
+        )
+    return total
 
 
 def factor_of(

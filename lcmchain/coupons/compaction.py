@@ -27,7 +27,7 @@ from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
 from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.materials.law import couples_shear
-from lcmchain.materials.shear_compaction import free_strain
+from lcmchain.materials.shear_compaction import free_stretch
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
@@ -87,7 +87,7 @@ def compaction(
     before = SHEARING if shear_angle else 0.0
     free = thickness
     if couples_shear(fabric):
-        free *= math.sqrt(1.0 + 2.0 * float(free_strain(fabric, math.sin(shear_angle))))
+        free *= float(free_stretch(fabric, math.sin(shear_angle)))
     penalty = pressure / (PENETRATION * thickness)
     squeezed = free - _thickness_at(law, thickness, pressure, free / thickness)
     distance = squeezed + 2.0 * PENETRATION * thickness

@@ -32,7 +32,7 @@ from lcmchain.effects.supports import Support
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.materials.law import couples_shear
-from lcmchain.materials.shear_compaction import free_strain
+from lcmchain.materials.shear_compaction import free_stretch
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
@@ -153,7 +153,7 @@ def picture_frame(
     )
 
     (body,) = simulation.model.bodies
-    free = material.thickness * np.sqrt(1.0 + 2.0 * free_strain(body.material, np.sin(gamma)))
+    free = material.thickness * free_stretch(body.material, np.sin(gamma))
     shear_stress = shear_stress_of(body.material)
     curves = {
         "displacement [mm]": 1e3 * d[1::2],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
 from lcmchain.materials.law import Material
 from lcmchain.materials.laws import AnyMaterial
-from lcmchain.materials.shear_compaction import free_strain
+from lcmchain.materials.shear_compaction import free_shear_stress
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene
@@ -148,10 +149,4 @@ def element_centres(blank: BlankMesh) -> np.ndarray:
 def shear_stress_of(material: Material) -> Callable[[np.ndarray], np.ndarray]:
     """Return S12(γ) [Pa] of pure shear for a material law, of a sheet that nothing presses."""
 
-    def shear_stress(shear_angle):
-        strain = np.zeros((*np.shape(shear_angle), 6))
-        strain[..., 3] = np.sin(shear_angle)
-        strain[..., 2] = free_strain(material, strain[..., 3])
-        return material.stress_and_tangent(strain)[0][..., 3]
-
-    return shear_stress
+    return partial(free_shear_stress, material)

@@ -26,7 +26,7 @@ from lcmchain.errors import InputError
 from lcmchain.identification.bending import ALONG_FIBRE, identify_bending
 from lcmchain.identification.cantilever_tests import Cantilever, cantilever_tests
 from lcmchain.identification.data import CouponData
-from lcmchain.identification.deflection_curve import signed_distance
+from lcmchain.identification.deflection_curve import length_of_line, signed_distance
 from lcmchain.identification.result import Band, Identification, Panel, Points, accepted
 
 # Curvatures of the points over the largest one that the strips show.
@@ -41,12 +41,10 @@ CLOSE_SHAPE = 0.01
 def identify_bending_curve(
     data: CouponData,
     *,
-    thickness: float,
     areal_weight: float,
     angle: float = CANTILEVER_ANGLE,
-    off_axis: str = "free-strip",
-    inputs: tuple = (),
     accept: bool = False,
+    **rest: Any,
 ) -> Identification:
     """Identify curves of both fibre directions beside the constants of :func:`identify_bending`.
 
@@ -64,10 +62,7 @@ def identify_bending_curve(
             "has no deflection curves, from which a curve is found; give columns x and y",
             file=data.file,
         )
-    constants = identify_bending(
-        data, thickness=thickness, areal_weight=areal_weight, angle=angle, off_axis=off_axis,
-        inputs=inputs, accept=True,
-    )  # fmt: skip
+    constants = identify_bending(data, areal_weight=areal_weight, angle=angle, accept=True, **rest)
     entries = dict(constants.scene_entries)
     objections: list[str] = []
     panels = list(constants.panels)
@@ -117,7 +112,7 @@ def _curve(tests: Cantilever, strips: np.ndarray, points: np.ndarray, weight: fl
     largest, moment = points[:, -1]
     curvature = largest * SHARES
     measured = [np.stack(tests.curves[strip][:2]) for strip in strips]
-    lengths = [float(np.hypot(*np.diff(line, axis=1, prepend=0.0)).sum()) for line in measured]
+    lengths = [length_of_line(*line) for line in measured]
     tips = [math.atan2(*(line[:, -1] - line[:, -2])[::-1]) for line in measured]
 
     def curve_of(theta: np.ndarray) -> MomentCurve:
@@ -153,7 +148,7 @@ def _misses(tests: Cantilever, strips: np.ndarray, curve: MomentCurve, weight: f
     found = []
     for strip in strips:
         x, y = tests.curves[strip][:2]
-        length = float(np.sum(np.hypot(np.diff(x, prepend=0.0), np.diff(y, prepend=0.0))))
+        length = length_of_line(x, y)
         shape = curve_elastica(curve, weight, length)
         away = signed_distance(np.stack([x, y]), length * np.stack([shape.x, shape.y]))
         off = float(np.abs(away).max()) / length

@@ -96,7 +96,7 @@ class _PiecewiseCurvature:
     """
 
     def __init__(self, x: np.ndarray, y: np.ndarray, count: int):
-        length = float(np.sum(np.hypot(np.diff(x, prepend=0.0), np.diff(y, prepend=0.0))))
+        length = length_of_line(x, y)
         scale = math.hypot(x[-1], y[-1])
         per_piece = 40
         middles = (np.arange(count * per_piece) + 0.5) / per_piece
@@ -165,7 +165,7 @@ def fit_deflection_curve(
         return np.append(distance, along @ (np.array([x[-1], y[-1]]) - curve[:, -1])) / scale
 
     scale = math.hypot(x[-1], y[-1])
-    length = np.sum(np.hypot(np.diff(x, prepend=0.0), np.diff(y, prepend=0.0)))
+    length = length_of_line(x, y)
     # Small-deflection start: the tip slope is 4/3 of the chord angle.
     slope = min(4.0 / 3.0 * math.atan2(y[-1], x[-1]), 1.45)
     start = [math.log(-math.log1p(-slope / (0.5 * np.pi))), math.log(length)]
@@ -183,6 +183,11 @@ def fit_deflection_curve(
     covariance = variance * np.linalg.inv(solution.jac.T @ solution.jac)
     stiffness = areal_weight * math.exp(3.0 * ln_length - ln_load(q))
     return stiffness, math.sqrt(gradient @ covariance @ gradient), tuple(shape(solution.x)[1])
+
+
+def length_of_line(x: np.ndarray, y: np.ndarray) -> float:
+    """Return the length [m] of the line from the clamp through points (n,)."""
+    return float(np.sum(np.hypot(np.diff(x, prepend=0.0), np.diff(y, prepend=0.0))))
 
 
 def signed_distance(points: np.ndarray, curve: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from lcmchain.coupons.analytic import (
     strip_stiffness,
 )
 from lcmchain.materials.fabric import Fabric
-from lcmchain.materials.shear_compaction import free_strain
+from lcmchain.materials.shear_compaction import free_shear_stress
 from lcmchain.scene import FabricMaterial
 from lcmchain.scene.presets import PRESETS
 
@@ -36,15 +36,6 @@ def noisy(values: np.ndarray, noise: float, seed: int) -> np.ndarray:
     return values * (1.0 + noise * np.random.default_rng(seed).standard_normal(np.shape(values)))
 
 
-def shear_stress(fabric: Fabric, shear_angle: ArrayLike) -> np.ndarray:
-    """Return S12 [Pa] of a fabric law in pure shear by an angle [rad] without pressure."""
-    angle = np.asarray(shear_angle)
-    strain = np.zeros((*angle.shape, 6))
-    strain[..., 3] = np.sin(angle)
-    strain[..., 2] = free_strain(fabric, strain[..., 3])
-    return fabric.stress_and_tangent(strain)[0][..., 3]
-
-
 def bias_extension_curve(
     fabric: Fabric,
     specimen: BiasExtension,
@@ -55,7 +46,7 @@ def bias_extension_curve(
 ) -> np.ndarray:
     """Return the machine force [N] at displacements [m]."""
     angle = specimen.shear_angle(displacement)
-    return noisy(specimen.force(angle, lambda g: shear_stress(fabric, g)), noise, seed)
+    return noisy(specimen.force(angle, lambda g: free_shear_stress(fabric, g)), noise, seed)
 
 
 def compaction_curve(

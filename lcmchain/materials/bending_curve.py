@@ -28,9 +28,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lcmchain.dispatch import implements, inherit
 from lcmchain.jit import equation
 from lcmchain.materials.law import bending_excess, bending_stress
+from lcmchain.materials.twins import twin_of
 
 #: Points of a curve at most, the first at zero left out.
 KINKS = 16
@@ -189,20 +189,14 @@ _bent_classes: dict[type, type] = {}
 
 
 def bent_class(law_class: Any) -> Any:
-    """Return the twin of a class of laws that bends by curves.
-
-    It must be a global of the class's own module, under its own name: compiled kernels on disk
-    look it up there.
-    """
-    entries = [*law_class.__annotations__.items(), ("curves", np.ndarray)]
-    twin: Any = NamedTuple(f"Bent{law_class.__name__}", entries)  # type: ignore[misc]
-    twin.__doc__ = f"Parameters of :class:`{law_class.__name__}`, and (2 SIZE,) of both curves."
-    twin.__module__ = law_class.__module__
-    if hasattr(law_class, "remembers"):
-        setattr(twin, "remembers", law_class.remembers)  # noqa: B010
-    inherit(twin, law_class)
-    implements(bending_stress, twin)(stress_by_curves)
-    implements(bending_excess, twin)(excess_by_curves)
+    """Return the twin of a class of laws that bends by curves, see :func:`.twins.twin_of`."""
+    twin = twin_of(
+        law_class,
+        "Bent",
+        about=", and (2 SIZE,) of both curves.",
+        entries=[("curves", np.ndarray)],
+        answers={bending_stress: stress_by_curves, bending_excess: excess_by_curves},
+    )
     _bent_classes[law_class] = twin
     return twin
 

@@ -8,11 +8,12 @@ neither.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
-from lcmchain.dispatch import implements, inherit, optional
+from lcmchain.dispatch import optional
 from lcmchain.jit import equation
 from lcmchain.materials.elementary import exponential, logarithm
+from lcmchain.materials.twins import twin_of
 
 # Below this strain the exponent of the compaction law is zero to double precision for c2 >= 1.
 SMALLEST_COMPACTION_STRAIN = 1e-16
@@ -65,21 +66,17 @@ _linear_classes: dict[type, type] = {}
 
 
 def linear_class(law_class: Any) -> Any:
-    """Return the twin of a class of laws whose C33 never changes.
-
-    It must be a global of the class's own module, under its own name: compiled kernels on disk
-    look it up there.
-    """
-    entries = [*law_class.__annotations__.items()]
-    twin: Any = NamedTuple(f"Linear{law_class.__name__}", entries)  # type: ignore[misc]
-    twin.__doc__ = f"Parameters of :class:`{law_class.__name__}`, with a constant C33."
-    twin.__module__ = law_class.__module__
-    if hasattr(law_class, "remembers"):
-        setattr(twin, "remembers", law_class.remembers)  # noqa: B010
-    inherit(twin, law_class)
-    implements(compaction_stress_and_tangent, twin)(linear_stress_and_tangent)
-    implements(compaction_tangent_slope, twin)(no_tangent_change)
-    implements(compaction_tangent_curvature, twin)(no_tangent_change)
+    """Return the twin of a class of laws whose C33 never changes, see :func:`.twins.twin_of`."""
+    twin = twin_of(
+        law_class,
+        "Linear",
+        about=", with a constant C33.",
+        answers={
+            compaction_stress_and_tangent: linear_stress_and_tangent,
+            compaction_tangent_slope: no_tangent_change,
+            compaction_tangent_curvature: no_tangent_change,
+        },
+    )
     _linear_classes[law_class] = twin
     return twin
 

@@ -29,10 +29,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lcmchain.dispatch import implements, inherit, optional
+from lcmchain.dispatch import optional
 from lcmchain.jit import equation
 from lcmchain.materials.elementary import exponential, logarithm
 from lcmchain.materials.law import TangentCoupling
+from lcmchain.materials.twins import twin_of
 
 #: Beyond sin² γ of 84 degrees the thickness no longer follows the shear: 1/cos has no end.
 LARGEST_SQUARE = 0.99
@@ -128,19 +129,14 @@ _coupled_classes: dict[type, type] = {}
 
 
 def coupled_class(law_class: Any) -> Any:
-    """Return the twin of a class of laws whose thickness knows its shear.
-
-    It must be a global of the class's own module, under its own name: compiled kernels on disk
-    look it up there.
-    """
-    entries = [*law_class.__annotations__.items(), ("shear_coupling", float)]
-    twin: Any = NamedTuple(f"Coupled{law_class.__name__}", entries)  # type: ignore[misc]
-    twin.__doc__ = f"Parameters of :class:`{law_class.__name__}` and β."
-    twin.__module__ = law_class.__module__
-    if hasattr(law_class, "remembers"):
-        setattr(twin, "remembers", law_class.remembers)  # noqa: B010
-    inherit(twin, law_class)
-    implements(thickening, twin)(power_thickening)
+    """Return the twin of a class of laws whose thickness knows its shear, see :func:`.twin_of`."""
+    twin = twin_of(
+        law_class,
+        "Coupled",
+        about=" and β.",
+        entries=[("shear_coupling", float)],
+        answers={thickening: power_thickening},
+    )
     _coupled_classes[law_class] = twin
     return twin
 
@@ -155,10 +151,17 @@ def with_coupling(law: Any, shear_coupling: float) -> Any:
 # --- plain Python ---------------------------------------------------------------------------------
 
 
-def free_strain(material: Any, shear_strain: ArrayLike) -> np.ndarray:
-    """Return the normal strain E33 that a material takes without pressure at shear strains g."""
-    stretch = thickening_stretch(getattr(material, "shear_coupling", 0.0), shear_strain)
-    return 0.5 * (stretch**2 - 1.0)
+def free_stretch(material: Any, shear_strain: ArrayLike) -> np.ndarray:
+    """Return the thickness stretch that a material takes without pressure at shear strains g."""
+    return thickening_stretch(getattr(material, "shear_coupling", 0.0), shear_strain)
+
+
+def free_shear_stress(material: Any, shear_angle: ArrayLike) -> np.ndarray:
+    """Return S12 [Pa] of a material sheared by angles [rad], whose thickness nothing holds."""
+    strain = np.zeros((*np.shape(shear_angle), 6))
+    strain[..., 3] = np.sin(shear_angle)
+    strain[..., 2] = 0.5 * (free_stretch(material, strain[..., 3]) ** 2 - 1.0)
+    return material.stress_and_tangent(strain)[0][..., 3]
 
 
 def thickening_stretch(shear_coupling: float, shear_strain: ArrayLike) -> np.ndarray:

@@ -23,8 +23,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.dispatch import implements, inherit, optional
+from lcmchain.dispatch import optional
 from lcmchain.jit import equation
+from lcmchain.materials.twins import twin_of
 
 
 class ShearLocking(NamedTuple):
@@ -102,21 +103,18 @@ _locking_classes: dict[type, type] = {}
 
 
 def locking_class(law_class: Any) -> Any:
-    """Return the twin of a class of laws that locks; it answers all that the class answers so far.
-
-    It must be a global of the class's own module, under its own name: compiled kernels on disk
-    look it up there.
-    """
-    entries = [*law_class.__annotations__.items(), *ShearLocking.__annotations__.items()]
-    twin: Any = NamedTuple(f"Locking{law_class.__name__}", entries)  # type: ignore[misc]
-    twin.__doc__ = f"Parameters of :class:`{law_class.__name__}` and of :class:`ShearLocking`."
-    twin.__module__ = law_class.__module__
-    if hasattr(law_class, "remembers"):
-        setattr(twin, "remembers", law_class.remembers)  # noqa: B010
-    inherit(twin, law_class)
-    implements(locking_response, twin)(cubic_response)
-    implements(locking_tangent_slope, twin)(cubic_tangent_slope)
-    implements(locking_tangent_curvature, twin)(cubic_tangent_curvature)
+    """Return the twin of a class of laws that locks, see :func:`.twins.twin_of`."""
+    twin = twin_of(
+        law_class,
+        "Locking",
+        about=" and of :class:`ShearLocking`.",
+        entries=ShearLocking.__annotations__.items(),
+        answers={
+            locking_response: cubic_response,
+            locking_tangent_slope: cubic_tangent_slope,
+            locking_tangent_curvature: cubic_tangent_curvature,
+        },
+    )
     _locking_classes[law_class] = twin
     return twin
 

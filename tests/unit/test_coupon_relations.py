@@ -8,7 +8,8 @@ import pytest
 from lcmchain.coupons import analytic
 from lcmchain.coupons.analytic import BiasExtension, PictureFrame
 from lcmchain.errors import InputError
-from lcmchain.identification.synthetic import preset_fabric, shear_stress, strip_bending_stiffness
+from lcmchain.identification.synthetic import preset_fabric, strip_bending_stiffness
+from lcmchain.materials.shear_compaction import free_shear_stress
 
 MD600 = preset_fabric("MD600")
 THICKNESS = 1.004e-3
@@ -18,7 +19,7 @@ AREAL_WEIGHT = 0.6 * 9.81
 
 
 def md600_stress(angle):
-    return shear_stress(MD600, angle)
+    return free_shear_stress(MD600, angle)
 
 
 # Displacement [mm], shear angle [deg], force [N] for S12 = 2 C12 E12 and Table B.1.

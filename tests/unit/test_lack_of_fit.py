@@ -24,9 +24,9 @@ from lcmchain.identification.synthetic import (
     compaction_curve,
     noisy,
     preset_fabric,
-    shear_stress,
     write_coupon,
 )
+from lcmchain.materials.shear_compaction import free_shear_stress
 
 MD600 = preset_fabric("MD600")
 SPECIMEN = BiasExtension(0.32, 0.16, MD600.thickness)
@@ -123,7 +123,7 @@ def test_residuals_that_a_block_shares_widen_the_intervals():
 def pulled(angle, *, slips_at=math.inf, noise=0.01):
     """Displacement and force of MD600 whose fabric shears by a seventh of the net beyond slip."""
     sheared = np.minimum(angle, slips_at) + 0.15 * np.maximum(angle - slips_at, 0.0)
-    force = SPECIMEN.force(sheared, lambda g: shear_stress(MD600, g))
+    force = SPECIMEN.force(sheared, lambda g: free_shear_stress(MD600, g))
     return coupon(displacement=SPECIMEN.displacement(angle), force=noisy(force, noise, 5))
 
 
