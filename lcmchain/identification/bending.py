@@ -83,12 +83,43 @@ def identify_bending(
     FitRefusedError : one stiffness does not describe the strips, and ``accept`` is not given.
     """
     tests = cantilever_tests(data, areal_weight, angle)
-    strips = _strips(tests, data.file)
+    result = bending_constants(
+        tests,
+        data.file,
+        thickness=thickness,
+        areal_weight=areal_weight,
+        off_axis=off_axis,
+        inputs=inputs,
+    )
+    return accepted(result, data.file, accept)
+
+
+def bending_constants(
+    tests: Cantilever,
+    file: str,
+    *,
+    thickness: float,
+    areal_weight: float,
+    off_axis: str = "free-strip",
+    inputs: tuple = (),
+) -> Identification:
+    """Return what :func:`identify_bending` finds, with its objections, accepted or not.
+
+    Parameters
+    ----------
+    tests : in one form; file : that they are from. The others are those of that function.
+
+    Raises
+    ------
+    InputError : no strip along fibre 1 or 2, or off-axis strips that are too soft for any positive
+        C12.
+    """
+    strips = _strips(tests, file)
     per_stiffness = thickness**3 / 12.0
     stiffness = (
         bending_stiffness_from_overhang(tests.overhang, areal_weight, tests.angle) / per_stiffness
     )
-    start, warnings = _first_estimate(stiffness, tests, strips, off_axis, data.file)
+    start, warnings = _first_estimate(stiffness, tests, strips, off_axis, file)
 
     def model(theta):
         values = np.exp(theta)
@@ -123,7 +154,7 @@ def identify_bending(
     objections, holds = _objections(tests, lacks)
     if not all(along.one_stiffness for along in tests.along):
         interval_method += "; widened to the stiffnesses that the deflection curves show"
-    result = Identification(
+    return Identification(
         law="bending",
         method="heavy elastica: overhang of a strip that bends under its own weight",
         noise_model="independent errors of the overhang, relative to it and equal for all tests",
@@ -143,7 +174,6 @@ def identify_bending(
         objections=objections,
         holds=holds,
     )
-    return accepted(result, data.file, accept)
 
 
 def _lacks_of_fit(tests: Cantilever, strips: _Strips, fit: Fit) -> dict[str, LackOfFit]:

@@ -23,7 +23,7 @@ from lcmchain.coupons.analytic import (
     curve_elastica_with_tip_slope,
 )
 from lcmchain.errors import InputError
-from lcmchain.identification.bending import ALONG_FIBRE, identify_bending
+from lcmchain.identification.bending import ALONG_FIBRE, bending_constants
 from lcmchain.identification.cantilever_tests import Cantilever, cantilever_tests
 from lcmchain.identification.data import CouponData
 from lcmchain.identification.deflection_curve import length_of_line, signed_distance
@@ -46,9 +46,10 @@ def identify_bending_curve(
     accept: bool = False,
     **rest: Any,
 ) -> Identification:
-    """Identify curves of both fibre directions beside the constants of :func:`identify_bending`.
+    """Identify curves of both fibre directions beside constants of the whole strips.
 
-    Parameters are those of that function; ``data`` must be deflection curves.
+    Parameters are those of :func:`lcmchain.identification.bending.identify_bending`; ``data`` must
+    be deflection curves. That one stiffness does not describe them is no objection to a curve.
 
     Raises
     ------
@@ -62,7 +63,7 @@ def identify_bending_curve(
             "has no deflection curves, from which a curve is found; give columns x and y",
             file=data.file,
         )
-    constants = identify_bending(data, areal_weight=areal_weight, angle=angle, accept=True, **rest)
+    constants = bending_constants(tests, data.file, areal_weight=areal_weight, **rest)
     entries = dict(constants.scene_entries)
     objections: list[str] = []
     panels = list(constants.panels)
@@ -77,19 +78,11 @@ def identify_bending_curve(
         constants,
         method=f"{constants.method}; curves from the curvature along deflection curves",
         scene_entries=entries,
-        warnings=tuple(text for text in constants.warnings if not _of_one_stiffness(text)),
         panels=tuple(panels),
         objections=tuple(objections),
         holds="the points between which the strips were measured" if objections else "",
     )
     return accepted(result, data.file, accept)
-
-
-def _of_one_stiffness(warning: str) -> bool:
-    """Tell whether a warning is that one stiffness does not hold: a curve asks for none."""
-    return "M/kappa of the deflection curve" in warning or warning.startswith(
-        "a constant stiffness"
-    )
 
 
 def _points(tests: Cantilever, strips: np.ndarray, file: str) -> np.ndarray:
