@@ -65,13 +65,15 @@ def _of_body(body: Any, positions: np.ndarray, depth: np.ndarray) -> tuple[float
     """Return the force over the thickness between tools [N], and what depths hide of it."""
     elements = body.mesh.elements + body.first_node
     bottom, top = depth[elements[:, :4]], depth[elements[:, 4:]]
-    between = np.isfinite(bottom).all(axis=1) & np.isfinite(top).all(axis=1)
+    at_rest = body.material.thickness
+    # A node further away than that is pushed by another tool: one that a force guides.
+    least = -0.5 * at_rest
+    between = (bottom > least).all(axis=1) & (top > least).all(axis=1)
     if not between.any():
         return 0.0, {}
     corners = positions[elements[between]]
     area, thickness = _area_and_thickness(corners)
     hidden = bottom[between].mean(axis=1) + top[between].mean(axis=1)
-    at_rest = body.material.thickness
     pressure = nominal_pressure(body.material, thickness / at_rest)
     truly = nominal_pressure(body.material, (thickness - hidden) / at_rest)
     force = float(area @ pressure)

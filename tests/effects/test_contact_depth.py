@@ -93,6 +93,22 @@ def test_what_is_hidden_is_what_the_offsets_would_have_shown(pressed):
     assert 'contact.depth = "zero"' in warning
 
 
+def test_a_sheet_under_a_guided_tool_is_not_between_the_others():
+    """Its upper nodes are pushed by a tool that a force guides; the other one is far above them."""
+    other = """
+[[tools]]
+name = "far"
+shape = { type = "plate", side = "above" }
+position = "0 0 20 mm"
+"""
+    weight = '{ type = "guided", direction = [0, 0, -1], mass = "1 kg", ramp = "1 ms" }'
+    scene = scene_from_text(PLATES.format(motion=weight, contact='depth = "free"') + other)
+    simulation = Simulation.from_scene(scene)
+    simulation.advance_to(2e-3)
+    assert (simulation.snapshot().contact_force > 0.0).all()
+    assert hidden_compaction(simulation.model, [simulation.snapshot()]) == {}
+
+
 @pytest.mark.parametrize(
     ("change", "held"),
     [
