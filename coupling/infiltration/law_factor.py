@@ -71,6 +71,10 @@ class StackFactor:
         #: Fibre volume per area of the cells, and that of every ply (P, C) [m].
         self._fibres = part.cell("fibre_volume_fraction") * part.cell("thickness")
         self._of_plies = np.nan_to_num(np.stack(own) * np.stack(shares) * part.cell("thickness"))
+        self._families: dict[str, list[np.ndarray]] = {}
+        if law is not None:
+            self._families = {ply: _fibre_directions(part, f"{ply}_") for ply in part.ply_names}
+        self._begun: tuple[np.ndarray, np.ndarray] | None = None
 
     def __call__(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Return the factors (C,) for fibre volume fractions (C,) now and in the beginning.
@@ -79,7 +83,10 @@ class StackFactor:
         ------
         SimulationError : a fibre volume fraction is out of the range of the law.
         """
-        return self._in_plane(now) / self._in_plane(before)
+        # Every time step asks for the factor from the same beginning.
+        if self._begun is None or not np.array_equal(self._begun[0], before):
+            self._begun = before.copy(), self._in_plane(before)
+        return self._in_plane(now) / self._begun[1]
 
     def _in_plane(self, fraction: np.ndarray) -> np.ndarray:
         assert isinstance(self.compaction, StackCompaction)
@@ -99,7 +106,7 @@ class StackFactor:
             start = sum(self.part.cell(name)[cells] for name in names) if known else 1.0
             formed = self.part.cell(f"{ply}_fibre_volume_fraction")[cells]
             return start * kozeny_factor(fraction, formed)
-        families = [family[cells] for family in _fibre_directions(self.part, f"{ply}_")]
+        families = [family[cells] for family in self._families[ply]]
 
         def place(cell: int) -> str:
             return f'the ply "{ply}" of {self.part.place(int(cells[cell]))}'

@@ -131,6 +131,8 @@ class Press:
             lacking = force - float(np.sum(seen * law.pressure(thickness)))
             slope = float(np.sum(seen * law.stiffness(thickness)))
             if lacking > LEFT_OVER * scale and gap - least <= LEFT_OVER * abs(gap):
+                # A thinner textile would have to bear the rest: the law says of which cell and ply.
+                law.pressure(least - LEFT_OVER * abs(gap) + self.offset + np.zeros_like(pore))
                 break
             if abs(lacking) <= FORCE_TOLERANCE * scale or high - low <= 1e-16:
                 return Closed(thickness, np.full_like(pore, float(seen.sum()) / slope))

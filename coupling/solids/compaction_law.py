@@ -26,6 +26,8 @@ GRID = np.linspace(1.0, 0.05, 96)
 # Step of the stretch for the derivative of the law; leaves 1e-9 of it.
 DIFFERENCE = 1e-6
 MOST_ITERATIONS = 100
+#: Of a thickness: what a last step may change.
+ROUND_OFF = 16.0 * float(np.finfo(float).eps)
 
 
 class CompactionLaw(Protocol):
@@ -94,6 +96,8 @@ class CellCompaction:
         self._lift = stiffness / self.area_stretch
         carried = material.compaction_pressure(GRID)
         self._thinnest = float(GRID[int(np.argmax(carried))])
+        #: A history, and the free stretch that belongs to it.
+        self._free: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def thinnest(self) -> np.ndarray:
@@ -111,11 +115,13 @@ class CellCompaction:
         high = np.ones_like(low)
         if not len(self.history):
             return high
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            pressed = self._law(middle) > 0.0
-            low, high = np.where(pressed, middle, low), np.where(pressed, high, middle)
-        return high
+        if self._free is None or not np.array_equal(self._free[0], self.history):
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                pressed = self._law(middle) > 0.0
+                low, high = np.where(pressed, middle, low), np.where(pressed, high, middle)
+            self._free = self.history.copy(), high
+        return self._free[1]
 
     def pressure(self, thickness: np.ndarray) -> np.ndarray:
         """Return the pressure that the fibres bear (C,) [Pa]; negative where they are pulled."""
@@ -146,7 +152,7 @@ class CellCompaction:
                 f"the fibres of cell {cell} would have to bear {pressure[cell]:.4g} Pa, more than "
                 f"the law of {self.material.name} gives at any thickness"
             )
-        stretch = np.minimum(high, free)
+        stretch = high
         for _ in range(MOST_ITERATIONS):
             excess = self._pressure(stretch, free) - pressure
             low, high = (
@@ -154,11 +160,12 @@ class CellCompaction:
                 np.where(excess <= 0.0, stretch, high),
             )
             better = stretch - excess / self._slope(stretch, free)
+            # A last step within round-off may lead out of the bounds: no reason to halve them.
+            found = np.abs(better - stretch) <= ROUND_OFF * stretch
             inside = (better > low) & (better < high)
             better = np.where(inside, better, 0.5 * (low + high))
-            change = np.abs(better - stretch)
-            stretch = np.where(excess == 0.0, stretch, better)
-            if np.all((change <= 1e-15) | (excess == 0.0) | (high - low <= 1e-15)):
+            stretch = np.where(found, stretch, better)
+            if np.all(found | (high - low <= ROUND_OFF)):
                 break
         return stretch * self.thickness
 

@@ -13,14 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcmchain.coupling.solids.compaction_law import GRID, MOST_ITERATIONS, CellCompaction
+from lcmchain.coupling.solids.compaction_law import MOST_ITERATIONS, ROUND_OFF, CellCompaction
 from lcmchain.errors import SimulationError
-
-#: Of a thickness: what a last step may change, and the sum over the plies differ from it.
-ROUND_OFF = 16.0 * float(np.finfo(float).eps)
-
-#: Of the thinnest that a stack becomes, which is known to a step of the stretch.
-NEAR_THE_END = 1.0 + 2.0 * (GRID[0] - GRID[1])
 
 
 @dataclass(frozen=True)
@@ -112,7 +106,7 @@ class StackCompaction:
         SimulationError : as of :meth:`pressure`.
         """
         found = np.zeros((len(self.plies), self._count))
-        for row, ply, own in zip(found, self.plies, self._thicknesses(self.pressure(thickness))):
+        for row, ply, own in zip(found, self.plies, self._shared(thickness)[1], strict=True):
             row[ply.cells] = own
         return found
 
@@ -161,17 +155,49 @@ class StackCompaction:
             found = (moved[1] <= ROUND_OFF) & (np.abs(too_thick) <= ROUND_OFF * thickness)
             if found.all():
                 return pressure, own
-        cell = int(np.flatnonzero(~found)[0])
-        thinnest = self.thinnest[cell]
-        if thickness[cell] >= NEAR_THE_END * thinnest:
+        thinnest = self.thinnest
+        lacking = np.flatnonzero(~found & (thickness < thinnest))
+        if len(lacking):
+            cell = int(lacking[0])
             raise SimulationError(
-                f"the pressure of the plies of cell {cell} was not found at {thickness[cell]:.4g} m"
+                f"the plies of cell {cell} would have to become {thickness[cell]:.4g} m thin, but "
+                f"the law of {self._weakest(cell)} gives no more than about "
+                f"{largest[cell]:.4g} Pa, where they are {thinnest[cell]:.4g} m thick"
             )
-        raise SimulationError(
-            f"the plies of cell {cell} would have to become {thickness[cell]:.4g} m thin, but the "
-            f"law of {self._weakest(cell)} gives no more than about {largest[cell]:.4g} Pa, "
-            f"where they are {thinnest:.4g} m thick"
-        )
+        return self._under_common(thickness, pressure, (low, high), ~found)
+
+    def _under_common(
+        self,
+        thickness: np.ndarray,
+        pressure: np.ndarray,
+        bounds: tuple[np.ndarray, np.ndarray],
+        wanted: np.ndarray,
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Return what :meth:`_shared` does, by iteration on the one pressure of a cell.
+
+        Each ply has the thickness that it has under this pressure. That takes longer, and is not
+        disturbed by the end of a law, where its pressure hardly grows any more.
+
+        Parameters
+        ----------
+        pressure : to begin with, and to keep where it is not ``wanted`` (C,). bounds : of it.
+        """
+        low, high = np.where(np.isfinite(bounds[0]), bounds[0], 0.0), bounds[1]
+        pressure = np.where(wanted, 0.5 * (low + high), pressure)
+        for _ in range(MOST_ITERATIONS):
+            own = self._thicknesses(pressure)
+            too_thick = self._summed(own) - thickness
+            low = np.where(too_thick >= 0.0, pressure, low)
+            high = np.where(too_thick <= 0.0, pressure, high)
+            gives = [1.0 / ply.law.stiffness(one) for ply, one in zip(self.plies, own, strict=True)]
+            better = pressure + too_thick / self._summed(gives)
+            better = np.where((better > low) & (better < high), better, 0.5 * (low + high))
+            wanted = wanted & (np.abs(too_thick) > ROUND_OFF * thickness)
+            wanted = wanted & (np.abs(better - pressure) > ROUND_OFF * np.abs(pressure))
+            if not wanted.any():
+                break
+            pressure = np.where(wanted, better, pressure)
+        return pressure, own
 
     def _newton(
         self,
