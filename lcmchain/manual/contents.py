@@ -52,6 +52,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "accuracy-table",
         "choice-table",
         "convergence-table",
+        "regularisation-table",
         "verification",
         "benchmark-table",
         "hard-case-table",
