@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from lcmchain import __version__
+
 ROOT = Path(__file__).resolve().parents[2]
 OUTER = ("mapping", "coupling", "fmu")
 
@@ -225,6 +227,12 @@ def test_import_is_light():
         f"import sys, lcmchain; print([name for name in {heavy} if name in sys.modules])"
     )
     assert loaded.strip() == "[]"
+
+
+def test_the_package_runs_as_its_command():
+    code = "import runpy, sys; sys.argv = ['x', '--version']; "
+    told = run_python(f"{code} runpy.run_module('lcmchain', run_name='__main__')")
+    assert __version__ in told
 
 
 def test_wheel_works_outside_the_checkout(tmp_path):
