@@ -10,7 +10,7 @@ from lcmchain.materials.law import Material, Remembered, couples_shear, remember
 
 def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, tuple[bool, str]]:
     """Return (active, reason) by the name of the effect."""
-    past, options = remembered(material.law), data.options
+    past, options = _memory(material), data.options
     return {
         "thickness": (True, "both faces of the sheet have nodes"),
         "compaction": _compaction(material, options),
@@ -21,6 +21,13 @@ def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, t
         "enhanced strain": _enhanced_strain(material, data),
         "memory": (bool(past), _names(past) or "the law remembers nothing"),
     }
+
+
+def _memory(material: Material) -> tuple[Remembered, ...]:
+    """Return what the law remembers, but for what the effect "viscous shear" tells of."""
+    viscous = getattr(material, "viscous", None)
+    of_rates = () if viscous is None else viscous.memory
+    return tuple(own for own in remembered(material.law) if own not in of_rates)
 
 
 def _names(past: tuple[Remembered, ...]) -> str:
