@@ -11,6 +11,8 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from lcmchain.check import check_scene
+from lcmchain.coupons.bias_extension import bias_extension
+from lcmchain.coupons.picture_frame import picture_frame
 from lcmchain.dispatch import implements
 from lcmchain.effects.interaction import add_to_nodes, on_nodes
 from lcmchain.effects.supports import Support
@@ -340,6 +342,31 @@ def test_a_picture_frame_follows_the_closed_form_at_any_speed(rate):
     lost = work[-1] - energy["internal"] - energy["kinetic"]
     assert energy["viscous"] == pytest.approx(lost, rel=1e-3)
     assert abs(energy["balance_error"]) < 1e-3 * energy["external"]
+
+
+def test_coupons_refuse_what_their_reference_does_not_know():
+    wet, dry = scene().material, scene("").material
+    with pytest.raises(InputError, match="material.viscous: .* use lcmchain coupon picture-frame"):
+        bias_extension(wet)
+    with pytest.raises(InputError, match="--hold: lets the fabric relax, but its shear does not"):
+        picture_frame(dry, hold=0.1)
+
+
+@pytest.mark.slow
+def test_the_coupon_follows_a_machine_that_stops():
+    thinning = VISCOUS.replace(
+        "\nmaxwell", "\ncross = { time_constant = '0.1 s', exponent = 0.3 }\nmaxwell"
+    )
+    result = picture_frame(
+        scene(thinning).material, shear_angle=0.785, edge_length=0.05, speed=0.2, hold=0.3
+    )
+    pulled = [own for own in result.comparisons if "after the stop" not in own.quantity]
+    held = [own for own in result.comparisons if "after the stop" in own.quantity]
+    assert len(pulled) == 4 and len(held) > 5
+    assert max(abs(own.relative) for own in pulled) < 0.01
+    assert max(abs(own.relative) for own in held) < 0.005
+    forces = [own.value for own in held]
+    assert forces[0] > 1.05 * forces[-1] and np.all(np.diff(forces) < 0.0)
 
 
 @pytest.mark.slow
