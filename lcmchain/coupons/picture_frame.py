@@ -35,7 +35,7 @@ from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.materials.law import couples_shear
 from lcmchain.materials.shear_compaction import free_stretch
-from lcmchain.materials.viscous_shear import ViscousShear
+from lcmchain.materials.viscous_shear import ViscousShear, viscous_of
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
@@ -190,9 +190,10 @@ def picture_frame(
     (body,) = simulation.model.bodies
     free = material.thickness * free_stretch(body.material, np.sin(gamma))
     shear_stress = shear_stress_of(body.material)
-    if body.material.viscous is not None:
+    viscous = viscous_of(body.material)
+    if viscous is not None:
         at_rest, path = shear_stress, partial(_angle_at, analytic, pull)
-        of_rate = _rate_stress(body.material.viscous, recording.time[1::2], path)
+        of_rate = _rate_stress(viscous, recording.time[1::2], path)
         shear_stress = lambda angle: at_rest(angle) + of_rate  # noqa: E731
     curves = {
         "displacement [mm]": 1e3 * d[1::2],
@@ -275,7 +276,9 @@ def _shear_stress(simulation: Simulation, snapshot: Snapshot) -> float:
     (body,) = simulation.model.bodies
     past = body.element_history(simulation.model.history_of(body, snapshot.history))
     strain = np.zeros((past.shape[1], 6))
-    shear, of_rate = past[-len(body.material.viscous.memory) :][:2]
+    viscous = viscous_of(body.material)
+    assert viscous is not None
+    shear, of_rate = past[-len(viscous.memory) :][:2]
     strain[:, 3] = shear
     strain[:, 2] = 0.5 * (free_stretch(body.material, shear) ** 2 - 1.0)
     return float((body.material.stress_and_tangent(strain)[0][:, 3] + of_rate).mean())

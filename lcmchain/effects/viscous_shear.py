@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 from lcmchain.effects.effect import Effect, Switch, out_of_materials, refused, stated_by_materials
+from lcmchain.materials.viscous_shear import viscous_of
 
 SWITCH = Switch(
     entry="material.viscous",
@@ -26,7 +27,7 @@ SWITCH = Switch(
 
 def active(model: Any) -> list[Effect]:
     """Return one effect for all sheets."""
-    found = [getattr(body.material, "viscous", None) for body in model.bodies]
+    found = [viscous_of(body.material) for body in model.bodies]
     told = dict.fromkeys(viscous.in_words() for viscous in found if viscous is not None)
     reason = " and ".join(told) or "the shear does not depend on its rate"
     return [Effect("viscous shear", bool(told), reason)]

@@ -85,6 +85,11 @@ class Relaxation(NamedTuple):
     time: float
 
 
+def viscous_of(material: Any) -> ViscousShear | None:
+    """Return what resists the rate of a material's shear, None for one that does not know it."""
+    return getattr(material, "viscous", None)
+
+
 def arrhenius_factor(temperature: float, reference: float, energy: float) -> float:
     """Return the factor on all times at a temperature [K]; energy of activation [J/mol]."""
     return math.exp(energy / GAS_CONSTANT * (1.0 / temperature - 1.0 / reference))

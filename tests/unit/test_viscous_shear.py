@@ -11,6 +11,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 from lcmchain.check import check_scene
+from lcmchain.coupling.closing.textile import at_rest
 from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.picture_frame import picture_frame
 from lcmchain.dispatch import implements
@@ -342,6 +343,12 @@ def test_a_picture_frame_follows_the_closed_form_at_any_speed(rate):
     lost = work[-1] - energy["internal"] - energy["kinetic"]
     assert energy["viscous"] == pytest.approx(lost, rel=1e-3)
     assert abs(energy["balance_error"]) < 1e-3 * energy["external"]
+
+
+def test_a_closure_presses_the_fabric_without_its_rates():
+    wet = at_rest(scene().material)
+    assert type(wet.law) is FabricLaw and history_count(wet.law) == 0
+    assert wet.law == at_rest(scene("").material).law
 
 
 def test_coupons_refuse_what_their_reference_does_not_know():

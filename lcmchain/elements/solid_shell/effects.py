@@ -6,6 +6,7 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
 from lcmchain.materials.law import Material, Remembered, couples_shear, remembered
+from lcmchain.materials.viscous_shear import viscous_of
 
 
 def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, tuple[bool, str]]:
@@ -25,7 +26,7 @@ def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, t
 
 def _memory(material: Material) -> tuple[Remembered, ...]:
     """Return what the law remembers, but for what the effect "viscous shear" tells of."""
-    viscous = getattr(material, "viscous", None)
+    viscous = viscous_of(material)
     of_rates = () if viscous is None else viscous.memory
     return tuple(own for own in remembered(material.law) if own not in of_rates)
 
