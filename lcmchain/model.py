@@ -32,11 +32,11 @@ from lcmchain.elements.solid_shell.together import kinds_of
 from lcmchain.errors import InputError
 from lcmchain.interfaces.surfaces import PlyContact, build_interfaces
 from lcmchain.interfaces.table import Interface
-from lcmchain.materials.law import Material, history_count
+from lcmchain.materials.law import Material, history_count, knows_step
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.cells import by_node
 from lcmchain.scene import Contact, Element, Process
-from lcmchain.scene.found_time import require_time_for_fluid
+from lcmchain.scene.found_time import require_time_for_fluid, require_time_for_rates
 from lcmchain.scene.plies import RESERVED_NAMES
 from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
@@ -255,6 +255,11 @@ class Model:
         """Whether any law has a memory."""
         return any(history_count(body.material.law) for body in self.bodies)
 
+    @property
+    def resists_rates(self) -> bool:
+        """Whether the stress of any law depends on the rate of the strain."""
+        return any(knows_step(body.material.law) for body in self.bodies)
+
     def renew(
         self, positions: np.ndarray, history: np.ndarray, counted_at: np.ndarray | None = None
     ) -> float:
@@ -392,6 +397,10 @@ def assemble_bodies(
     """
     _require_names([sheet.name for sheet in sheets])
     require_time_for_fluid(time_is_found=finds_pace, pore_pressure=pore_pressure)
+    require_time_for_rates(
+        time_is_found=finds_pace,
+        resists_rates=any(knows_step(sheet.material.law) for sheet in sheets),
+    )
     bodies: list[Body] = []
     first_node = first_element = 0
     for name, mesh, material, element in sheets:

@@ -42,7 +42,8 @@ RESOLVED = 4  # when it last found that the mesh follows the deformation [s]
 PACE = 5  # time of the process that passes in a time of the sheet
 SHEET_TIME = 6  # time of the sheet: the sum of its steps [s]
 MEAN_KINETIC = 7  # running mean of the kinetic energy where the pace is found [J]
-CLOCK_ENTRIES = 8
+DAMPING_RATE = 8  # bound of the rate c/m of what resists the rate of the strain [1/s]
+CLOCK_ENTRIES = 9
 
 # Entries of ``State.counters``.
 STEPS = 0  # made so far
@@ -66,8 +67,8 @@ PEAK_ENTRIES = 2
 # named as in :meth:`lcmchain.solver.simulation.Simulation.energy`; the mass damping is the part of
 # ``damping`` that is not contact damping. The last step is in the time of the process.
 SAMPLED_ENERGIES = (
-    "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "damping", "external",
-    "balance_error", "mass_damping",
+    "kinetic", "internal", "hourglass", "contact", "friction", "inelastic", "viscous", "damping",
+    "external", "balance_error", "mass_damping",
 )  # fmt: skip
 SAMPLE_COLUMNS = ("time", "sheet_time", "last_step", *SAMPLED_ENERGIES)
 TOOL_SAMPLE_COLUMNS = (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from lcmchain.coupling.infiltration.formed_part import FormedPart
@@ -38,8 +40,13 @@ def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
     fraction, thickness = part.cell("fibre_volume_fraction"), part.cell("thickness")
     if part.ply_names:
         return _of_stack(part, str(text), thickness)
-    material = formed_material(str(text)).build()
+    material = at_rest(formed_material(str(text)))
     return of_cells(material, material.fibre_density * fraction * thickness)
+
+
+def at_rest(table: Any) -> Any:
+    """Return the law of a material's table without what resists a rate of shear: none is left."""
+    return (table.without_viscosity() if table.resists_rates else table).build()
 
 
 def _of_stack(part: FormedPart, text: str, thickness: np.ndarray) -> StackCompaction:
@@ -64,7 +71,7 @@ def _of_stack(part: FormedPart, text: str, thickness: np.ndarray) -> StackCompac
                 file=part.file,
             )
         cells = np.flatnonzero(covered > 0.0)
-        material = tables[name].build()
+        material = at_rest(tables[name])
         fraction = part.cell(f"{name}_fibre_volume_fraction")
         areal_mass = material.fibre_density * fraction * share * thickness
         law = of_cells(material, areal_mass[cells], covered[cells])

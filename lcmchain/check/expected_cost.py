@@ -25,6 +25,7 @@ import numpy as np
 from lcmchain.check.machine_speed import Speed, machine_speed
 from lcmchain.interfaces.laws.viscous_film import ViscousFilm
 from lcmchain.model import Model
+from lcmchain.solver.simulation import VISCOUS_FABRIC
 from lcmchain.tools.distance import PLANE
 from lcmchain.tools.motion import GUIDED, prescribed_travel
 
@@ -79,10 +80,12 @@ def estimate_run(model: Model, refinement: float = 1.0) -> Estimate:
     speed = machine_speed(model)
     element_count = model.element_count * refinement**2
     total = float(start.max()) + contact + plies.omega2
-    critical_step = float(1.0 / _steps_per_second(total, plies.rate))
+    fabric = damping_of_fabric(model, refinement)
+    critical_step = float(1.0 / _steps_per_second(total, plies.rate + fabric))
     controlled_by = max(causes, key=causes.__getitem__)
     if critical_step < 1.0 / math.sqrt(total):  # what resists a speed makes more of it
-        controlled_by = f"damping by {plies.damped_by}"
+        by_plies = plies.rate > fabric
+        controlled_by = f"damping by {plies.damped_by if by_plies else VISCOUS_FABRIC}"
     return Estimate(
         critical_step=critical_step,
         step_count=counts[0],
@@ -97,7 +100,8 @@ def _step_count(
     model: Model, contact: float, plies: PliesBound, shear_angle: float, refinement: float
 ) -> int:
     omega2 = omega2_over_time(model, shear_angle, refinement).max(axis=0) + contact + plies.omega2
-    mean = np.trapezoid(_steps_per_second(omega2, plies.rate), dx=1.0 / (TIMES - 1))
+    rate = plies.rate + damping_of_fabric(model, refinement)
+    mean = np.trapezoid(_steps_per_second(omega2, rate), dx=1.0 / (TIMES - 1))
     return math.ceil(model.process_time / model.step_safety * mean)
 
 
@@ -139,6 +143,15 @@ def contact_between_plies(model: Model, refinement: float = 1.0) -> PliesBound:
     if data.sliding_rate > of_springs:
         damped_by = " and ".join(films) or "a law between plies that resists the speed of sliding"
     return PliesBound(omega2, of_springs + data.sliding_rate, CONTACT_OF_PLIES, damped_by)
+
+
+def damping_of_fabric(model: Model, refinement: float = 1.0) -> float:
+    """Return the rate of damping, c/m [1/s], by what resists the rate of the shear, unsheared.
+
+    refinement : as for :func:`estimate_run`.
+    """
+    rates = [body.reference_frequencies().damping_rate for body in model.bodies]
+    return max(rates) * refinement**2
 
 
 def omega2_over_time(model: Model, shear_angle: float, refinement: float = 1.0) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from lcmchain.effects import viscous_shear
 from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.quantities.rounded import two_digits
 from lcmchain.scene import Scene, left_out_of
@@ -45,7 +46,7 @@ def scene_warnings(scene: Scene) -> list[str]:
             "nothing moves: no tool is driven, there is no [[pressure]], and process.gravity is "
             "false"
         )
-    found += _drag_of_added_mass(scene)
+    found += _drag_of_added_mass(scene) + viscous_shear.remarks(scene)
     for tool in scene.tools:
         found += tool.motion.remarks(tool.name, process.time)
         found += _of_shape(tool, stack)

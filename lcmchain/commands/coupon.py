@@ -53,10 +53,19 @@ def coupon_picture_frame(
     side: Annotated[str, typer.Option(help="Side length of frame and fabric.")] = "200 mm",
     shear_angle: Annotated[str, typer.Option(help="Shear angle at the end.")] = "64 deg",
     edge_length: EdgeLength = "10 mm",
+    speed: Annotated[
+        str | None,
+        typer.Option(help="Speed of the machine along the diagonal; half a second without."),
+    ] = None,
+    hold: Annotated[
+        str | None, typer.Option(help="Time that the frame then stands still, for relaxation.")
+    ] = None,
     overrides: Overrides = None,
 ) -> None:
     """Shear a square in a hinged frame: force along the diagonal and along the sides."""
     sizes = {"--side": side, "--shear-angle": shear_angle, "--edge-length": edge_length}
+    more = {"--speed": speed, "--hold": hold}
+    sizes |= {option: text for option, text in more.items() if text is not None}
     _run_coupon("picture_frame", scene, overrides, out, sizes)
 
 

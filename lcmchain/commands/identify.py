@@ -69,6 +69,25 @@ def identify_shear(
     )  # fmt: skip
 
 
+@identify_app.command("viscous")
+def identify_viscous(
+    data: CouponFile,
+    out: CouponFolder = None,
+    side: Annotated[str | None, _size("--side", "200 mm")] = None,
+    thickness: FabricThickness = None,
+    noise_floor: NoiseFloor = 0.01,
+    accept: Accept = False,
+) -> None:
+    """Shear polynomial and viscosity from picture frames: displacement, force, speed."""
+    from lcmchain.identification.from_file import identify_viscous_file
+
+    sizes = {"side": side, "thickness": thickness}
+    _report_identification(
+        data, out,
+        lambda: identify_viscous_file(data, sizes, noise_floor=noise_floor, accept=accept),
+    )  # fmt: skip
+
+
 @identify_app.command("compaction")
 def identify_compaction(
     data: CouponFile,

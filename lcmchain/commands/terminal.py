@@ -85,11 +85,22 @@ def time_of(option: str, text: str) -> float:
 
 
 def quantity(option: str, text: str, dimension: Dimension | None = None) -> float:
-    """Return a positive quantity in SI; by default a length, pressure or angle as the option."""
-    from lcmchain.quantities.units import ANGLE, LENGTH, PRESSURE, QuantityError, parse_quantity
+    """Return a positive quantity in SI; by default of the dimension that the option has."""
+    from lcmchain.quantities.units import (
+        ANGLE,
+        LENGTH,
+        PRESSURE,
+        SPEED,
+        TIME,
+        QuantityError,
+        parse_quantity,
+    )
 
     if dimension is None:
-        kinds = {"--pressure": PRESSURE, "--shear-angle": ANGLE, "--angle": ANGLE}
+        kinds = {
+            "--pressure": PRESSURE, "--shear-angle": ANGLE, "--angle": ANGLE, "--speed": SPEED,
+            "--hold": TIME,
+        }  # fmt: skip
         dimension = kinds.get(option, LENGTH)
     try:
         value = parse_quantity(text, dimension)

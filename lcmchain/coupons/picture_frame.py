@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -29,18 +30,25 @@ from lcmchain.coupons.specimen import (
     shear_stress_of,
 )
 from lcmchain.effects.supports import Support
+from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.materials.law import couples_shear
 from lcmchain.materials.shear_compaction import free_stretch
+from lcmchain.materials.viscous_shear import ViscousShear, viscous_of
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
 from lcmchain.scene.plies import PlySettings
+from lcmchain.solver.simulation import Simulation, Snapshot
 
 # Slow enough that inertia and damping add less than half a percent to the force.
 DURATION = 0.5  # [s]
+# Part of the pull in which it comes to its speed.
+START = 0.2
+# Steps in which the law of a fabric that resists rates is followed along the pull.
+PATH_STEPS = 4000
 MASS_DAMPING = 20.0  # [1/s]
 COMPARED_AT = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)  # shear angles [deg]
 # Curve, its unit, and where the reference comes from.
@@ -54,9 +62,11 @@ class PictureFrameTest:
     Parameters
     ----------
     shear_angle : of the frame at the end [rad].
+    hold : time at the end of the process that the frame stands still [s].
     """
 
     shear_angle: float = math.radians(64.0)
+    hold: float = 0.0
 
     name: ClassVar[str] = "picture-frame"
     driven_by: ClassVar[tuple[str, Dimension]] = ("shear_angle", ANGLE)
@@ -74,14 +84,15 @@ material = {{ preset = "MD600" }}
     def pull(self, scene: Scene) -> SteadyPull:
         """Return the travel along the diagonal over the process of a scene."""
         distance = float(_net(scene).displacement(self.shear_angle))
-        return SteadyPull(distance, scene.process.time, 0.2 * scene.process.time)
+        duration = scene.process.time - self.hold
+        return SteadyPull(distance, duration, START * duration)
 
     def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
         """Return what holds the square: its sides, which turn about its corners."""
         net, pull, half_side = _net(scene), self.pull(scene), 0.5 * _square(scene).blank.extent[0]
 
         def hinged(time: float) -> np.ndarray:
-            half = 0.5 * float(net.shear_angle(pull.travel(time)))
+            half = 0.5 * float(net.shear_angle(pull.travel(min(time, pull.duration))))
             c, s = math.cos(half), math.sin(half)
             return np.array([[c, s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
@@ -94,11 +105,13 @@ material = {{ preset = "MD600" }}
     def force(self, scene: Scene, recording: Recording) -> np.ndarray:
         """Return the force along the diagonal [N], means over every other frame's interval.
 
-        The frame has no net force: its force on the machine is work per travel.
+        The frame has no net force: its force on the machine is work per travel. Where it stands
+        still there is none.
         """
         pull = self.pull(scene)
-        travel = np.array([pull.travel(t) for t in recording.time[::2]])
-        return np.diff(recording.work[::2]) / np.diff(travel)
+        travel = np.array([pull.travel(min(t, pull.duration)) for t in recording.time[::2]])
+        way = np.diff(travel)
+        return np.diff(recording.work[::2]) / np.where(way > 0.0, way, math.nan)
 
 
 def _net(scene: Scene) -> PictureFrame:
@@ -116,37 +129,59 @@ def picture_frame(
     side: float = 0.2,
     shear_angle: float = math.radians(64.0),
     edge_length: float = 10e-3,
+    speed: float | None = None,
+    hold: float = 0.0,
     progress: Progress | None = None,
 ) -> CouponResult:
     """Simulate a picture-frame test.
+
+    Of a fabric that resists the rate of its shear (``material.viscous``) the reference is its law
+    along the angle of the frame over time.
 
     Parameters
     ----------
     material : material of a scene; element : its element options.
     side : of the frame, which the fabric fills [m]; shear_angle : at the end [rad].
     edge_length : of the elements [m].
+    speed : of the machine [m/s], by default one that takes half a second.
+    hold : time that the frame stands still in the end, while the fabric relaxes [s].
 
     Raises
     ------
-    InputError : the material is no fabric.
+    InputError : the material is no fabric, or is held although nothing in it relaxes.
     """
-    require_fabric(material)
+    require_fabric(material, knows_rates=True)
+    if hold > 0.0 and not material.resists_rates:
+        raise InputError(
+            "lets the fabric relax, but its shear does not depend on its rate; state "
+            "material.viscous, or leave it out",
+            key="--hold",
+        )
     analytic = PictureFrame(side, material.thickness)
-    test = PictureFrameTest(shear_angle)
+    test = PictureFrameTest(shear_angle, hold)
+    duration = DURATION
+    if speed is not None:
+        duration = float(analytic.displacement(shear_angle)) / (speed * (1.0 - 0.5 * START))
     scene = Scene(
         title=f"Picture frame of {material.name}, {math.degrees(shear_angle):.3g}°",
         material=material,
         element=element or Element(),
-        process={"time": DURATION, "frames": FRAMES, "mass_damping": MASS_DAMPING},
+        process={"time": duration + hold, "frames": FRAMES, "mass_damping": MASS_DAMPING},
         blank={"size": (side, side), "edge_length": edge_length},
     )
 
     simulation, recording = record(scene, test.supports(scene), progress=progress)
     everywhere = np.ones(simulation.model.element_count, dtype=bool)
     pull, force = test.pull(scene), test.force(scene, recording)
-    d = np.array([pull.travel(t) for t in recording.time])
+    d = np.array([pull.travel(min(t, pull.duration)) for t in recording.time])
     gamma = analytic.shear_angle(d[1::2])
     edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
+    # where the frame stands still, of the stress in the fabric
+    still = np.isnan(force)
+    for k in np.flatnonzero(still):
+        stress = _shear_stress(simulation, recording.snapshots[2 * k + 1])
+        edge_force[k] = side * material.thickness * stress
+        force[k] = 2.0 * edge_force[k] * math.cos(0.25 * np.pi - 0.5 * gamma[k])
     measured, thickness = (
         mean_field(simulation, recording.snapshots[1::2], field, everywhere)
         for field in ("shear_angle", "thickness")
@@ -155,6 +190,11 @@ def picture_frame(
     (body,) = simulation.model.bodies
     free = material.thickness * free_stretch(body.material, np.sin(gamma))
     shear_stress = shear_stress_of(body.material)
+    viscous = viscous_of(body.material)
+    if viscous is not None:
+        at_rest, path = shear_stress, partial(_angle_at, analytic, pull)
+        of_rate = _rate_stress(viscous, recording.time[1::2], path)
+        shear_stress = lambda angle: at_rest(angle) + of_rate  # noqa: E731
     curves = {
         "displacement [mm]": 1e3 * d[1::2],
         "force [N]": force,
@@ -165,8 +205,9 @@ def picture_frame(
         "analytic shear angle [deg]": np.degrees(gamma),
         "analytic edge shear force [N]": analytic.edge_shear_force(gamma, shear_stress),
         "analytic thickness [mm]": 1e3 * free,
+        **({"time [s]": recording.time[1::2]} if material.resists_rates else {}),
     }
-    angles = curves["analytic shear angle [deg]"]
+    angles = curves["analytic shear angle [deg]"][~still]
     frames = FrameSeries.from_snapshots(recording.snapshots[::4], ())
     energy = recording.energy
     return CouponResult(
@@ -174,20 +215,32 @@ def picture_frame(
         settings={
             "specimen": f"{1e3 * side:g} mm x {1e3 * side:g} mm",
             "elements": f"{simulation.model.element_count} elements of {1e3 * edge_length:g} mm",
-            "duration": f"{1e3 * DURATION:g} ms",
+            "duration": f"{1e3 * duration:g} ms",
+            **({"then held": f"{1e3 * hold:g} ms"} if hold > 0.0 else {}),
         },
         curves=curves,
         comparisons=tuple(
             Comparison(
                 f"{name} at {angle:g}°",
                 unit,
-                float(np.interp(angle, angles, curves[f"{name} [{unit}]"])),
-                float(np.interp(angle, angles, curves[f"analytic {name} [{unit}]"])),
+                float(np.interp(angle, angles, curves[f"{name} [{unit}]"][~still])),
+                float(np.interp(angle, angles, curves[f"analytic {name} [{unit}]"][~still])),
                 origin,
             )
             for name, unit, origin in COMPARED[0 if couples_shear(body.material) else 1 :]
             for angle in COMPARED_AT
             if angle <= angles[-1]
+        )
+        + tuple(
+            Comparison(
+                f"edge shear force {1e3 * (time - duration):.4g} ms after the stop",
+                "N",
+                float(curves["edge shear force [N]"][k]),
+                float(curves["analytic edge shear force [N]"][k]),
+                "L t0 S12",
+            )
+            for k, time in enumerate(recording.time[1::2])
+            if still[k]
         ),
         draw=lambda path: _draw(path, curves, scene.title),
         datasets=build_datasets(scene, body.mesh, frames, material=body.material),
@@ -198,6 +251,37 @@ def picture_frame(
             "damping_to_external": energy["damping"][-1] / energy["external"][-1],
         },
     )
+
+
+def _angle_at(net: PictureFrame, pull: SteadyPull, time: float) -> float:
+    """Return the shear angle of the frame [rad] at a time [s]."""
+    return float(net.shear_angle(pull.travel(min(time, pull.duration))))
+
+
+def _rate_stress(
+    viscous: ViscousShear, times: np.ndarray, angle: Callable[[float], float]
+) -> np.ndarray:
+    """Return what the rate adds to S12 [Pa] at times [s], along the angle of the frame."""
+    steps = np.linspace(0.0, times[-1], PATH_STEPS + 1)[1:]
+    memory, stress = np.zeros(len(viscous.memory)), []
+    for time in steps:
+        memory = viscous.in_step(math.sin(angle(float(time))), memory, float(steps[0]))
+        stress.append(memory[1])
+    # the dashpot is that of the middle of a step
+    return np.interp(times, steps - 0.5 * steps[0], stress)
+
+
+def _shear_stress(simulation: Simulation, snapshot: Snapshot) -> float:
+    """Return the mean S12 [Pa] of a sheet whose law resists rates, and that nothing presses."""
+    (body,) = simulation.model.bodies
+    past = body.element_history(simulation.model.history_of(body, snapshot.history))
+    strain = np.zeros((past.shape[1], 6))
+    viscous = viscous_of(body.material)
+    assert viscous is not None
+    shear, of_rate = past[-len(viscous.memory) :][:2]
+    strain[:, 3] = shear
+    strain[:, 2] = 0.5 * (free_stretch(body.material, shear) ** 2 - 1.0)
+    return float((body.material.stress_and_tangent(strain)[0][:, 3] + of_rate).mean())
 
 
 def _draw(path: Path, curves, title: str) -> None:

@@ -70,13 +70,21 @@ class Recording(NamedTuple):
         return {name: np.array([s.energy[name] for s in self.snapshots]) for name in names}
 
 
-def require_fabric(material: AnyMaterial) -> None:
+def require_fabric(material: AnyMaterial, *, knows_rates: bool = False) -> None:
     """Refuse materials of which the analytic solution of a coupon knows nothing.
+
+    knows_rates : whether it knows a shear that depends on its rate.
 
     Raises
     ------
-    InputError : the material is no fabric.
+    InputError : the material is no fabric, or one whose shear depends on its rate.
     """
+    if material.resists_rates and not knows_rates:
+        raise InputError(
+            "makes the shear depend on its rate, of which the analytic solution of this coupon "
+            "knows nothing; use lcmchain coupon picture-frame, or leave the table out",
+            key="material.viscous",
+        )
     if material.law != "fabric":
         raise InputError(
             f'is "{material.law}"; this coupon is compared with the analytic solution of a '

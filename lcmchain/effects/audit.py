@@ -32,6 +32,7 @@ from lcmchain.effects import (
     thickness,
     tool_motion,
     transverse_shear,
+    viscous_shear,
 )
 from lcmchain.effects.effect import Effect, Switch
 
@@ -47,6 +48,7 @@ EFFECTS = (
     enhanced_strain,
     memory,
     shear_locking,
+    viscous_shear,
     pore_pressure,
     face_pressure,
     contact,

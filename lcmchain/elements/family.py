@@ -75,11 +75,13 @@ class ReferenceFrequencies(NamedTuple):
     at_nodes : of that at usual nodes of elements whose bound adds up both families of fibres at the
         nodes, 0 without such elements; it grows by 1 + sin γ where the sheet shears by γ.
     over_thickness : of the wave over the thickness; 0 without one.
+    damping_rate : of what resists the rate of the shear, c/m [1/s], which lags half a step.
     """
 
     in_plane: float
     at_nodes: float
     over_thickness: float
+    damping_rate: float = 0.0
 
 
 class Body(Protocol):
@@ -177,6 +179,9 @@ class Body(Protocol):
     def dissipated_energy(self, history: np.ndarray) -> float:
         """Return what the law has dissipated so far [J]; 0 without memory."""
 
+    def viscous_energy(self, history: np.ndarray) -> float:
+        """Return what the rate of the strain has dissipated so far [J]; 0 for a law without."""
+
     def no_history(self) -> np.ndarray:
         """Return the history values of the body, in blocks, before anything has happened."""
 
@@ -193,6 +198,9 @@ class Body(Protocol):
 
         mass : (node_count,) of the whole model [kg].
         """
+
+    def damping_rate(self, positions: np.ndarray, history: np.ndarray) -> float:
+        """Return the largest rate c/m [1/s] of what resists a rate; 0 for a law without."""
 
     def reference_frequencies(self) -> ReferenceFrequencies:
         """Return ω² of the undeformed sheet by what governs it, without compiled code.

@@ -61,6 +61,8 @@ class Histories:
         energies = set(SAMPLED_ENERGIES)
         if not model.history_size:
             energies.discard("inelastic")
+        if not model.resists_rates:
+            energies.discard("viscous")
         return cls(
             time=common["time"],
             sheet_time=None if model.pace is None else common["sheet_time"],

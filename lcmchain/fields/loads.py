@@ -46,7 +46,7 @@ AT_REST = 0.01
 
 #: Parts of the force of a tool, and the energies that they follow from, with their signs.
 PARTS = {
-    "sheet_N": ("internal", "hourglass", "inelastic"),
+    "sheet_N": ("internal", "hourglass", "inelastic", "viscous"),
     "friction_N": ("friction",),
     "contact_N": ("contact", "contact_damping"),
     "damping_N": ("mass_damping",),

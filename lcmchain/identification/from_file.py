@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lcmchain.coupons.analytic import BiasExtension, load_parameter_at_chord_angle
+from lcmchain.coupons.analytic import BiasExtension, PictureFrame, load_parameter_at_chord_angle
 from lcmchain.errors import InputError
 from lcmchain.identification import (
     bending,
@@ -19,6 +19,7 @@ from lcmchain.identification import (
     compaction,
     shear,
     sheared_compaction,
+    viscous_shear,
 )
 from lcmchain.identification.data import read_coupon
 from lcmchain.identification.result import Identification
@@ -38,6 +39,7 @@ from lcmchain.tools.motion import STANDARD_GRAVITY
 SIZES: dict[str, tuple[Dimension, Any, str]] = {
     "length": (LENGTH, "320 mm", "default, paper section 3.2.1"),
     "width": (LENGTH, "160 mm", "default, paper section 3.2.1"),
+    "side": (LENGTH, "200 mm", "default, lcmchain coupon picture-frame"),
     "thickness": (LENGTH, MD600["thickness"], "default, MD600"),
     "areal_mass": (AREAL_MASS, MD600["areal_mass"], "default, MD600"),
     "fibre_density": (DENSITY, MD600["fibre_density"], "default, MD600"),
@@ -76,6 +78,31 @@ def identify_shear_file(
     return shear.identify_shear(
         data, specimen, method=method, convention=convention, noise_floor=noise_floor,
         inputs=_with_file(inputs, data), accept=accept,
+    )  # fmt: skip
+
+
+def identify_viscous_file(
+    path: Path,
+    sizes: Mapping[str, str | None],
+    *,
+    noise_floor: float = 0.01,
+    accept: bool = False,
+) -> Identification:
+    """Identify shear polynomial and viscosity from a file; ``sizes``: side, thickness as text.
+
+    ``accept`` takes the fit as it is where the law does not describe the data.
+
+    Raises
+    ------
+    InputError : a wrong file or size.
+    FitRefusedError : the law does not describe the data, and ``accept`` is not given.
+    """
+    _require_fraction("--noise-floor", noise_floor)
+    values, inputs = _sizes(sizes, ("side", "thickness"))
+    data = read_coupon(path, viscous_shear.COLUMNS, minimum_rows=viscous_shear.MINIMUM_ROWS)
+    return viscous_shear.identify_viscous_shear(
+        data, PictureFrame(**values), noise_floor=noise_floor, inputs=_with_file(inputs, data),
+        accept=accept,
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ SHOWN_UNITS = {
     "Pa": ("MPa", 1e-6),
     "N*m": ("N*mm", 1e3),
     "m": ("mm", 1e3),
+    "Pa*s": ("Pa*s", 1.0),
     "1": ("", 1.0),
 }
 # Half an interval this large, relative to the value, leaves a parameter undetermined.
@@ -81,7 +82,7 @@ class Identification:
 
     Attributes
     ----------
-    law : ``"shear"``, ``"compaction"`` or ``"bending"``.
+    law : ``"shear"``, ``"viscous shear"``, ``"compaction"`` or ``"bending"``.
     method : how, in words.
     noise_model : what the intervals assume about the errors of the measurement.
     interval_method : how the intervals were found.

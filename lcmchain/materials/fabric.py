@@ -33,6 +33,7 @@ from lcmchain.materials.compaction import (
     linear_where_constant,
 )
 from lcmchain.materials.law import (
+    Step,
     bending_stiffness,
     hourglass_tangent,
     implements,
@@ -65,6 +66,14 @@ from lcmchain.materials.shear_locking import (
     with_locking,
 )
 from lcmchain.materials.table import MaterialTable
+from lcmchain.materials.viscous_shear import (
+    ViscousShear,
+    let_resist_rates,
+    stress_of_step,
+    with_viscous,
+    with_viscous_shear,
+)
+from lcmchain.materials.viscous_table import ViscousTable
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -174,6 +183,7 @@ def fabric_response(law, E, history):
     sheared = thickening(law, E[2], E[3])
     S33, C33 = compaction_stress_and_tangent(law, strain_of(sheared, E[2]))
     S33, C33, S12, C12 = with_thickening(sheared, S33, C33, S12, C12)
+    S12, C12 = with_viscous_shear(law, S12, C12, E[3], history)
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
@@ -267,6 +277,26 @@ BentLinearLockingFabricLaw = bent_class(LinearLockingFabricLaw)
 BentLinearCoupledFabricLaw = bent_class(LinearCoupledFabricLaw)
 BentLinearLockingCoupledFabricLaw = bent_class(LinearLockingCoupledFabricLaw)
 
+# and all of them for fabric whose shear depends on its rate
+let_resist_rates(
+    FabricLaw,
+    CoupledFabricLaw,
+    LockingFabricLaw,
+    LockingCoupledFabricLaw,
+    LinearFabricLaw,
+    LinearLockingFabricLaw,
+    LinearCoupledFabricLaw,
+    LinearLockingCoupledFabricLaw,
+    BentFabricLaw,
+    BentCoupledFabricLaw,
+    BentLockingFabricLaw,
+    BentLockingCoupledFabricLaw,
+    BentLinearFabricLaw,
+    BentLinearLockingFabricLaw,
+    BentLinearCoupledFabricLaw,
+    BentLinearLockingCoupledFabricLaw,
+)
+
 
 class Fabric:
     """A fabric as the rest of the program sees it: the law, its energy, and its constants.
@@ -284,6 +314,7 @@ class Fabric:
         bending out of it.
     shear_coupling : β of :mod:`lcmchain.materials.shear_compaction`.
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
+    viscous : what resists the rate of the shear, None for a law that does not know it.
     """
 
     is_diagonal = True
@@ -304,9 +335,11 @@ class Fabric:
         in_plane_bending: float = 0.0,
         shear_coupling: float = 0.0,
         bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
+        viscous: ViscousShear | None = None,
     ) -> None:
         law = linear_where_constant(with_locking(with_coupling(law, shear_coupling), locking))
-        self.law = law = with_curves(law, bending_curves, thickness)
+        self.law = law = with_viscous(with_curves(law, bending_curves, thickness), viscous)
+        self.viscous = viscous
         self.shear_coupling = shear_coupling
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
@@ -517,8 +550,42 @@ class Fabric:
         return curvature * np.where(compressed, cubic, 0.0)
 
     def membrane_energy(self, E: ArrayLike, history: np.ndarray | None = None) -> np.ndarray:
-        """Return the stored energy density W^M [J/m³] of the centre strain E (..., 6)."""
-        return self._energy_in_plane(E) + self._compaction_energy(self._seen(np.asarray(E)))
+        """Return the stored energy density W^M [J/m³] of the centre strain E (..., 6).
+
+        Maxwell elements store what their moments in the history (history_count, ...) say.
+        """
+        stored = self._energy_in_plane(E) + self._compaction_energy(self._seen(np.asarray(E)))
+        return stored + self._relaxing_energy(history)
+
+    def _relaxing_energy(self, history: np.ndarray | None) -> ArrayLike:
+        """Return what Maxwell elements store [J/m³]."""
+        if self.viscous is None or history is None:
+            return 0.0
+        return self.viscous.stored(history[len(history) - len(self.viscous.terms) :])
+
+    def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
+        """Return what the law has dissipated [J/m³] but by its viscosity: nothing."""
+        return np.zeros(np.shape(history)[1:])
+
+    def viscous_energy(self, history: np.ndarray) -> np.ndarray:
+        """Return what the rate of the shear has dissipated [J/m³]; history (history_count, ...)."""
+        if self.viscous is None:
+            return np.zeros(np.shape(history)[1:])
+        lost: np.ndarray = history[len(history) - len(self.viscous.terms) - 1]
+        return lost
+
+    def rate_stress(self, E: np.ndarray, history: np.ndarray, step: Step) -> np.ndarray:
+        """Return the part of S^M (..., 6) that depends on the step that leads to E (..., 6)."""
+        if self.viscous is None:
+            return np.zeros(np.shape(E))
+        return stress_of_step(self.viscous, E, history, step)
+
+    def viscosity(self, E: np.ndarray) -> np.ndarray:
+        """Return the viscosities (..., 6) [Pa s] that bound the step at E (..., 6)."""
+        found = np.zeros(np.shape(E))
+        if self.viscous is not None:
+            found[..., 3] = self.viscous.bound(np.asarray(E)[..., 3])
+        return found
 
     def _energy_in_plane(self, E: ArrayLike) -> np.ndarray:
         """Return W^M without that of the compaction."""
@@ -746,6 +813,9 @@ class FabricMaterial(MaterialTable):
     membrane: FabricMembrane
     compaction: FabricCompaction
     bending: FabricBending
+    viscous: Annotated[
+        ViscousTable | None, AbsentMeans("the shear does not depend on its rate")
+    ] = Field(default=None, description="What resists the rate of the shear, in wet fabric.")
 
     @model_validator(mode="after")
     def _check_fibre_volume_fraction(self) -> Self:
@@ -784,6 +854,14 @@ class FabricMaterial(MaterialTable):
     def without_locking(self) -> Self:
         """Return the fabric whose shear law goes on beyond the locking angle."""
         return self._with("membrane", locking_angle=None, locking_stiffness=None)
+
+    @property
+    def resists_rates(self) -> bool:
+        return self.viscous is not None
+
+    def without_viscosity(self) -> Self:
+        """Return the fabric whose shear does not depend on its rate."""
+        return self.model_copy(update={"viscous": None})
 
     def without_in_plane_bending(self) -> Self:
         """Return the fabric whose fibres have no stiffness against bending within the plane."""
@@ -835,6 +913,7 @@ class FabricMaterial(MaterialTable):
             "in_plane_bending": self.bending.in_plane,
             "shear_coupling": self.compaction.shear_coupling,
             "bending_curves": self.bending.curves,
+            "viscous": None if self.viscous is None else self.viscous.viscous,
         }
 
     def remarks(self) -> list[str]:

@@ -67,6 +67,11 @@ from lcmchain.materials.shear_compaction import (
     with_thickening,
 )
 from lcmchain.materials.shear_locking import locking_class
+from lcmchain.materials.viscous_shear import (
+    evolved_viscous_shear,
+    let_resist_rates,
+    with_viscous_shear,
+)
 from lcmchain.quantities.entry_types import Number, Range
 
 FabricWithSetLaw = NamedTuple(
@@ -110,6 +115,7 @@ def response(law, E, history):
     S12, C12 = shear_stress_and_tangent(law, E[3])
     S33, C33 = compaction_stress_and_tangent(law, strain)
     S33, C33, S12, C12 = with_thickening(sheared, S33, stiffening * C33, S12, C12)
+    S12, C12 = with_viscous_shear(law, S12, C12, E[3], history)
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
@@ -152,7 +158,8 @@ def coupling(law, E, history):
 @implements(evolved_history, FabricWithSetLaw)
 @equation
 def evolved(law, E, history):
-    return (min(strain_of(thickening(law, E[2], E[3]), E[2]), history[0]),)
+    most = min(strain_of(thickening(law, E[2], E[3]), E[2]), history[0])
+    return (most, *evolved_viscous_shear(law, E[3], history))
 
 
 implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
@@ -174,6 +181,25 @@ BentLinearFabricWithSetLaw = bent_class(LinearFabricWithSetLaw)
 BentLinearLockingFabricWithSetLaw = bent_class(LinearLockingFabricWithSetLaw)
 BentLinearCoupledFabricWithSetLaw = bent_class(LinearCoupledFabricWithSetLaw)
 BentLinearLockingCoupledFabricWithSetLaw = bent_class(LinearLockingCoupledFabricWithSetLaw)
+
+let_resist_rates(
+    FabricWithSetLaw,
+    CoupledFabricWithSetLaw,
+    LockingFabricWithSetLaw,
+    LockingCoupledFabricWithSetLaw,
+    LinearFabricWithSetLaw,
+    LinearLockingFabricWithSetLaw,
+    LinearCoupledFabricWithSetLaw,
+    LinearLockingCoupledFabricWithSetLaw,
+    BentFabricWithSetLaw,
+    BentCoupledFabricWithSetLaw,
+    BentLockingFabricWithSetLaw,
+    BentLockingCoupledFabricWithSetLaw,
+    BentLinearFabricWithSetLaw,
+    BentLinearLockingFabricWithSetLaw,
+    BentLinearCoupledFabricWithSetLaw,
+    BentLinearLockingCoupledFabricWithSetLaw,
+)
 
 
 class FabricWithSet(Fabric):
@@ -198,7 +224,7 @@ class FabricWithSet(Fabric):
         """Return W^M [J/m³], with the stored part of the compaction in place of W33."""
         strain, stiffening = self._strain_from_set(self._seen(np.asarray(E, dtype=float)), history)
         stored = self._compaction_energy(strain) / stiffening
-        return self._energy_in_plane(E) + stored
+        return self._energy_in_plane(E) + stored + self._relaxing_energy(history)
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
         """Return s W33(κ) [J/m³]."""

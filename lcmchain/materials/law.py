@@ -11,10 +11,13 @@ moduli where it is diagonal, an ``Orthotropic`` where it couples the normal stra
 tuple of six rows (:mod:`lcmchain.materials.stiffness`). A fabric whose thickness knows its shear
 answers the diagonal, and the one modulus beside it by ``tangent_coupling``.
 
-A law with memory lists in ``remembers`` up to three numbers that each element keeps, zero at first.
-Kernels hand them to the law as a tuple, as they were after the last step. What the law answers for
-a strain holds for the end of a step that leads there; :func:`evolved_history` gives the numbers
-then.
+A law with memory lists in ``remembers`` the numbers that each element keeps, zero at first, any
+count of them. Kernels hand them to the law as a tuple, as they were after the last step. What the
+law answers for a strain holds for the end of a step that leads there; :func:`evolved_history` gives
+the numbers then. A law that says ``knows_step = True`` finds the :class:`Step` behind them, its
+size and its time as the last two numbers of the tuple. Where no step is made, as when energies are
+asked for, its size is 0: the law answers as if no time passed. What resists a rate is told by
+:func:`viscosity`, which bounds the step.
 
 Beside the law stands a :class:`Material`: the law with the constants of a sheet, written in plain
 NumPy where the rest of the program asks the same questions, so that each checks the other.
@@ -22,6 +25,8 @@ NumPy where the rest of the program asks the same questions, so that each checks
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -34,8 +39,8 @@ from lcmchain.jit import INLINED
 from lcmchain.materials.stiffness import product
 
 __all__ = [
-    "MOST_HISTORY",
     "Material",
+    "Step",
     "bending_excess",
     "bending_response",
     "bending_stiffness",
@@ -49,17 +54,22 @@ __all__ = [
     "TangentCoupling",
     "remembered",
     "implements",
+    "knows_step",
     "load_history",
+    "load_past",
     "membrane_response",
     "plane_bending_stiffness",
     "plane_response",
     "serves_planes",
     "stabilising_tangent",
     "store_history",
+    "stress_in_step",
     "tangent_coupling",
     "tangent_coupling_of",
     "tangent_curvature",
     "tangent_slope",
+    "viscosity",
+    "viscosity_of",
     "with_fibre_modulus",
 ]
 
@@ -70,6 +80,16 @@ class Remembered(NamedTuple):
     name: str
     unit: str
     meaning: str
+
+
+class Step(NamedTuple):
+    """The step at whose end a law is asked.
+
+    size : time that passes for the sheet [s], 0 where none does. time : of the process then [s].
+    """
+
+    size: Any
+    time: Any
 
 
 class TangentCoupling(NamedTuple):
@@ -93,6 +113,11 @@ def remembered(law: Any) -> tuple[Remembered, ...]:
 def history_count(law: Any) -> int:
     """Return how many numbers per element the law remembers."""
     return len(remembered(law))
+
+
+def knows_step(law: Any) -> bool:
+    """Tell whether the law finds the step behind what it remembers."""
+    return bool(getattr(law, "knows_step", False))
 
 
 # --- compiled -------------------------------------------------------------------------------------
@@ -153,6 +178,15 @@ def evolved_history(law, E, history):
     return history
 
 
+@optional
+def viscosity(law, E, history):
+    """Return six viscosities [Pa s], bounds of dS_ii over dE_i/dt at E; ``None`` for one without.
+
+    A viscosity may be ``None`` where a component resists no rate.
+    """
+    return None
+
+
 @required
 def plane_response(law, E11, E22, g12):
     """Return (S11, S22, S12) and the moduli (C11, C22, C12) of a sheet without thickness.
@@ -172,56 +206,68 @@ def serves_planes(law: Any) -> bool:
 
 
 # History of one lane, rows of LANES numbers apart. The compiler must know the length of a tuple:
-# one function for each count.
-_LOADERS = (
-    lambda law, data, i, stride: (),
-    lambda law, data, i, stride: (data[i],),
-    lambda law, data, i, stride: (data[i], data[i + stride]),
-    lambda law, data, i, stride: (data[i], data[i + stride], data[i + 2 * stride]),
-)
+# a function is written for each count of numbers.
 
 
-def _store0(law, values, data, i, stride):
-    pass
+@functools.cache
+def _loader(count: int, with_step: bool, arguments: str) -> Callable[..., tuple]:
+    """Return a function that loads so many numbers, and puts the step behind them or not."""
+    numbers = [f"data[i + {k} * stride], " for k in range(count)]
+    if with_step:
+        numbers.append("step.size, step.time" if "step" in arguments else "0.0, 0.0")
+    return written(f"lambda {arguments}: ({''.join(numbers)})")
 
 
-def _store1(law, values, data, i, stride):
-    data[i] = values[0]
+@functools.cache
+def _storer(count: int) -> Callable[..., None]:
+    """Return a function that stores so many numbers."""
+    lines = [f"    data[i + {k} * stride] = values[{k}]\n" for k in range(count)] or ["    pass\n"]
+    names: dict[str, Any] = {"__name__": __name__}
+    exec("def store(law, values, data, i, stride):\n" + "".join(lines), names)
+    return names["store"]
 
 
-def _store2(law, values, data, i, stride):
-    data[i] = values[0]
-    data[i + stride] = values[1]
+def written(text: str, **names: Any) -> Callable[..., Any]:
+    """Return a function from its text, for what is written out for a count of numbers.
+
+    names : what the text calls.
+    """
+    return eval(text, {"__name__": __name__, **names})
 
 
-def _store3(law, values, data, i, stride):
-    data[i] = values[0]
-    data[i + stride] = values[1]
-    data[i + 2 * stride] = values[2]
-
-
-_STORERS = (_store0, _store1, _store2, _store3)
-MOST_HISTORY = len(_STORERS) - 1
+_WITHOUT_STEP, _WITH_STEP = "law, data, i, stride", "law, data, i, stride, step"
 
 
 def load_history(law: Any, data: np.ndarray, i: int, stride: int) -> tuple:
-    """Return the history at ``data[i + k * stride]`` as a tuple."""
-    return _LOADERS[history_count(law)](law, data, i, stride)
+    """Return the history at ``data[i + k * stride]`` as a tuple, for a law asked in no step."""
+    return _loader(history_count(law), knows_step(law), _WITHOUT_STEP)(law, data, i, stride)
 
 
 @overload(load_history, jit_options=INLINED)
 def _choose_loader(law, data, i, stride):
-    return _LOADERS[history_count(law.instance_class)]
+    law_class = law.instance_class
+    return _loader(history_count(law_class), knows_step(law_class), _WITHOUT_STEP)
+
+
+def load_past(law: Any, data: np.ndarray, i: int, stride: int, step: Step) -> tuple:
+    """Return what :func:`load_history` does, for a law asked at the end of a step."""
+    return _loader(history_count(law), knows_step(law), _WITH_STEP)(law, data, i, stride, step)
+
+
+@overload(load_past, jit_options=INLINED)
+def _choose_loader_of_step(law, data, i, stride, step):
+    law_class = law.instance_class
+    return _loader(history_count(law_class), knows_step(law_class), _WITH_STEP)
 
 
 def store_history(law: Any, values: tuple, data: np.ndarray, i: int, stride: int) -> None:
     """Write what :func:`load_history` reads."""
-    _STORERS[history_count(law)](law, values, data, i, stride)
+    _storer(history_count(law))(law, values, data, i, stride)
 
 
 @overload(store_history, jit_options=INLINED)
 def _choose_storer(law, values, data, i, stride):
-    return _STORERS[history_count(law.instance_class)]
+    return _storer(history_count(law.instance_class))
 
 
 # --- plain Python ---------------------------------------------------------------------------------
@@ -341,6 +387,29 @@ def tangent_coupling_of(
 def couples_shear(material: Material) -> bool:
     """Tell whether the thickness of a material knows its shear."""
     return bool(getattr(material, "couples_shear", False))
+
+
+def viscosity_of(material: Material, E: np.ndarray) -> np.ndarray:
+    """Return the viscosities (..., 6) [Pa s] that bound the step at E; zeros for most materials.
+
+    A material whose law implements :func:`viscosity` offers a method of this name.
+    """
+    method = getattr(material, "viscosity", None)
+    return np.zeros(np.shape(E)) if method is None else method(E)
+
+
+def stress_in_step(
+    material: Material, E: np.ndarray, history: np.ndarray | None, step: Step | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return S^M (..., 6) and C^M (..., 6, 6) at the end of a step that leads to E (..., 6).
+
+    history : (history_count, ...) at its start. A material whose law knows the step offers a method
+    ``rate_stress(E, history, step)`` with the part of the stress that depends on it.
+    """
+    S, C = material.stress_and_tangent(E)
+    if history is None or step is None:
+        return S, C
+    return S + material.rate_stress(E, history, step), C  # type: ignore[attr-defined]
 
 
 def with_fibre_modulus(material: Material, factor: float) -> Material:

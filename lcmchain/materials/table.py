@@ -43,6 +43,11 @@ class MaterialTable(SceneModel):
         return False
 
     @property
+    def resists_rates(self) -> bool:
+        """Whether the shear depends on its rate."""
+        return False
+
+    @property
     def locks(self) -> bool:
         """Whether the fabric locks in shear."""
         return False

@@ -1,8 +1,8 @@
 """Twins of classes of laws: all that a class answers, and one thing more.
 
 What a fabric may know beside the published law (locking, a constant C33, thickening by shear,
-bending by curves) is a class of its own, with the parameters that it takes: where a scene states
-none of it, kernels hold none of it.
+bending by curves, a shear that depends on its rate) is a class of its own, with the parameters that
+it takes: where a scene states none of it, kernels hold none of it.
 """
 
 from __future__ import annotations
@@ -36,8 +36,9 @@ def twin_of(
     twin: Any = NamedTuple(f"{prefix}{law_class.__name__}", fields)  # type: ignore[misc]
     twin.__doc__ = f"Parameters of :class:`{law_class.__name__}`{about}"
     twin.__module__ = law_class.__module__
-    if hasattr(law_class, "remembers"):
-        setattr(twin, "remembers", law_class.remembers)  # noqa: B010
+    for told in ("remembers", "knows_step"):
+        if hasattr(law_class, told):
+            setattr(twin, told, getattr(law_class, told))
     inherit(twin, law_class)
     for function, answer in answers.items():
         implements(function, twin)(answer)

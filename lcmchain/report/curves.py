@@ -18,7 +18,7 @@ DIGITS = 6
 #: Energies in the order of the legend; others follow.
 ENERGIES = (
     "external", "internal", "friction", "damping", "mass_damping", "hourglass", "inelastic",
-    "contact", "kinetic", "balance_error",
+    "viscous",     "contact", "kinetic", "balance_error",
 )  # fmt: skip
 
 

@@ -98,7 +98,8 @@ _CONCEPTS = {
     ),
     **dict.fromkeys(
         ("temperature", "heating", "viscosity", "rate"),
-        "forming knows neither temperature nor rate; that of the resin stands in [infiltration]",
+        "what of a fabric's shear depends on rate and temperature stands in [material.viscous]; "
+        "viscosity and temperature of the resin stand in [infiltration]",
     ),
     **dict.fromkeys(
         ("step", "stage", "phase"),

@@ -60,12 +60,31 @@ def require_time_for_fluid(*, time_is_found: bool, pore_pressure: bool) -> None:
         )
 
 
+def require_time_for_rates(*, time_is_found: bool, resists_rates: bool) -> None:
+    """Refuse a sheet whose stress depends on its rate in a process that has no time.
+
+    Raises
+    ------
+    InputError : there is one.
+    """
+    if time_is_found and resists_rates:
+        raise InputError(
+            "is missing, but the shear of the fabric depends on its rate (material.viscous); give "
+            'time = "200 ms"',
+            key="process.time",
+        )
+
+
 def why_time_is_needed(scene: Any, is_led: bool) -> str | None:
     """Return why a scene cannot leave its time out, in words that follow "is missing, and"."""
     if not scene.element.has_forces:
         return None
     if scene.wet_forming is not None:
         return "resin flows while the sheet is formed (infiltration.with_forming)"
+    if scene.effects.viscous_shear != "off" and any(
+        ply.material.resists_rates for ply in scene.stack
+    ):
+        return "the shear of the fabric depends on its rate (material.viscous)"
     if not is_led:
         return (
             "no tool has a stroke: weight, pressures and the loads of guided tools move the sheet "

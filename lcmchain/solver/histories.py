@@ -46,7 +46,12 @@ def take_sample(state: State, energy: Mapping[str, float]) -> None:
     energy : from :meth:`lcmchain.solver.simulation.Simulation.energy` [J].
     """
     row = state.samples[state.counters[SAMPLES]]
-    energies = {"inelastic": 0.0, **energy, "mass_damping": state.work[MASS_DAMPING]}
+    energies = {
+        "inelastic": 0.0,
+        "viscous": 0.0,
+        **energy,
+        "mass_damping": state.work[MASS_DAMPING],
+    }
     own = len(SAMPLE_COLUMNS)
     row[:own] = (
         state.time,

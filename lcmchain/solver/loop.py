@@ -45,6 +45,7 @@ from lcmchain.jit import (
     routine,
     span_routine,
 )
+from lcmchain.materials.law import Step
 from lcmchain.model import Model, NodeData, PlacedBody
 from lcmchain.solver.schedule import Schedule, build_schedule
 from lcmchain.state import (
@@ -337,6 +338,7 @@ def make_parts(
                     general,
                     block,
                     schedule.place[block],
+                    Step(dt_last, arrays.clock[TIME]),
                 )
             if fibre_bending is not None:
                 bend_fibres(arrays, schedule, fibre_bending, tile, near)

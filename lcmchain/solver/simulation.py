@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.effects import fibre_bending
-from lcmchain.effects.interaction import NO_BOUND, bound, in_places
+from lcmchain.effects.interaction import NO_BOUND, Bound, bound, in_places
 from lcmchain.effects.pace import PaceLaw, next_pace
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
@@ -35,6 +35,7 @@ from lcmchain.state import (
     CONTACT_DAMPING,
     CONTROLLING_ELEMENT,
     CONTROLLING_PART,
+    DAMPING_RATE,
     EXTERNAL,
     FRICTION,
     HALVINGS,
@@ -79,6 +80,9 @@ STEP_HYSTERESIS = 0.98
 # this multiple of the present largest speed, and never below this part of the thickness.
 SEARCH_SPEED_FACTOR = 3.0
 SEARCH_THICKNESS_PART = 0.1
+
+#: What limits the step where the viscosity of a fabric does, after "damping by".
+VISCOUS_FABRIC = "the viscosity of the fabric"
 
 # The search for contact looks ahead by a time that shrinks with ω. When it is compiled, that of the
 # elements is not known yet: with a large one it looks ahead by little.
@@ -294,6 +298,8 @@ class Simulation:
     def energy(self) -> dict[str, float]:
         """Return the energy balance [J]; ``inelastic`` is what laws with memory dissipated.
 
+        ``viscous`` is what they dissipated by what resists the rate of the strain.
+
         ``internal`` and ``hourglass`` are potentials of the present strains, not the work of the
         internal forces: ``balance_error`` shows what time integration, the step size and the
         unsymmetric cross terms of Eqs. (15) and (19) have added or lost. All energies are those of
@@ -301,13 +307,14 @@ class Simulation:
         """
         state = self.state
         position = state.position - state.last_step * state.velocity
-        internal = hourglass = inelastic = 0.0
+        internal = hourglass = inelastic = viscous = 0.0
         for body in self.model.bodies:
             past = self._history(body)
             strain, stabilising = body.stored_energy(position, past)
             internal += strain
             hourglass += stabilising
             inelastic += body.dissipated_energy(past)
+            viscous += body.viscous_energy(past)
         if self.model.fibre_bending is not None:
             internal += fibre_bending.stored_energy(self.model.fibre_bending, position)
         work = state.work
@@ -318,6 +325,7 @@ class Simulation:
             "contact": work[CONTACT],
             "friction": work[FRICTION],
             **({"inelastic": inelastic} if self.model.remembers else {}),
+            **({"viscous": viscous} if self.model.resists_rates else {}),
             "damping": work[CONTACT_DAMPING] + work[MASS_DAMPING],
             # what renewals of shared curvature and of springs put in comes from outside of them
             "external": work[EXTERNAL] - work[RENEWAL] - work[PLY_REFRESH],
@@ -330,7 +338,7 @@ class Simulation:
     def critical_step(self) -> float:
         """Return the stable step [s] of the present state, without the safety factor."""
         omega2, element, code = self._highest_frequency()
-        return self._step_of(omega2, element, code)[0]
+        return self._step_of(omega2, element, code, self._damping_rate())[0]
 
     def prepare_steps(self) -> float:
         """Check the elements, search for contact, and return the stable step [s], safety included.
@@ -349,6 +357,7 @@ class Simulation:
         if renew or self._may_stiffen(conditions, present):
             omega2, element, code = self._highest_frequency()
             calm = STEP_HYSTERESIS * present < omega2 < (1.0 + CALM_RISE) * present
+            calm &= self._follow_damping()
             wait = CALM_CHUNKS_PER_FREQUENCY if calm else CHUNKS_PER_FREQUENCY
             state.counters[CHUNKS] = CHUNKS_PER_FREQUENCY - wait
             if not calm or omega2 > present:
@@ -359,7 +368,8 @@ class Simulation:
         self.find_contact()
         element = int(state.counters[CONTROLLING_ELEMENT])
         code = int(state.counters[CONTROLLING_PART])
-        step, self.control.cause = self._step_of(float(state.clock[OMEGA2]), element, code)
+        rate = float(state.clock[DAMPING_RATE])
+        step, self.control.cause = self._step_of(float(state.clock[OMEGA2]), element, code, rate)
         step *= self.model.step_safety * state.step_factor
         self.control.step = step
         self.control.element = element
@@ -505,6 +515,21 @@ class Simulation:
         omega2, element, code = max(found, key=lambda bound: bound[0])
         return omega2 + self.model.fibre_bending_omega2, element, code
 
+    def _damping_rate(self) -> float:
+        """Return the largest rate c/m [1/s] of what resists the rate of the strain in a body."""
+        return max(
+            body.damping_rate(self.state.position, self._history(body))
+            for body in self.model.bodies
+        )
+
+    def _follow_damping(self) -> bool:
+        """Renew the bound of the damping rate, as that of ω²; tell whether it is calm."""
+        present, rate = float(self.state.clock[DAMPING_RATE]), self._damping_rate()
+        calm = STEP_HYSTERESIS * present <= rate <= (1.0 + CALM_RISE) * present
+        if not calm or rate > present:
+            self.state.clock[DAMPING_RATE] = rate
+        return calm
+
     def _renew(self) -> None:
         """Renew what elements take from their neighbours, at the start and now and then."""
         state = self.state
@@ -544,7 +569,9 @@ class Simulation:
             return now + abs(load) / float(tools.mass[tool]) * interval
         return max(now, abs(pace * prescribed_travel(tools, tool, then)[1]))
 
-    def _step_of(self, omega2: float, element: int, code: int) -> tuple[float, str]:
+    def _step_of(
+        self, omega2: float, element: int, code: int, damping_rate: float = 0.0
+    ) -> tuple[float, str]:
         """Return 2/ω with what the present interactions add to the elements', and the cause.
 
         A damping rate c/M that lags half a step behind is stable for ω²dt²/4 + (c/M) dt/2 <= 1.
@@ -552,6 +579,7 @@ class Simulation:
         model = self.model
         ahead = STEPS_PER_CHUNK * 2.0 / math.sqrt(omega2)
         bounds = [bound(one, model, self.state, ahead) for one in model.interactions]
+        bounds.append(Bound(0.0, damping_rate, VISCOUS_FABRIC))
         largest = max(bounds, key=lambda one: one.omega2, default=NO_BOUND)
         cause = largest.cause
         if largest.omega2 <= omega2:

@@ -75,6 +75,13 @@ class StaticProblem:
     dead_forces: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        if self.model.resists_rates:
+            raise InputError(
+                f'of "{self.model.body.material.name}" makes its shear depend on the rate, and the '
+                "static solver knows no time; use the explicit solver, or leave it out for the "
+                "equilibrium that is reached in the end",
+                key="material.viscous",
+            )
         if self.model.remembers:
             raise InputError(
                 f'"{self.model.body.material.name}" has a law with memory, which the static solver '

@@ -10,13 +10,20 @@ import numpy as np
 import pytest
 from numba import njit, typeof
 
+from lcmchain.elements.blocks import from_blocks, in_blocks
 from lcmchain.elements.solid_shell.energies import strain_energies
-from lcmchain.elements.solid_shell.kernel import GENERAL, element_forces
+from lcmchain.elements.solid_shell.kernel import (
+    GENERAL,
+    element_forces,
+    element_forces_in_step,
+)
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError
 from lcmchain.materials.fabric_with_set import FabricWithSet
+from lcmchain.materials.law import Step
 from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.materials.st_venant_kirchhoff import StiffnessLaw
+from lcmchain.materials.viscous_shear import Relaxation, ViscousShear
 from lcmchain.verification import random_elements
 
 # Every combination of effect slots that is compiled once; numbers (moments, the weight of the
@@ -46,6 +53,14 @@ COMBINATIONS = [
 ]
 ELEMENT_COUNT = 37  # two full blocks of 16 lanes and a part of a third
 CURVED_OF_MIXED = [16, 20, 31]  # the second block has elements of both kinds, the others flat ones
+VISCOUS = ViscousShear(
+    viscosity=2e3,
+    infinite_viscosity=50.0,
+    time_constant=0.05,
+    exponent=0.3,
+    terms=(Relaxation(0.3e6, 1e-3), Relaxation(0.1e6, 0.5)),
+)
+STEP = Step(2e-4, 0.3)
 CURVED = {"flat": (), "aligned": (), "curved": range(ELEMENT_COUNT)}
 
 
@@ -68,7 +83,7 @@ class Batch:
 
 
 def fabric_with_all():
-    """A fabric that remembers, locks, thickens by shear and bends by curves."""
+    """A fabric that remembers, locks, thickens by shear, bends by curves, and resists rates."""
     return FabricWithSet(
         random_elements.md600().law,
         0.3,
@@ -78,6 +93,7 @@ def fabric_with_all():
         locking=ShearLocking.from_angle(0.8, 80e6),
         shear_coupling=0.8,
         bending_curves=random_elements.CURVES,
+        viscous=VISCOUS,
     )
 
 
@@ -275,6 +291,70 @@ def lane_loops(assembly):
     return sorted(found, reverse=True)
 
 
+def arguments_of(case, make, history):
+    data = case.model.body.data
+    return (
+        make.positions_of(case.x),
+        data.corner_node,
+        data.corner_run,
+        data.element_data,
+        np.zeros(case.model.corner_force_size),
+        history,
+        data.law,
+        data.options,
+        data.quick_data,
+        data.quick_options,
+        data.general,
+    )
+
+
+def compiled(kernel, arguments):
+    """Compile a kernel anew: code loaded from the disk cache cannot be inspected."""
+    options = {k: v for k, v in kernel.targetoptions.items() if k != "nopython"}
+    fresh = njit(**options)(kernel.py_func)
+    fresh.compile(tuple(map(typeof, arguments)))
+    return fresh
+
+
+@pytest.fixture(scope="session")
+def fabric_with_all_compiled(batch, make):
+    """The kernel of a step for a fabric that knows everything, and its elements."""
+    case = batch(FABRIC_WITH_ALL, bending_thickness="reference")
+    arguments = (*arguments_of(case, make, np.zeros(1)), *STEP)
+    return compiled(element_forces_in_step, arguments), case
+
+
+def test_forces_that_depend_on_the_rate_agree_with_the_reference_element(
+    fabric_with_all_compiled, make
+):
+    """And so does what the law remembers afterwards, behind the largest compaction."""
+    kernel, case = fabric_with_all_compiled
+    elements = [
+        ReferenceElement(*own, case.material, case.options) for own in zip(case.X, case.fibres)
+    ]
+    strain = np.array([own.strain(x)[0]["centre"] for own, x in zip(elements, case.x)])
+    rng = np.random.default_rng(11)
+    past = np.zeros((6, ELEMENT_COUNT))
+    past[1] = strain[:, 3] + rng.uniform(-5e-3, 5e-3, ELEMENT_COUNT)
+    past[2:] = rng.uniform(-1e4, 1e4, (4, ELEMENT_COUNT))
+    history = in_blocks(np.concatenate([np.zeros((4, ELEMENT_COUNT)), past]).T)
+    arguments = arguments_of(case, make, history)
+    kernel(*arguments, *STEP)
+    rows = from_blocks(arguments[4][: case.model.placed[0].last_force], 24, ELEMENT_COUNT)
+    forces = rows.reshape(ELEMENT_COUNT, 8, 3)
+    results = [own.evaluate(x, p, STEP) for own, x, p in zip(elements, case.x, past.T)]
+    frozen = [own.evaluate(x) for own, x in zip(elements, case.x)]
+    scales = [abs(result.force).max() for result in results]
+    for result, scale, force in zip(results, scales, forces):
+        np.testing.assert_allclose(force, result.force, rtol=0.0, atol=1e-12 * scale)
+    changes = [abs(own.force - still.force).max() for own, still in zip(results, frozen)]
+    assert np.median(np.divide(changes, scales)) > 1e-4
+    after = case.model.body.element_history(history)
+    expected = VISCOUS.in_step(strain[:, 3], past[1:], STEP.size)
+    np.testing.assert_allclose(after[1:], expected, rtol=1e-9)
+    assert (after[0] < 0.0).any()
+
+
 @pytest.mark.skipif("avx2" not in processor_flags(), reason="the processor has no AVX2")
 @pytest.mark.parametrize(
     "combination, bending_thickness",
@@ -286,31 +366,19 @@ def lane_loops(assembly):
     ],
     ids=str,
 )
-def test_the_lane_loop_is_packed(batch, make, combination, bending_thickness):
+def test_the_lane_loop_is_packed(
+    batch, make, fabric_with_all_compiled, combination, bending_thickness
+):
     """The arithmetic of the element runs on vectors, with a memory of the law too.
 
     A function that is not inlined, a call, a division that may raise, or a store to what might be
     read would leave it scalar; a stack that begins anywhere costs a fifth.
     """
-    case = batch(combination, bending_thickness=bending_thickness)
-    data = case.model.body.data
-    arguments = (
-        make.positions_of(case.x),
-        data.corner_node,
-        data.corner_run,
-        data.element_data,
-        np.zeros(case.model.corner_force_size),
-        np.empty(0),
-        data.law,
-        data.options,
-        data.quick_data,
-        data.quick_options,
-        data.general,
-    )
-    # code loaded from the disk cache cannot be inspected
-    options = {k: v for k, v in element_forces.targetoptions.items() if k != "nopython"}
-    fresh = njit(**options)(element_forces.py_func)
-    fresh.compile(tuple(map(typeof, arguments)))
+    if combination is FABRIC_WITH_ALL:
+        fresh, _ = fabric_with_all_compiled
+    else:
+        case = batch(combination, bending_thickness=bending_thickness)
+        fresh = compiled(element_forces, arguments_of(case, make, np.empty(0)))
     (assembly,) = fresh.inspect_asm().values()
     loops = lane_loops(assembly)[: 2 if combination is FABRIC_MIXED else 1]
     for packed, scalar in loops:

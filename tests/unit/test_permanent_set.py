@@ -10,7 +10,6 @@ from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, derive_fields, model_datasets, pressure_fields
 from lcmchain.materials.fabric_with_set import FabricWithSetLaw
 from lcmchain.materials.law import (
-    Remembered,
     evolved_history,
     history_count,
     load_history,
@@ -242,13 +241,3 @@ def test_the_static_solver_says_that_it_knows_no_memory(material):
     model = assemble_sheet(build_blank(the_scene.blank, THICKNESS), material)
     with pytest.raises(InputError, match="material.law: .* has a law with memory"):
         StaticProblem(model=model, held=np.ones((3, model.node_count), dtype=bool))
-
-
-def test_a_law_that_remembers_too_much_is_refused(material):
-    class Elephant(FabricWithSetLaw):
-        remembers = tuple(Remembered(f"m{i}", "1", "more") for i in range(4))
-
-    heavy = scene().material.build()
-    heavy.law = Elephant(*heavy.law)
-    with pytest.raises(InputError, match="remembers 4 numbers per element"):
-        assemble_sheet(build_blank(scene().blank, THICKNESS), heavy)

@@ -42,6 +42,7 @@ from lcmchain.materials.law import (
     Material,
     bends_by_curves,
     history_count,
+    knows_step,
     plane_bending_stiffness,
     serves_planes,
 )
@@ -101,6 +102,12 @@ class MembraneShellBody:
                 f"of {material.name} follows a curve, unknown to elements without thickness; "
                 'use element = "solid-shell", or leave out curve_1 and curve_2',
                 key="material.bending",
+            )
+        if knows_step(material.law):
+            raise InputError(
+                f"of {material.name} is unknown to elements without thickness; use element = "
+                '"solid-shell", or leave it out',
+                key="material.viscous",
             )
         if not serves_planes(material.law) or history_count(material.law):
             raise InputError(
@@ -232,6 +239,12 @@ class MembraneShellBody:
         return None
 
     def dissipated_energy(self, history: np.ndarray) -> float:
+        return 0.0
+
+    def viscous_energy(self, history: np.ndarray) -> float:
+        return 0.0
+
+    def damping_rate(self, positions: np.ndarray, history: np.ndarray) -> float:
         return 0.0
 
     def highest_frequency(

@@ -38,12 +38,13 @@ from lcmchain.elements.solid_shell.packing import (
 from lcmchain.elements.solid_shell.pressure import normal_pressure
 from lcmchain.errors import InputError
 from lcmchain.materials.law import (
-    MOST_HISTORY,
     Material,
     MaterialWithMemory,
     bends_by_curves,
     couples_shear,
     history_count,
+    knows_step,
+    viscosity_of,
 )
 from lcmchain.mesh.blank import BlankMesh
 
@@ -100,15 +101,8 @@ class SolidShellBody:
 
         Raises
         ------
-        InputError : elements without volume, an option that the material does not know, or a law
-            that remembers more than kernels hold.
+        InputError : elements without volume, or an option that the material does not know.
         """
-        if history_count(material.law) > MOST_HISTORY:
-            raise InputError(
-                f"the law of {material.name} remembers {history_count(material.law)} numbers per "
-                f"element; kernels hold up to {MOST_HISTORY}",
-                key="material.law",
-            )
         if choices.fibre_hourglass not in (None, 1.0) and not material.is_diagonal:
             raise InputError(
                 f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
@@ -119,6 +113,12 @@ class SolidShellBody:
             raise InputError(
                 'is "published", which is derived for a thickness that does not know the shear; '
                 'use "conservative", or a shear_coupling of 0',
+                key="element.hourglass",
+            )
+        if choices.hourglass == "published" and knows_step(material.law):
+            raise InputError(
+                'is "published", which takes the tangent of a law that knows no rate; use '
+                '"conservative", or leave out what resists the rate (material.viscous)',
                 key="element.hourglass",
             )
         geometry = reference_geometry(mesh.node_positions[mesh.elements], mesh.fibre_direction_1)
@@ -284,13 +284,19 @@ class SolidShellBody:
         density = material.dissipated_energy(self.element_history(history))
         return float((density * self.geometry.volume).sum())
 
+    def viscous_energy(self, history: np.ndarray) -> float:
+        found = getattr(self.material, "viscous_energy", None)
+        if found is None or not history_count(self.material.law):
+            return 0.0
+        return float((found(self.element_history(history)) * self.geometry.volume).sum())
+
     def highest_frequency(
         self, positions: np.ndarray, history: np.ndarray, mass: np.ndarray
     ) -> tuple[float, int, int]:
         """The code is the mode vector whose row sum the bound is."""
         omega2 = np.empty(self._padded_count)
         mode = np.empty(self._padded_count, dtype=np.int64)
-        frequency_bounds(self.data, positions, history, omega2, mode)
+        frequency_bounds(self.data, positions, history, omega2, mode, damping=self._no_damping())
         omega2 = omega2[: self.mesh.element_count]
         if self.mass_factor is not None:
             omega2 /= self.mass_factor
@@ -303,9 +309,24 @@ class SolidShellBody:
         element = int(np.argmax(omega2))
         return float(omega2[element]), element, int(mode[element])
 
+    def damping_rate(self, positions: np.ndarray, history: np.ndarray) -> float:
+        if (damping := self._no_damping()) is None:
+            return 0.0
+        omega2, mode = np.empty(self._padded_count), np.empty(self._padded_count, dtype=np.int64)
+        frequency_bounds(self.data, positions, history, omega2, mode, damping=damping)
+        factor = 1.0 if self.mass_factor is None else self.mass_factor
+        return float((damping[: self.mesh.element_count] / factor).max())
+
+    def _no_damping(self) -> np.ndarray | None:
+        """Return room for the damping rates of the elements, None for a law that knows no rate."""
+        return np.zeros(self._padded_count) if knows_step(self.material.law) else None
+
     def reference_frequencies(self) -> ReferenceFrequencies:
         in_plane, normal = np.array(self.material.wave_stiffness()) / self.material.density
         factor = 1.0 if self.mass_factor is None else self.mass_factor
+        viscosity = viscosity_of(self.material, np.zeros(6))[3]
+        # the squares of the gradients of 2 E12 in the reference
+        shear_rows = (self.geometry.K[:, :2, :2] ** 2).sum(axis=(1, 2))
         whole, cut, usual = self._fibre_bounds_of_elements / factor, 0.0, 0.0
         if self.cut is not None:
             whole[self.cut.elements] = 0.0
@@ -315,6 +336,7 @@ class SolidShellBody:
             in_plane=float(in_plane * max(whole.max(), cut)),
             at_nodes=float(in_plane * usual),
             over_thickness=float((normal / (factor * self.geometry.height**2)).max()),
+            damping_rate=float((viscosity * shear_rows / (factor * self.material.density)).max()),
         )
 
     @cached_property

@@ -6,11 +6,12 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
 from lcmchain.materials.law import Material, Remembered, couples_shear, remembered
+from lcmchain.materials.viscous_shear import viscous_of
 
 
 def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, tuple[bool, str]]:
     """Return (active, reason) by the name of the effect."""
-    past, options = remembered(material.law), data.options
+    past, options = _memory(material), data.options
     return {
         "thickness": (True, "both faces of the sheet have nodes"),
         "compaction": _compaction(material, options),
@@ -21,6 +22,13 @@ def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, t
         "enhanced strain": _enhanced_strain(material, data),
         "memory": (bool(past), _names(past) or "the law remembers nothing"),
     }
+
+
+def _memory(material: Material) -> tuple[Remembered, ...]:
+    """Return what the law remembers, but for what the effect "viscous shear" tells of."""
+    viscous = viscous_of(material)
+    of_rates = () if viscous is None else viscous.memory
+    return tuple(own for own in remembered(material.law) if own not in of_rates)
 
 
 def _names(past: tuple[Remembered, ...]) -> str:

@@ -44,6 +44,7 @@ from lcmchain.materials.law import (
     tangent_coupling,
     tangent_curvature,
     tangent_slope,
+    viscosity,
 )
 from lcmchain.materials.stiffness import by_structure, orthotropic_rows
 from lcmchain.mesh.hexahedron import MODES
@@ -441,6 +442,34 @@ def add_normal_compaction(a1, a2, a3, gradients, S33, inverse_height, row, norms
         add_row(row, S33 / (t * inverse_height) ** 2, norms, parts)
 
 
+@equation
+def damping_of(resistance, rows):
+    """Return a bound of the damping per mass density [Pa s/m²] of viscosities in the centre.
+
+    Of one component it is the only eigenvalue that is not zero, as ω² is for a modulus.
+    """
+    if resistance is None:
+        return 0.0
+    return (
+        damping_of_row(resistance[0], rows[0])
+        + damping_of_row(resistance[1], rows[1])
+        + damping_of_row(resistance[2], rows[2])
+        + damping_of_row(resistance[3], rows[3])
+        + damping_of_row(resistance[4], rows[4])
+        + damping_of_row(resistance[5], rows[5])
+    )
+
+
+@equation
+def damping_of_row(resistance, row):
+    if resistance is None:
+        return 0.0
+    total = 0.0
+    for k in range(21):
+        total += row[k] * row[k]
+    return resistance * total
+
+
 @routine
 def add_curvature(curvature, zeta_rows, row):
     """Add the gradient of :func:`curvature_compaction` to the row of E33."""
@@ -521,6 +550,7 @@ def frequency_bounds(
     omega2: np.ndarray,
     controlling_mode: np.ndarray,
     nodal: NodalShares | None = None,
+    damping: np.ndarray | None = None,
 ) -> None:
     """Write the bound of ω² [1/s²] of every element, and the mode (0 ... 6) that moves most.
 
@@ -529,6 +559,7 @@ def frequency_bounds(
     body, positions, history : as for :func:`lcmchain.elements.solid_shell.kernel.internal_forces`.
     omega2 : (block_count * 16,), controlling_mode : (block_count * 16,) int64, written.
     nodal : takes what can be shared out to the nodes (``cut_frequency.py``), and leaves the rest.
+    damping : (block_count * 16,) takes the damping rates c/m [1/s] of a law that resists rates.
     """
     element_frequency_bounds(
         positions,
@@ -543,6 +574,7 @@ def frequency_bounds(
         omega2,
         controlling_mode,
         nodal,
+        damping,
     )
 
 
@@ -560,6 +592,7 @@ def element_frequency_bounds(
     omega2,
     controlling_mode,
     nodal,
+    damping,
 ):
     block_count = corner_node.size // (8 * LANES)
     history_size = history.size // block_count
@@ -657,5 +690,8 @@ def element_frequency_bounds(
                     nodal.is_triangle[element],
                     nodal.stiffness[element],
                 )
+            if damping is not None:
+                resistance = viscosity(law, E.centre, lane_history)
+                damping[element] = damping_of(resistance, material[0]) / density
             omega2[element] = spectral_radius_bound(norms, weight, image) / density
             controlling_mode[element] = np.argmax(weight)

@@ -52,12 +52,13 @@ from lcmchain.elements.solid_shell.equations import (
 )
 from lcmchain.jit import INLINED, entry, equation, kernel, routine
 from lcmchain.materials.law import (
+    Step,
     bending_stiffness,
     bending_stress,
     evolved_history,
     history_count,
     hourglass_tangent,
-    load_history,
+    load_past,
     membrane_response,
     store_history,
     tangent_coupling,
@@ -740,17 +741,17 @@ def _choose_place(law, director, lane):
 
 
 @equation
-def element_in_lane(i, corner, data, law, history, shared, options):
+def element_in_lane(i, corner, data, law, history, shared, options, step):
     """Replace the corner positions at ``corner[i + row*16]`` by the internal corner forces.
 
-    The history of the lane goes on to the end of the step.
+    The history of the lane goes on to the end of the step (:class:`lcmchain.materials.law.Step`).
     """
     scales = mode_scales(options.aligned, data, i)
     mx = scaled7(scales, load_eightfold(corner, i))
     my = scaled7(scales, load_eightfold(corner, i + LANES))
     mz = scaled7(scales, load_eightfold(corner, i + 2 * LANES))
     first = place_in_memory(law, options.director, i)
-    past = load_history(law, history, first, LANES)
+    past = load_past(law, history, first, LANES, step)
     curvature = load_curvature(options.director, shared, i)
     Sbar, E, S33, normal, volume, _ = element_stress(
         mode_vectors(mx, my, mz), data, i, law, past, curvature, options
@@ -840,6 +841,7 @@ def element_forces(
     quick_options,
     general,
 ):
+    """Write the internal forces of all elements, for laws that are asked in no step."""
     for block in prange(corner_node.size // (8 * LANES)):
         forces_of_block(
             positions,
@@ -855,6 +857,43 @@ def element_forces(
             general,
             block,
             block,
+            Step(0.0, 0.0),
+        )
+
+
+@kernel
+def element_forces_in_step(
+    positions,
+    corner_node,
+    corner_run,
+    element_data,
+    corner_force,
+    history,
+    law,
+    options,
+    quick_data,
+    quick_options,
+    general,
+    size,
+    time,
+):
+    """Write the internal forces of all elements at the end of a step of a size, at a time [s]."""
+    for block in prange(corner_node.size // (8 * LANES)):
+        forces_of_block(
+            positions,
+            corner_node,
+            corner_run,
+            element_data,
+            corner_force,
+            history,
+            law,
+            options,
+            quick_data,
+            quick_options,
+            general,
+            block,
+            block,
+            Step(size, time),
         )
 
 
@@ -883,8 +922,12 @@ def forces_of_block(
     general,
     block,
     place,
+    step,
 ):
-    """Write the internal forces of the elements of one block to a place in the corner forces."""
+    """Write the internal forces of the elements of one block to a place in the corner forces.
+
+    step : :class:`lcmchain.materials.law.Step` that led to the positions.
+    """
     history_size = history.size // (corner_node.size // (8 * LANES))
     curvature_size = curvature_rows(options.director) * LANES
     # views per block: indices made of a lane and literals are provably not negative, which
@@ -900,9 +943,9 @@ def forces_of_block(
         if not is_general:
             data = constants_of_block(quick_options, quick_data, block)
             for lane in range(LANES):
-                element_in_lane(lane, corner, data, law, memory, shared, quick_options)
+                element_in_lane(lane, corner, data, law, memory, shared, quick_options, step)
     if general is not None:
         if is_general:
             data = constants_of_block(options, element_data, block)
             for lane in range(LANES):
-                element_in_lane(lane, corner, data, law, memory, shared, options)
+                element_in_lane(lane, corner, data, law, memory, shared, options, step)

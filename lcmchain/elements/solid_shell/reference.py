@@ -15,9 +15,11 @@ import numpy as np
 from lcmchain.elements.solid_shell.geometry import MODES, reference_geometry
 from lcmchain.materials.law import (
     Material,
+    Step,
     bending_response,
     bends_by_curves,
     stabilising_tangent,
+    stress_in_step,
     tangent_coupling_of,
 )
 
@@ -108,10 +110,15 @@ class ReferenceElement:
                 B[term] -= power / stretch**2 * np.outer(E[term], B["centre"][2])
         return E, B
 
-    def evaluate(self, nodes: np.ndarray) -> ElementResult:
-        """Return internal forces, Eqs. (15)-(17), and energies at node positions (8, 3)."""
+    def evaluate(
+        self, nodes: np.ndarray, past: np.ndarray | None = None, step: Step | None = None
+    ) -> ElementResult:
+        """Return internal forces, Eqs. (15)-(17), and energies at node positions (8, 3).
+
+        past, step : what a law that knows the step remembers (history_count,), and the step.
+        """
         E, B = self.strain(np.asarray(nodes, dtype=float))
-        S_centre, C_M = self.material.stress_and_tangent(E["centre"])
+        S_centre, C_M = stress_in_step(self.material, E["centre"], past, step)
         C_B = self.material.bending_matrix()
         S_zeta, _, excess = bending_response(self.material, E["zeta"], self.height)
         points, weights = np.polynomial.legendre.leggauss(self.options.integration_points)

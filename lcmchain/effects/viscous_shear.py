@@ -1,0 +1,51 @@
+"""Shear that depends on its rate: fabric that is wet with resin or a melt resists it, and relaxes.
+
+Adds: to the shear stress that of a dashpot, and of Maxwell elements beside the fabric's own law.
+Source: ``lcmchain/materials/viscous_shear.py``.
+Stability limit: the dashpot acts with the rate of the last half step, and shortens the step by its
+damping rate; Maxwell elements count as springs of their moduli.
+Scene: ``material.viscous``.
+Fields: ``viscous_shear_stress``, ``viscous_dissipation``, ``shear_strain_before``,
+``relaxing_moment_1`` and so on; ``energy_viscous`` (history).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lcmchain.effects.effect import Effect, Switch, out_of_materials, refused, stated_by_materials
+from lcmchain.materials.viscous_shear import viscous_of
+
+SWITCH = Switch(
+    entry="material.viscous",
+    without="what resists the rate of the shear, and its relaxation",
+    called=stated_by_materials("resists_rates"),
+    off=out_of_materials("resists_rates", "without_viscosity"),
+    on=refused("the material states no viscosity; give material.viscous"),
+)
+
+
+def active(model: Any) -> list[Effect]:
+    """Return one effect for all sheets."""
+    found = [viscous_of(body.material) for body in model.bodies]
+    told = dict.fromkeys(viscous.in_words() for viscous in found if viscous is not None)
+    reason = " and ".join(told) or "the shear does not depend on its rate"
+    return [Effect("viscous shear", bool(told), reason)]
+
+
+def remarks(scene: Any) -> list[str]:
+    """Say what of a scene changes a stress that depends on the rate."""
+    if not any(ply.material.resists_rates for ply in scene.stack):
+        return []
+    found = [
+        f"the viscous shear takes process.time = {1e3 * scene.process.time:.4g} ms for the time of "
+        "the real process; where it is a shorter one, give the viscosities and relaxation times of "
+        "material.viscous multiplied by process.time over the real time: the stresses are the same"
+    ]
+    if scene.process.mass_scaling is not None:
+        found.append(
+            "process.mass_scaling leaves the viscous stresses as they are, if the process is slow "
+            "enough for its inertia to play no part; vibrations of a heavier sheet are slower, and "
+            "are resisted as such"
+        )
+    return found
