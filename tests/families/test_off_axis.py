@@ -13,7 +13,7 @@ from lcmchain.coupons.off_axis import off_axis
 from lcmchain.errors import InputError
 from lcmchain.identification.synthetic import preset_fabric
 from lcmchain.scene import FabricMaterial
-from lcmchain.scene.fabrics import PRESETS
+from lcmchain.scene.presets import PRESETS
 
 ANGLES = (30.0, 45.0, 60.0)
 SMALL = {"length": 0.08, "width": 0.03, "displacement": 0.006, "edge_length": 0.01}
