@@ -68,6 +68,16 @@ def test_the_kernel_agrees_with_the_plain_element(batch):
         np.testing.assert_allclose(force[k], plain, rtol=0.0, atol=1e-9 * abs(plain).max())
 
 
+def test_only_fibres_have_a_share_in_the_hourglass_stiffness():
+    """A single family: what is across its fibres stabilises the element with its whole modulus."""
+    own = Batch(unidirectional(20.0).build())
+    force = own.forces(own.x)
+    for k in range(COUNT):
+        element = ReferenceElement(own.X[k], own.fibres[k], own.material, OPTIONS, own.curvature[k])
+        plain = element.evaluate(own.x[k]).force
+        np.testing.assert_allclose(force[k], plain, rtol=0.0, atol=1e-9 * abs(plain).max())
+
+
 def test_two_families_at_a_right_angle_make_the_elements_of_the_fabric():
     ours = Batch(like_md600().build())
     plain = [

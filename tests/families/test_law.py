@@ -228,6 +228,9 @@ def test_fibres_are_softer_in_compression_and_by_a_factor():
         E = np.array([strain, 0.0, 0.0, 0.0, 0.0, 0.0])
         assert own.stress_and_tangent(E)[0][0] == pytest.approx(modulus * strain)
         assert soft.stress_and_tangent(E)[0][0] == pytest.approx(0.25 * modulus * strain)
+        # what bounds the step and stabilises is what they may come to
+        tangent = membrane_response(own.law, tuple(E), ())[1]
+        assert tangent.normal[0] == modulus and tangent.largest[0] == 1000e6
         assert membrane_response(soft.law, tuple(E), ())[0][0] == pytest.approx(
             0.25 * modulus * strain
         )
