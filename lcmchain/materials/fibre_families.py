@@ -14,10 +14,10 @@ tangent are sums too,
     S = Σ w'(I) ∂I/∂E,   C = Σ w''(I) ∂I/∂E ⊗ ∂I/∂E,
 
 with the sum over families, pairs, the compaction E33 of :mod:`lcmchain.materials.compaction` and
-both transverse shears. A family has one modulus in tension and one in compression, w' = C I; a pair
-the shear polynomial and the locking of :mod:`lcmchain.materials.fabric`, taken at g_ab. The bending
-C^B is a sum of the same kind. Two families at 0 and 90 degrees whose fibres are as stiff in
-compression are that fabric.
+both transverse shears. A family has one modulus in tension and one in compression, w' = C I, or
+points of a measured curve, linear between them. A pair has the shear polynomial and the locking of
+:mod:`lcmchain.materials.fabric`, taken at g_ab. The bending C^B is a sum of the same kind. Two
+families at 0 and 90 degrees whose fibres are as stiff in compression are that fabric.
 
 A unidirectional fabric has one family. What holds it together, stitching and friction, is stated
 across its fibres: a modulus in tension, one in compression, and the shear of the line across.
@@ -97,13 +97,19 @@ LEAST_ANGLE = math.radians(5.0)
 #: Angles this close to those of the axes of the ply lie along lines of the mesh [rad].
 ALONG_THE_MESH = 1e-6
 
+#: Points of a curve at most, the first at zero left out.
+MOST_POINTS = 5
+# Kinks of a curve: its points but the last, beyond which it goes on straight.
+KINKS = MOST_POINTS - 1
 # Numbers of a family in the law: what reads its strain from (E11, E22, 2 E12), modulus in tension
-# and compression, whether it is of fibres, bending modulus. Those of a pair: what reads its shear,
-# the polynomial, where it locks when the angle closes and how, the same when it opens, torsion.
-FAMILY = 7
+# and compression at the start, whether it is of fibres, bending modulus, the largest modulus that
+# it comes to; kinks in tension and how much the modulus grows there, the same in compression.
+# Those of a pair: what reads its shear, the polynomial, where it locks when the angle closes and
+# how, the same when it opens, torsion.
+FAMILY = 8 + 4 * KINKS
 PAIR = 13
 SIZE = MOST_FAMILIES * (FAMILY + PAIR)
-# No shear strain comes so far: a pair that does not lock.
+# No strain comes so far: a pair that does not lock, a curve without that kink.
 NEVER = 1e3
 
 
@@ -204,6 +210,29 @@ def chosen_modulus(tension, compression, strain):
 
 
 @equation
+def kinks_at(v, i, x):
+    """Return Σ d max(x - x_j, 0) over the kinks at ``i``, and the Σ d of those below x."""
+    a, b = max(x - v[i], 0.0), max(x - v[i + 1], 0.0)
+    c, d = max(x - v[i + 2], 0.0), max(x - v[i + 3], 0.0)
+    stress = v[i + 4] * a + v[i + 5] * b + v[i + 6] * c + v[i + 7] * d
+    slope = v[i + 4] if a > 0.0 else 0.0
+    slope += v[i + 5] if b > 0.0 else 0.0
+    slope += v[i + 6] if c > 0.0 else 0.0
+    slope += v[i + 7] if d > 0.0 else 0.0
+    return stress, slope
+
+
+@equation
+def fibre_response(law, k, strain):
+    """Return w' and w'' of a family."""
+    v, i = law.plane, k * FAMILY
+    pulled, stiffer = kinks_at(v, i + 8, strain)
+    pushed, harder = kinks_at(v, i + 8 + 2 * KINKS, -strain)
+    modulus = chosen_modulus(v[i + 3], v[i + 4], strain)
+    return modulus * strain + (pulled - pushed), modulus + (stiffer + harder)
+
+
+@equation
 def stiffness_of(law, normal, largest, shear, C33, C23, C13):
     """Return a stiffness or its derivative along the directions of a law."""
     return AlongFibres(
@@ -214,8 +243,8 @@ def stiffness_of(law, normal, largest, shear, C33, C23, C13):
 
 @equation
 def larger_moduli(law):
-    t, c = three_at(law, 3, FAMILY), three_at(law, 4, FAMILY)
-    return (max(t[0], c[0]), max(t[1], c[1]), max(t[2], c[2]))
+    """Return the largest moduli that the families come to."""
+    return three_at(law, 7, FAMILY)
 
 
 @implements(membrane_response, FibreFamiliesLaw)
@@ -223,15 +252,13 @@ def larger_moduli(law):
 def families_response(law, E, history):
     """Return the stress S^M and the tangent C^M of the centre strain."""
     a, b = family_readers(law), pair_readers(law)
-    t, c = three_at(law, 3, FAMILY), three_at(law, 4, FAMILY)
-    i0, i1, i2 = read_by(a[0], E), read_by(a[1], E), read_by(a[2], E)
-    m0 = chosen_modulus(t[0], c[0], i0)
-    m1 = chosen_modulus(t[1], c[1], i1)
-    m2 = chosen_modulus(t[2], c[2], i2)
+    n0, m0 = fibre_response(law, 0, read_by(a[0], E))
+    n1, m1 = fibre_response(law, 1, read_by(a[1], E))
+    n2, m2 = fibre_response(law, 2, read_by(a[2], E))
     s0, k0 = shear_stress_and_tangent(pair_shear(law, 0), read_by(b[0], E))
     s1, k1 = shear_stress_and_tangent(pair_shear(law, 1), read_by(b[1], E))
     s2, k2 = shear_stress_and_tangent(pair_shear(law, 2), read_by(b[2], E))
-    n, s = (m0 * i0, m1 * i1, m2 * i2), (s0, s1, s2)
+    n, s = (n0, n1, n2), (s0, s1, s2)
     S33, C33 = compaction_stress_and_tangent(law, E[2])
     S = (
         in_axes(a, n, b, s, 0),
@@ -299,18 +326,100 @@ LinearFibreFamiliesLaw = linear_class(FibreFamiliesLaw)
 # --- plain Python ---------------------------------------------------------------------------------
 
 
+class Side(NamedTuple):
+    """What a family resists in tension, or in compression: its modulus, and where that grows.
+
+    modulus : at the start [Pa]. kinks : sizes of a·E a (n,). growth : of the modulus there [Pa].
+    """
+
+    modulus: float
+    kinks: tuple[float, ...] = ()
+    growth: tuple[float, ...] = ()
+
+    @property
+    def largest(self) -> float:
+        """Largest modulus that it comes to [Pa]."""
+        return max(self.modulus + total for total in np.cumsum([0.0, *self.growth]).tolist())
+
+    @property
+    def smallest(self) -> float:
+        """Smallest modulus that it comes to [Pa]."""
+        return min(self.modulus + total for total in np.cumsum([0.0, *self.growth]).tolist())
+
+    def times(self, factor: float) -> Side:
+        """Return it with all moduli times a factor."""
+        return Side(
+            factor * self.modulus, self.kinks, tuple(factor * value for value in self.growth)
+        )
+
+    def numbers(self) -> list[float]:
+        """Return the kinks and growths (2 KINKS,) of the law."""
+        rest = KINKS - len(self.kinks)
+        return [*self.kinks, *[NEVER] * rest, *self.growth, *[0.0] * rest]
+
+    def response(self, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return stress, modulus and energy density at sizes of the strain, in NumPy."""
+        x = np.maximum(size, 0.0)
+        stress, modulus = self.modulus * x, np.full_like(x, self.modulus)
+        energy = 0.5 * self.modulus * x**2
+        for kink, growth in zip(self.kinks, self.growth, strict=True):
+            beyond = np.maximum(x - kink, 0.0)
+            stress = stress + growth * beyond
+            modulus = modulus + np.where(beyond > 0.0, growth, 0.0)
+            energy = energy + 0.5 * growth * beyond**2
+        return stress, modulus, energy
+
+    @classmethod
+    def of_curve(cls, strain: tuple[float, ...], stress: tuple[float, ...], sign: float) -> Side:
+        """Return it from points of a test: sizes of engineering strain and nominal stress [Pa].
+
+        sign : 1 in tension, -1 in compression. With the stretch λ the strain is (λ² - 1)/2 and the
+        second Piola-Kirchhoff stress the nominal one over λ.
+        """
+        stretch = 1.0 + sign * np.array([0.0, *strain])
+        E, S = 0.5 * np.abs(stretch**2 - 1.0), np.array([0.0, *stress]) / stretch
+        slope = np.diff(S) / np.diff(E)
+        return cls(float(slope[0]), tuple(E[1:-1].tolist()), tuple(np.diff(slope).tolist()))
+
+
 class Family(NamedTuple):
     """A family of fibres, or what holds a unidirectional fabric across them.
 
-    angle : from axis 1 of the ply [rad]. tension, compression, bending : moduli [Pa].
-    is_fibre : whether these are fibres.
+    angle : from axis 1 of the ply [rad]. tension, compression : what it resists.
+    bending : modulus [Pa]. is_fibre : whether these are fibres.
     """
 
     angle: float
-    tension: float
-    compression: float
+    tension: Side
+    compression: Side
     bending: float
     is_fibre: bool = True
+
+    @property
+    def largest(self) -> float:
+        """Largest modulus that it comes to [Pa]."""
+        return max(self.tension.largest, self.compression.largest)
+
+    @property
+    def buckles(self) -> bool:
+        """Whether it is softer in compression than in tension."""
+        return self.compression.largest < self.tension.largest
+
+    def response(self, strain: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return w', w'' and w at strains a·E a, in NumPy."""
+        pulled, pushed = self.tension.response(strain), self.compression.response(-strain)
+        there = strain >= 0.0
+        return (
+            pulled[0] - pushed[0], np.where(there, pulled[1], pushed[1]), pulled[2] + pushed[2]
+        )  # fmt: skip
+
+    def numbers(self) -> list[float]:
+        """Return the numbers (FAMILY,) of the law."""
+        t, c = self.tension, self.compression
+        return [
+            *self.reader, t.modulus, c.modulus, float(self.is_fibre), self.bending, self.largest,
+            *t.numbers(), *c.numbers(),
+        ]  # fmt: skip
 
     @property
     def reader(self) -> np.ndarray:
@@ -441,9 +550,7 @@ class FibreFamilies(Fabric):
         self.pairs = pairs
         values = np.zeros(SIZE)
         for k, own in enumerate(self.normal):
-            values[k * FAMILY : (k + 1) * FAMILY] = [
-                *own.reader, own.tension, own.compression, float(own.is_fibre), own.bending
-            ]  # fmt: skip
+            values[k * FAMILY : (k + 1) * FAMILY] = own.numbers()
         for k, pair in enumerate(pairs):
             first = MOST_FAMILIES * FAMILY + k * PAIR
             values[first : first + PAIR] = pair.numbers()
@@ -470,7 +577,7 @@ class FibreFamilies(Fabric):
     @property
     def buckles(self) -> bool:
         """Whether fibres are softer in compression than in tension."""
-        return any(family.compression < family.tension for family in self.families)
+        return any(family.buckles for family in self.families)
 
     @property
     def locks(self) -> bool:
@@ -482,14 +589,16 @@ class FibreFamilies(Fabric):
         def softer(own: Family) -> Family:
             if not own.is_fibre:
                 return own
-            return own._replace(tension=factor * own.tension, compression=factor * own.compression)
+            return own._replace(
+                tension=own.tension.times(factor), compression=own.compression.times(factor)
+            )
 
         changed = copy.copy(self)
         changed.families = tuple(softer(own) for own in self.families)
         changed.normal = tuple(softer(own) for own in self.normal)
         plane = self.law.plane.copy()
         for k, own in enumerate(changed.normal):
-            plane[k * FAMILY + 3 : k * FAMILY + 5] = own.tension, own.compression
+            plane[k * FAMILY : (k + 1) * FAMILY] = own.numbers()
         changed.law = self.law._replace(plane=plane)
         changed.fibre_modulus_factor = factor * self.fibre_modulus_factor
         return changed
@@ -500,9 +609,7 @@ class FibreFamilies(Fabric):
         S, C = np.zeros_like(E), np.zeros((*E.shape, 6))
         for own in self.normal:
             read = in_voigt(own.reader)
-            strain = E @ read
-            modulus = np.where(strain >= 0.0, own.tension, own.compression)
-            _add(S, C, read, modulus * strain, modulus)
+            _add(S, C, read, *own.response(E @ read)[:2])
         for pair in self.pairs:
             read = in_voigt(pair.reader)
             _add(S, C, read, *_shear_of(pair, E @ read)[:2])
@@ -520,7 +627,7 @@ class FibreFamilies(Fabric):
         for own in self.normal:
             readers.append(in_voigt(own.reader))
             fibre.append(float(own.is_fibre))
-            modulus.append(zero + max(own.tension, own.compression))
+            modulus.append(zero + own.largest)
             slope.append(zero)
             curvature.append(zero)
         for pair in self.pairs:
@@ -584,8 +691,7 @@ class FibreFamilies(Fabric):
         law = self.law
         energy = 0.5 * (law.C23 * E[..., 4] ** 2 + law.C13 * E[..., 5] ** 2)
         for own in self.normal:
-            strain = E @ in_voigt(own.reader)
-            energy = energy + 0.5 * np.where(strain >= 0, own.tension, own.compression) * strain**2
+            energy = energy + own.response(E @ in_voigt(own.reader))[2]
         for pair in self.pairs:
             g = E @ in_voigt(pair.reader)
             e12 = 0.5 * np.abs(g)
@@ -607,7 +713,7 @@ class FibreFamilies(Fabric):
         for bends in (False, True):
             C = np.zeros((3, 3))
             for own in self.normal:
-                modulus = own.bending if bends else max(own.tension, own.compression)
+                modulus = own.bending if bends else own.largest
                 C += modulus * np.outer(own.reader, own.reader)
             # the shear strain has parts of two directions
             C[2] *= math.sqrt(2.0)
@@ -656,15 +762,91 @@ def _shear_of(pair: Pair, g: np.ndarray) -> tuple[np.ndarray, ...]:
 # --- scene ----------------------------------------------------------------------------------------
 
 
-class FibreFamilyTable(SceneModel):
+class FibreCurve(SceneModel):
+    """Stress over strain of a test by points from zero; beyond the last it goes on straight."""
+
+    strain: Annotated[
+        tuple[Annotated[float, Number(0.01, Range(0.0, 1.0, (0.0, 1.0)))], ...],
+        Row("[0.002, 0.01]", minimum_count=1, entries="strains", units=False),
+    ] = Field(
+        description=f"Sizes of the engineering strain at the points, rising, {MOST_POINTS} at most."
+    )
+    stress: Annotated[
+        tuple[PositiveStiffness, ...], Row('"0.4 6 MPa"', minimum_count=1, entries="stresses")
+    ] = Field(description="Force over the initial section at these strains, rising.")
+
+    @model_validator(mode="after")
+    def _check_points(self) -> Self:
+        if len(self.strain) != len(self.stress):
+            raise wrong(
+                f"has {len(self.stress)} stresses for {len(self.strain)} strains; give one for "
+                "each",
+                field="stress",
+            )
+        if len(self.strain) > MOST_POINTS:
+            raise wrong(f"has {len(self.strain)} points; at most {MOST_POINTS}", field="strain")
+        rise = np.diff([0.0, *self.strain]), np.diff([0.0, *self.stress])
+        for name, values in zip(("strain", "stress"), rise, strict=True):
+            if values.min() <= 0.0:
+                number = int(np.argmax(values <= 0.0)) + 1
+                raise wrong(f"does not rise at point {number}", field=name)
+        return self
+
+
+class AlongDirection(SceneModel):
+    """What a direction resists in tension and in compression."""
+
+    tension: Annotated[PositiveStiffness | None, AbsentMeans("tension_curve")] = Field(
+        default=None, description="Modulus in tension."
+    )
+    tension_curve: Annotated[FibreCurve | None, AbsentMeans("tension is constant")] = Field(
+        default=None, description="Measured tension, in place of a modulus."
+    )
+    compression: Annotated[PositiveStiffness | None, AbsentMeans("compression_curve")] = Field(
+        default=None,
+        description="Modulus in compression; of fibres that buckle a small part of that in "
+        "tension, else the same.",
+    )
+    compression_curve: Annotated[FibreCurve | None, AbsentMeans("compression is constant")] = Field(
+        default=None, description="Measured compression, in place of a modulus."
+    )
+
+    @model_validator(mode="after")
+    def _check_sides(self) -> Self:
+        for name in ("tension", "compression"):
+            modulus, curve = getattr(self, name), getattr(self, f"{name}_curve")
+            if modulus is None and curve is None:
+                raise wrong(
+                    f"is missing; give a modulus, or a {name}_curve"
+                    + (
+                        ": fibres that buckle have a small part of that in tension"
+                        if name == "compression"
+                        else ""
+                    ),
+                    field=name,
+                )
+            if modulus is not None and curve is not None:
+                raise wrong(f"stands beside {name}; leave one of them out", field=f"{name}_curve")
+            if curve is not None and self.side(name).smallest <= 0.0:
+                raise wrong(
+                    "rises more slowly than the section changes: the stress on the present fibres "
+                    "falls; check the points",
+                    field=f"{name}_curve",
+                )
+        return self
+
+    def side(self, name: str) -> Side:
+        """Return what it resists in ``tension`` or ``compression``."""
+        curve = getattr(self, f"{name}_curve")
+        if curve is None:
+            return Side(getattr(self, name))
+        return Side.of_curve(curve.strain, curve.stress, 1.0 if name == "tension" else -1.0)
+
+
+class FibreFamilyTable(AlongDirection):
     """A family of fibres: its direction in the ply, and what its fibres resist."""
 
     angle: Angle = Field(description="Angle from the first axis of the ply to the fibres.")
-    tension: PositiveStiffness = Field(description="Modulus along the fibres in tension.")
-    compression: PositiveStiffness = Field(
-        description="Modulus along the fibres in compression: where they buckle a small part of "
-        "that in tension, else the same."
-    )
     bending: PositiveStiffness = Field(description="Bending stiffness of the fibres.")
 
 
@@ -739,11 +921,9 @@ class ShearOfFamilies(ShearOfPair):
     ] = Field(description="Numbers of the two families, in the order of `fibres`, from 1.")
 
 
-class AcrossFibres(ShearOfPair):
+class AcrossFibres(AlongDirection, ShearOfPair):
     """What holds a unidirectional fabric together across its fibres: stitching and friction."""
 
-    tension: PositiveStiffness = Field(description="Modulus across the fibres in tension.")
-    compression: PositiveStiffness = Field(description="Modulus across the fibres in compression.")
     bending: PositiveStiffness = Field(description="Bending stiffness across the fibres.")
 
 
@@ -905,7 +1085,8 @@ class FibreFamiliesMaterial(MaterialTable):
     def fibre_families(self) -> tuple[Family, ...]:
         """The families of fibres."""
         return tuple(
-            Family(own.angle, own.tension, own.compression, own.bending) for own in self.fibres
+            Family(own.angle, own.side("tension"), own.side("compression"), own.bending)
+            for own in self.fibres
         )
 
     @property
@@ -919,8 +1100,8 @@ class FibreFamiliesMaterial(MaterialTable):
             return None
         return Family(
             self.fibres[0].angle + 0.5 * math.pi,
-            self.across.tension,
-            self.across.compression,
+            self.across.side("tension"),
+            self.across.side("compression"),
             self.across.bending,
             is_fibre=False,
         )

@@ -17,11 +17,11 @@ COMMON: dict[str, Any] = {
 MD600_SHEAR = "0.1919 -2.3637 14.7593 -40.7199 42.3208 MPa"
 
 
-def fibres(angle: float, tension=1000.0, compression=1000.0, bending=40.0) -> dict[str, str]:
+def fibres(angle: float, tension=1000.0, compression=1000.0, bending=40.0) -> dict[str, Any]:
     """A family at an angle [deg], moduli in MPa."""
     return {
         "angle": f"{angle} deg",
-        "tension": f"{tension} MPa",
+        "tension": None if tension is None else f"{tension} MPa",
         "compression": f"{compression} MPa",
         "bending": f"{bending} MPa",
     }
@@ -47,7 +47,8 @@ def across(**entries: Any) -> dict[str, Any]:
 
 def fabric(*families: dict, **entries: Any) -> FibreFamiliesMaterial:
     """A fabric of families, with entries replaced."""
-    return FibreFamiliesMaterial.model_validate({"fibres": list(families)} | COMMON | entries)
+    given = [{k: v for k, v in family.items() if v is not None} for family in families]
+    return FibreFamiliesMaterial.model_validate({"fibres": given} | COMMON | entries)
 
 
 def unidirectional(angle=0.0, **entries: Any) -> FibreFamiliesMaterial:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from of_families import fabric, fibres, like_md600, pair, triaxial, unidirectional
 
+from lcmchain.materials.fibre_families import _shear_of, in_voigt
 from lcmchain.materials.law import (
     bending_stiffness,
     hourglass_tangent,
@@ -25,7 +26,19 @@ OBLIQUE = fabric(
     fibres(70.0, tension=700.0, compression=700.0),
     shear=[pair(1, 2, locking_angle="35 deg", locking_stiffness="80 MPa")],
 )
+#: Woven fibres straighten before they are pulled; in compression they buckle, more so later.
+CURVES = {
+    "tension": None,
+    "tension_curve": {"strain": [0.004, 0.008, 0.012], "stress": "0.4 2 6 MPa"},
+    "compression": None,
+    "compression_curve": {"strain": [0.002, 0.01], "stress": "0.2 0.5 MPa"},
+}
 FABRICS = {
+    "curves": fabric(
+        fibres(-20.0) | CURVES,
+        fibres(60.0),
+        shear=[pair(1, 2)],
+    ),
     "unidirectional": unidirectional(25.0),
     "oblique": OBLIQUE,
     "three": triaxial(
@@ -211,14 +224,36 @@ def test_a_pair_locks_on_both_sides_at_its_angle():
     """The tangent gains the locking stiffness where both families lie on each other."""
     own = OBLIQUE.build().pairs[0]
     free = own._replace(locking_angle=None)
-    from lcmchain.materials.fibre_families import _shear_of
-
     for change, gained in ((34.9, False), (35.1, True), (-34.9, False), (-35.1, True)):
         g = own.strain_of(math.radians(change))
         assert (_shear_of(own, g)[1] > _shear_of(free, g)[1]) == gained
     for end in (own.most_closed, -own.most_opened):
         g = np.float64(end)
         assert _shear_of(own, g)[1] - _shear_of(free, g)[1] == pytest.approx(80e6, rel=1e-12)
+
+
+def test_a_curve_goes_through_its_points_and_on():
+    """Nominal stress at engineering strain, from the fibre's own stress and strain."""
+    own = FABRICS["curves"].build().families[0]
+    for sign, name in ((1.0, "tension"), (-1.0, "compression")):
+        entry = CURVES[f"{name}_curve"]
+        stresses = [1e6 * float(value) for value in entry["stress"].split()[:-1]]
+        for strain, stress in zip(entry["strain"], stresses, strict=True):
+            stretch = 1.0 + sign * strain
+            found, modulus, _ = own.response(np.array([0.5 * (stretch**2 - 1.0)]))
+            assert found[0] * stretch == pytest.approx(sign * stress, rel=1e-12)
+            # beyond the last point it goes on with its last slope
+            further, _, _ = own.response(np.array([0.5 * (stretch**2 - 1.0) + sign * 1e-9]))
+            assert sign * (further[0] - found[0]) > 0.0
+    assert own.buckles and own.largest == pytest.approx(own.response(np.array([0.1]))[1][0])
+    softer = with_fibre_modulus(FABRICS["curves"].build(), 0.5)
+    E = np.array([0.02, -0.01, 0.0, 0.05, 0.0, 0.0])
+    whole = FABRICS["curves"].build().families[0].response(E @ in_voigt(own.reader))[0]
+    half = softer.families[0].response(E @ in_voigt(own.reader))[0]
+    assert half == pytest.approx(0.5 * whole)
+    np.testing.assert_allclose(
+        compiled(softer, E)[0], softer.stress_and_tangent(E)[0], rtol=1e-11, atol=1e-6
+    )
 
 
 def test_fibres_are_softer_in_compression_and_by_a_factor():

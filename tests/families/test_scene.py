@@ -63,6 +63,7 @@ def test_one_two_and_three_families_are_read(case):
     assert len(material.pairs) == len(tables)
 
 
+CURVED = ACROSS.replace('tension = "2 MPa"', "tension_curve = {{ strain = {}, stress = {} }}")
 WRONG = {
     "no family": (([], ACROSS), "material.fibres", "is missing"),
     "four families": (
@@ -81,7 +82,35 @@ WRONG = {
         ([0, 90], PAIR.format(1, 2), PAIR.format(2, 1)), "material.shear", "[2, 1] twice"
     ),
     "no compression": (
-        ([0], ACROSS.replace('compression = "1 MPa"', "")), "material.across.compression", "missing"
+        ([0], ACROSS.replace('compression = "1 MPa"', "")),
+        "material.across.compression", "fibres that buckle",
+    ),
+    "neither modulus nor curve": (
+        ([0], ACROSS.replace('tension = "2 MPa"', "")), "material.across.tension", "tension_curve"
+    ),
+    "modulus and curve": (
+        ([0], ACROSS + 'tension_curve = { strain = [0.1], stress = ["1 MPa"] }'),
+        "material.across.tension_curve", "stands beside tension",
+    ),
+    "a curve that falls": (
+        ([0], CURVED.format("[0.1, 0.2]", '"2 1 MPa"')),
+        "material.across.tension_curve.stress", "does not rise at point 2",
+    ),
+    "a strain twice": (
+        ([0], CURVED.format("[0.1, 0.1]", '"1 2 MPa"')),
+        "material.across.tension_curve.strain", "does not rise at point 2",
+    ),
+    "points of one kind alone": (
+        ([0], CURVED.format("[0.1, 0.2]", '["1 MPa"]')),
+        "material.across.tension_curve.stress", "1 stresses for 2 strains",
+    ),
+    "too many points": (
+        ([0], CURVED.format("[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]", '"1 2 3 4 5 6 MPa"')),
+        "material.across.tension_curve.strain", "has 6 points; at most 5",
+    ),
+    "a curve slower than the section": (
+        ([0], CURVED.format("[0.1, 0.9]", '"1 1.01 MPa"')),
+        "material.across.tension_curve", "falls; check the points",
     ),
     "locking below zero": (
         ([0, 90], PAIR.format(1, 2) + 'locking_angle = "-5 deg"\nlocking_stiffness = "9 MPa"'),
