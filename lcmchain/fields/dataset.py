@@ -417,6 +417,13 @@ def _joined(
     joined = {}
     for name in dict.fromkeys(name for own in fields for name in own):
         values, attributes = next(own[name] for own in fields if name in own)
+        # what plies do not share is no attribute of all
+        unlike = [
+            key
+            for key in (FROM_PLY_AXIS, BUCKLES)
+            if len({own[name][1].get(key, 0) for own in fields if name in own}) > 1
+        ]
+        attributes = {key: value for key, value in attributes.items() if key not in unlike}
         missing = [np.full((len(values), count), np.nan) for count in counts]
         parts = [own[name][0] if name in own else gap for own, gap in zip(fields, missing)]
         joined[name] = np.concatenate(parts, axis=1), attributes

@@ -52,11 +52,18 @@ def fibre_strains(sheet: xr.Dataset) -> np.ndarray:
 
 
 def mesh_axes(sheet: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Return both directions of the undeformed mesh (face_count, 3): the axes of the plies."""
+    """Return both directions of the undeformed mesh (face_count, 3): the axes of the plies.
+
+    Of a stack whose plies have their first families at unlike angles from their axes these are the
+    first family and the line across it.
+    """
     first = vector(sheet, "fibre_direction_1", 0)
     angle = sheet["fibre_direction_1_x"].attrs.get(FROM_PLY_AXIS)
-    if angle is None:
-        return first, vector(sheet, "fibre_direction_2", 0)
+    if angle is None and "fibre_direction_2_x" in sheet:
+        second = vector(sheet, "fibre_direction_2", 0)
+        if np.isfinite(second).all():
+            return first, second
+    angle = 0.0 if angle is None else angle
     normal = face_normals(sheet, 0)
     across = np.cross(normal, first)
     cos, sin = np.cos(angle), np.sin(angle)

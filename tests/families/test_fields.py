@@ -12,8 +12,9 @@ from lcmchain.coupling.forming_fields import permeability_fields
 from lcmchain.coupling.permeability import PermeabilityLaw, aligned_permeabilities
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries
-from lcmchain.fields.dataset import LaidSheet, laid_datasets
+from lcmchain.fields.dataset import LaidSheet, SheetFrames, laid_datasets, sheets_datasets
 from lcmchain.fields.sheet import BUCKLES, families_of, fibre_strains, mesh_axes, vector
+from lcmchain.fields.stack import ply_sheet
 from lcmchain.fields.summary import field_summary
 from lcmchain.fields.waves import elements_per_wave
 from lcmchain.report.fibre_segments import fibre_lines
@@ -38,13 +39,18 @@ def formed(material, gradient=F):
     """The sheet of a result: its start, and after a deformation gradient."""
     scene = scene_from_text(SCENE)
     blank = scene.stack[0].build_blank()
-    frames = FrameSeries(
+    frames = frames_of(blank, gradient)
+    return blank, laid_datasets(scene, LaidSheet(blank, material.build()), frames, {})
+
+
+def frames_of(blank, gradient=F):
+    """The start of a blank, and the blank after a deformation gradient."""
+    return FrameSeries(
         time=np.array([0.0, 1.0]),
         positions=np.stack([blank.node_positions, blank.node_positions @ gradient.T]),
         tool_travel=np.zeros((2, 0)),
         tool_force=np.zeros((2, 0, 3)),
     )
-    return blank, laid_datasets(scene, LaidSheet(blank, material.build()), frames, {})
 
 
 def line(degrees):
@@ -137,6 +143,37 @@ def test_drawn_lines_lie_along_every_family(name):
         off = np.abs(np.abs(way @ along) - 1.0)
         # edges of the mesh next to the cut are moved aside
         assert (np.median(off) if name == "two" else off.max()) < 1e-9
+
+
+def test_plies_with_other_families_lie_in_one_stack():
+    """A unidirectional ply below a woven one: what one of them lacks is nan in the root group."""
+    text = SCENE.replace("[material]", "").replace(', fibre_angle = "25 deg"', "")
+    scene = scene_from_text(text + 'layup = "[25, 25]"')
+    sheets, frames = {}, None
+    for ply, table in zip(scene.stack, (FABRICS["one"], scene.material), strict=True):
+        blank = ply.build_blank()
+        frames = frames_of(blank)
+        none = np.empty((2, 0, blank.element_count))
+        sheets[ply.name] = SheetFrames(
+            LaidSheet(blank, table.build()), frames.positions, none, {}, None, None, np.nan
+        )
+    groups = sheets_datasets(scene, sheets, frames)
+    root = groups["/"]
+    assert families_of(root) == (1, 2)
+    woven = root["body"].values == 1
+    assert np.isnan(root["fibre_strain_2"].values[:, ~woven]).all()
+    assert np.isfinite(root["fibre_strain_2"].values[:, woven]).all()
+    assert BUCKLES not in root["fibre_strain_1"].attrs
+    assert BUCKLES in groups["/ply_1"]["fibre_strain_1"].attrs
+    assert all(np.isfinite(axis).all() for axis in mesh_axes(root))
+    first, second = mesh_axes(ply_sheet(groups, "ply_1"))
+    np.testing.assert_allclose(first @ line(0.0), 1.0)
+    np.testing.assert_allclose(second @ line(90.0), 1.0)
+    found = permeability_fields(GEBART, root)
+    k1, k2 = (found[f"permeability_{k}"][0][-1] for k in (1, 2))
+    one, two = permeabilities(FABRICS["one"])[0], permeabilities(FABRICS["two"])[0]
+    np.testing.assert_allclose(k1[~woven], one[0], rtol=1e-9)
+    np.testing.assert_allclose(k2[woven], two[1], rtol=1e-9)
 
 
 # --- permeability ---------------------------------------------------------------------------------
