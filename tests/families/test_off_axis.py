@@ -14,6 +14,8 @@ from lcmchain.errors import InputError
 from lcmchain.identification.synthetic import preset_fabric
 from lcmchain.scene import FabricMaterial
 from lcmchain.scene.presets import PRESETS
+from lcmchain.study import Variant, read_source
+from lcmchain.study.runs import make_run
 
 ANGLES = (30.0, 45.0, 60.0)
 SMALL = {"length": 0.08, "width": 0.03, "displacement": 0.006, "edge_length": 0.01}
@@ -100,3 +102,14 @@ def test_angles_along_the_pull_and_solids_are_refused():
     steel = IsotropicMaterial(thickness=1e-3, density=7800.0, young_modulus=1e6, poisson_ratio=0.0)
     with pytest.raises(InputError, match="has no fibres"):
         off_axis(steel)
+
+
+@pytest.mark.slow
+def test_a_study_pulls_the_strip_of_the_coupon():
+    """Read by name, at 45 degrees and another length; the force is that of the coupon."""
+    size = ("coupon.displacement=5 mm", "blank.edge_length=10 mm", 'blank.size=["80 mm", "30 mm"]')
+    source = read_source("off-axis", size)
+    outcome = make_run(source, Variant("as it is", "x"), 1)
+    result = off_axis(source.scene().material, **(SMALL | {"displacement": 0.005}))
+    force = result.curves["force [N]"].max()
+    assert outcome.numbers["clamp_force_max_N"] == pytest.approx(force, rel=1e-9)
