@@ -10,7 +10,7 @@ import numpy as np
 
 from lcmchain.coupling.permeability import principal_permeabilities
 from lcmchain.fields import FIELDS, FrameSeries, Histories, add_face_variables, model_datasets
-from lcmchain.fields.sheet import vector
+from lcmchain.fields.sheet import face_normals, families_of, vector
 from lcmchain.results import COMPLETE
 from lcmchain.scene import Scene
 from lcmchain.scene.permeability import Permeability
@@ -58,9 +58,13 @@ def permeability_fields(
     directory : folder to which a file that the law names is relative.
     """
     fraction = sheet["fibre_volume_fraction"].values
-    families = [vector(sheet, f"fibre_direction_{family}").reshape(-1, 3) for family in (1, 2)]
+    families = [
+        vector(sheet, f"fibre_direction_{family}").reshape(-1, 3) for family in families_of(sheet)
+    ]
+    frames = range(len(fraction))
+    normal = np.stack([face_normals(sheet, frame) for frame in frames]).reshape(-1, 3)
     found = principal_permeabilities(
-        law, fraction.ravel(), *families, out_of_range="nan", directory=directory
+        law, fraction.ravel(), *families, normal=normal, out_of_range="nan", directory=directory
     )
     fields: dict[str, np.ndarray | tuple[np.ndarray, dict[str, str]]] = {}
     for number in (1, 2, 3):

@@ -1,7 +1,7 @@
-"""Permeability of fibre beds and of textiles with two fibre families.
+"""Permeability of fibre beds and of textiles with one to three fibre families.
 
 Laws for aligned fibres give the permeability along and across the fibres as a function of the
-fibre volume fraction; a textile's principal permeabilities follow from its two fibre families.
+fibre volume fraction; a textile's principal permeabilities follow from its fibre families.
 The laws describe the flow between the fibres. In textiles whose tows leave gaps, as non-crimp
 fabrics do, the gaps carry most of the flow: the bulk permeability can be ten times larger, and a
 measured law (:mod:`lcmchain.coupling.measured_permeability`) should replace these.
@@ -9,6 +9,7 @@ measured law (:mod:`lcmchain.coupling.measured_permeability`) should replace the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -114,6 +115,51 @@ class PermeabilityLaw:
         k2 = across + (along - across) * 0.5 * (1.0 - cosine)
         return PrincipalPermeabilities(k1, k2, across, acute, np.cross(normal, acute), normal)
 
+    def of_one(
+        self,
+        fibre_volume_fraction: np.ndarray,
+        fibre_direction: np.ndarray,
+        normal: np.ndarray,
+        *,
+        out_of_range: str = "raise",
+    ) -> PrincipalPermeabilities:
+        """Principal permeabilities of one family in a sheet with unit normals (C, 3)."""
+        along, across = aligned_permeabilities(
+            self, fibre_volume_fraction, out_of_range=out_of_range
+        )
+        side = unit(np.cross(normal, fibre_direction))
+        return PrincipalPermeabilities(
+            along, across, across, unit(fibre_direction), side, unit(normal)
+        )
+
+    def of_three(
+        self,
+        fibre_volume_fraction: np.ndarray,
+        families: Sequence[np.ndarray],
+        normal: np.ndarray,
+        *,
+        out_of_range: str = "raise",
+    ) -> PrincipalPermeabilities:
+        """Principal permeabilities of three equal families (C, 3) each."""
+        along, across = aligned_permeabilities(
+            self, fibre_volume_fraction, out_of_range=out_of_range
+        )
+        first = unit(families[0])
+        side = unit(np.cross(normal, first))
+        # mean of a⊗a in the plane, over axes along and across the first family
+        parts = np.array(
+            [[np.einsum("ci,ci->c", unit(a), b) for b in (first, side)] for a in families]
+        )
+        xx, yy = (parts**2).mean(axis=0)
+        xy = (parts[:, 0] * parts[:, 1]).mean(axis=0)
+        half = np.hypot(0.5 * (xx - yy), xy)
+        turn = 0.5 * np.arctan2(xy, 0.5 * (xx - yy))[:, None]
+        axis = np.cos(turn) * first + np.sin(turn) * side
+        middle = 0.5 * (xx + yy)
+        k1 = across + (along - across) * (middle + half)
+        k2 = across + (along - across) * (middle - half)
+        return PrincipalPermeabilities(k1, k2, across, axis, np.cross(normal, axis), unit(normal))
+
 
 def gebart(
     fibre_volume_fraction: ArrayLike, fibre_radius: float, packing: str = "quadratic"
@@ -195,37 +241,79 @@ def aligned_permeabilities(
 def principal_permeabilities(
     law: PermeabilityLaw | MeasuredPermeability | Permeability,
     fibre_volume_fraction: np.ndarray,
-    fibre_direction_1: np.ndarray,
-    fibre_direction_2: np.ndarray,
-    *,
+    *families: np.ndarray,
+    normal: np.ndarray | None = None,
     out_of_range: str = "raise",
     directory: Path | None = None,
 ) -> PrincipalPermeabilities:
-    """Principal permeabilities of a textile with two fibre families.
+    """Principal permeabilities of a textile with one, two or three fibre families.
 
-    With a law of aligned fibres each family is a ply with half the thickness. Along the sheet the
-    plies conduct side by side: the permeability tensor is the mean of both, so that shear turns its
-    axes to the bisectors of the families and stretches it along the acute one. Through the
-    thickness they conduct one after the other, both across their fibres. A measured law is carried
-    along by the fibres (:meth:`MeasuredPermeability.principal`).
+    With a law of aligned fibres each family is a ply with its share of the thickness. Along the
+    sheet the plies conduct side by side: the permeability tensor is their mean, so that shear of
+    two families turns its axes to their bisectors and stretches it along the acute one. Through the
+    thickness they conduct one after the other, all across their fibres. A measured law is carried
+    along by the fibres (:meth:`MeasuredPermeability.principal`), of a single family by the fibres
+    and the line across them in the present sheet.
 
     Parameters
     ----------
     law : as in :func:`aligned_permeabilities`, or a measured one.
     out_of_range : as in :func:`aligned_permeabilities`.
     fibre_volume_fraction : shape (C,).
-    fibre_direction_1, fibre_direction_2 : unit vectors, shape (C, 3); their sign has no meaning
-        but for a measured law whose axes lie between the fibres.
+    families : unit vectors, shape (C, 3) each; their sign has no meaning but for a measured law
+        whose axes lie between the fibres. A second or third one that is not a number in a cell is
+        not there.
+    normal : of the sheet, unit vectors (C, 3), where cells have other than two families.
     directory : folder to which a file that the scene's entry names is relative.
 
     Raises
     ------
     InputError : outside the range of the law (see :func:`aligned_permeabilities`), or a table that
-        cannot be read.
+        cannot be read, or a measured law for three families.
     """
-    return law_of(law, directory).principal(
-        fibre_volume_fraction, fibre_direction_1, fibre_direction_2, out_of_range=out_of_range
+    found = law_of(law, directory)
+    directions = [np.asarray(family, dtype=float) for family in families]
+    there = np.array([np.isfinite(family).all(axis=1) for family in directions])
+    # cells without any direction are unmapped: nothing is known of them, whatever is asked
+    count = np.where(there.any(axis=0), there.sum(axis=0), 2)
+    if len(directions) == 2 and (count == 2).all():
+        return found.principal(fibre_volume_fraction, *directions, out_of_range=out_of_range)
+    result = PrincipalPermeabilities(
+        *(np.full(len(count), np.nan) for _ in range(3)),
+        *(np.full((len(count), 3), np.nan) for _ in range(3)),
     )
+    for number in np.unique(count):
+        cells = np.flatnonzero((count == number) & there[0])
+        if not len(cells):
+            continue
+        own = [family[cells] for family in directions[:number]]
+        of_cells = _of_families(
+            found, np.asarray(fibre_volume_fraction)[cells], own, normal, cells, out_of_range
+        )
+        for whole, part in zip(result, of_cells, strict=True):
+            whole[cells] = part
+    return result
+
+
+def _of_families(law, fraction, families, normal, cells, out_of_range) -> PrincipalPermeabilities:
+    """Return what a law makes of cells that all have so many families."""
+    if len(families) == 2:
+        return law.principal(fraction, *families, out_of_range=out_of_range)
+    if normal is None:
+        raise ValueError("cells with other than two families need the normals of the sheet")
+    own = np.asarray(normal)[cells]
+    if isinstance(law, PermeabilityLaw):
+        if len(families) == 1:
+            return law.of_one(fraction, families[0], own, out_of_range=out_of_range)
+        return law.of_three(fraction, families, own, out_of_range=out_of_range)
+    if len(families) == 3:
+        raise InputError(
+            f'is "{law.law}", a measured law, which one or two families carry along; the fabric '
+            'has three: use "gebart" or "kozeny_carman"',
+            key="permeability.law",
+        )
+    side = unit(np.cross(own, families[0]))
+    return law.principal(fraction, families[0], side, out_of_range=out_of_range)
 
 
 def law_of(

@@ -151,12 +151,19 @@ def _rows(sheet: Sheet, mapped: MappedFields, weights: MappingWeights) -> list[_
                 _known(shown.factor * mapped.scalars[shown.name], weights),
             )
             rows.append(_Row(shown, values, view))
-    if all(name in mapped.directions for name in FIBRE_FAMILIES):
+    present = [name for name in FIBRE_FAMILIES if name in mapped.directions]
+    if len(present) == 2 or (present and "shear_angle" in mapped.scalars):
         fibres = (
-            [sheet.directions[name] for name in FIBRE_FAMILIES],
-            [mapped.directions[name].direction for name in FIBRE_FAMILIES],
+            [sheet.directions[name] for name in present],
+            [mapped.directions[name].direction for name in present],
         )
-        angles = _shear(fibres[0]), _known(_shear(fibres[1]), weights)
+        if len(present) == 2:
+            angles = _shear(fibres[0]), _known(_shear(fibres[1]), weights)
+        else:  # the angle of two families is no shear, or there are not two
+            angles = (
+                np.degrees(np.abs(sheet.scalars["shear_angle"])),
+                _known(np.degrees(np.abs(mapped.scalars["shear_angle"])), weights),
+            )
         rows.append(_Row(SHEAR, angles, FROM_ABOVE, fibres))
     return rows
 

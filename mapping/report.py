@@ -188,9 +188,9 @@ def _fibre_mass(sheet: Sheet, weights: MappingWeights, mapped: MappedFields):
 
 
 def _second_family_error(mapped: MappedFields) -> tuple[int | None, float | None]:
-    if not all(name in mapped.directions for name in FIBRE_FAMILIES):
-        return None, None
-    first, second = (mapped.directions[name] for name in FIBRE_FAMILIES)
+    if sum(name in mapped.directions for name in FIBRE_FAMILIES) != 2:
+        return None, None  # one family has no second, and three are at other angles
+    first, second = (mapped.directions[name] for name in FIBRE_FAMILIES[:2])
     error = perpendicular_family_error(first.direction, second.direction)
     if np.isnan(error).all():
         return None, None

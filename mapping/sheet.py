@@ -26,8 +26,8 @@ from lcmchain.mapping.source_checks import (
 )
 from lcmchain.mapping.surface import Surface
 
-# The two fibre families, in the order of the material's axes.
-FIBRE_FAMILIES = ("fibre_direction_1", "fibre_direction_2")
+# Fibre families that a fabric may have: one to three.
+FIBRE_FAMILIES = ("fibre_direction_1", "fibre_direction_2", "fibre_direction_3")
 
 # Fields that later stages cannot do without: a hole in one of them stops the mapping.
 NEEDED = ("thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle", *FIBRE_FAMILIES)

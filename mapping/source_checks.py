@@ -123,7 +123,7 @@ def require_sound_fields(
         if len(outside):
             value = values[outside[0]]
             raise InputError(f"{key} of face {outside[0]} is {value:g}, which is none", file=name)
-    for family in ("fibre_direction_1", "fibre_direction_2"):
+    for family in ("fibre_direction_1", "fibre_direction_2", "fibre_direction_3"):
         alone = [key for key in scalars if key in {f"{family}_{axis}" for axis in "xyz"}]
         if alone:
             raise InputError(f"{family} has only the components {', '.join(alone)}", file=name)

@@ -27,7 +27,7 @@ ERROR = "_mapping_error"
 PERMEABILITY = "permeability"
 
 # Angles between axes, counted about the normal: seen from the other side they change their sign.
-ABOUT_NORMAL = frozenset({"shear_angle"})
+ABOUT_NORMAL = frozenset({"shear_angle", "shear_angle_23", "shear_angle_31"})
 
 
 @dataclass(frozen=True)

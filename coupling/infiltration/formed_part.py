@@ -167,17 +167,28 @@ def with_permeability(
     return replace(part, dataset=dataset)
 
 
+def fibre_directions(part: FormedPart, prefix: str = "") -> list[np.ndarray]:
+    """Return the directions of all families of fibres in the cells (C, 3), nan where one is not."""
+    present = [name for name in FIBRE_FAMILIES if f"{prefix}{name}_x" in part.dataset]
+    return [
+        np.stack([part.cell(f"{prefix}{family}_{axis}") for axis in "xyz"], axis=1)
+        for family in present or FIBRE_FAMILIES[:1]
+    ]
+
+
 def _by_law(part: FormedPart, law: Permeability, directory: Path | None) -> PrincipalPermeability:
     """Return what a law makes of the textile of every cell, in a stack of the layers there."""
 
     def of_textile(prefix: str) -> PrincipalPermeability:
-        families = [
-            np.stack([part.cell(f"{prefix}{family}_{axis}") for axis in "xyz"], axis=1)
-            for family in FIBRE_FAMILIES
-        ]
+        families = fibre_directions(part, prefix)
         fraction = part.cell(f"{prefix}fibre_volume_fraction")
         found = principal_permeabilities(
-            law, fraction, *families, out_of_range="nan", directory=directory
+            law,
+            fraction,
+            *families,
+            normal=part.target.surface.normals,
+            out_of_range="nan",
+            directory=directory,
         )
         return PrincipalPermeability(np.stack(found[:3], axis=1), np.stack(found[3:], axis=1))
 

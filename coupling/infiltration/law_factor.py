@@ -8,14 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.coupling.closing.textile import compaction_of
-from lcmchain.coupling.infiltration.formed_part import FormedPart
+from lcmchain.coupling.infiltration.formed_part import FormedPart, fibre_directions
 from lcmchain.coupling.infiltration.preform import PermeabilityFactor, kozeny_factor
 from lcmchain.coupling.measured_permeability import MeasuredPermeability
-from lcmchain.coupling.permeability import PermeabilityLaw, law_of
+from lcmchain.coupling.permeability import (
+    PermeabilityLaw,
+    law_of,
+    principal_permeabilities,
+)
 from lcmchain.coupling.solids.stack_compaction import StackCompaction
 from lcmchain.errors import SimulationError
 from lcmchain.mapping.plies import SHARE
-from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.scene.origin import formed_permeability
 from lcmchain.scene.permeability import Permeability
 
@@ -31,7 +34,7 @@ class LawFactor:
 
     def __init__(self, law: Permeability, part: FormedPart, directory: Path | None) -> None:
         self.law, self.part = law_of(law, directory), part
-        self._families = _fibre_directions(part)
+        self._families = fibre_directions(part)
 
     def __call__(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Return the factors (C,) for fibre volume fractions (C,) now and in the beginning.
@@ -43,7 +46,8 @@ class LawFactor:
         return self._in_plane(now) / self._in_plane(before)
 
     def _in_plane(self, fraction: np.ndarray) -> np.ndarray:
-        return _by_law(self.law, fraction, self._families, self.part.place)
+        normals = self.part.target.surface.normals
+        return _by_law(self.law, fraction, self._families, normals, self.part.place)
 
 
 class StackFactor:
@@ -73,7 +77,7 @@ class StackFactor:
         self._of_plies = np.nan_to_num(np.stack(own) * np.stack(shares) * part.cell("thickness"))
         self._families: dict[str, list[np.ndarray]] = {}
         if law is not None:
-            self._families = {ply: _fibre_directions(part, f"{ply}_") for ply in part.ply_names}
+            self._families = {ply: fibre_directions(part, f"{ply}_") for ply in part.ply_names}
         self._begun: tuple[np.ndarray, np.ndarray] | None = None
 
     def __call__(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
@@ -107,25 +111,19 @@ class StackFactor:
             formed = self.part.cell(f"{ply}_fibre_volume_fraction")[cells]
             return start * kozeny_factor(fraction, formed)
         families = [family[cells] for family in self._families[ply]]
+        normals = self.part.target.surface.normals[cells]
 
         def place(cell: int) -> str:
             return f'the ply "{ply}" of {self.part.place(int(cells[cell]))}'
 
-        return _by_law(self.law, fraction, families, place)
-
-
-def _fibre_directions(part: FormedPart, prefix: str = "") -> list[np.ndarray]:
-    """Return the directions of both families of fibres in the cells (C, 3)."""
-    return [
-        np.stack([part.cell(f"{prefix}{family}_{axis}") for axis in "xyz"], axis=1)
-        for family in FIBRE_FAMILIES
-    ]
+        return _by_law(self.law, fraction, families, normals, place)
 
 
 def _by_law(
     law: PermeabilityLaw | MeasuredPermeability,
     fraction: np.ndarray,
     families: list[np.ndarray],
+    normals: np.ndarray,
     place: Callable[[int], str],
 ) -> np.ndarray:
     """Return the sum of both values in the plane (C,) [m2]; ``place`` names a cell.
@@ -134,7 +132,7 @@ def _by_law(
     ------
     SimulationError : a fibre volume fraction is out of the range of the law.
     """
-    found = law.principal(fraction, *families, out_of_range="nan")
+    found = principal_permeabilities(law, fraction, *families, normal=normals, out_of_range="nan")
     total = found.k1 + found.k2
     unknown = np.flatnonzero(~(total > 0.0))
     if len(unknown):

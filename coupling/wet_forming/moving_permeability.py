@@ -8,9 +8,11 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.permeability import law_of
+from lcmchain.coupling.permeability import law_of, principal_permeabilities
+from lcmchain.coupling.principal_permeability import unit
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
+from lcmchain.materials.law import fibre_angles
 from lcmchain.scene.permeability import Permeability
 from lcmchain.solver.simulation import Simulation
 
@@ -59,9 +61,13 @@ class MovingPermeability:
         now = derive_fields(body.mesh, body.material, positions)
         families = [
             np.stack([now[f"fibre_direction_{family}_{axis}"] for axis in "xyz"], axis=1)
-            for family in (1, 2)
+            for family in range(1, 1 + len(fibre_angles(body.material)))
         ]
-        found = self.law.principal(fraction, *families, out_of_range="raise")
+        base = body.mesh.base_vectors(positions)
+        normal = unit(np.cross(base[:, 0], base[:, 1]))
+        found = principal_permeabilities(
+            self.law, fraction, *families, normal=normal, out_of_range="raise"
+        )
         values = np.stack([found.k1, found.k2], axis=1)
         axes = np.stack([found.direction_1, found.direction_2], axis=1)
         return np.einsum("cm,cmi,cmj->cij", values, axes, axes), found.k3

@@ -94,7 +94,10 @@ def draping_preview(
     if not is_drapable(scene, tools):
         return []
     stack = scene.stack
-    drapable = [(p, b) for p, b in zip(stack, blanks, strict=True) if p.material.has_fibres]
+    with_fibres = [(p, b) for p, b in zip(stack, blanks, strict=True) if p.material.has_fibres]
+    drapable = [(p, b) for p, b in with_fibres if p.material.is_biaxial]
+    if with_fibres and not drapable:
+        return [("no net", "a net is laid for fibres along both axes of a ply, 0 and 90 deg")]
     each = [(ply.name, _preview_of_one(scene.alone(ply), b, tools)) for ply, b in drapable]
     if len(stack) == 1:
         return [row for _, rows in each for row in rows]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lcmchain.fields.sheet import fibre_strains
 from lcmchain.quantities.rounded import two_digits_up
 from lcmchain.scene import Scene
 from lcmchain.thresholds import LARGEST_FIBRE_STRAIN
@@ -24,7 +25,7 @@ def fibre_strain_measures(sheet: xr.Dataset, scene: Scene) -> dict[str, Any]:
     Returns
     -------
     Under the names of ``summary.json``: ``fibre_modulus_factor``, ``fibre_strain_largest``
-    (magnitude, of both families in all frames), ``fibre_strain_allowed`` and
+    (magnitude, of all families in all frames), ``fibre_strain_allowed`` and
     ``fibre_modulus_factor_possible``, with which the largest strain would come to what is allowed
     if the forces in the fibres stayed the same: an estimate, which holds for small strains. Nothing
     for a material without fibres.
@@ -32,7 +33,7 @@ def fibre_strain_measures(sheet: xr.Dataset, scene: Scene) -> dict[str, Any]:
     if not scene.stack.has_fibres:
         return {}
     process = scene.process
-    largest = max(float(np.nanmax(np.abs(sheet[f"fibre_strain_{i}"].values))) for i in (1, 2))
+    largest = float(np.nanmax(fibre_strains(sheet)))
     possible = process.fibre_modulus_factor * largest / process.fibre_strain_allowed
     possible = min(max(possible, LEAST_FACTOR), 1.0)
     return {

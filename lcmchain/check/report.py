@@ -237,8 +237,9 @@ def draw_start(
         except InputError:
             continue  # what is wrong with it is the error that the picture goes with
     names = [ply.name for ply in scene.stack]
+    angles = [ply.material.fibre_angles for ply in scene.stack]
     if len(blanks) > 1:
         plies = list(zip(names, blanks, strict=True))
-        draw_stack(path, plies, surfaces, title=scene.title, marks=marks)
+        draw_stack(path, plies, surfaces, title=scene.title, marks=marks, angles=angles)
     else:
-        draw_initial(path, blanks[0], surfaces, marks=marks)
+        draw_initial(path, blanks[0], surfaces, marks=marks, angles=angles[0])

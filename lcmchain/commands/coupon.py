@@ -69,6 +69,23 @@ def coupon_picture_frame(
     _run_coupon("picture_frame", scene, overrides, out, sizes)
 
 
+@coupon_app.command("off-axis")
+def coupon_off_axis(
+    scene: MaterialScene = None,
+    out: OutFolder = None,
+    angle: Annotated[str, typer.Option(help="Angle of the first fibres from the pull.")] = "45 deg",
+    length: Annotated[str, typer.Option(help="Length between the clamps.")] = "160 mm",
+    width: Annotated[str, typer.Option(help="Width of the strip.")] = "40 mm",
+    displacement: Annotated[str, typer.Option(help="Displacement at the end.")] = "10 mm",
+    edge_length: EdgeLength = "5 mm",
+    overrides: Overrides = None,
+) -> None:
+    """Pull a strip with fibres at an angle between oblique clamps: force and shear angle."""
+    sizes = {"--angle": angle, "--length": length, "--width": width}
+    sizes |= {"--displacement": displacement, "--edge-length": edge_length}
+    _run_coupon("off_axis", scene, overrides, out, sizes)
+
+
 @coupon_app.command("compaction")
 def coupon_compaction(
     scene: MaterialScene = None,

@@ -25,7 +25,8 @@ study_app = typer.Typer(
 Studied = Annotated[
     Path,
     typer.Argument(
-        metavar="SCENE", help="Scene file (TOML), or a coupon: bias-extension, picture-frame."
+        metavar="SCENE",
+        help="Scene file (TOML), or a coupon: bias-extension, picture-frame, off-axis.",
     ),
 ]
 Vary = Annotated[

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from lcmchain.coupons.bias_extension import BiasExtensionTest
+from lcmchain.coupons.off_axis import OffAxisTest
 from lcmchain.coupons.picture_frame import PictureFrameTest
 from lcmchain.coupons.specimen import Recording
 from lcmchain.effects.supports import Support
@@ -46,4 +47,6 @@ class PulledTest(Protocol):
 
 
 #: The tests by name.
-PULLED: dict[str, Any] = {test.name: test for test in (BiasExtensionTest, PictureFrameTest)}
+PULLED: dict[str, Any] = {
+    test.name: test for test in (BiasExtensionTest, PictureFrameTest, OffAxisTest)
+}

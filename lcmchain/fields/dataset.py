@@ -11,12 +11,13 @@ import numpy as np
 
 from lcmchain.elements.families import family_of
 from lcmchain.fields.between_plies import BetweenPlies
-from lcmchain.fields.derived import derive_fields
+from lcmchain.fields.derived import TWO_ALONG_THE_AXES, derive_fields
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.histories import Histories
 from lcmchain.fields.history_group import HISTORY, history_dataset
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.pressure import pressure_fields, tool_pressure
+from lcmchain.fields.sheet import BUCKLES, FROM_PLY_AXIS
 from lcmchain.fields.stack import PLY, StackedPly, columns_of
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS
 from lcmchain.fields.ugrid import (
@@ -27,7 +28,7 @@ from lcmchain.fields.ugrid import (
     Variable,
     saved_times,
 )
-from lcmchain.materials.law import Material, remembered
+from lcmchain.materials.law import Material, fibre_angles, remembered
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
 if TYPE_CHECKING:
@@ -133,10 +134,17 @@ class SheetFrames:
     def fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
         """Return values (F, element_count) and attributes of every face field."""
         values = derive_fields(self.mesh, self.material, self.positions) | self.pressures
-        found = {
+        found: dict[str, tuple[np.ndarray, dict[str, Any]]] = {
             name: (value, FIELD_OF_VARIABLE[name].attributes(name))
             for name, value in values.items()
         }
+        angles = fibre_angles(self.material)
+        if angles != TWO_ALONG_THE_AXES:
+            for name in FIELDS["fibre_direction_1"].variables:
+                found[name][1][FROM_PLY_AXIS] = float(angles[0])
+        if getattr(self.material, "buckles", False):
+            for number in range(1, len(angles) + 1):
+                found[f"fibre_strain_{number}"][1][BUCKLES] = 1
         # of a sheet without forces nothing is remembered, whatever its law
         for entry, value in zip(remembered(self.material.law), np.moveaxis(self.history, 1, 0)):
             attributes = {"units": entry.unit, "long_name": entry.meaning}
@@ -409,6 +417,13 @@ def _joined(
     joined = {}
     for name in dict.fromkeys(name for own in fields for name in own):
         values, attributes = next(own[name] for own in fields if name in own)
+        # what plies do not share is no attribute of all
+        unlike = [
+            key
+            for key in (FROM_PLY_AXIS, BUCKLES)
+            if len({own[name][1].get(key, 0) for own in fields if name in own}) > 1
+        ]
+        attributes = {key: value for key, value in attributes.items() if key not in unlike}
         missing = [np.full((len(values), count), np.nan) for count in counts]
         parts = [own[name][0] if name in own else gap for own, gap in zip(fields, missing)]
         joined[name] = np.concatenate(parts, axis=1), attributes

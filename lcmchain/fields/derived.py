@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.materials.law import Material
-from lcmchain.mesh.fibres import angle_of_shear, carried
+from lcmchain.materials.law import Material, fibre_angles
+from lcmchain.mesh.fibres import angle_of_shear, carried, change_of_angle
 from lcmchain.mesh.sheet_mesh import SheetMesh
+
+#: Angles of the families of a fabric with fibres along both axes of the ply.
+TWO_ALONG_THE_AXES = (0.0, 0.5 * np.pi)
+#: Fields of the change of an angle, and the families that it is between, from 0.
+PAIRS_OF_FAMILIES = {"shear_angle": (0, 1), "shear_angle_23": (1, 2), "shear_angle_31": (2, 0)}
 
 
 def derive_fields(
@@ -60,15 +65,42 @@ def derive_fields(
 
 def _in_plane_fields(material, area_ratio, normal, fibre_1, fibre_2) -> dict[str, np.ndarray]:
     """Fields of the fibres: ``area_ratio`` is initial over current area, fibres are F·direction."""
+    fields = {"areal_fibre_mass": material.areal_mass * area_ratio}
+    angles = fibre_angles(material)
+    if angles != TWO_ALONG_THE_AXES:
+        return fields | _family_fields(angles, normal, fibre_1, fibre_2)
     stretch_1, direction_1 = _length_and_direction(fibre_1)
     stretch_2, direction_2 = _length_and_direction(fibre_2)
-    fields = {"areal_fibre_mass": material.areal_mass * area_ratio}
     fields["shear_angle"] = angle_of_shear(direction_1, direction_2, normal)
     for name, direction in (("1", direction_1), ("2", direction_2)):
         for axis, component in zip("xyz", np.moveaxis(direction, -1, 0), strict=True):
             fields[f"fibre_direction_{name}_{axis}"] = np.ascontiguousarray(component)
     fields["fibre_strain_1"] = stretch_1 - 1.0
     fields["fibre_strain_2"] = stretch_2 - 1.0
+    return fields
+
+
+def _family_fields(angles, normal, axis_1, axis_2) -> dict[str, np.ndarray]:
+    """Fields of families at any angles; the axes are F·direction of those of the ply.
+
+    The shear of a single family is that of the fibres and the line that was across them.
+    """
+    fields: dict[str, np.ndarray] = {}
+    lines = [np.cos(angle) * axis_1 + np.sin(angle) * axis_2 for angle in angles]
+    for number, line in enumerate(lines, start=1):
+        stretch, direction = _length_and_direction(line)
+        for axis, component in zip("xyz", np.moveaxis(direction, -1, 0), strict=True):
+            fields[f"fibre_direction_{number}_{axis}"] = np.ascontiguousarray(component)
+        fields[f"fibre_strain_{number}"] = stretch - 1.0
+    if len(angles) == 1:
+        across = np.cos(angles[0]) * axis_2 - np.sin(angles[0]) * axis_1
+        fields["strain_across"] = np.linalg.norm(across, axis=-1) - 1.0
+        lines.append(across)
+        angles = (angles[0], angles[0] + 0.5 * np.pi)
+    for name, (first, second) in PAIRS_OF_FAMILIES.items():
+        if second < len(lines) and first < len(lines):
+            apart = angles[second] - angles[first]
+            fields[name] = change_of_angle(lines[first], lines[second], normal, apart)
     return fields
 
 

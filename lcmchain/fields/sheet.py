@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.fields.derived import face_area_vectors, median_edge_length
+from lcmchain.fields.table import MOST_FAMILIES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,6 +22,52 @@ def vector(dataset: xr.Dataset, stem: str, frame: int | None = None) -> np.ndarr
     """
     values = np.stack([dataset[f"{stem}_{axis}"].values for axis in "xyz"], axis=-1)
     return values if frame is None else values[frame]
+
+
+#: Attribute of ``fibre_direction_1``: its angle from the first axis of the ply [rad]. A fabric with
+#: fibres along both axes has none.
+FROM_PLY_AXIS = "angle_from_ply_axis_rad"
+
+
+def families_of(sheet: xr.Dataset) -> tuple[int, ...]:
+    """Return the numbers of the families of fibres that a sheet has, from 1."""
+    return tuple(k for k in range(1, MOST_FAMILIES + 1) if f"fibre_strain_{k}" in sheet)
+
+
+#: Attribute of ``fibre_strain_k``: 1 where these fibres buckle, being softer in compression.
+BUCKLES = "softer_in_compression"
+
+
+def fibre_strains(sheet: xr.Dataset) -> np.ndarray:
+    """Return the size of the strains of all families (families, F, face_count).
+
+    It is nan where a ply has fewer families, and 0 for the compression of fibres that buckle.
+    """
+    found = []
+    for k in families_of(sheet):
+        strain = sheet[f"fibre_strain_{k}"]
+        buckles = strain.attrs.get(BUCKLES, 0)
+        found.append(np.maximum(strain.values, 0.0) if buckles else np.abs(strain.values))
+    return np.stack(found)
+
+
+def mesh_axes(sheet: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Return both directions of the undeformed mesh (face_count, 3): the axes of the plies.
+
+    Of a stack whose plies have their first families at unlike angles from their axes these are the
+    first family and the line across it.
+    """
+    first = vector(sheet, "fibre_direction_1", 0)
+    angle = sheet["fibre_direction_1_x"].attrs.get(FROM_PLY_AXIS)
+    if angle is None and "fibre_direction_2_x" in sheet:
+        second = vector(sheet, "fibre_direction_2", 0)
+        if np.isfinite(second).all():
+            return first, second
+    angle = 0.0 if angle is None else angle
+    normal = face_normals(sheet, 0)
+    across = np.cross(normal, first)
+    cos, sin = np.cos(angle), np.sin(angle)
+    return cos * first - sin * across, sin * first + cos * across
 
 
 def reference_positions(sheet: xr.Dataset) -> np.ndarray:
@@ -59,6 +106,12 @@ def node_areas(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
     count = sheet["displacement_x"].shape[-1]
     share = np.repeat(sheet_areas(sheet, frame) / 4.0, 4)
     return np.bincount(faces.ravel(), weights=share, minlength=count)
+
+
+def face_normals(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
+    """Return the unit normals of the faces in a frame (face_count, 3)."""
+    normal = face_area_vectors(sheet_positions(sheet, frame)[sheet_faces(sheet)])
+    return normal / np.linalg.norm(normal, axis=1)[:, None]
 
 
 def face_centres(sheet: xr.Dataset, *, formed: bool) -> np.ndarray:

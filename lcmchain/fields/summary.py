@@ -12,7 +12,7 @@ from lcmchain.fields.crossings import crossing_warnings
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.limits import packing_warnings, shear_range_warnings
 from lcmchain.fields.loads import has_histories, tool_loads
-from lcmchain.fields.sheet import node_areas, sheet_areas, vector
+from lcmchain.fields.sheet import fibre_strains, node_areas, sheet_areas, vector
 from lcmchain.fields.stack import plies_of
 from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.fields.waves import wave_warnings
@@ -47,8 +47,8 @@ def field_summary(
     Returns
     -------
     ``thickness_min_m``, ``thickness_max_m``, ``shear_angle_max_rad`` (magnitude),
-    ``fibre_strain_max`` (magnitude), ``fibre_volume_fraction_max``, ``wrinkle_height_max_m``
-    (magnitude), ``fibre_mass_kg``,
+    ``fibre_strain_max`` (magnitude; of fibres that buckle in tension alone),
+    ``fibre_volume_fraction_max``, ``wrinkle_height_max_m`` (magnitude), ``fibre_mass_kg``,
     ``fibre_mass_error`` (relative to the first frame), ``punch_force_max_N``, the largest mean over
     a twentieth of the process (of a result without histories, the largest of the frames), and with
     histories ``punch_force_peak_N`` of a single step, ``punch``, which tool that is, and
@@ -67,14 +67,13 @@ def _sheet_summary(sheet: xr.Dataset, frame: int) -> dict[str, Any]:
     last = sheet.isel(time=frame)
     mass = fibre_mass(sheet, frame)
     # a sheet of a stack may lack a field that others have
-    strains = [np.nanmax(np.abs(last[f"fibre_strain_{i}"].values)) for i in (1, 2)]
     summary: dict[str, Any] = {}
     if "thickness" in last:
         summary["thickness_min_m"] = float(last["thickness"].min())
         summary["thickness_max_m"] = float(last["thickness"].max())
     summary |= {
         "shear_angle_max_rad": float(np.abs(last["shear_angle"]).max()),
-        "fibre_strain_max": float(max(strains)),
+        "fibre_strain_max": float(np.nanmax(fibre_strains(last))),
         "fibre_mass_kg": mass,
         "fibre_mass_error": mass / fibre_mass(sheet, 0) - 1.0,
     }

@@ -138,7 +138,19 @@ _FIELDS = (
         "shear angle",
         FACE,
         "a right angle minus the angle from fibre 1 to fibre 2 about the normal of the sheet: "
-        "positive where the angle between the fibres has become smaller",
+        "positive where the angle between the fibres has become smaller. Of families that were at "
+        "another angle, that angle takes the place of the right one; of a single family it is the "
+        "angle to the material line that was across the fibres",
+    ),
+    *(
+        Field(
+            f"shear_angle_{first}{second}",
+            "rad",
+            f"shear angle of the fibres {first} and {second}",
+            FACE,
+            f"of a fabric with three families, as shear_angle from fibre {first} to fibre {second}",
+        )
+        for first, second in ((2, 3), (3, 1))
     ),
     Field(
         "fibre_direction_1",
@@ -157,6 +169,14 @@ _FIELDS = (
         is_vector=True,
     ),
     Field(
+        "fibre_direction_3",
+        "1",
+        "direction of fibre 3",
+        FACE,
+        "unit vector along the third fibre family in the formed textile",
+        is_vector=True,
+    ),
+    Field(
         "fibre_strain_1",
         "1",
         "strain of fibre 1",
@@ -169,6 +189,21 @@ _FIELDS = (
         "strain of fibre 2",
         FACE,
         "current length over initial length of the second fibre family, minus one",
+    ),
+    Field(
+        "fibre_strain_3",
+        "1",
+        "strain of fibre 3",
+        FACE,
+        "current length over initial length of the third fibre family, minus one",
+    ),
+    Field(
+        "strain_across",
+        "1",
+        "strain across the fibres",
+        FACE,
+        "of a fabric with one family: current length over initial length of the material line that "
+        "was across the fibres, minus one; positive where gaps open between them",
     ),
     Field(
         "compaction_pressure",
@@ -324,6 +359,9 @@ FIELDS: dict[str, Field] = {field.name: field for field in _FIELDS}
 FIELD_OF_VARIABLE: dict[str, Field] = {
     variable: field for field in _FIELDS for variable in field.variables
 }
+
+#: Most families of fibres that a result tells of; a single one has no second direction.
+MOST_FAMILIES = 3
 
 #: Fields that are sums over the plies of a stack: what is mapped ply by ply adds them up itself.
 OF_STACK = tuple(name for name in FIELDS if name.startswith("stack_"))

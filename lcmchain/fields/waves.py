@@ -9,11 +9,11 @@ import numpy as np
 
 from lcmchain.fields.sheet import (
     face_centres,
+    mesh_axes,
     reference_positions,
     sheet_areas,
     sheet_faces,
     sheet_positions,
-    vector,
 )
 from lcmchain.fields.wrinkles import node_normals
 from lcmchain.mesh.fibre_lines import lines_along
@@ -47,8 +47,7 @@ def elements_per_wave(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
     """
     faces, points = sheet_faces(sheet), sheet_positions(sheet, frame)
     normals = node_normals(points, faces)
-    fibres = vector(sheet, "fibre_direction_1", 0), vector(sheet, "fibre_direction_2", 0)
-    lines = lines_along(reference_positions(sheet), faces, fibres)
+    lines = lines_along(reference_positions(sheet), faces, mesh_axes(sheet))
     shortest = np.full(len(faces), np.inf)
     for before, after in zip(lines.before, lines.after, strict=True):
         of_edge = np.full(len(points), np.inf)  # from a node on

@@ -7,9 +7,10 @@ are inlined. Nothing else in the program needs to know the law.
 
 Strains and stresses are Green-Lagrange and second Piola-Kirchhoff in the reference fibre axes,
 Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness is a tuple of six
-moduli where it is diagonal, an ``Orthotropic`` where it couples the normal strains alone, else a
-tuple of six rows (:mod:`lcmchain.materials.stiffness`). A fabric whose thickness knows its shear
-answers the diagonal, and the one modulus beside it by ``tangent_coupling``.
+moduli where it is diagonal, an ``Orthotropic`` where it couples the normal strains alone, an
+``AlongFibres`` of moduli of directions in the plane, each of which may depend on its own strain,
+else a tuple of six rows (:mod:`lcmchain.materials.stiffness`). A fabric whose thickness knows its
+shear answers the diagonal, and the one modulus beside it by ``tangent_coupling``.
 
 A law with memory lists in ``remembers`` the numbers that each element keeps, zero at first, any
 count of them. Kernels hand them to the law as a tuple, as they were after the last step. What the
@@ -46,6 +47,8 @@ __all__ = [
     "bending_stiffness",
     "bending_stress",
     "bends_by_curves",
+    "fibre_angles",
+    "takes_fibre_share",
     "couples_shear",
     "evolved_history",
     "history_count",
@@ -382,6 +385,19 @@ def tangent_coupling_of(
     if not couples_shear(material):
         return None
     return material.tangent_coupling(E)  # type: ignore[attr-defined]
+
+
+def takes_fibre_share(material: Material) -> bool:
+    """Tell whether elements may stabilise the fibres of a material with a share of them."""
+    return material.is_diagonal or hasattr(material, "stabilising_terms")
+
+
+def fibre_angles(material: Material) -> tuple[float, ...]:
+    """Return the angle [rad] of every family of fibres from the first axis of the ply.
+
+    A material that does not say has two, along both axes.
+    """
+    return getattr(material, "fibre_angles", (0.0, 0.5 * np.pi))
 
 
 def couples_shear(material: Material) -> bool:

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.materials.fabric_with_set import FabricWithSetMaterial
+from lcmchain.materials.fibre_families import FibreFamiliesMaterial
 from lcmchain.materials.st_venant_kirchhoff import (
     IsotropicMaterial,
     OrthotropicMaterial,
@@ -19,6 +20,7 @@ from lcmchain.materials.table import MaterialTable
 AnyMaterial = Annotated[
     FabricMaterial
     | FabricWithSetMaterial
+    | FibreFamiliesMaterial
     | IsotropicMaterial
     | OrthotropicMaterial
     | StiffnessMaterial,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 from lcmchain.materials.law import Material
@@ -56,6 +57,16 @@ class MaterialTable(SceneModel):
     def bends_in_plane(self) -> bool:
         """Whether fibres resist bending within the plane."""
         return False
+
+    @property
+    def fibre_angles(self) -> tuple[float, ...]:
+        """Angles of the families of fibres from the first axis of the ply [rad]."""
+        return (0.0, 0.5 * math.pi)
+
+    @property
+    def is_biaxial(self) -> bool:
+        """Whether fibres lie along both axes of the ply, so that a net can be laid along them."""
+        return self.fibre_angles == (0.0, 0.5 * math.pi)
 
     def remarks(self) -> list[str]:
         """Say what is allowed but probably not meant."""

@@ -64,6 +64,24 @@ def angle_of_shear(
     )
 
 
+def change_of_angle(
+    line_1: np.ndarray, line_2: np.ndarray, normal: np.ndarray, apart: float
+) -> np.ndarray:
+    """Return by how much the angle from line 1 to 2 about the unit normal has become smaller [rad].
+
+    Parameters
+    ----------
+    line_1, line_2 : (..., 3), of any length. apart : from 1 to 2 at the start [rad]; lines have no
+        sense, so that the angle counts up to π.
+    """
+    initial = apart % np.pi
+    # the sense of line 2 in which it lay on the left of line 1
+    sense = 1.0 if apart % (2.0 * np.pi) < np.pi else -1.0
+    along = np.einsum("...i,...i->...", line_1, line_2)
+    across = np.einsum("...i,...i->...", np.cross(line_1, line_2), normal)
+    return initial - np.arctan2(sense * across, sense * along)
+
+
 def shear_angles(mesh: SheetMesh, positions: np.ndarray) -> np.ndarray:
     """Return the shear angle of every element [rad] at node positions (..., node_count, 3)."""
     current = mesh.base_vectors(positions)

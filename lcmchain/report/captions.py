@@ -29,11 +29,10 @@ CAPTIONS: dict[str, str] = {
         "lies on, from above; white where none does or ever did"
         for shown in BETWEEN_SHOWN
     },
-    "plies_fibre_directions.png": "Fibre lines of both families of every ply, formed and from "
-    "above",
+    "plies_fibre_directions.png": "Fibre lines of all families of every ply, formed and from above",
     "exploded.png": "Formed plies lifted off each other, with their shear angle and fibre lines",
-    "fibre_directions.png": "Fibre lines of both families on the formed shape; they are edges of "
-    "the mesh that followed a fibre before forming",
+    "fibre_directions.png": "Fibre lines of all families on the formed shape; they followed a "
+    "fibre before forming",
     "tools.png": "Formed shape between the tools in their final position, which are transparent",
     "sections.png": "Sections through sheet and tools: to scale, and unrolled with the thickness "
     "stretched, so that gaps and penetrations show",

@@ -1,4 +1,8 @@
-"""Fibre lines of a formed sheet that a picture shows: few, evenly spaced, symmetric."""
+"""Fibre lines of a formed sheet that a picture shows: few, evenly spaced, symmetric.
+
+Fibres along both axes of the ply are edges of the mesh. Those of families at other angles are
+straight lines of the undeformed sheet, carried along by its faces.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,13 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from lcmchain.fields.sheet import reference_positions, sheet_faces, vector
+from lcmchain.fields.sheet import (
+    FROM_PLY_AXIS,
+    families_of,
+    reference_positions,
+    sheet_faces,
+    vector,
+)
 from lcmchain.mesh.fibre_lines import lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE
 
@@ -20,6 +30,53 @@ MOST_LINES = 31
 # Lines of the mesh that lie nearer to each other than this part of an edge are one line in two
 # pieces; pieces of fewer nodes may lie aside, where a cut edge has moved them.
 ONE_LINE, LEAST_NODES = 0.25, 4
+
+
+# Points of a straight fibre line per edge of the mesh.
+POINTS_PER_EDGE = 2
+
+
+def fibre_lines(
+    sheet: xr.Dataset, points: np.ndarray, most: int = MOST_LINES
+) -> list[tuple[int, np.ndarray]]:
+    """Return the number of each family and pieces (S, 2, 3) of its lines on the formed sheet.
+
+    Parameters
+    ----------
+    points : of the formed sheet (n, 3), in the unit of what is returned.
+    most : at most so many lines of a family are kept.
+    """
+    if FROM_PLY_AXIS not in sheet["fibre_direction_1_x"].attrs:
+        segments = fibre_segments(sheet, most)
+        return [(number, points[nodes]) for number, nodes in enumerate(segments, start=1)]
+    return [(number, _straight_lines(sheet, points, number, most)) for number in families_of(sheet)]
+
+
+def _straight_lines(sheet: xr.Dataset, points: np.ndarray, number: int, most: int) -> np.ndarray:
+    """Return pieces (S, 2, 3) of lines that were straight in the undeformed, level sheet."""
+    from matplotlib.tri import LinearTriInterpolator, Triangulation
+
+    reference, faces = reference_positions(sheet)[:, :2], sheet_faces(sheet)
+    first, second = faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]
+    triangles = np.concatenate([first, second[second[:, 1] != second[:, 2]]])
+    mesh = Triangulation(reference[:, 0], reference[:, 1], triangles)
+    along = vector(sheet, f"fibre_direction_{number}", 0)[:, :2].mean(axis=0)
+    along /= np.linalg.norm(along)
+    across = np.array([-along[1], along[0]])
+    edge = float(np.median(np.linalg.norm(reference[faces[:, 1]] - reference[faces[:, 0]], axis=1)))
+    way, place = reference @ along, reference @ across
+    step = max((np.ptp(place) + edge) / most, edge)
+    middle = 0.5 * (place.min() + place.max())
+    count = int(0.5 * np.ptp(place) / step)
+    levels = middle + step * np.arange(-count, count + 1)
+    ways = np.arange(way.min(), way.max() + edge, edge / POINTS_PER_EDGE)
+    grid = ways[None, :, None] * along + levels[:, None, None] * across
+    formed = np.ma.stack(
+        [LinearTriInterpolator(mesh, values)(grid[..., 0], grid[..., 1]) for values in points.T],
+        axis=-1,
+    ).filled(np.nan)
+    pieces = np.stack([formed[:, :-1], formed[:, 1:]], axis=2).reshape(-1, 2, 3)
+    return pieces[np.isfinite(pieces).all(axis=(1, 2))]
 
 
 def fibre_segments(sheet: xr.Dataset, most: int = MOST_LINES) -> list[np.ndarray]:

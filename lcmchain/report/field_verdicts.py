@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
-from lcmchain.fields.sheet import sheet_areas
+from lcmchain.fields.sheet import fibre_strains, sheet_areas
 from lcmchain.fields.stack import PLY
 from lcmchain.fields.waves import area_in_waves_below, elements_per_wave
 from lcmchain.report.grades import (
@@ -74,8 +74,7 @@ def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
 def _fibre_strain(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
     if not scene.stack.has_fibres:
         return
-    strain = np.abs([sheet[f"fibre_strain_{family}"].values[-1] for family in (1, 2)])
-    largest = float(np.nanmax(strain))
+    largest = float(np.nanmax(fibre_strains(sheet)[:, -1]))
     grade = grade_of(largest, LARGEST_FIBRE_STRAIN, BAD * LARGEST_FIBRE_STRAIN)
     limit, breaking = percent(LARGEST_FIBRE_STRAIN), percent(BAD * LARGEST_FIBRE_STRAIN)
     text = (

@@ -29,6 +29,10 @@ _PRESSURE, _STRAIN = ("kPa", 1e-3), ("%", 100.0)
 _OTHERS = (
     Shown("fibre_strain_1", "Strain of fibre 1", *_STRAIN, "PuOr_r", True, 3),
     Shown("fibre_strain_2", "Strain of fibre 2", *_STRAIN, "PuOr_r", True, 3),
+    Shown("fibre_strain_3", "Strain of fibre 3", *_STRAIN, "PuOr_r", True, 3),
+    Shown("strain_across", "Strain across the fibres", *_STRAIN, "PuOr_r", True, 2),
+    Shown("shear_angle_23", "Shear angle, fibres 2, 3", "°", 180.0 / np.pi, "RdBu_r", True, 1),
+    Shown("shear_angle_31", "Shear angle, fibres 3, 1", "°", 180.0 / np.pi, "RdBu_r", True, 1),
     Shown("compaction_pressure", "Compaction pressure", *_PRESSURE, "viridis", False, 2),
     Shown("bending_pressure", "Pressure of bending", *_PRESSURE, "viridis", False, 2),
     Shown("areal_fibre_mass", "Fibre mass per area", "g/m²", 1e3, "YlGnBu", False, 1),

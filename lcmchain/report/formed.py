@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
-from lcmchain.report.fibre_segments import fibre_segments
+from lcmchain.report.fibre_segments import fibre_lines
 from lcmchain.report.layers import Layer, line_layer, paint, sheet_layer
 from lcmchain.report.renderer import axes_at, draw_outline, draw_triad, fit_axis, label_axes
 from lcmchain.report.run_tools import RunTools
@@ -24,14 +24,14 @@ SHEET_COLOUR = "#f1efe9"
 
 
 def draw_fibre_directions(path: Path | str, sheet: xr.Dataset, frame: int = -1) -> None:
-    """Draw fibre lines of both families on the formed shape: oblique view and from above.
+    """Draw fibre lines of all families on the formed shape: oblique view and from above.
 
-    The lines are material: edges of the mesh that followed a fibre before forming.
+    The lines are material: they followed a fibre before forming.
     """
     points, initial = 1e3 * sheet_positions(sheet, frame), 1e3 * reference_positions(sheet)
     faces = sheet_faces(sheet)
     rim = boundary_edges(faces)
-    lines = fibre_segments(sheet)
+    lines = fibre_lines(sheet, points)
     view = oblique(from_below=hangs_down(points, rim))
     widths = (5.8, 4.4)  # of the panels [in]
     with matplotlib.rc_context(RC):
@@ -46,8 +46,8 @@ def draw_fibre_directions(path: Path | str, sheet: xr.Dataset, frame: int = -1) 
             layers = _sheet(points, faces, rim, seen)
             lift = float(np.median(np.linalg.norm(points[rim[:, 1]] - points[rim[:, 0]], axis=1)))
             layers += [
-                line_layer(points[nodes], seen, colour, width, lift)
-                for nodes, colour in zip(lines, FIBRE_COLOURS)
+                line_layer(pieces, seen, FIBRE_COLOURS[number - 1], width, lift)
+                for number, pieces in lines
             ]
             paint(axis, seen, layers)
         fit_axis(left, view.on_screen(points), 0.03)
@@ -55,7 +55,7 @@ def draw_fibre_directions(path: Path | str, sheet: xr.Dataset, frame: int = -1) 
         draw_triad(left, view)
         _say_side(figure, view, panel)
         draw_outline(right, initial, rim, "initial outline")
-        for number, colour in enumerate(FIBRE_COLOURS, start=1):
+        for number, colour in ((number, FIBRE_COLOURS[number - 1]) for number, _ in lines):
             right.plot([], [], color=colour, lw=1.5, label=f"fibre {number}")
         right.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.15)
         right.set_title("from above", color=FAINT, loc="left")

@@ -91,7 +91,7 @@ def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
         yield Number("Fibre volume fraction", f"up to {fraction:.3f}", "in the last frame")
     if "fibre_strain_max" in summary:
         strain = summary["fibre_strain_max"]
-        yield Number("Fibre strain", f"up to {percent(strain)}", "magnitude, of both families")
+        yield Number("Fibre strain", f"up to {percent(strain)}", "magnitude, of all families")
     if "punch_force_max_N" in summary:
         value = f"{summary['punch_force_max_N']:.4g} N{_uncertainty(summary)}"
         yield Number("Force of the punch", value, "".join(_punch_force(summary)))

@@ -11,6 +11,7 @@ import numpy as np
 
 from lcmchain.fields.dataset import SHEET, SOLID
 from lcmchain.fields.sheet import (
+    mesh_axes,
     reference_positions,
     sheet_faces,
     sheet_positions,
@@ -38,7 +39,7 @@ Strip = tuple[np.ndarray, np.ndarray]
 
 
 def default_planes(sheet: xr.Dataset) -> list[Plane]:
-    """Return the planes through the middle of the blank along either fibre family.
+    """Return the planes through the middle of the blank along either axis of the ply.
 
     Where the middle lies beside the sheet (two sheets, a frame), the face next to it is cut.
     """
@@ -50,7 +51,7 @@ def default_planes(sheet: xr.Dataset) -> list[Plane]:
     radius = np.linalg.norm(corners[nearest] - centres[nearest], axis=1).max()
     if np.linalg.norm(centres[nearest] - middle) > 1.01 * radius:
         middle = centres[nearest]
-    fibres = [vector(sheet, f"fibre_direction_{number}", 0).mean(axis=0) for number in (1, 2)]
+    fibres = [axis.mean(axis=0) for axis in mesh_axes(sheet)]
     normal = np.cross(*fibres)
     return [Plane.through(middle, np.cross(fibre, normal)) for fibre in fibres]
 

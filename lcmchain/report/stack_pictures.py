@@ -13,7 +13,7 @@ from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions, vector
 from lcmchain.fields.stack import plies_of
 from lcmchain.report.cut import Plane
-from lcmchain.report.fibre_segments import fibre_segments
+from lcmchain.report.fibre_segments import fibre_lines
 from lcmchain.report.layers import line_layer, paint, sheet_layer
 from lcmchain.report.renderer import (
     axes_at,
@@ -173,6 +173,7 @@ def _draw_fibres(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: int
     with matplotlib.rc_context(RC):
         figure, axes, _ = _panels(len(plies))
         around = _around(plies, frame)
+        shown: set[int] = set()
         for axis, (name, sheet) in zip(axes, plies):
             points, initial = 1e3 * sheet_positions(sheet, frame), 1e3 * reference_positions(sheet)
             faces = sheet_faces(sheet)
@@ -180,13 +181,16 @@ def _draw_fibres(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: int
             layers = [sheet_layer(points[faces], FROM_ABOVE, "#f1efe9", shaded=False)]
             # above the faces that a line lies between
             lift = float(np.median(np.linalg.norm(points[rim[:, 1]] - points[rim[:, 0]], axis=1)))
-            for nodes, colour in zip(fibre_segments(sheet), FIBRE_COLOURS):
-                layers.append(line_layer(points[nodes], FROM_ABOVE, colour, 0.6, lift))
+            for number, pieces in fibre_lines(sheet, points):
+                shown.add(number)
+                colour = FIBRE_COLOURS[number - 1]
+                layers.append(line_layer(pieces, FROM_ABOVE, colour, 0.6, lift))
             paint(axis, FROM_ABOVE, layers)
             draw_segments(axis, points[rim], FROM_ABOVE, INK, 0.7)
             draw_outline(axis, initial, rim, "initial outline", width=0.6)
             _finish(axis, around, f"{name}, laid at {_angle(sheet):.4g}°")
-        for number, colour in enumerate(FIBRE_COLOURS, start=1):
+        for number in sorted(shown):
+            colour = FIBRE_COLOURS[number - 1]
             axes[0].plot([], [], color=colour, lw=1.5, label=f"fibre {number}")
         width = figure.get_size_inches()[0]
         figure.legend(
@@ -281,8 +285,8 @@ def draw_exploded(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: in
                 sheet_layer(points[faces[number]], view, shades),
                 line_layer(points[rim], view, INK, 0.8, 0.1 * step),
             ]
-            for nodes in fibre_segments(sheet, 15):
-                layers.append(line_layer(points[nodes], view, "#3a4149", 0.45, step))
+            for _, pieces in fibre_lines(sheet, points, 15):
+                layers.append(line_layer(pieces, view, "#3a4149", 0.45, step))
             paint(axis, view, layers, zorder=1.0 + depth)
             corner = view.on_screen(points)
             place = corner[np.argmin(corner[:, 0])]

@@ -27,6 +27,8 @@ from lcmchain.report.view import FROM_ABOVE, boundary_edges, contour_edges, obli
 #: Plies of a stack that are drawn at most, and beside each other.
 MOST_PLIES_SHOWN = 16
 PLIES_IN_A_ROW = 4
+#: Angles of the families of a fabric along both axes of its ply [rad].
+BOTH_AXES = (0.0, 0.5 * np.pi)
 
 
 def draw_initial(
@@ -36,6 +38,7 @@ def draw_initial(
     *,
     title: str = "",
     marks: Sequence[Sequence[float]] = (),
+    angles: Sequence[float] = BOTH_AXES,
 ) -> None:
     """Draw the start: blank with mesh and fibre directions, tools, and a cut that shows gaps.
 
@@ -46,6 +49,7 @@ def draw_initial(
     tools : name, points [m] (P, 3) and triangles (F, 3) of every tool at travel 0.
     title : of the scene.
     marks : places [m] where tools reach into the blank; the cut goes through the first.
+    angles : of the families of fibres from the first axis of the ply [rad].
 
     Raises
     ------
@@ -62,7 +66,7 @@ def draw_initial(
         cut_axis = figure.add_axes((0.06, 0.07, 0.44, 0.225))
         gap_axis = figure.add_axes((0.575, 0.07, 0.39, 0.225))
         _draw_start(oblique_axis, points, faces, rim, shapes)
-        _draw_fibres(map_axis, blank, points, faces, rim, shapes)
+        _draw_fibres(map_axis, blank, points, faces, rim, shapes, angles)
         where, middle = _cut_through(marks, points)
         thickness = 1e3 * blank.thickness
         _draw_cut(cut_axis, points, rim, thickness, shapes, middle, box)
@@ -87,6 +91,7 @@ def draw_stack(
     *,
     title: str = "",
     marks: Sequence[Sequence[float]] = (),
+    angles: Sequence[Sequence[float]] | None = None,
 ) -> None:
     """Draw the start of a stack: every ply with its fibres, tools, and a cut through all plies.
 
@@ -94,7 +99,7 @@ def draw_stack(
     ----------
     path : of the PNG.
     plies : name and undeformed mesh of every ply, bottom first.
-    tools, title, marks : as for :func:`draw_initial`.
+    tools, title, marks : as for :func:`draw_initial`; angles : the same for every ply.
 
     Raises
     ------
@@ -117,7 +122,8 @@ def draw_stack(
                 figure, 0.35 + column * width, height - 0.9 - 2.6 * (row + 1) + 0.25,
                 width - 0.35, 2.1,
             )  # fmt: skip
-            _draw_ply(axis, number, name, mesh, shapes, box)
+            own = BOTH_AXES if angles is None else angles[number - 1]
+            _draw_ply(axis, number, name, mesh, shapes, box, own)
         where, middle = _cut_through(marks, points)
         cut_axis = axes_at(figure, 0.75, 0.5, 4.6, 2.0)
         gap_axis = axes_at(figure, 6.5, 0.5, 4.6, 2.0)
@@ -178,9 +184,9 @@ def _shown_plies(
     return shown, len(numbered) - len(shown)
 
 
-def _draw_ply(axis, number: int, name: str, mesh: BlankMesh, shapes, box) -> None:
+def _draw_ply(axis, number: int, name: str, mesh: BlankMesh, shapes, box, angles) -> None:
     points, faces = 1e3 * mesh.mid_surface_positions, mesh.faces
-    _draw_plan(axis, mesh, points, faces, boundary_edges(faces), shapes)
+    _draw_plan(axis, mesh, points, faces, boundary_edges(faces), shapes, angles)
     x, y = mesh.fibre_direction_1[0, :2]
     axis.set_title(
         f"{number}: {name}, {np.degrees(np.arctan2(y, x)) + 0.0:.4g}°", color=INK, loc="left"
@@ -222,15 +228,15 @@ def _draw_start(axis, points, faces, rim, shapes) -> None:
         axis.legend(loc="upper right", title="tools", title_fontsize=8, alignment="left")
 
 
-def _draw_fibres(axis, blank: BlankMesh, points, faces, rim, shapes) -> None:
-    _draw_plan(axis, blank, points, faces, rim, shapes)
+def _draw_fibres(axis, blank: BlankMesh, points, faces, rim, shapes, angles) -> None:
+    _draw_plan(axis, blank, points, faces, rim, shapes, angles)
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.15)
     fit_axis(axis, points[:, :2], 0.12)
     axis.set_title("from above, tools dashed", color=FAINT, loc="left")
     label_axes(axis, "x [mm]", "y [mm]")
 
 
-def _draw_plan(axis, blank: BlankMesh, points, faces, rim, shapes) -> None:
+def _draw_plan(axis, blank: BlankMesh, points, faces, rim, shapes, angles) -> None:
     """Mesh, tools and fibre directions from above."""
     draw_mesh(axis, points[faces], FROM_ABOVE, face="#f6f7f8", edge="#c3c9d0", width=0.25)
     draw_segments(axis, points[rim], FROM_ABOVE, INK, 1.0)
@@ -238,8 +244,9 @@ def _draw_plan(axis, blank: BlankMesh, points, faces, rim, shapes) -> None:
         edges = contour_edges(vertices, triangles, FROM_ABOVE)
         draw_segments(axis, edges, FROM_ABOVE, colour, 0.9, alpha=0.8, linestyles="--")
     places, nearest, spacing = even_places(points[faces].mean(axis=1)[:, :2])
-    for number, colour in enumerate(FIBRE_COLOURS, start=1):
-        direction = getattr(blank, f"fibre_direction_{number}")[nearest]
+    along, across = blank.fibre_direction_1[nearest], blank.fibre_direction_2[nearest]
+    for number, (angle, colour) in enumerate(zip(angles, FIBRE_COLOURS), start=1):
+        direction = np.cos(angle) * along + np.sin(angle) * across
         draw_fibres(axis, places, direction, 0.72 * spacing, colour, arrows=True)
         axis.plot([], [], color=colour, lw=1.8, label=f"fibre {number}")
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 DPI = 200
 INK = "#22272e"
 FAINT = "#8a929c"
-FIBRE_COLOURS = ("#1f5fa8", "#d1572a")
+FIBRE_COLOURS = ("#1f5fa8", "#d1572a", "#3b8f4e")
 #: Distinct for the common kinds of colour blindness (Okabe and Ito).
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f")
 

@@ -61,6 +61,11 @@ def angles_of(code: str) -> tuple[float, ...]:
     return tuple(angles)
 
 
+def names_two_families(code: str) -> bool:
+    """Tell whether a code writes any ply by two families, as in ``0/90`` or ``±45``."""
+    return any(sign in _SLASH_BETWEEN_PLIES.sub(",", code) for sign in ("/", "±", "+-"))
+
+
 def _plies_of(text: str) -> list[float]:
     """Return the angles [rad] of one ply of the code, as often as it is laid."""
     repeated = _REPEATED.fullmatch(text)

@@ -38,7 +38,8 @@ ONE_SHEET = "sheet"
 #: Groups, meshes and variables of result files that are not those of one ply.
 RESERVED_NAMES = (
     "sheet", "solid", "history", "time", "body", "stack", "thickness", "fibre_volume_fraction",
-    "areal_fibre_mass", "shear_angle", "fibre_strain_1", "fibre_strain_2", "compaction_pressure",
+    "areal_fibre_mass", "shear_angle", "shear_angle_23", "shear_angle_31", "fibre_strain_1",
+    "fibre_strain_2", "fibre_strain_3", "strain_across", "compaction_pressure",
     "bending_pressure", "pore_pressure", "tool_pressure_top", "tool_pressure_bottom",
     "tool_pressure", "wrinkle_height", "stack_thickness", "stack_areal_fibre_mass",
     "stack_fibre_volume_fraction", "stack_ply_count",
@@ -51,10 +52,10 @@ RESERVED_NAMES = (
     *(
         f"{vector}_{axis}"
         for vector in (
-            "fibre_direction_1", "fibre_direction_2", "permeability_direction_1",
-            "permeability_direction_2", "permeability_direction_3", "displacement",
-            "reference_position", "ply_shear_stress_top", "ply_shear_stress_bottom", "slip_top",
-            "slip_bottom",
+            "fibre_direction_1", "fibre_direction_2", "fibre_direction_3",
+            "permeability_direction_1", "permeability_direction_2", "permeability_direction_3",
+            "displacement", "reference_position", "ply_shear_stress_top",
+            "ply_shear_stress_bottom", "slip_top", "slip_bottom",
         )
         for axis in "xyz"
     ),

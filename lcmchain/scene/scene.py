@@ -35,7 +35,7 @@ from lcmchain.scene.found_time import (
 )
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.layup import EXAMPLE as LAYUP_EXAMPLE
-from lcmchain.scene.layup import MOST_PLIES, LayupError, angles_of
+from lcmchain.scene.layup import MOST_PLIES, LayupError, angles_of, names_two_families
 from lcmchain.scene.mapping_target import MappingTarget
 from lcmchain.scene.names import with_own_names
 from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, Output
@@ -449,6 +449,15 @@ class Scene(SceneModel):
         for ply in stack:
             if ply.element.type not in ply.material.families:
                 raise wrong(_law_of_no_use(ply), field=f"{ply.material_key}.law")
+        if self.layup is not None and names_two_families(self.layup):
+            other = next((ply for ply in stack if not ply.material.is_biaxial), None)
+            if other is not None:
+                raise wrong(
+                    f'is "{self.layup}", which writes plies by two families at a right angle, but '
+                    f"those of {other.material.name} are others; write the angle of each ply from "
+                    'x to its first axis alone, as in "[0, 90]"',
+                    field="layup",
+                )
         flat = next((ply.element for ply in stack if not ply.element.has_thickness), None)
         if flat is not None and self.permeability is not None:
             raise wrong(
@@ -472,7 +481,7 @@ class Scene(SceneModel):
             share = getattr(ply.element, "fibre_hourglass", None)
             if share not in (None, 1.0) and not ply.material.has_fibres:
                 raise wrong(
-                    f'is {share:g}, but only law = "fabric" has fibres; leave it out',
+                    f'is {share:g}, but law = "{ply.material.law}" has no fibres; leave it out',
                     field=f"{ply.element_key}.fibre_hourglass",
                 )
         if self.process.fibre_modulus_factor != 1.0 and not stack.has_fibres:

@@ -69,15 +69,17 @@ class MappedCells:
         """
         return self._taken(self.scalars, name, wanted_by)
 
-    def families(self, wanted_by: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return both fibre directions, unit vectors of shape (C, 3).
+    def families(self, wanted_by: str) -> tuple[np.ndarray, ...]:
+        """Return the directions of all fibre families, unit vectors of shape (C, 3).
 
         Raises
         ------
-        InputError : the mapped result lacks one of them.
+        InputError : the mapped result has none, or of another one only some cells.
         """
-        first, second = (self._taken(self.vectors, name, wanted_by) for name in FIBRE_FAMILIES)
-        return first, second
+        further = [name for name in FIBRE_FAMILIES[1:] if name in self.vectors]
+        return tuple(
+            self._taken(self.vectors, name, wanted_by) for name in (FIBRE_FAMILIES[0], *further)
+        )
 
     def permeability(self, wanted_by: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the two principal permeabilities in the plane [m2], (C, 2), and the larger's axis.

@@ -37,7 +37,7 @@ def prepare(path: Path, cells: MappedCells) -> Saver:
     """Get ready to write one DRAPE table per fibre family, with a row per mapped element.
 
     The angle counts from side 1-2 of the element, positive about its normal. Each family is a ply
-    of half the thickness; the thinning factor relates it to the mean of the part.
+    with its share of the thickness; the thinning factor relates it to the mean of the part.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def prepare(path: Path, cells: MappedCells) -> Saver:
     require_narrow(target.cell_ids, "cell", target.file)
     thickness = cells.scalar("thickness", NAME)
     families = cells.families(NAME)
-    known = cells.mapped & np.isfinite(families[0] + families[1]).all(axis=1)
+    known = cells.mapped & np.isfinite(sum(families)).all(axis=1)
     mean = float(np.average(thickness[known], weights=target.surface.areas[known]))
     tables = Tables(
         target.cell_ids[known],
@@ -60,29 +60,32 @@ def prepare(path: Path, cells: MappedCells) -> Saver:
 
 
 def _write(path: Path, cells: MappedCells, tables: Tables, mean: float) -> ExportReport:
+    count = len(tables.angles)
+    share = 1.0 / count
     with replacing(path) as temporary, temporary.open("w", encoding="ascii") as file:
-        for text in _head(cells, mean):
+        for text in _head(cells, mean, count):
             file.write(f"$ {text}\n")
         for number, angles in enumerate(tables.angles, start=1):
             file.write(f"$ {FIBRE_FAMILIES[number - 1]}\n{line('DRAPE', number)}\n")
             for row in zip(*(column.tolist() for column in (tables.ids, tables.thinning, angles))):
                 file.write(line("", "ELEM", *row) + "\n")
-    losses = [
-        Loss(
-            "each family is a ply of half the thickness; that both lie in one layer, the fibre "
-            "volume fraction and every other field have no place in the table"
-        ),
-        *_rounding(tables),
-    ]
+    layer = {
+        1: "the fibre volume fraction and every other field have no place in the table",
+        2: "each family is a ply of half the thickness; that both lie in one layer, the fibre "
+        "volume fraction and every other field have no place in the table",
+        3: "each family is a ply of a third of the thickness; that all lie in one layer, the fibre "
+        "volume fraction and every other field have no place in the table",
+    }[count]
+    losses = [Loss(layer), *_rounding(tables)]
     missing = cells.target.cell_count - len(tables.ids)
     if missing:
         losses.append(Loss(f"{missing} unmapped cells have no row"))
     note = (
-        f"give each ply the thickness {0.5 * mean:.6g} m and the angle 0, and the elements no "
+        f"give each ply the thickness {share * mean:.6g} m and the angle 0, and the elements no "
         "material angle or coordinate system of their own"
     )
     return ExportReport(
-        NAME, [path.name], len(tables.ids), losses, [note], {"ply_thickness_m": 0.5 * mean}
+        NAME, [path.name], len(tables.ids), losses, [note], {"ply_thickness_m": share * mean}
     )
 
 
@@ -110,14 +113,15 @@ def angle_from_first_side(cells: MappedCells, directions: np.ndarray) -> np.ndar
     return 0.5 * np.pi - np.mod(0.5 * np.pi - angle, np.pi)
 
 
-def _head(cells: MappedCells, mean: float) -> list[str]:
+def _head(cells: MappedCells, mean: float, count: int) -> list[str]:
     source = cells.provenance.get("source", "lcmchain")
     plies = [
-        f"PLY,{number},MID,{real(0.5 * mean)},0.0,,,{number}, +, ESID   ({name})"
-        for number, name in enumerate(FIBRE_FAMILIES, start=1)
+        f"PLY,{number},MID,{real(mean / count)},0.0,,,{number}, +, ESID   ({name})"
+        for number, name in enumerate(FIBRE_FAMILIES[:count], start=1)
     ]
+    of_families = {1: "the fibre family", 2: "both fibre families", 3: "three fibre families"}
     return [
-        f"Draping of both fibre families; {_plain(str(source))}; lengths in m, angles in degrees.",
+        f"Draping of {of_families[count]}; {_plain(str(source))}; lengths in m, angles in degrees.",
         "T of a row: thickness of the formed sheet over its mean; THETA: angle of the fibre from",
         "side 1-2 of the element, positive about its normal.",
         "The plies that take these tables (fill in material and element sets):",

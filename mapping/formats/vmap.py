@@ -54,7 +54,7 @@ def prepare(path: Path, cells: MappedCells) -> Saver:
         or nodes beyond 32 bits.
     """
     target = cells.target
-    families = cells.families(NAME)
+    families = _with_plane(cells, cells.families(NAME))
     for what, numbers in (("cell", target.cell_ids), ("node", target.node_ids)):
         if numbers.max(initial=0) > LARGEST_IDENTIFIER:
             raise InputError(
@@ -69,6 +69,21 @@ def prepare(path: Path, cells: MappedCells) -> Saver:
             file=target.file,
         )
     return partial(_write, path, cells, families)
+
+
+def _with_plane(
+    cells: MappedCells, families: tuple[np.ndarray, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return two directions (C, 3) that span the sheet: both families, or one and that across it.
+
+    Raises
+    ------
+    InputError : a single family in solids, which have no normal.
+    """
+    if len(families) > 1:
+        return families[0], families[1]
+    cells.require_shells(f"{NAME} of a fabric with one family")
+    return families[0], np.cross(cells.normals, families[0])
 
 
 def _write(path: Path, cells: MappedCells, families: tuple[np.ndarray, np.ndarray]) -> ExportReport:
@@ -91,11 +106,12 @@ def _write(path: Path, cells: MappedCells, families: tuple[np.ndarray, np.ndarra
         cells.target.cell_ids,
         unit="rad",
     )
+    losses = [dropped] if FIBRE_FAMILIES[1] in cells.vectors else []
     return ExportReport(
         NAME,
         [path.name],
         int(cells.mapped.sum()),
-        [dropped, *_unmapped(cells)],
+        [*losses, *_unmapped(cells)],
         details={"geometry": GEOMETRY, "state": STATE},
     )
 
@@ -194,4 +210,4 @@ def _write_variables(state: h5py.Group, cells: MappedCells) -> None:
 
 def _families_first(cells: MappedCells) -> list[str]:
     others = [name for name in cells.vectors if name not in FIBRE_FAMILIES]
-    return [*FIBRE_FAMILIES, *others]
+    return [*(name for name in FIBRE_FAMILIES if name in cells.vectors), *others]

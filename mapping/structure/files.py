@@ -42,11 +42,14 @@ def cell_values(
             sections.density,
             {"units": "kg m-3", "long_name": "density of fibres and resin"},
         ),
-        "family_angle": (
-            sections.angle,
-            {"units": "rad", "long_name": "angle from the first to the second fibre family"},
-        ),
     }
+    for number, angle in enumerate(sections.angles, start=2):
+        name = "family_angle" if number == 2 else f"family_angle_1{number}"
+        which = {2: "second", 3: "third"}[number]
+        values[name] = (
+            angle,
+            {"units": "rad", "long_name": f"angle from the first to the {which} fibre family"},
+        )
     if sections.thickness is not None:
         values["deck_thickness"] = (
             sections.thickness,
@@ -77,7 +80,7 @@ def cell_values(
                 "long_name": f"mean strain {component} in the cell's axes (engineering shear)",
             },
         )
-    for family in (1, 2):
+    for family in range(1, 1 + results.fibre_strain.shape[1]):
         values[f"elastic_fibre_strain_{family}"] = (
             results.fibre_strain[:, family - 1],
             {

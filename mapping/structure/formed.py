@@ -27,16 +27,16 @@ class FormedPly:
     Parameters
     ----------
     share : of the cell's thickness or volume, zero where the cell has nothing of the ply, (C,).
-    fibre_volume_fraction : (C,). direction_1, direction_2 : unit vectors along both fibre
-        families, (C, 3). They are those of the first ply where the share is zero.
+    fibre_volume_fraction : (C,).
+    directions : unit vectors along every fibre family, (C, 3) each. They mean nothing where the
+        share is zero.
     height : place of the ply along the normal of a shell [m], (C,), None where the file does not
         tell it; not a number where the share is zero.
     """
 
     share: np.ndarray
     fibre_volume_fraction: np.ndarray
-    direction_1: np.ndarray
-    direction_2: np.ndarray
+    directions: tuple[np.ndarray, ...]
     height: np.ndarray | None = None
 
 
@@ -77,7 +77,9 @@ def formed_cells(mapped: xr.Dataset, target: TargetMesh, file: str) -> FormedCel
     thickness = _field(mapped, "thickness", target, file)
     names = [str(n).removeprefix(SHARE) for n in mapped.data_vars if str(n).startswith(SHARE)]
     leading = _ply(mapped, "", np.ones(target.cell_count), target, file)
-    values = [leading.fibre_volume_fraction[:, None], leading.direction_1, leading.direction_2]
+    # plies may have less families than others
+    directions = leading.directions[:1] if names else leading.directions
+    values = [leading.fibre_volume_fraction[:, None], *directions]
     known = np.isfinite(np.hstack([thickness[:, None], *values])).all(axis=1)
     if not known.all():
         unmapped = np.flatnonzero(~known)
@@ -97,14 +99,19 @@ def formed_cells(mapped: xr.Dataset, target: TargetMesh, file: str) -> FormedCel
 def _ply(
     mapped: xr.Dataset, prefix: str, share: np.ndarray, target: TargetMesh, file: str
 ) -> FormedPly:
-    families = [
+    further = [
+        name
+        for name in FIBRE_FAMILIES[1:]
+        if f"{prefix}{name}_x" in mapped and np.isfinite(mapped[f"{prefix}{name}_x"]).any()
+    ]
+    directions = tuple(
         np.stack(
             [_field(mapped, f"{prefix}{family}_{axis}", target, file) for axis in "xyz"], axis=1
         )
-        for family in FIBRE_FAMILIES
-    ]
+        for family in (FIBRE_FAMILIES[0], *further)
+    )
     return FormedPly(
-        share, _field(mapped, f"{prefix}fibre_volume_fraction", target, file), *families
+        share, _field(mapped, f"{prefix}fibre_volume_fraction", target, file), directions
     )
 
 
@@ -119,10 +126,25 @@ def _named_ply(
     return FormedPly(
         share,
         np.where(there, ply.fibre_volume_fraction, leading.fibre_volume_fraction),
-        np.where(there[:, None], ply.direction_1, leading.direction_1),
-        np.where(there[:, None], ply.direction_2, leading.direction_2),
+        tuple(
+            np.where(there[:, None], own, other)
+            for own, other in zip(ply.directions, _apart(leading, len(ply.directions)), strict=True)
+        ),
         _field(mapped, height, target, file) if height in mapped else None,
     )
+
+
+def _apart(leading: FormedPly, count: int) -> list[np.ndarray]:
+    """Return directions (C, 3) that no two cells' families share, for cells without a ply."""
+    first = leading.directions[0]
+    third = np.eye(3)[np.abs(first).argmin(axis=1)]
+    across = np.cross(third, first)
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    angles = np.pi / count * np.arange(count)
+    found = [np.cos(angle) * first + np.sin(angle) * across for angle in angles]
+    if len(leading.directions) == count and all(np.isfinite(d).all() for d in leading.directions):
+        return list(leading.directions)
+    return found
 
 
 def _field(mapped: xr.Dataset, name: str, target: TargetMesh, file: str) -> np.ndarray:
@@ -143,4 +165,4 @@ def _remedy(name: str) -> str:
         return 'form the sheet with element = "solid-shell", which predicts it'
     if name.endswith("fibre_volume_fraction"):
         return "give material.fibre_density and material.areal_mass in the scene, and form again"
-    return "map a forming result with both fibre directions"
+    return "map a forming result with fibre directions"

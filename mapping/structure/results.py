@@ -26,7 +26,7 @@ class StructuralResults:
     frequencies : [Hz], (M,). modes : their shapes, largest displacement 1, (M, N, 3).
     stress, strain : mean over the cell in its axes, rows 11, 22, 33, 12, 13, 23 with engineering
         shear strains, (C, 6), or None.
-    fibre_strain : along both families, the largest of the integration points by size, (C, 2).
+    fibre_strain : along all families, the largest of the integration points by size, (C, n).
     """
 
     displacement: np.ndarray | None
@@ -69,7 +69,7 @@ def read_results(
         part = _part_of_points(row, sections.through, mesh.cell_count)
         stress = _mean(printed.stress / units.stress, row, part, mesh.cell_count)
         strain = _mean(of_points, row, part, mesh.cell_count)
-        fibre_strain = _along_fibres(of_points, row, sections.angle)
+        fibre_strain = _along_fibres(of_points, row, sections.angles, mesh.cell_count)
     return StructuralResults(
         displacement, printed.frequencies, shapes, stress, strain, fibre_strain
     )
@@ -125,12 +125,16 @@ def _mean(values: np.ndarray, row: np.ndarray, part: np.ndarray, count: int) -> 
     return np.stack(summed, axis=1)
 
 
-def _along_fibres(strain: np.ndarray, row: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Strain along both families that is the largest by size over each cell's points, (C, 2)."""
-    c, s = np.cos(angle[row]), np.sin(angle[row])
-    second = c * c * strain[:, 0] + s * s * strain[:, 1] + c * s * strain[:, 3]
-    largest = np.zeros((len(angle), 2))
-    for family, values in enumerate((strain[:, 0], second)):
+def _along_fibres(
+    strain: np.ndarray, row: np.ndarray, angles: tuple[np.ndarray, ...], count: int
+) -> np.ndarray:
+    """Strain along all families that is the largest by size over each cell's points, (C, n)."""
+    along = [strain[:, 0]]
+    for angle in angles:
+        c, s = np.cos(angle[row]), np.sin(angle[row])
+        along.append(c * c * strain[:, 0] + s * s * strain[:, 1] + c * s * strain[:, 3])
+    largest = np.zeros((count, len(along)))
+    for family, values in enumerate(along):
         order = np.argsort(np.abs(values), kind="stable")
         largest[row[order], family] = values[order]  # the last one written is the largest
     return largest

@@ -1,4 +1,4 @@
-"""Material of every cell: two fibre families in resin, in the axes of the cell."""
+"""Material of every cell: one to three fibre families in resin, in the axes of the cell."""
 
 from __future__ import annotations
 
@@ -70,12 +70,13 @@ class Sections:
     ----------
     axes : rows 1 (along the first family of the leading ply), 2 and 3 (through the sheet),
         (C, 3, 3).
-    angle : from the first to the second family of the leading ply about axis 3 [rad], (C,).
+    angles : from the first to every other family of the leading ply about axis 3 [rad], (C,) each;
+        not a number where the leading ply has no such family.
     fibre_volume_fraction : (C,), of the thickness that the deck has. density : [kg/m3], (C,).
-    layers : both families of every ply. through : what lies over each other, None where all is
+    layers : all families of every ply. through : what lies over each other, None where all is
         mixed.
     stiffness : of all together [Pa], (C, 6, 6).
-    second_family_error : largest angle of a second family from perpendicular [rad].
+    second_family_error : largest angle of the second of two families from perpendicular [rad].
     thickness : of the cells in the deck [m], (C,), and node_thickness (N,); None for solids.
     laminate : stiffness of the laminate, None for solids.
     thickness_error : largest relative difference between the cell's thickness and that of the
@@ -84,7 +85,7 @@ class Sections:
     """
 
     axes: np.ndarray
-    angle: np.ndarray
+    angles: tuple[np.ndarray, ...]
     fibre_volume_fraction: np.ndarray
     density: np.ndarray
     layers: tuple[Layer, ...]
@@ -125,23 +126,25 @@ def build_sections(formed: FormedCells, target: TargetMesh, structure: Structure
         fuller = formed.thickness / thickness
         off = np.abs(1.0 / fuller - 1.0)
         error = float(off.max()), int(np.argmax(off))
-    layers: list[Layer] = []
+    of_plies: list[list[Layer]] = []
     second_family_error = 0.0
     v = np.zeros(target.cell_count)
     for ply in formed.plies:
         own = ply.fibre_volume_fraction * fuller
         v += ply.share * own
         of_families = _layers(ply, own, axes, target, structure)
-        between = np.abs(of_families[1].angle - of_families[0].angle)
-        off = np.abs(0.5 * np.pi - between % np.pi)
-        second_family_error = max(second_family_error, float(off.max()))
-        layers += of_families
+        if len(of_families) == 2:
+            between = np.abs(of_families[1].angle - of_families[0].angle)
+            off = np.abs(0.5 * np.pi - between % np.pi)
+            second_family_error = max(second_family_error, float(off.max()))
+        of_plies.append(of_families)
+    layers = [layer for own in of_plies for layer in own]
     _require_room(v, target, warnings)
     stiffness = homogenised([each.stiffness for each in layers], [each.share for each in layers])
-    through = _through(formed, layers, target, structure)
+    through = _through(formed, of_plies, target, structure)
     return Sections(
         axes=axes,
-        angle=_angle(formed.leading.direction_2, axes, target),
+        angles=tuple(_angle(other, axes, target) for other in formed.leading.directions[1:]),
         fibre_volume_fraction=v,
         density=v * fibre_density + (1.0 - v) * structure.resin.density,
         layers=tuple(layers),
@@ -159,21 +162,42 @@ def build_sections(formed: FormedCells, target: TargetMesh, structure: Structure
 def _layers(
     ply: FormedPly, v: np.ndarray, axes: np.ndarray, target: TargetMesh, structure: Structure
 ) -> list[Layer]:
-    """Both families of a ply."""
+    """All families of a ply."""
     _require_room(np.where(ply.share > 0.0, v, 0.5), target, [])
-    first = _angle(ply.direction_1, axes, target, apart=False)
-    second = _angle(ply.direction_2, axes, target, apart=False)
-    _require_apart(second - first, target)
+    angles = [_angle(direction, axes, target, apart=False) for direction in ply.directions]
+    for number, angle in enumerate(angles):
+        for other in angles[:number]:
+            _require_apart(angle - other, target)
     plain = ply_stiffness(MODELS[structure.micromechanics](structure.fibre, structure.resin, v))
-    share = structure.family_1_share
     return [
         Layer(turned(plain, angle), part * ply.share, angle, v)
-        for angle, part in ((first, share), (second, 1.0 - share))
+        for angle, part in zip(angles, _shares(len(angles), structure), strict=True)
     ]
 
 
+def _shares(count: int, structure: Structure) -> tuple[float, ...]:
+    """Return the share of each of so many families in the fibres of a ply.
+
+    Raises
+    ------
+    InputError : a share of the first of two where there are three.
+    """
+    share = structure.family_1_share
+    if count == 1:
+        return (1.0,)
+    if count == 2:
+        return (share, 1.0 - share)
+    if share != 0.5:
+        raise InputError(
+            f"is {share:g}, but the textile has {count} families, which have equal shares; leave "
+            "it out",
+            key="family_1_share",
+        )
+    return (1.0 / count,) * count
+
+
 def _through(
-    formed: FormedCells, layers: list[Layer], target: TargetMesh, structure: Structure
+    formed: FormedCells, of_plies: list[list[Layer]], target: TargetMesh, structure: Structure
 ) -> Through | None:
     """Return what lies over each other in shells, None where all is mixed, and for solids.
 
@@ -186,17 +210,27 @@ def _through(
         return None
     if structure.lay_up == "plies" and not several:
         return None
-    share = structure.family_1_share
-    of_ply = {
-        "plies": [(0, 1.0)],
-        "stacked": [(0, share), (1, 1.0 - share)],
-        "symmetric": [(0, 0.5 * share), (1, 1.0 - share), (0, 0.5 * share)],
-    }[structure.lay_up]
+    each = 1 if structure.lay_up == "plies" else max(len(own) for own in of_plies)
     kinds: list[np.ndarray] = []
-    for first, second in zip(layers[::2], layers[1::2], strict=True):
-        own = [first.stiffness, second.stiffness]
-        kinds += [homogenised(own, [share, 1.0 - share])] if structure.lay_up == "plies" else own
-    each = len(kinds) // len(formed.plies)
+    # of every ply the families from below and their shares, as many entries in all plies
+    through: list[list[tuple[int, float]]] = []
+    for own in of_plies:
+        stiffness = [layer.stiffness for layer in own]
+        parts = _shares(len(own), structure)
+        if structure.lay_up == "plies":
+            kinds.append(homogenised(stiffness, list(parts)) if len(own) > 1 else stiffness[0])
+            through.append([(0, 1.0)])
+            continue
+        kinds += stiffness + [stiffness[0]] * (each - len(own))
+        up = list(enumerate(parts))
+        if structure.lay_up == "symmetric":
+            halves = [(family, 0.5 * part) for family, part in up[:-1]]
+            up = [*halves, up[-1], *reversed(halves)]
+        through.append(up)
+    most = max(len(up) for up in through)
+    of_ply = np.zeros((2, len(through), most))  # family and share
+    for number, up in enumerate(through):
+        of_ply[:, number, : len(up)] = np.array(up).T
     order, upward = np.zeros((1, target.cell_count), dtype=np.int64), np.ones(target.cell_count)
     if several:
         order, upward = _order_of_plies(formed, target)
@@ -204,10 +238,10 @@ def _through(
     found = []
     for position in order:
         part = np.take_along_axis(shares, position[None], axis=0)[0]
-        for (up, up_share), (down, down_share) in zip(of_ply, reversed(of_ply), strict=True):
-            family = np.where(upward > 0.0, up, down)
-            of_layer = np.where(upward > 0.0, up_share, down_share)
-            found.append((each * position + family, part * of_layer))
+        for entry in range(most):
+            place = np.where(upward > 0.0, entry, most - 1 - entry)
+            family, of_layer = of_ply[:, position, place]
+            found.append((each * position + family.astype(np.int64), part * of_layer))
     return Through(
         tuple(kinds), np.stack([kind for kind, _ in found]), np.stack([part for _, part in found])
     )
@@ -261,9 +295,15 @@ def _laminate(
 
 def _axes(leading: FormedPly, target: TargetMesh) -> np.ndarray:
     """Axes of the cells (C, 3, 3): 1 along the first family, 3 through the sheet."""
-    first, second = leading.direction_1, leading.direction_2
+    first = leading.directions[0]
     if target.is_solid:
-        normal = np.cross(first, second)
+        if len(leading.directions) == 1:
+            raise InputError(
+                "the cells are solids, which take the normal of the sheet from two fibre families, "
+                "and the textile has one; use a mesh of triangles or quadrilaterals",
+                file=target.file,
+            )
+        normal = np.cross(first, leading.directions[1])
         length = np.linalg.norm(normal, axis=1)
         _require_apart(np.arcsin(np.minimum(length, 1.0)), target)
         third = normal / length[:, None]

@@ -44,6 +44,7 @@ from lcmchain.materials.law import (
     couples_shear,
     history_count,
     knows_step,
+    takes_fibre_share,
     viscosity_of,
 )
 from lcmchain.mesh.blank import BlankMesh
@@ -103,7 +104,7 @@ class SolidShellBody:
         ------
         InputError : elements without volume, or an option that the material does not know.
         """
-        if choices.fibre_hourglass not in (None, 1.0) and not material.is_diagonal:
+        if choices.fibre_hourglass not in (None, 1.0) and not takes_fibre_share(material):
             raise InputError(
                 f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
                 "leave it out",
@@ -119,6 +120,11 @@ class SolidShellBody:
             raise InputError(
                 'is "published", which takes the tangent of a law that knows no rate; use '
                 '"conservative", or leave out what resists the rate (material.viscous)',
+                key="element.hourglass",
+            )
+        if choices.hourglass == "published" and hasattr(material, "stabilising_terms"):
+            raise InputError(
+                'is "published", which is derived for a diagonal stiffness; use "conservative"',
                 key="element.hourglass",
             )
         geometry = reference_geometry(mesh.node_positions[mesh.elements], mesh.fibre_direction_1)
@@ -163,7 +169,7 @@ class SolidShellBody:
             ),
         )
         body = cls(name, mesh, material, geometry, data, first_node, first_element)
-        if mesh.is_triangle.any() and material.is_diagonal:
+        if mesh.is_triangle.any() and takes_fibre_share(material):
             cut = CutElements.of_body(mesh.elements, geometry, data, rows, body.history_count)
             body = replace(body, cut=cut)
         return body
@@ -477,7 +483,7 @@ def strip_share(material: Material, geometry: ReferenceGeometry) -> float:
     hourglass terms has C11 L²/12. The strips are taken as wide as the fabric is thick (manual:
     departures).
     """
-    if not material.is_diagonal:
+    if not takes_fibre_share(material):
         return 1.0
     area = np.mean(geometry.volume / (2.0 * geometry.height))
     width = STRIP_WIDTH * material.thickness

@@ -46,7 +46,7 @@ from lcmchain.materials.law import (
     tangent_slope,
     viscosity,
 )
-from lcmchain.materials.stiffness import by_structure, orthotropic_rows
+from lcmchain.materials.stiffness import by_structure, orthotropic_rows, read_by
 from lcmchain.mesh.hexahedron import MODES
 
 
@@ -367,7 +367,119 @@ def add_orthotropic_stiffness(
     )
 
 
-add_stiffness = by_structure(add_diagonal_stiffness, add_orthotropic_stiffness, add_full_stiffness)
+class DirectionRows(NamedTuple):
+    """Rows and weights of a stiffness along directions, for its nine strains.
+
+    rows : (7, 9, 21) of the Taylor terms. weights : (7, 9), by which their squares count.
+    cross : (9,), what couples terms 0 and 2. xi, eta : (9,), what couples term 0 with 3 and 4.
+    """
+
+    rows: np.ndarray
+    weights: np.ndarray
+    cross: np.ndarray
+    xi: np.ndarray
+    eta: np.ndarray
+
+
+@routine
+def direction_moduli(C, normal, moduli):
+    """Fill (9,) with the moduli of a stiffness along directions, ``normal`` those of strains."""
+    for k in range(3):
+        moduli[k] = normal[k]
+        moduli[3 + k] = C.shear[k]
+    moduli[6], moduli[7], moduli[8] = C.C33, C.C23, C.C13
+
+
+@routine
+def direction_rows(C_M, C_B, rows, law, history, options, conservative, E):
+    """Return the rows and weights as :func:`add_diagonal_stiffness` takes those of components.
+
+    Moduli of fibres count with the largest they may become: they jump within a step.
+    """
+    own = np.empty((7, 9, 21))
+    readers = (
+        C_M.along[0], C_M.along[1], C_M.along[2],
+        C_M.between[0], C_M.between[1], C_M.between[2],
+    )  # fmt: skip
+    xi, eta = np.empty(9), np.empty(9)
+    for k in range(6):
+        r = readers[k]
+        xi[k], eta[k] = abs(read_by(r, E.xi)), abs(read_by(r, E.eta))
+        for t in range(7):
+            for j in range(21):
+                own[t, k, j] = r[0] * rows[t, 0, j] + r[1] * rows[t, 1, j] + r[2] * rows[t, 3, j]
+    for k, i in ((6, 2), (7, 4), (8, 5)):
+        xi[k], eta[k] = abs(E.xi[i]), abs(E.eta[i])
+        own[:, k] = rows[:, i]
+    membrane, bending, hourglass = np.empty(9), np.empty(9), np.empty(9)
+    direction_moduli(C_M, C_M.largest, membrane)
+    direction_moduli(C_B, C_B.normal, bending)
+    C_hg = stabilising_tangent(conservative, law, E.centre, C_M, history)
+    C_hg = hourglass_stiffness(C_hg, options.fibre_share)
+    direction_moduli(C_hg, C_hg.normal, hourglass)
+    weights = np.empty((7, 9))
+    weights[0], weights[1] = membrane, options.zeta2 * bending
+    weights[2] = options.zeta4 * bending
+    weights[3], weights[4] = hourglass / 3.0, hourglass / 3.0
+    weights[5], weights[6] = bending / 9.0, bending / 9.0
+    # cross terms of B^0 and B^ζζ: not symmetric, their symmetric part counts
+    cross = 0.5 * options.cross * (membrane + bending)
+    along_xi, along_eta = np.zeros(9), np.zeros(9)
+    if conservative is not None:
+        slope = tangent_slope(law, E.centre, history)
+        curvature = tangent_curvature(law, E.centre, history)
+        for k in range(4):
+            s = slope.C33 if k == 3 else slope.shear[k]
+            c = curvature.C33 if k == 3 else curvature.shear[k]
+            i = 3 + k
+            weights[0, i] += abs(c) * (xi[i] * xi[i] + eta[i] * eta[i]) / 6.0
+            along_xi[i], along_eta[i] = abs(s) * xi[i] / 3.0, abs(s) * eta[i] / 3.0
+    return DirectionRows(own, weights, cross, along_xi, along_eta)
+
+
+@routine
+def add_direction_pairs(own, norms, parts):
+    """Add what couples two terms."""
+    rows = own.rows
+    for i in range(9):
+        add_pair(rows[0, i], rows[2, i], own.cross[i], norms, parts)
+        add_pair(rows[0, i], rows[3, i], own.xi[i], norms, parts)
+        add_pair(rows[0, i], rows[4, i], own.eta[i], norms, parts)
+
+
+@routine
+def add_direction_stiffness(
+    C_M, C_B, rows, law, history, options, conservative, enhanced, E, norms, parts
+):
+    """Add bounds of the blocks of Σ d b bᵀ, for moduli along directions, to ``norms``."""
+    own = direction_rows(C_M, C_B, rows, law, history, options, conservative, E)
+    for t in range(7):
+        for i in range(9):
+            add_row(own.rows[t, i], own.weights[t, i], norms, parts)
+    add_direction_pairs(own, norms, parts)
+
+
+@routine
+def add_nodal_direction_stiffness(
+    C_M, C_B, rows, law, history, options, conservative, E, norms, parts, weight, is_triangle, nodal
+):
+    """Share out :func:`add_direction_stiffness` to the corners."""
+    own = direction_rows(C_M, C_B, rows, law, history, options, conservative, E)
+    corner = np.empty((8, 3))
+    nodal[:] = 0.0
+    for t in range(7):
+        for i in range(9):
+            share_out(own.rows[t, i], own.weights[t, i], weight, is_triangle, corner, nodal)
+    add_direction_pairs(own, norms, parts)
+
+
+add_stiffness = by_structure(
+    add_diagonal_stiffness, add_orthotropic_stiffness, add_direction_stiffness, add_full_stiffness
+)
+# the other structures are those of solids, which have no such elements
+share_out_stiffness = by_structure(
+    add_nodal_stiffness, add_nodal_stiffness, add_nodal_direction_stiffness, add_nodal_stiffness
+)
 
 
 @routine
@@ -675,7 +787,7 @@ def element_frequency_bounds(
                     parts,
                 )
             else:
-                add_nodal_stiffness(
+                share_out_stiffness(
                     C_M,
                     bending_stiffness(law),
                     material,

@@ -64,7 +64,7 @@ from lcmchain.materials.law import (
     tangent_coupling,
     tangent_slope,
 )
-from lcmchain.materials.stiffness import by_structure, product
+from lcmchain.materials.stiffness import AlongFibres, by_structure, product, read_by
 
 CORNER_ROWS = 24
 # First rows of an element's history, where compaction is measured by the normal thickness.
@@ -219,7 +219,7 @@ def with_slope_stress(total, share, moments, slope, x, e):
 
 
 @equation
-def with_hourglass_tangent_stress(c, moments, fibre_share, slope, x, e):
+def diagonal_hourglass_stress(slope, c, moments, fibre_share, x, e):
     """Add to the centre stress that from the change of the hourglass energy with the tangent.
 
     The hourglass energy (V/6)(E^ξ:C(E⁰):E^ξ + E^η:C(E⁰):E^η) of Eq. (16) depends on E⁰ through the
@@ -234,6 +234,40 @@ def with_hourglass_tangent_stress(c, moments, fibre_share, slope, x, e):
         with_slope_stress(c[4], 1.0, moments, slope[4], x[4], e[4]),
         with_slope_stress(c[5], 1.0, moments, slope[5], x[5], e[5]),
     )
+
+
+@equation
+def squares_of(reader, moments, x, e):
+    """Return ½ (<ξ²> x² + <η²> e²) of what a reader takes from E^ξ and E^η."""
+    at_xi, at_eta = read_by(reader, x), read_by(reader, e)
+    return 0.5 * (moments.xi * (at_xi * at_xi) + moments.eta * (at_eta * at_eta))
+
+
+@equation
+def along_fibres_hourglass_stress(slope, c, moments, fibre_share, x, e):
+    """Add the same where each modulus of a shear depends on that shear, and C33 on E33."""
+    b, k = slope.between, slope.shear
+    s = (
+        k[0] * squares_of(b[0], moments, x, e),
+        k[1] * squares_of(b[1], moments, x, e),
+        k[2] * squares_of(b[2], moments, x, e),
+    )
+    return (
+        c[0] + (b[0][0] * s[0] + b[1][0] * s[1] + b[2][0] * s[2]),
+        c[1] + (b[0][1] * s[0] + b[1][1] * s[1] + b[2][1] * s[2]),
+        with_slope_stress(c[2], 1.0, moments, slope.C33, x[2], e[2]),
+        c[3] + (b[0][2] * s[0] + b[1][2] * s[1] + b[2][2] * s[2]),
+        c[4],
+        c[5],
+    )
+
+
+with_hourglass_tangent_stress = by_structure(
+    diagonal_hourglass_stress,
+    diagonal_hourglass_stress,
+    along_fibres_hourglass_stress,
+    diagonal_hourglass_stress,
+)
 
 
 @equation
@@ -272,6 +306,18 @@ def coupled_hourglass_stiffness(C, fibre_share):
 
 
 @equation
+def along_fibres_hourglass_stiffness(C, fibre_share):
+    """Return C with the share of its fibres, as :func:`diagonal_hourglass_stiffness`."""
+    f, less = C.fibre, fibre_share - 1.0
+    normal = (
+        C.normal[0] * (1.0 + less * f[0]),
+        C.normal[1] * (1.0 + less * f[1]),
+        C.normal[2] * (1.0 + less * f[2]),
+    )
+    return AlongFibres(normal, C.largest, C.shear, C.C33, C.C23, C.C13, C.fibre, C.along, C.between)
+
+
+@equation
 def diagonal_relief(C_M, S_zeta):
     """Return the ζ-linear stress without component 33: the only one the enhanced strain moves."""
     return replace33(S_zeta, 0.0)
@@ -292,9 +338,12 @@ def full_relief(C_M, S_zeta):
 
 
 hourglass_stiffness = by_structure(
-    diagonal_hourglass_stiffness, coupled_hourglass_stiffness, coupled_hourglass_stiffness
+    diagonal_hourglass_stiffness,
+    coupled_hourglass_stiffness,
+    along_fibres_hourglass_stiffness,
+    coupled_hourglass_stiffness,
 )
-relieved = by_structure(diagonal_relief, orthotropic_relief, full_relief)
+relieved = by_structure(diagonal_relief, orthotropic_relief, diagonal_relief, full_relief)
 
 
 class Stresses(NamedTuple):
@@ -347,7 +396,7 @@ def resultants(law, history, options, conservative, enhanced, coupled, moments, 
     c, z, q = thickness_resultants(coupled, moments, S.centre, S.zeta, S.zeta2)
     if conservative is not None:
         slope = tangent_slope(law, E.centre, history)
-        c = with_hourglass_tangent_stress(c, moments, options.fibre_share, slope, E.xi, E.eta)
+        c = with_hourglass_tangent_stress(slope, c, moments, options.fibre_share, E.xi, E.eta)
         coupling = tangent_coupling(law, E.centre, history)
         c = with_coupling_stress(c, moments, coupling, E.xi[2], E.eta[2])
     return Taylor(

@@ -160,7 +160,12 @@ class ReferenceElement:
         hourglass = np.zeros(24)  # Eq. (16): C^M in the ξ, η terms, C^B in the ηζ, ξζ terms
         conservative = self.options.hourglass == "conservative"
         C_hg, slope, coupling = C_M.copy(), np.zeros(6), None
-        if conservative:
+        terms = None
+        if hasattr(self.material, "stabilising_terms"):
+            terms = self.material.stabilising_terms(E["centre"])
+            share = 1.0 + terms.fibre * (self.options.fibre_hourglass - 1.0)
+            C_hg = terms.readers.T @ np.diag(share * terms.modulus) @ terms.readers
+        elif conservative:
             C_hg, slope, _ = stabilising_tangent(self.material, E["centre"])
             coupling = tangent_coupling_of(self.material, E["centre"])
         if self.material.is_diagonal:
@@ -180,6 +185,10 @@ class ReferenceElement:
             # derivative of that energy with respect to E⁰, on which the tangent of Eq. (18) depends
             squares = E["xi"] ** 2 + E["eta"] ** 2
             hourglass += self.volume / 6.0 * B["centre"].T @ (slope * squares)
+            if terms is not None:
+                for r, change in zip(terms.readers, terms.slope, strict=True):
+                    both = (r @ E["xi"]) ** 2 + (r @ E["eta"]) ** 2
+                    hourglass += self.volume / 6.0 * change * both * (r @ B["centre"])
             if coupling is not None:
                 hourglass += self.volume / 6.0 * B["centre"][3] * coupling[0] * squares[2]
         total = (force + hourglass).reshape(8, 3)

@@ -241,7 +241,11 @@ def _resultants(model, E, block):
         S_zeta = S_zeta - share * (E[:, ZETA] @ C_B[NORMAL])[:, None]
     fibres = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     share = np.ones(6)
-    if options.conservative is None:
+    terms = None
+    if hasattr(material, "stabilising_terms"):
+        terms = material.stabilising_terms(E[:, CENTRE])
+        C_hg = _along_directions(terms, options.fibre_share)
+    elif options.conservative is None:
         C_hg, slope = C_M, material.tangent_slope(E[:, CENTRE])
     else:
         C_hg, slope, curvature = stabilising_tangent(material, E[:, CENTRE])
@@ -269,6 +273,10 @@ def _resultants(model, E, block):
     R[:, ZETA2] += options.cross * S_centre
 
     # the hourglass terms ξ, η follow the tangent at the centre, Eq. (18)
+    if terms is not None:
+        if options.conservative is not None:
+            _add_change_of_moduli(terms, E, R, D)
+        return R, D
     slope = share * slope
     i = np.arange(6)
     for term in (XI, ETA):
@@ -282,6 +290,26 @@ def _resultants(model, E, block):
         D[:, CENTRE, i, CENTRE, i] += 0.5 * THIRD * share * curvature * squares
         _add_coupling(tangent_coupling_of(material, E[:, CENTRE]), E, squares, R, D)
     return R, D
+
+
+def _along_directions(terms, fibre_share):
+    """Return the stabilising stiffness (E, 6, 6) of moduli along directions."""
+    modulus = terms.modulus * (1.0 + terms.fibre * (fibre_share - 1.0))
+    return np.einsum("et,ti,tj->eij", modulus, terms.readers, terms.readers)
+
+
+def _add_change_of_moduli(terms, E, R, D):
+    """Add to R and D what moduli take from the strain of the centre that they depend on."""
+    r = terms.readers
+    read = E @ r.T
+    squares = read[:, XI] ** 2 + read[:, ETA] ** 2
+    R[:, CENTRE] += 0.5 * THIRD * (terms.slope * squares) @ r
+    itself = 0.5 * THIRD * terms.curvature * squares
+    D[:, CENTRE, :, CENTRE] += np.einsum("et,ti,tj->eij", itself, r, r)
+    for term in (XI, ETA):
+        pair = np.einsum("et,ti,tj->eij", THIRD * terms.slope * read[:, term], r, r)
+        D[:, term, :, CENTRE] += pair
+        D[:, CENTRE, :, term] += pair
 
 
 def _add_coupling(coupling, E, squares, R, D):

@@ -225,7 +225,7 @@ def test_what_vmap_cannot_number_or_name_is_an_error(bowl, numbered, tmp_path):
     path = tmp_path / "no.vmap"
     with pytest.raises(InputError, match="32 bits"):
         export(*numbered(bowl, bowl.target.cell_ids + 2**31), "vmap", path)
-    without = xr.Dataset({k: v for k, v in bowl.dataset.items() if "fibre_direction_2" not in k})
-    with pytest.raises(InputError, match="needs fibre_direction_2"):
+    without = xr.Dataset({k: v for k, v in bowl.dataset.items() if "fibre_direction_1" not in k})
+    with pytest.raises(InputError, match="needs fibre_direction_1"):
         export(without, bowl.target, "vmap", path)
     assert not path.exists()
