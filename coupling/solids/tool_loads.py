@@ -12,9 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcmchain.effects.pore_columns import unit_loads
 from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces
+from lcmchain.elements.pressed_elements import LOAD_ROWS
 from lcmchain.jit import routine
 from lcmchain.model import Model
 from lcmchain.solver.simulation import Simulation
@@ -110,6 +112,11 @@ def _fluid_forces(model: Model, position: np.ndarray, pressure: np.ndarray) -> n
     corner = np.zeros(model.corner_force_size)
     held, none = pressure.copy(), np.zeros_like(pressure)
     position = np.ascontiguousarray(position)
+    if model.pore_columns is not None:
+        load = corner[: pressure.size * LOAD_ROWS]
+        unit_loads(model.pore, position, np.zeros_like(position), none, load)
+        load *= np.repeat(pressure.reshape(-1, 1, LANES), LOAD_ROWS, axis=1).ravel()
+        return _on_nodes(model, corner)
     pore_forces(model.pore, position, np.zeros_like(position), held, none, none, 0.0, corner)
     return _on_nodes(model, corner)
 

@@ -513,10 +513,12 @@ class Scene(SceneModel):
                 field="pressure",
             )
         for key, case in self._cases():
-            if case.with_forming is not None:
+            if case.with_forming is not None and not self.stack.has_one_outline:
                 raise wrong(
-                    "lets resin flow in one sheet while it is formed; from ply to ply of a stack "
-                    "that slides it is not simulated: leave it out, and the formed stack is filled",
+                    "lets resin flow through all plies of a stack while it is formed, but its "
+                    "plies have unlike outlines: which faces resin presses on beside a smaller ply "
+                    "changes as they slide; give all plies one outline, or leave the entry out, "
+                    "and the formed stack is filled",
                     field=f"{key}.with_forming",
                 )
 
