@@ -24,9 +24,10 @@ from lcmchain.mapping.intersection import overlaps
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import TargetMesh
 
-#: From this share of its area on an element lies over columns with all of it: tangent planes and
-#: facets of two meshes of the same curved surface disagree by a few per cent.
-WHOLLY = 0.9
+#: From the larger of these shares of its area on an element lies over columns with all of it:
+#: tangent planes and facets of two meshes of the same curved surface disagree by a few per cent. Up
+#: to the smaller one it hangs over, in between it goes from one to the other.
+HANGS_OVER, WHOLLY = 0.8, 0.9
 #: Shares below this are rounding of faces that share an edge.
 ROUNDING = 1e-9
 
@@ -232,7 +233,9 @@ def shares_of_columns(
             element, column = found.face, found.cell
             share = found.area / surface.areas[element]
             total = np.bincount(element, share, minlength=surface.face_count)
-            share = share / np.maximum(total, WHOLLY)[element]
+            whole = np.clip((total - HANGS_OVER) / (WHOLLY - HANGS_OVER), 0.0, 1.0)
+            counted = total + whole * (1.0 - total)
+            share = share * (counted / np.where(total > 0.0, total, 1.0))[element]
         kept = share > ROUNDING
         rows.append(body.first_element + element[kept])
         columns.append(column[kept])

@@ -11,12 +11,14 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.formed_part import FormedPart
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.permeability import law_of
 from lcmchain.coupling.solids.stack import StackForming
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
 from lcmchain.mapping.permeability import turned
+from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.scene.permeability import Permeability
 from lcmchain.solver.simulation import Simulation
 
@@ -77,14 +79,44 @@ class MovingPermeability:
         return np.einsum("cm,cmi,cmj->cij", values, axes, axes), found.k3
 
 
+class WithinWindow:
+    """Factor on the permeability of columns within a time window, by the law of the scene.
+
+    Where plies come apart, the fibre volume fraction of the column falls below that of any ply: a
+    law that gives no value there leaves the permeability as it is, until the window ends.
+
+    Parameters
+    ----------
+    law : of the scene. part : with the fibre directions of its cells.
+    directory : folder to which a file that the law names is relative.
+    """
+
+    def __init__(self, law: Permeability, part: FormedPart, directory: Path | None) -> None:
+        self.law = law_of(law, directory)
+        self._families = [
+            np.stack([part.cell(f"{family}_{axis}") for axis in "xyz"], axis=1)
+            for family in FIBRE_FAMILIES
+        ]
+
+    def __call__(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
+        """Return the factors (C,) for fibre volume fractions (C,) now and in the beginning."""
+        ratio = self._in_plane(now) / self._in_plane(before)
+        return np.where(np.isfinite(ratio), ratio, 1.0)
+
+    def _in_plane(self, fraction: np.ndarray) -> np.ndarray:
+        found = self.law.principal(fraction, *self._families, out_of_range="nan")
+        return found.k1 + found.k2
+
+
 class MovingStack:
     """Gives a filling the fibres and the permeability of the columns of a stack.
 
     The fibres keep their volume in each element. As plies slide on each other, they come to lie in
     other columns; resin stays in its column, and flows from there where it has no room. Each ply
     conducts by its own fibre volume fraction, and the layers side by side along the stack, one
-    after the other through it. Within a time window the columns keep their material, and the
-    permeability follows the fibre volume fraction of the stack.
+    after the other through it; gaps between them conduct nothing. Within a time window the columns
+    keep their material, and the permeability follows the fibre volume fraction of the stack
+    (:class:`WithinWindow`).
 
     Parameters
     ----------
@@ -164,10 +196,12 @@ class MovingStack:
             found = self.law.principal(fraction, *families, out_of_range="raise")
             values.append(np.stack(found[:3], axis=1))
             axes.append(np.stack(found[3:], axis=1))
-        return through_columns(
-            forming.shares * volume[:, None], np.concatenate(values), np.concatenate(axes),
-            forming.normals(),
-        )  # fmt: skip
+        parts = forming.shares * volume[:, None]
+        tensor, through = through_columns(
+            parts, np.concatenate(values), np.concatenate(axes), forming.normals()
+        )
+        plies = parts.sum(axis=0) / forming.volume()
+        return tensor * plies[:, None, None], through / plies
 
 
 def through_columns(

@@ -33,7 +33,11 @@ from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.coupling.solids.fields import POINTS
 from lcmchain.coupling.solids.stack import StackForming
 from lcmchain.coupling.solids.tool_loads import tool_loads
-from lcmchain.coupling.wet_forming.moving_permeability import MovingPermeability, MovingStack
+from lcmchain.coupling.wet_forming.moving_permeability import (
+    MovingPermeability,
+    MovingStack,
+    WithinWindow,
+)
 from lcmchain.coupling.wet_forming.sheet import fibre_fractions, part_of_sheet, part_of_stack
 from lcmchain.errors import InputError
 from lcmchain.fingerprint import run_fingerprint
@@ -75,6 +79,10 @@ class WetForming:
         self._law = law
         part = self._part([simulation.snapshot()], self.forming.points())
         self.setup = set_up(part, case, scene.source.directory)
+        if stacked:
+            factor = WithinWindow(law, part, scene.source.directory)
+            preform = replace(self.setup.preform, factor=factor)
+            self.setup = replace(self.setup, preform=preform)
         self.filling: Filling = self.setup.filling()
         self.filling.options = replace(self.filling.options, largest_excess=LARGEST_EXCESS)
         preform, directory = self.setup.preform, scene.source.directory
