@@ -151,8 +151,7 @@ def _seen_in(
     first, second, normals : axes of the planes and their normals, shape (P, 3).
     """
     u, v = (
-        turned(axis, surface.normals[face], normals)
-        for axis in surface.frames[face].swapaxes(0, 1)
+        turned(axis, surface.normals[face], normals) for axis in surface.frames[face].swapaxes(0, 1)
     )
     u1, u2, v1, v2 = _dot(u, first), _dot(u, second), _dot(v, first), _dot(v, second)
     uu, vv, uv = components

@@ -59,8 +59,11 @@ class StackForming(ExplicitForming):
         #: Number of the ply whose elements are the columns.
         self.reference = largest_ply(model.bodies)
         body = model.bodies[self.reference]
+        #: Columns whose fluid resists the change of their volume (C,): those that hold any.
+        self.resisting = np.ones(body.mesh.element_count, dtype=bool)
         self._own = slice(body.first_element, body.first_element + body.mesh.element_count)
         self._body = body
+        self._renewed_at = np.empty(0)
         self.renew()
         return body
 
@@ -71,7 +74,11 @@ class StackForming(ExplicitForming):
 
     def renew(self) -> None:
         """Let the columns lie where the plies are now."""
-        self.shares = shares_of_columns(self._bodies, self.reference, self._positions())
+        positions = self._positions()
+        if np.array_equal(positions, self._renewed_at):  # an iteration begins where the last did
+            return
+        self._renewed_at = positions.copy()
+        self.shares = shares_of_columns(self._bodies, self.reference, positions)
         model = self.simulation.model
         self._columns = PoreColumns.of_shares(self._lanes, self.shares, self._own.start)
         self.simulation.model = replace(model, pore_columns=self._columns)
@@ -154,7 +161,9 @@ class StackForming(ExplicitForming):
         return of_columns(self._columns, mobilities(self._lanes, self.simulation.state.position))
 
     def _next_resistance(self) -> np.ndarray:
-        return 2.0 * DAMPED_SHARE / (self.simulation.control.step * self._mobility())
+        # plies of a dry column may come apart; resisted, they would take many iterations to do so
+        bearable = 2.0 * DAMPED_SHARE / (self.simulation.control.step * self._mobility())
+        return np.where(self.resisting, bearable, 0.0)
 
     def compliance(self) -> np.ndarray:
         """Return how much the volumes answer to their pressures over the last step (C,) [m³/Pa].
@@ -200,9 +209,7 @@ def largest_ply(bodies: Sequence[Body]) -> int:
     return int(np.argmax(area >= area.max() * (1.0 - ROUNDING)))
 
 
-def shares_of_columns(
-    bodies: Sequence[Body], reference: int, positions: np.ndarray
-) -> csr_array:
+def shares_of_columns(bodies: Sequence[Body], reference: int, positions: np.ndarray) -> csr_array:
     """Return the share of its area with which each element lies over each column.
 
     Parameters

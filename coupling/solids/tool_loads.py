@@ -40,7 +40,7 @@ def tool_loads(simulation: Simulation) -> dict[str, ToolLoad]:
     """Return the load on every tool by its name, of the forces of the last step."""
     model, state = simulation.model, simulation.state
     position = state.position - state.last_step * state.velocity
-    fibres = _fibre_forces(simulation, position)
+    fibres = fibre_forces(simulation, position)
     fluid = _fluid_forces(model, position, state.pore_pressure)
     loads = {}
     for tool, name in enumerate(model.tool_names):
@@ -86,7 +86,7 @@ def _along(normal: np.ndarray, force: np.ndarray) -> np.ndarray:
     return np.sum(normal * np.sum(normal * force, axis=0), axis=1)
 
 
-def _fibre_forces(simulation: Simulation, position: np.ndarray) -> np.ndarray:
+def fibre_forces(simulation: Simulation, position: np.ndarray) -> np.ndarray:
     """Return what the elements exert on the nodes (3, node_count) [N]."""
     model, history = simulation.model, simulation.state.history.copy()
     corner = np.zeros(model.corner_force_size)

@@ -111,6 +111,8 @@ class WithinWindow:
 class MovingStack:
     """Gives a filling the fibres and the permeability of the columns of a stack.
 
+    And tells the stack which columns resist: those with resin.
+
     The fibres keep their volume in each element. As plies slide on each other, they come to lie in
     other columns; resin stays in its column, and flows from there where it has no room. Each ply
     conducts by its own fibre volume fraction, and the layers side by side along the stack, one
@@ -153,6 +155,8 @@ class MovingStack:
         ------
         SimulationError : a fibre volume fraction is out of the range of the law.
         """
+        cells = filling.mesh.cells
+        self.forming.resisting = (filling.state.full[cells] & (cells >= 0)).any(axis=1)
         filling.medium.fibre_volume = self.forming.shares.T @ self.fibre_volume
         try:
             tensor, through = self._principal()
@@ -210,7 +214,8 @@ def through_columns(
     """Return the permeability of columns of elements that lie over each other.
 
     Along the stack they conduct side by side, each turned with its normal into the plane of the
-    column, and through it one after the other (:func:`lcmchain.mapping.permeability.through_layers`).
+    column, and through it one after the other, as of
+    :func:`lcmchain.mapping.permeability.through_layers`.
 
     Parameters
     ----------

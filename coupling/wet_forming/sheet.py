@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import xarray as xr
+from scipy.sparse import csr_array
 
 from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.coupling.infiltration.formed_part import (
@@ -62,44 +62,35 @@ def part_of_stack(
     snapshots : the start, and any later ones; the last is the present. points : of the
         mid-surface of that ply (N, 3) [m]. law : of the permeability.
     """
-    simulation = forming.simulation
+    simulation, shares = forming.simulation, forming.shares
     datasets = forming_datasets(scene, simulation, snapshots)
     sheets = {name: groups["/"].isel({TIME: -1}) for name, groups in plies_of(datasets)}
     bodies = simulation.model.bodies
     own = bodies[forming.reference]
-    mesh = UgridMesh("sheet")
-    part = sheets[own.name].drop_vars(TIME)
+    mesh, part = UgridMesh("sheet"), sheets[own.name].drop_vars(TIME)
     volume, area = forming.ply_volumes(), forming.area()
-    total = forming.shares.T @ volume
-    fibres = np.zeros(forming.element_count)
-    mass = np.zeros(forming.element_count)
+    total = shares.T @ volume
     added: dict[str, Variable] = {}
-
-    def add(name: str, values: np.ndarray, like: xr.DataArray) -> None:
-        added[name] = mesh.on_cells(np.ascontiguousarray(values), dict(like.attrs))
-
     for body in bodies:
-        sheet = sheets[body.name]
         rows = slice(body.first_element, body.first_element + body.mesh.element_count)
-        weights = forming.shares[rows].multiply(volume[rows, None]).tocsr()
-        there = weights.sum(axis=0)
-        covered = there > 0.0
-
-        def mean(values: np.ndarray) -> np.ndarray:
-            summed = weights.T @ np.asarray(values, dtype=float)
-            return np.divide(summed, there, out=np.full_like(summed, np.nan), where=covered)
-
+        parts = shares[rows].multiply(volume[rows, None]).tocsr()
         for name in (*NEEDED, *FIBRES):
-            add(f"{body.name}_{name}", mean(sheet[name].values), sheet[name])
+            values = sheets[body.name][name]
+            mean = mean_over_columns(parts, values.values)
+            added[f"{body.name}_{name}"] = mesh.on_cells(mean, dict(values.attrs))
         share = {"units": "1", "long_name": f"share of the column that the ply {body.name} has"}
-        added[f"{SHARE}{body.name}"] = mesh.on_cells(there / total, share)
-        fibres += weights.T @ np.asarray(sheet["fibre_volume_fraction"].values, dtype=float)
-        on_area = np.asarray(sheet["areal_fibre_mass"].values) * volume[rows]
-        on_area /= np.asarray(sheet["thickness"].values)
-        mass += forming.shares[rows].T @ on_area
-    add("thickness", total / area, part["thickness"])
-    add("fibre_volume_fraction", fibres / total, part["fibre_volume_fraction"])
-    add("areal_fibre_mass", mass / area, part["areal_fibre_mass"])
+        added[f"{SHARE}{body.name}"] = mesh.on_cells(parts.sum(axis=0) / total, share)
+
+    def of_elements(name: str) -> np.ndarray:
+        return np.concatenate([sheets[body.name][name].values for body in bodies])
+
+    fraction, on_area = of_elements("fibre_volume_fraction"), of_elements("areal_fibre_mass")
+    for name, values in {
+        "thickness": total / area,
+        "fibre_volume_fraction": (shares.T @ (fraction * volume)) / total,
+        "areal_fibre_mass": (shares.T @ (on_area * volume / of_elements("thickness"))) / area,
+    }.items():
+        added[name] = mesh.on_cells(values, dict(part[name].attrs))
     cells = np.asarray(own.mesh.sheet_faces, dtype=np.int64)
     found = FormedPart(
         TargetMesh(points, blocks_of(cells), {}),
@@ -107,6 +98,15 @@ def part_of_stack(
         str(scene.source.path or "the scene"),
     )
     return with_permeability(found, law, scene.source.directory)
+
+
+def mean_over_columns(parts: csr_array, values: np.ndarray) -> np.ndarray:
+    """Return means of values of elements (E,) in columns (C,), not a number where there are none.
+
+    parts : volume of each element in each column (E, C).
+    """
+    there, summed = parts.sum(axis=0), parts.T @ np.asarray(values, dtype=float)
+    return np.divide(summed, there, out=np.full_like(summed, np.nan), where=there > 0.0)
 
 
 def fibre_fractions(simulation: Simulation) -> np.ndarray:
@@ -129,8 +129,8 @@ def blank_of_scene(scene: Scene) -> FormedPart:
     """
     if len(scene.stack) != 1:
         raise InputError(
-            f"names {len(scene.stack)} plies, but the unit of a resin that flows while the blank is "
-            "formed takes one; run the scene instead, which couples both",
+            f"names {len(scene.stack)} plies, but the unit of a resin that flows while the blank "
+            "is formed takes one; run the scene instead, which couples both",
             key="plies" if scene.plies else "layup",
         )
     simulation = Simulation.from_scene(scene)

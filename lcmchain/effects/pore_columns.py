@@ -10,13 +10,13 @@ volume V of an element and the faces f that look at plies, the force on a node i
 
 where ∂V_f/∂x is the exact load of a unit pressure on the face (:mod:`.face_pressure`). In one sheet
 no face looks at a ply, and this is the force of :mod:`.pore_pressure`. A pressure that is the same
-everywhere loads no node of an inner face, to round-off and in any shape: were it left to the springs
-of the contact, whose normals lag behind the faces, it would tilt the plies.
+everywhere loads no node of an inner face, to round-off and in any shape. The springs of the
+contact, whose normals lag behind the faces, could not hand it on like that.
 
 The pressure of an element is that of the columns that it lies over, p_e = Σ_c W_ec p_c, with the
 share W_ec of its area. What it does to the column is then Σ_e W_ec dU_e/dt, the rate of the whole
-column, gaps included. The resistance of the fluid (:mod:`.pore_pressure`) acts against that rate: it
-does not resist plies that become thinner and thicker in turn, or a stack that moves as a whole.
+column, gaps included. The resistance of the fluid (:mod:`.pore_pressure`) acts against that rate:
+it does not resist plies that become thinner and thicker in turn, or a stack that moves as a whole.
 Stability limit: that of a pore pressure and of pressures on faces together. A resistance Z_c damps
 at the rate Z_c Σ_e W_ec |∂U_e/∂a|²/m_e at most.
 """
@@ -61,9 +61,7 @@ class PoreColumns(NamedTuple):
     drop: np.ndarray
 
     @classmethod
-    def of_shares(
-        cls, pore: PressedElements, shares: csr_array, first_element: int
-    ) -> PoreColumns:
+    def of_shares(cls, pore: PressedElements, shares: csr_array, first_element: int) -> PoreColumns:
         """Return the columns of a stack.
 
         Parameters

@@ -49,9 +49,7 @@ class ColumnAndFacePressures(NamedTuple):
     face: FacePressure
 
 
-Pressures = (
-    PorePressures | FacePressures | BothPressures | ColumnPressures | ColumnAndFacePressures
-)
+Pressures = PorePressures | FacePressures | BothPressures | ColumnPressures | ColumnAndFacePressures
 
 
 def pressures_of(
