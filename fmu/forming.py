@@ -79,8 +79,9 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int 
         )
     if pore_pressure and len(stack) > 1:
         raise InputError(
-            f"names {len(stack)} plies, but a fluid in the pores is coupled with one sheet: how "
-            "it flows from ply to ply is not simulated; leave --pore-pressure out",
+            f"names {len(stack)} plies, but a unit exchanges the pore pressures of one sheet; "
+            "leave out --pore-pressure and infiltration.with_forming (lcmchain run couples a stack "
+            "with its resin itself)",
             key="plies" if scene.plies else "layup",
         )
     plies = [

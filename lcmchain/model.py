@@ -22,6 +22,7 @@ from lcmchain.effects.fibre_bending import (
 )
 from lcmchain.effects.mass_scaling import weight_per_inertia, with_added_mass
 from lcmchain.effects.pace import PaceLaw, pace_law
+from lcmchain.effects.pore_columns import PoreColumns
 from lcmchain.effects.pressures import pressures_of
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
@@ -132,6 +133,8 @@ class Model:
     history_interval : between two samples of the histories [s], infinite without histories.
     fibre_bending : of the fibres within the plane, or None.
     pore : the elements whose pores may hold fluid under pressure, all of them, or None.
+    pore_columns : of a stack, the columns of fluid that these lie over at present; None where each
+        element has a pressure of its own.
     face_pressure : on the faces of the sheets, or None.
     ply_contact : which sheets touch each other and how, or None.
     corner_force_size : corner forces of all bodies, those of the fibres' bending, then zeros for
@@ -159,6 +162,7 @@ class Model:
     frame_count: int
     step_safety: float
     history_interval: float
+    pore_columns: PoreColumns | None = None
 
     @property
     def sample_count(self) -> int:
@@ -241,7 +245,7 @@ class Model:
         the motion of a node has to know of all other forces.
         """
         tools = self.tools if self.tool_names else None
-        pressures = pressures_of(self.pore, self.face_pressure)
+        pressures = pressures_of(self.pore, self.pore_columns, self.face_pressure)
         found = (pressures, self.ply_contact, self.supports, tools)
         return tuple(interaction for interaction in found if interaction is not None)
 
@@ -434,7 +438,7 @@ def assemble_bodies(
     gap = math.inf
     if contact.penalty is None or len(bodies) > 1:  # else it decides nothing
         gap = gap_left(tools, [body.mesh for body in bodies], float(process.time))
-    pressure = build_face_pressure(face_pressures, bodies, float(process.time))
+    pressure = build_face_pressure(face_pressures, bodies, order, float(process.time))
     expected = 0.0
     if len(bodies) > 1:
         bag = 0.0 if pressure is None else pressure.largest
@@ -458,7 +462,7 @@ def assemble_bodies(
         interfaces=tuple(interfaces),
         placed=placed,
         fibre_bending=fibre_bending,
-        pore=pressed_elements(bodies, key="pore pressure") if pore_pressure else None,
+        pore=pressed_elements(bodies, order, key="pore pressure") if pore_pressure else None,
         face_pressure=pressure,
         ply_contact=build_interfaces(interfaces, bodies, penalties),
         corner_force_size=last_force + 2 * LANES + 1,

@@ -74,7 +74,7 @@ def through_layers(
         for share, (values, axes) in zip(shares, layers, strict=True):
             there = share > 0.0
             for number in (0, 1):
-                along = _turned(axes[:, number], axes[:, 2], normals)
+                along = turned(axes[:, number], axes[:, 2], normals)
                 u, v = _dot(along, first), _dot(along, second)
                 k = share * values[:, number]
                 k11 += np.where(there, k * u * u, 0.0)
@@ -151,8 +151,7 @@ def _seen_in(
     first, second, normals : axes of the planes and their normals, shape (P, 3).
     """
     u, v = (
-        _turned(axis, surface.normals[face], normals)
-        for axis in surface.frames[face].swapaxes(0, 1)
+        turned(axis, surface.normals[face], normals) for axis in surface.frames[face].swapaxes(0, 1)
     )
     u1, u2, v1, v2 = _dot(u, first), _dot(u, second), _dot(v, first), _dot(v, second)
     uu, vv, uv = components
@@ -163,7 +162,7 @@ def _seen_in(
     )
 
 
-def _turned(vectors: np.ndarray, old_normals: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def turned(vectors: np.ndarray, old_normals: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Turn vectors across ``old_normals`` as these turn, the shorter way, into ``normals``."""
     old = np.where(_dot(old_normals, normals)[:, None] < 0.0, -old_normals, old_normals)
     between = old + normals

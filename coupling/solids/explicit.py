@@ -25,6 +25,7 @@ from lcmchain.coupling.iteration.interface import (
 )
 from lcmchain.coupling.solids.fields import POINTS, checked, chosen
 from lcmchain.effects.pore_pressure import resistance_mobilities, volumes_and_rates
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.model import build_model
 from lcmchain.solver.simulation import Simulation, StepControl
@@ -91,18 +92,29 @@ class ExplicitForming:
         model = simulation.model
         if model.pore is None:
             raise InputError("the model was built without pore_pressure=True; no fluid can act")
-        if len(model.bodies) != 1:
-            raise InputError(
-                f"the model has {len(model.bodies)} sheets; a fluid is coupled with one"
-            )
-        (self._body,) = model.bodies
         self.simulation = simulation
         self.surroundings, self.ramped = float(surroundings), ramped
         self._lanes = model.pore
+        self._body = self._sheet()
         self._given, self._at_rest = self.present_pressure(), False
         self._mean, self._resistance = self._given.copy(), np.zeros(self.element_count)
         self._step = 0.0
         self._volume, self._area = self.volume(), self.area()
+
+    def _sheet(self) -> Body:
+        """Return the body whose elements are the cells.
+
+        Raises
+        ------
+        InputError : there are several sheets.
+        """
+        bodies = self.simulation.model.bodies
+        if len(bodies) != 1:
+            raise InputError(
+                f"the model has {len(bodies)} sheets; "
+                "lcmchain.coupling.solids.stack.StackForming couples a stack with a fluid"
+            )
+        return bodies[0]
 
     @classmethod
     def from_scene(cls, scene: Any, **options: Any) -> ExplicitForming:
@@ -153,6 +165,13 @@ class ExplicitForming:
         """Return the pore pressures that act now (element_count,) [Pa]."""
         return self.simulation.state.pore_pressure[self._lanes.place] + self.surroundings
 
+    def _pressure_in_lanes(self, pressure: np.ndarray) -> np.ndarray:
+        """Return what pressures of the cells (C,) [Pa] load the elements with, by lane."""
+        return self._lanes.in_lanes(pressure - self.surroundings)
+
+    def _resistance_in_lanes(self) -> np.ndarray:
+        return self._lanes.in_lanes(self._resistance)
+
     def _volumes_and_rates(self) -> tuple[np.ndarray, np.ndarray]:
         state = self.simulation.state
         volume, rate = np.empty((2, self._lanes.padded_count))
@@ -173,12 +192,15 @@ class ExplicitForming:
 
     def _contact_stiffness(self, area: np.ndarray) -> np.ndarray:
         """Return by how much contact on both faces stiffens a thickness (element_count,) [N/m]."""
-        model = self.simulation.model
-        touched = self.simulation.state.contact_force[self._body.mesh.elements] > 0.0
-        below, above = touched[:, :4].mean(axis=1), touched[:, 4:].mean(axis=1)
+        below, above = self._touched()
         both = below + above
         series = np.divide(below * above, both, out=np.zeros_like(both), where=both > 0.0)
-        return model.environment.penalty * area * series
+        return self.simulation.model.environment.penalty * area * series
+
+    def _touched(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the parts of the lower and upper face that tools touch (element_count,) each."""
+        touched = self.simulation.state.contact_force[self._body.mesh.elements] > 0.0
+        return touched[:, :4].mean(axis=1), touched[:, 4:].mean(axis=1)
 
     def _next_resistance(self) -> np.ndarray:
         """Return the resistances (element_count,) [Pa s/m³] that the explicit step can bear."""
@@ -199,16 +221,20 @@ class ExplicitForming:
         return float(np.pi / np.sqrt(omega2.max()))
 
     def _static_compliance(self) -> np.ndarray:
-        """Return V0 (A/A0)² / (λ² C33 + S33): dV/dp of the law of compaction alone (C,)."""
+        """Return dV/dp of the law of compaction alone (C,) [m³/Pa]."""
+        return self._compliance_of(self._body)
+
+    def _compliance_of(self, body: Body) -> np.ndarray:
+        """Return V0 (A/A0)² / (λ² C33 + S33) of the elements of a body [m³/Pa]."""
         model = self.simulation.model
-        body = self._body
         history = model.history_of(body, self.simulation.state.history)
         condition = body.condition(self.simulation.state.position, history)
         stretch = condition.thickness_stretch
-        strain = np.zeros((self.element_count, 6))
+        strain = np.zeros((len(stretch), 6))
         strain[:, 2] = 0.5 * (stretch**2 - 1.0)
         S, C = body.material.stress_and_tangent(strain)
-        volume = self._lanes.mass[self._lanes.place] / body.material.density
+        place = self._lanes.place[body.first_element :][: len(stretch)]
+        volume = self._lanes.mass[place] / body.material.density
         return volume * condition.area_stretch**2 / (stretch**2 * C[:, 2, 2] + S[:, 2])
 
     # --- coupled part -----------------------------------------------------------------------------
@@ -230,7 +256,7 @@ class ExplicitForming:
         simulation, state = self.simulation, self.simulation.state
         begin = self.time
         self._volume, self._area, self._step = self.volume(), self.area(), float(step)
-        given = self._lanes.in_lanes(self._given - self.surroundings)
+        given = self._pressure_in_lanes(self._given)
         self._resistance = np.zeros(self.element_count)
         if self._at_rest:
             self._resistance = self._next_resistance()
@@ -238,7 +264,7 @@ class ExplicitForming:
             state.pore_rate[:] = (given - state.pore_pressure) / step
         else:
             state.pore_pressure[:] = given
-        state.pore_resistance[:] = self._lanes.in_lanes(self._resistance)
+        state.pore_resistance[:] = self._resistance_in_lanes()
         try:
             simulation.advance_to(begin + step)
         except SimulationError as error:
@@ -249,7 +275,7 @@ class ExplicitForming:
             state.pore_rate[:] = 0.0
             state.pore_resistance[:] = 0.0
         self._mean = self._given - self._resistance * (self.volume() - self._volume) / step
-        state.pore_pressure[:] = self._lanes.in_lanes(self._mean - self.surroundings)
+        state.pore_pressure[:] = self._pressure_in_lanes(self._mean)
 
     def save(self) -> SavedForming:
         """Return a copy of the state, which no later step changes."""

@@ -12,9 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcmchain.effects.pore_columns import unit_loads
 from lcmchain.effects.pore_pressure import pore_forces
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces
+from lcmchain.elements.pressed_elements import LOAD_ROWS
 from lcmchain.jit import routine
 from lcmchain.model import Model
 from lcmchain.solver.simulation import Simulation
@@ -38,7 +40,7 @@ def tool_loads(simulation: Simulation) -> dict[str, ToolLoad]:
     """Return the load on every tool by its name, of the forces of the last step."""
     model, state = simulation.model, simulation.state
     position = state.position - state.last_step * state.velocity
-    fibres = _fibre_forces(simulation, position)
+    fibres = fibre_forces(simulation, position)
     fluid = _fluid_forces(model, position, state.pore_pressure)
     loads = {}
     for tool, name in enumerate(model.tool_names):
@@ -84,7 +86,7 @@ def _along(normal: np.ndarray, force: np.ndarray) -> np.ndarray:
     return np.sum(normal * np.sum(normal * force, axis=0), axis=1)
 
 
-def _fibre_forces(simulation: Simulation, position: np.ndarray) -> np.ndarray:
+def fibre_forces(simulation: Simulation, position: np.ndarray) -> np.ndarray:
     """Return what the elements exert on the nodes (3, node_count) [N]."""
     model, history = simulation.model, simulation.state.history.copy()
     corner = np.zeros(model.corner_force_size)
@@ -110,6 +112,11 @@ def _fluid_forces(model: Model, position: np.ndarray, pressure: np.ndarray) -> n
     corner = np.zeros(model.corner_force_size)
     held, none = pressure.copy(), np.zeros_like(pressure)
     position = np.ascontiguousarray(position)
+    if model.pore_columns is not None:
+        load = corner[: pressure.size * LOAD_ROWS]
+        unit_loads(model.pore, position, np.zeros_like(position), none, load)
+        load *= np.repeat(pressure.reshape(-1, 1, LANES), LOAD_ROWS, axis=1).ravel()
+        return _on_nodes(model, corner)
     pore_forces(model.pore, position, np.zeros_like(position), held, none, none, 0.0, corner)
     return _on_nodes(model, corner)
 

@@ -1,17 +1,33 @@
-"""The sheet that is being formed, as the part that resin flows through."""
+"""The sheet or stack that is being formed, as the part that resin flows through."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from lcmchain.coupling.forming_fields import forming_datasets
-from lcmchain.coupling.infiltration.formed_part import FormedPart, blocks_of
-from lcmchain.fields.ugrid import TIME
+from lcmchain.coupling.infiltration.formed_part import (
+    NEEDED,
+    FormedPart,
+    blocks_of,
+    with_permeability,
+)
+from lcmchain.coupling.solids.stack import StackForming
+from lcmchain.errors import InputError
+from lcmchain.fields import derive_fields
+from lcmchain.fields.stack import plies_of
+from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
+from lcmchain.mapping.plies import SHARE
+from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.scene import Scene
+from lcmchain.scene.permeability import Permeability
 from lcmchain.solver.simulation import Simulation, Snapshot
+
+#: Vectors of a ply that the columns need, of as many families as it has.
+FIBRES = tuple(f"{family}_{axis}" for family in FIBRE_FAMILIES for axis in "xyz")
 
 
 def part_of_sheet(
@@ -30,8 +46,95 @@ def part_of_sheet(
     return FormedPart(target, fields.drop_vars(TIME), str(scene.source.path or "the scene"))
 
 
+def part_of_stack(
+    scene: Scene,
+    forming: StackForming,
+    snapshots: Sequence[Snapshot],
+    points: np.ndarray,
+    law: Permeability,
+) -> FormedPart:
+    """Return the stack in the last of saved states; its cells are the columns.
+
+    Fields without a name before their own are those of the ply whose elements the columns are, but
+    for thickness, fibre volume fraction, areal mass and permeability, which are of all plies.
+
+    Parameters
+    ----------
+    snapshots : the start, and any later ones; the last is the present. points : of the
+        mid-surface of that ply (N, 3) [m]. law : of the permeability.
+    """
+    simulation, shares = forming.simulation, forming.shares
+    datasets = forming_datasets(scene, simulation, snapshots)
+    sheets = {name: groups["/"].isel({TIME: -1}) for name, groups in plies_of(datasets)}
+    bodies = simulation.model.bodies
+    own = bodies[forming.reference]
+    mesh, part = UgridMesh("sheet"), sheets[own.name].drop_vars(TIME)
+    volume, area = forming.ply_volumes(), forming.area()
+    total = shares.T @ volume
+    added: dict[str, Variable] = {}
+    for body in bodies:
+        rows = slice(body.first_element, body.first_element + body.mesh.element_count)
+        parts = shares[rows].multiply(volume[rows, None]).tocsr()
+        sheet = sheets[body.name]
+        for name in (*NEEDED, *(name for name in FIBRES if name in sheet)):
+            values = sheet[name]
+            mean = mean_over_columns(parts, values.values)
+            added[f"{body.name}_{name}"] = mesh.on_cells(mean, dict(values.attrs))
+        share = {"units": "1", "long_name": f"share of the column that the ply {body.name} has"}
+        added[f"{SHARE}{body.name}"] = mesh.on_cells(parts.sum(axis=0) / total, share)
+
+    def of_elements(name: str) -> np.ndarray:
+        return np.concatenate([sheets[body.name][name].values for body in bodies])
+
+    fraction, on_area = of_elements("fibre_volume_fraction"), of_elements("areal_fibre_mass")
+    for name, values in {
+        "thickness": total / area,
+        "fibre_volume_fraction": (shares.T @ (fraction * volume)) / total,
+        "areal_fibre_mass": (shares.T @ (on_area * volume / of_elements("thickness"))) / area,
+    }.items():
+        added[name] = mesh.on_cells(values, dict(part[name].attrs))
+    cells = np.asarray(own.mesh.sheet_faces, dtype=np.int64)
+    found = FormedPart(
+        TargetMesh(points, blocks_of(cells), {}),
+        part.assign(added).assign_attrs(datasets["/"].attrs),
+        str(scene.source.path or "the scene"),
+    )
+    return with_permeability(found, law, scene.source.directory)
+
+
+def mean_over_columns(parts: csr_array, values: np.ndarray) -> np.ndarray:
+    """Return means of values of elements (E,) in columns (C,), not a number where there are none.
+
+    parts : volume of each element in each column (E, C).
+    """
+    there, summed = parts.sum(axis=0), parts.T @ np.asarray(values, dtype=float)
+    return np.divide(summed, there, out=np.full_like(summed, np.nan), where=there > 0.0)
+
+
+def fibre_fractions(simulation: Simulation) -> np.ndarray:
+    """Return the fibre volume fractions of all elements at present (element_count,)."""
+    positions = np.ascontiguousarray(simulation.state.position.T)
+    found = []
+    for body in simulation.model.bodies:
+        nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
+        now = derive_fields(body.mesh, body.material, positions[nodes])
+        found.append(now["fibre_volume_fraction"])
+    return np.concatenate(found)
+
+
 def blank_of_scene(scene: Scene) -> FormedPart:
-    """Return the blank of a scene, before it is formed."""
+    """Return the blank of a scene, before it is formed.
+
+    Raises
+    ------
+    InputError : there are several plies.
+    """
+    if len(scene.stack) != 1:
+        raise InputError(
+            f"names {len(scene.stack)} plies, but the unit of a resin that flows while the blank "
+            "is formed takes one; run the scene instead, which couples both",
+            key="plies" if scene.plies else "layup",
+        )
     simulation = Simulation.from_scene(scene)
     (body,) = simulation.model.bodies
     points = body.mesh.mid_surface(simulation.model.node_positions)

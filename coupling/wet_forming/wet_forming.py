@@ -11,6 +11,7 @@ import numpy as np
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.infiltration.checkpoint import read_checkpoint, write_checkpoint
 from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.formed_part import FormedPart
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
@@ -30,9 +31,14 @@ from lcmchain.coupling.iteration.interface import (
 )
 from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.coupling.solids.fields import POINTS
+from lcmchain.coupling.solids.stack import StackForming
 from lcmchain.coupling.solids.tool_loads import tool_loads
-from lcmchain.coupling.wet_forming.moving_permeability import MovingPermeability
-from lcmchain.coupling.wet_forming.sheet import part_of_sheet
+from lcmchain.coupling.wet_forming.moving_permeability import (
+    MovingPermeability,
+    MovingStack,
+    WithinWindow,
+)
+from lcmchain.coupling.wet_forming.sheet import fibre_fractions, part_of_sheet, part_of_stack
 from lcmchain.errors import InputError
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.scene import Infiltration, Scene
@@ -65,26 +71,41 @@ class WetForming:
     def __init__(self, scene: Scene, simulation: Simulation) -> None:
         case = _case_of(scene)
         self.scene, self.case, self.simulation = scene, case, simulation
-        self.forming = ExplicitForming(simulation, surroundings=case.vent_pressure)
-        self.setup = set_up(
-            part_of_sheet(scene, simulation, [simulation.snapshot()], self.forming.points()),
-            case,
-            scene.source.directory,
-        )  # fmt: skip
-        self.filling: Filling = self.setup.filling()
-        self.filling.options = replace(self.filling.options, largest_excess=LARGEST_EXCESS)
+        stacked = len(simulation.model.bodies) > 1
+        kind = StackForming if stacked else ExplicitForming
+        self.forming = kind(simulation, surroundings=case.vent_pressure)
         law = case.permeability or scene.permeability
         assert law is not None  # a scene without is refused
-        self._permeability = MovingPermeability(
-            simulation, law, self.setup.preform, scene.source.directory
-        )
+        self._law = law
+        part = self._part([simulation.snapshot()], self.forming.points())
+        self.setup = set_up(part, case, scene.source.directory)
+        if stacked:
+            factor = WithinWindow(law, part, scene.source.directory)
+            preform = replace(self.setup.preform, factor=factor)
+            self.setup = replace(self.setup, preform=preform)
+        self.filling: Filling = self.setup.filling()
+        self.filling.options = replace(self.filling.options, largest_excess=LARGEST_EXCESS)
+        preform, directory = self.setup.preform, scene.source.directory
+        self._permeability: MovingPermeability | MovingStack
+        if isinstance(self.forming, StackForming):
+            self._permeability = MovingStack(
+                self.forming, law, preform, directory, fibre_fractions(simulation)
+            )
+        else:
+            self._permeability = MovingPermeability(simulation, law, preform, directory)
         pace = case.time / scene.process.time
         self._system = coupled(
             self.forming, FillingPart(self.filling, pace=pace), case, scene.process.time
         )
         self._fingerprint = run_fingerprint(scene)._asdict()
         self.record = FillingRecord.empty()
-        self._permeability.renew(self.filling)
+        self._permeability.begin(self.filling)
+
+    def _part(self, snapshots: list[Snapshot], points: np.ndarray) -> FormedPart:
+        """Return what is formed in the last of saved states, which is the present."""
+        if isinstance(self.forming, StackForming):
+            return part_of_stack(self.scene, self.forming, snapshots, points, self._law)
+        return part_of_sheet(self.scene, self.simulation, snapshots, points)
 
     @property
     def history(self) -> History:
@@ -152,12 +173,12 @@ class WetForming:
         path = checkpoint_file(folder, step_count)
         saved, self.record = read_checkpoint(path, self._fingerprint)
         self._system.restore(saved)
-        self._permeability.renew(self.filling)
+        self._permeability.begin(self.filling)
 
     def filled(self, snapshots: list[Snapshot]) -> FilledPart:
         """Return how the sheet has filled, on its shape in the last of the saved states."""
         points = self.filling.mesh.points
-        part = part_of_sheet(self.scene, self.simulation, [snapshots[0], snapshots[-1]], points)
+        part = self._part([snapshots[0], snapshots[-1]], points)
         state, medium = self.filling.state, self.filling.medium
         fraction = medium.fibre_fraction(state.thickness)
         preform = Preform(

@@ -125,9 +125,14 @@ class FacePressure(NamedTuple):
 
 
 def build_face_pressure(
-    entries: Sequence[PressureOnFace], bodies: Sequence[Any], process_time: float
+    entries: Sequence[PressureOnFace],
+    bodies: Sequence[Any],
+    order: Sequence[int],
+    process_time: float,
 ) -> FacePressure | None:
     """Return the table of all pressures on faces, or None without any.
+
+    order : numbers of the bodies as their corner forces follow each other.
 
     Raises
     ------
@@ -146,7 +151,7 @@ def build_face_pressure(
         + np.zeros_like(times)
         for side in ("bottom", "top")
     }
-    elements = pressed_elements(bodies, key="pressure")
+    elements = pressed_elements(bodies, order, key="pressure")
     return FacePressure(elements, times, sums["bottom"], sums["top"])
 
 

@@ -257,5 +257,8 @@ def active(model: Any) -> list[Effect]:
     elements: PressedElements | None = model.pore
     if elements is None:
         return [Effect("pore pressure", False, "no fluid is coupled")]
+    if len(model.bodies) > 1:
+        reason = f"one pressure in each column through {len(model.bodies)} plies"
+        return [Effect("pore pressure", True, reason)]
     count = elements.place.size
     return [Effect("pore pressure", True, f"one pressure in each of {count} elements")]

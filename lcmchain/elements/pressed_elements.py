@@ -48,21 +48,25 @@ class PressedElements(NamedTuple):
         return lanes
 
 
-def pressed_elements(bodies: Sequence[Any], *, key: str) -> PressedElements:
+def pressed_elements(bodies: Sequence[Any], order: Sequence[int], *, key: str) -> PressedElements:
     """Return the elements of bodies with a thickness.
 
     Parameters
     ----------
     bodies : see :class:`lcmchain.elements.family.Body`; of several the first lies lowest, and its
         bottom and the top of the last are the outer faces.
+    order : numbers of the bodies as their corner forces follow each other: the nodes find the loads
+        in the same places.
     key : scene entry that asks for a pressure.
 
     Raises
     ------
     InputError : a body without thickness.
     """
-    places, masses, bottoms, tops, first = [], [], [], [], 0
-    for body in bodies:
+    masses, bottoms, tops, first = [], [], [], 0
+    places = [np.empty(0, dtype=np.int64)] * len(bodies)
+    for number in order:
+        body = bodies[number]
         if not body.mesh.has_thickness:
             raise InputError(
                 f'needs both faces of the sheet; element = "{body.type}" has one layer of nodes; '
@@ -72,13 +76,13 @@ def pressed_elements(bodies: Sequence[Any], *, key: str) -> PressedElements:
         count = body.mesh.element_count
         mass = np.zeros(-(-count // LANES) * LANES)
         mass[:count] = body.material.density * body.geometry.volume
-        places.append(first + np.arange(count))
+        places[number] = first + np.arange(count)
         masses.append(mass)
         bottoms.append(np.full(mass.size, float(body is bodies[0])))
         tops.append(np.full(mass.size, float(body is bodies[-1])))
         first += mass.size
     return PressedElements(
-        corner_node=np.concatenate([body.data.corner_node for body in bodies]),
+        corner_node=np.concatenate([bodies[number].data.corner_node for number in order]),
         mass=np.concatenate(masses),
         place=np.concatenate(places),
         bottom=np.concatenate(bottoms),

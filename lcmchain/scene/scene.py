@@ -8,6 +8,7 @@ tables stand in the files that implement them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -65,6 +66,9 @@ SHEET_NAME = "sheet"
 MOST_TOOLS = 200
 MOST_MESHES = 100
 MOST_PRESSURES = 100
+
+#: Gap between plies at the start that counts as none where resin flows, in parts of the thinner.
+LARGEST_WET_GAP = 0.01
 
 
 @dataclass(frozen=True)
@@ -523,10 +527,29 @@ class Scene(SceneModel):
             )
         for key, case in self._cases():
             if case.with_forming is not None:
+                self._check_wet_stack(key)
+
+    def _check_wet_stack(self, key: str) -> None:
+        """Refuse stacks in which it is not known what resin presses on, or where it is."""
+        if not self.stack.has_one_outline:
+            raise wrong(
+                "lets resin flow through all plies of a stack while it is formed, but its plies "
+                "have unlike outlines: which faces resin presses on beside a smaller ply changes "
+                "as they slide; give all plies one outline, or leave the entry out, and the formed "
+                "stack is filled",
+                field=f"{key}.with_forming",
+            )
+        for below, ply in pairwise(self.stack):
+            gap = ply.bottom - below.top
+            if abs(gap) > LARGEST_WET_GAP * min(below.thickness, ply.thickness):
+                what = f"leaves a gap of {1e3 * gap:.4g} mm to"
+                if gap < 0.0:
+                    what = f"puts the ply {-1e3 * gap:.4g} mm deep into"
                 raise wrong(
-                    "lets resin flow in one sheet while it is formed; from ply to ply of a stack "
-                    "that slides it is not simulated: leave it out, and the formed stack is filled",
-                    field=f"{key}.with_forming",
+                    f'{what} "{below.name}", but with '
+                    f"{key}.with_forming plies lie on each other at the start: whether resin is "
+                    "between them is not known; leave the height out",
+                    field=f"{ply.key}.height",
                 )
 
     def _check_draping(self) -> None:

@@ -14,8 +14,21 @@ from lcmchain.effects.face_pressure import (
     face_pressures,
 )
 from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, bound, on_nodes
+from lcmchain.effects.pore_columns import (
+    column_drops,
+    mobilities,
+    of_columns,
+    scale_loads,
+    unit_loads,
+)
 from lcmchain.effects.pore_pressure import pore_forces, pore_frequencies, resistance_mobilities
-from lcmchain.effects.pressures import BothPressures, FacePressures, PorePressures
+from lcmchain.effects.pressures import (
+    BothPressures,
+    ColumnAndFacePressures,
+    ColumnPressures,
+    FacePressures,
+    PorePressures,
+)
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.pressed_elements import PressedElements
 from lcmchain.jit import equation, routine, span_routine
@@ -47,6 +60,28 @@ def make_both_loads(pressures, arrays, dt_last, dt):
     add_face_loads(pressures.face, arrays, True)
 
 
+@implements(before_nodes, ColumnPressures)
+@equation
+def make_column_loads(pressures, arrays, dt_last, dt):
+    add_column_loads(pressures.pore, pressures.columns, arrays, dt)
+
+
+@implements(before_nodes, ColumnAndFacePressures)
+@equation
+def make_column_and_face_loads(pressures, arrays, dt_last, dt):
+    add_column_loads(pressures.pore, pressures.columns, arrays, dt)
+    add_face_loads(pressures.face, arrays, True)
+
+
+@routine
+def add_column_loads(pore, columns, arrays, dt):
+    """Write the loads of the pressures in the columns of a stack, and move these on."""
+    load = arrays.corner_load
+    unit_loads(pore, arrays.position, arrays.velocity, columns.rate, load)
+    column_drops(columns, arrays.pore_resistance, columns.drop)
+    scale_loads(columns, columns.drop, arrays.pore_pressure, arrays.pore_rate, dt, load)
+
+
 @routine
 def add_pore_loads(pore, arrays, dt):
     """Write the loads of the pressures in the pores, and move these on."""
@@ -74,7 +109,9 @@ def their_loads(pressures):
     return PressureLoads(0)
 
 
-for kind in (PorePressures, FacePressures, BothPressures):
+for kind in (
+    PorePressures, FacePressures, BothPressures, ColumnPressures, ColumnAndFacePressures
+):  # fmt: skip
     implements(on_nodes, kind)(their_loads)
 
 
@@ -130,6 +167,19 @@ def _bound_of_both(pressures: BothPressures, model: Any, state: State, ahead: fl
     return _with_cause(pore + _of_face(pressures.face, state), rate)
 
 
+@bound.register(ColumnPressures)
+def _bound_of_columns(pressures: ColumnPressures, model: Any, state: State, ahead: float) -> Bound:
+    return _with_cause(*_of_columns(pressures, state, ahead))
+
+
+@bound.register(ColumnAndFacePressures)
+def _bound_of_columns_and_face(
+    pressures: ColumnAndFacePressures, model: Any, state: State, ahead: float
+) -> Bound:
+    column, rate = _of_columns(pressures, state, ahead)
+    return _with_cause(column + _of_face(pressures.face, state), rate)
+
+
 def _with_cause(omega2: float, rate: float) -> Bound:
     return Bound(omega2, rate, "pressure of a fluid")
 
@@ -147,6 +197,25 @@ def _of_pore(pore: PressedElements, state: State, ahead: float) -> tuple[float, 
     mobility = np.empty(pore.padded_count)
     resistance_mobilities(pore, state.position, mobility)
     return float(found.max()), float(np.max(state.pore_resistance * mobility))
+
+
+def _of_columns(
+    pressures: ColumnPressures | ColumnAndFacePressures, state: State, ahead: float
+) -> tuple[float, float]:
+    """Return ω² [1/s²] of the columns' pressures until the next look, and the rate [1/s].
+
+    The fluid presses on the elements and on their inner faces.
+    """
+    pore, columns = pressures.pore, pressures.columns
+    coming = np.abs(state.pore_pressure) + ahead * np.abs(state.pore_rate)
+    inside, on_faces = np.empty((2, pore.padded_count))
+    pore_frequencies(pore, state.position, coming, inside)
+    face_frequencies(pore, state.position, float(coming.max()), on_faces)
+    omega2 = float(inside.max() + on_faces.max())
+    if not state.pore_resistance.any():
+        return omega2, 0.0
+    mobility = of_columns(columns, mobilities(pore, state.position))
+    return omega2, float(np.max(state.pore_resistance[columns.lane] * mobility))
 
 
 def _of_face(face: FacePressure, state: State) -> float:

@@ -23,6 +23,8 @@ resin = { law = "constant", viscosity = "0.1 Pa*s", density = "1100 kg/m^3" }
 gates = [{ name = "left", box = ["-21 -11 -1 mm", "-19 11 9 mm"], pressure = "3 bar" }]
 vents = [{ name = "right", box = ["19 -11 -1 mm", "21 11 9 mm"] }]
 """
+WET = RESIN.replace("gates", "# gates") + 'film = { thickness = "1 mm", pressure = "1 bar" }\n'
+WET += 'with_forming = { window = "1 ms" }\n'
 BAG = '[[pressure]]\nname = "bag"\nface = "top"\nvalue = "1 kPa"\n'
 T = 1.004e-3  # thickness of MD600 [m]
 
@@ -190,10 +192,17 @@ WRONG = {
     ),
     "interfaces of one sheet": (PRESET + BLANK + "[[interfaces]]\n", "the scene has one sheet"),
     "a net": ('element = "kinematic"\n' + PRESET + PLY + PLY, 'element: is "kinematic"'),
-    "resin while it is formed": (
-        PRESET + PLY + PLY + RESIN.replace("gates", "# gates")
-        + 'film = { thickness = "1 mm", pressure = "1 bar" }\nwith_forming = { window = "1 ms" }\n',
-        r"infiltration.with_forming: lets resin flow in one sheet",
+    "resin while plies of unlike outlines are formed": (
+        PRESET + PLY + PLY.replace('"20 mm"', '"15 mm"') + WET,
+        r"infiltration.with_forming: lets resin flow .* but its plies have unlike outlines",
+    ),
+    "resin while plies with a gap are formed": (
+        PRESET + PLY + PLY + 'height = "1.3 mm"\n' + WET,
+        r'plies\[1\] "ply_2".height: leaves a gap of 0.296 mm to "ply_1"',
+    ),
+    "resin while plies in each other are formed": (
+        PRESET + PLY + PLY + 'height = "0.9 mm"\n' + WET,
+        r'plies\[1\] "ply_2".height: puts the ply 0.104 mm deep into "ply_1"',
     ),
     "a pressure on a smaller ply": (
         PRESET + PLY + PLY.replace('"20 mm"', '"15 mm"') + BAG,
@@ -229,6 +238,11 @@ def test_a_wrong_stack_is_one_error_that_names_the_key(scene_of, name):
 def test_a_stack_of_one_outline_may_be_pressed(scene_of):
     scene = scene_of(PRESET + PLY + PLY.replace("5 mm", "4 mm") + 'fibre_angle = "45 deg"\n' + BAG)
     assert scene.stack.has_one_outline and len(scene.pressure) == 1
+
+
+def test_resin_may_flow_through_a_stack_of_one_outline_while_it_is_formed(scene_of):
+    scene = scene_of(PRESET + PLY + PLY.replace("5 mm", "4 mm") + 'fibre_angle = "45 deg"\n' + WET)
+    assert scene.wet_forming is not None
 
 
 def test_a_formed_stack_may_be_filled(scene_of):
