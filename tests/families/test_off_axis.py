@@ -9,10 +9,10 @@ import pytest
 from of_families import like_md600, triaxial, unidirectional
 
 from lcmchain.coupons.analytic.off_axis import affine_tension, axes_turned, lines_of
-from lcmchain.coupons.off_axis import off_axis
+from lcmchain.coupons.off_axis import OffAxisTest, off_axis
 from lcmchain.errors import InputError
 from lcmchain.identification.synthetic import preset_fabric
-from lcmchain.scene import FabricMaterial
+from lcmchain.scene import FabricMaterial, scene_from_text
 from lcmchain.scene.presets import PRESETS
 from lcmchain.study import Variant, read_source
 from lcmchain.study.runs import make_run
@@ -81,7 +81,25 @@ def assert_within_a_percent(material, degrees):
     assert abs(result.figures["balance_error_to_internal"]) < 1e-3
 
 
-@pytest.mark.parametrize("degrees", [30.0, 45.0])
+def test_clamps_tilt_as_the_ends_of_the_even_state_do():
+    """x = λ X + k Y on both ends, free across; nothing at the start."""
+    scene = scene_from_text(
+        OffAxisTest().text,
+        overrides=("blank.fibre_angle=30 deg", 'blank.size=["80 mm", "30 mm"]'),
+    )
+    blank = scene.stack[0].build_blank()
+    left, right = OffAxisTest(0.006).supports(scene)(blank)
+    assert left.components == right.components == "x" and len(left.nodes) == len(right.nodes) > 4
+    np.testing.assert_allclose(np.abs(blank.node_positions[right.nodes, 0]), 0.04)
+    state = affine_tension(preset_fabric(), radians(30.0), [1.075])
+    for clamp in (left, right):
+        np.testing.assert_allclose(clamp.motion(0.0), np.eye(3, 4), atol=1e-12)
+        ends = clamp.motion(scene.process.time)
+        np.testing.assert_allclose(ends[0], [1.075, state.tilt[0], 0.0, 0.0], rtol=1e-9)
+    assert abs(state.tilt[0]) > 0.05
+
+
+@pytest.mark.parametrize("degrees", [pytest.param(30.0, marks=pytest.mark.slow), 45.0])
 def test_a_woven_strip_follows_the_even_state(degrees):
     material = FabricMaterial.model_validate(PRESETS["MD600"])
     assert_within_a_percent(material, degrees)
