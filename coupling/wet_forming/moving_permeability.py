@@ -165,6 +165,7 @@ class MovingStack:
         ------
         SimulationError : a fibre volume fraction is out of the range of the law.
         """
+        self.forming.renew()
         cells = filling.mesh.cells
         self.forming.resisting = (filling.state.full[cells] & (cells >= 0)).any(axis=1)
         filling.medium.fibre_volume = self.forming.shares.T @ self.fibre_volume
