@@ -4,7 +4,7 @@
 
 Runs hemispheres with and without holder, other blanks, sizes and tools, and a closed mould with the
 pace that the program finds, and with ``process.quasi_static`` = 4; both on one mesh, so that fields
-are compared face by face. Writes a table: steps, the largest mean force with what the run itself
+are compared face by face. Writes a table: steps, the force to quote with what the run itself
 says it is off by, how far force, shear angle and thickness are from those of the slow run, and the
 verdicts that are not good. Results that lie in the folder already are taken from there.
 """
@@ -69,7 +69,7 @@ NO_FILES = ("output.pictures=false", "output.vtu=false")
 #: What the holder's scene has besides.
 NO_OTHER_STAGES = ("mapping=[]", "permeability=none")
 COLUMNS = (
-    "scene", "steps", "largest mean force [N]", "off by",
+    "scene", "steps", "force to quote [N]", "off by",
     "shear angle, rms and most [°]",
     "thickness, rms and most [%]", "not good",
 )  # fmt: skip
@@ -136,9 +136,9 @@ def mould(out: Path) -> Path:
 def compared(found: dict[str, Any], slow: dict[str, Any]) -> list[str]:
     """Return the cells of a row: what a run took, and how far it is from the slow one."""
     summary = found["summary"]
-    force, of_slow = (run["summary"]["punch_force_max_N"] for run in (found, slow))
+    force, of_slow = (run["summary"]["punch_force_quoted_N"] for run in (found, slow))
     loads = summary["tool_loads"][summary["punch"]]
-    stated = loads.get("force_uncertainty_N")
+    stated = loads.get("force_quoted_uncertainty_N")
     shear = np.degrees(np.abs(np.abs(found["shear_angle"]) - np.abs(slow["shear_angle"])))
     thickness = 100.0 * np.abs(found["thickness"] / slow["thickness"] - 1.0)
     return [

@@ -51,9 +51,9 @@ def field_summary(
     ``fibre_volume_fraction_max``, ``wrinkle_height_max_m`` (magnitude), ``fibre_mass_kg``,
     ``fibre_mass_error`` (relative to the first frame), ``punch_force_max_N``, the largest mean over
     a twentieth of the process (of a result without histories, the largest of the frames), and with
-    histories ``punch_force_peak_N`` of a single step, ``punch``, which tool that is, and
-    ``tool_loads`` (:func:`lcmchain.fields.loads.tool_loads`); without those that the result does
-    not have.
+    histories ``punch_force_quoted_N``, the figure to quote, ``punch_force_peak_N`` of a single
+    step, ``punch``, which tool that is, and ``tool_loads``
+    (:func:`lcmchain.fields.loads.tool_loads`); without those that the result does not have.
     """
     history = datasets[HISTORY]
     summary = _sheet_summary(datasets[SHEET], frame)
@@ -92,6 +92,7 @@ def _forces(history: xr.Dataset, sheet: xr.Dataset, punch: int) -> dict[str, Any
     return {
         "punch": str(history["tool"].values[punch]),
         "punch_force_max_N": of_punch["force_max_N"],
+        "punch_force_quoted_N": of_punch["force_quoted_N"],
         "punch_force_peak_N": of_punch["force_peak_N"],
         "tool_loads": loads,
     }

@@ -93,26 +93,42 @@ def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
         strain = summary["fibre_strain_max"]
         yield Number("Fibre strain", f"up to {percent(strain)}", "magnitude, of all families")
     if "punch_force_max_N" in summary:
-        value = f"{summary['punch_force_max_N']:.4g} N{_uncertainty(summary)}"
+        value = f"{_quoted_force(summary):.4g} N{_uncertainty(summary)}"
         yield Number("Force of the punch", value, "".join(_punch_force(summary)))
 
 
+def _quoted_force(summary: Mapping[str, Any]) -> float:
+    """Return the force of the punch to quote [N]: its largest mean, or its smooth course there."""
+    return summary.get("punch_force_quoted_N", summary["punch_force_max_N"])
+
+
 def _uncertainty(summary: Mapping[str, Any]) -> str:
-    """Return by how much the largest force of the punch may be off, where the run knows it."""
+    """Return by how much the quoted force of the punch may be off, where the run knows it."""
     loads = summary.get("tool_loads", {}).get(summary.get("punch", ""), {})
-    if "force_uncertainty_N" not in loads or motion_in_force(loads["parts_at_maximum"]):
+    of_largest = loads.get("force_uncertainty_N")  # older summaries have no other
+    uncertainty = loads.get("force_quoted_uncertainty_N", of_largest)
+    if uncertainty is None or motion_in_force(loads["parts_at_maximum"]):
         return ""
-    return f" ± {loads['force_uncertainty_N']:.1g} N"
+    return f" ± {uncertainty:.1g} N"
 
 
 def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what the largest force is, the peak, and what inertia and damping take of it."""
-    yield "largest mean over a twentieth of the process"
+    """Yield what the quoted force is, the peak, and what inertia and damping take of it."""
+    largest = summary["punch_force_max_N"]
+    is_course = _quoted_force(summary) != largest
+    if is_course:
+        yield "smooth course where it is largest"
+    else:
+        yield "largest mean over a twentieth of the process"
     if "punch" in summary:
         yield f", tool {summary['punch']}"
     yield ": the figure to quote"
     if "tool_loads" not in summary:
         return
+    if is_course:
+        ripple = summary["tool_loads"][summary["punch"]]["force_ripple_N"]
+        yield f"; elements that pass a radius move it by {ripple:.2g} N, so that its largest mean"
+        yield f" over a twentieth of the process, {largest:.4g} N, is that of the mesh"
     yield f"; {summary['punch_force_peak_N']:.4g} N in a single step"
     loads = summary["tool_loads"][summary["punch"]]
     parts = loads.get("parts_at_maximum")
@@ -124,8 +140,9 @@ def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
         yield f" and inertia {parts['inertia_N'] + 0.0:.3g} N of {parts['force_N']:.4g} N"
         if "hourglass_N" in parts:
             yield f", hourglass terms {parts['hourglass_N'] + 0.0:.2g} N"
-        if loads.get("force_ripple_N", 0.0) > 0.5 * LARGEST_RIPPLE * summary["punch_force_max_N"]:
-            yield f"; elements that pass a radius move it by {loads['force_ripple_N']:.2g} N"
+        ripple = loads.get("force_ripple_N", 0.0)
+        if not is_course and ripple > 0.5 * LARGEST_RIPPLE * largest:
+            yield f"; elements that pass a radius move it by {ripple:.2g} N"
             yield f", its smooth course has {loads['force_smooth_N']:.4g} N there"
 
 

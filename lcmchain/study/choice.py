@@ -294,7 +294,7 @@ def _of_settings(wish: Wish, candidate: Candidate) -> str:
         return ""
     off = [
         f"{BY_NAME[n].text(candidate.errors[n])} {BY_NAME[n].title}"
-        for n in wish.errors
+        for n in wish.errors or candidate.errors  # of a budget nobody has said which matter
         if n in candidate.errors
     ]
     return (

@@ -32,7 +32,7 @@ from lcmchain.study.convergence import SCATTER, Convergence, fitted
 from lcmchain.study.levels import COUNTED, Level, error_laws, expected_seconds
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.process_pace import why_time_stays
-from lcmchain.study.rehearsal import Rehearsal, rehearse
+from lcmchain.study.rehearsal import DURATION, Rehearsal, rehearse
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.scene_text import SceneText
 from lcmchain.study.step_settings import (
@@ -61,8 +61,9 @@ FARTHEST = 2.0
 COARSER = 1.45
 #: Of a budget, or of the run they are for, so much goes into pilots that are not always made.
 PILOT_SHARE = 0.3
-#: Time of the trials that are made of a budget, by that of a run with the settings of the scene.
-TRIALS = 1.25
+#: Time of the trials that are made of a budget, by that of a run with the settings of the scene: of
+#: all of them, and of the quick ones, which are always made.
+TRIALS, QUICK_TRIALS = 1.25, 0.375
 #: Of a budget the first pilot has so many elements along the edge: it tells times.
 QUICK_PILOT = 8
 #: Meshes with fewer elements along the edge tell nothing of errors: neither of those of a mesh, nor
@@ -82,8 +83,9 @@ RUNG_SHARE = 0.1
 LONGEST_RUN, TIMES_THE_SCENE = 600.0, 3.0
 #: So much of a budget is planned for: what a run takes is known to about a tenth.
 PLANNED = 0.92
-#: The first steps of at most so many meshes are made to find one, until it is about one of them.
-MOST_REHEARSALS = 4
+#: The first steps of at most so many meshes are made to find one, until it is about one of them;
+#: each of them for this part of a budget at most.
+MOST_REHEARSALS, REHEARSAL_SHARE = 4, 0.01
 REHEARSED = 0.97
 #: A budget of which more than this factor would be left is spent on a slower process.
 SPARE = 1.2
@@ -242,14 +244,44 @@ class Chooser:
         yield first
         seconds = self.pilot_seconds
         left = PILOT_SHARE * self.wish.budget - seconds
-        part = 1.0 + PILOT_RATIO**-COST_POWER * (1.0 + TRIALS)  # of all, by the finer one
-        finest = first * (part * seconds / left) ** (1.0 / COST_POWER) if left > 0.0 else first
-        finest = max(finest, self._size / PILOTS[-1])
-        if finest * PILOT_RATIO < first / PILOT_RATIO:
-            yield finest * PILOT_RATIO
+        coarser, finest = self._two_that_count(first, seconds, left)
+        if not finest:
+            # of all, by the finer one
+            part = 1.0 + PILOT_RATIO**-COST_POWER * (1.0 + TRIALS)
+            finest = first * (part * seconds / left) ** (1.0 / COST_POWER) if left > 0.0 else first
+            finest = max(finest, self._size / PILOTS[-1])
+            coarser = finest * PILOT_RATIO
+        if coarser < first / PILOT_RATIO:
+            yield coarser
         if finest < first / PILOT_RATIO:
             yield finest
         yield from self._finer_than_failures()
+
+    def _two_that_count(self, first: float, seconds: float, left: float) -> tuple[float, float]:
+        """Return edge lengths of two pilots that tell of errors [m], zeros where time is short.
+
+        Without two of them no error of a mesh is known, and softer fibres are not taken. Where the
+        time does not allow a coarser one with more elements, it has the least that count.
+
+        Parameters
+        ----------
+        first : edge length of a pilot that took so many ``seconds``. left : time for both and for
+            trials on the coarser one [s].
+        """
+        coarser = self._size / LEAST_COUNTED
+        at_coarser = seconds * (first / coarser) ** COST_POWER
+        at_finer = left - (1.0 + QUICK_TRIALS) * at_coarser
+        if at_finer <= LEAST_RATIO**COST_POWER * at_coarser:
+            return 0.0, 0.0
+        ratio = (at_finer / at_coarser) ** (1.0 / COST_POWER)
+        if ratio > PILOT_RATIO:
+            return 0.0, 0.0  # two with more elements count as well
+        return coarser, coarser / ratio
+
+    def _allows_pilot(self, seconds: float) -> bool:
+        """Tell whether a budget leaves so much of the part that goes into pilots."""
+        budget = self.wish.budget
+        return budget is None or self.pilot_seconds + seconds <= PILOT_SHARE * budget
 
     def _finer_than_failures(self) -> Iterator[float]:
         """Yield ever finer edge lengths [m] until one gives a result, as far as a budget goes.
@@ -338,8 +370,9 @@ class Chooser:
         """
         if self._counted and not self.is_laid:
             edge = self._counted[0].edge
-            self._try_inertia(edge)
-            self._try_fibres(edge, AS_IT_IS)
+            fastest = self._try_inertia(edge)
+            takes = math.sqrt(SOFTER_FIBRES) * self._pilot(edge, AS_IT_IS).seconds
+            self._try_fibres(edge, AS_IT_IS if self._allows_pilot(takes) else fastest)
             self.measured |= {candidate.settings: candidate for candidate in self.candidates}
             self.candidates = [c for c in self.candidates if c.settings.speed == 1.0]
 
@@ -356,11 +389,16 @@ class Chooser:
     def _try_inertia(self, edge: float) -> StepSettings:
         """Measure on a mesh what added mass changes and saves.
 
-        Settings that make a check of the program worse are none to choose. Return those for pilots,
-        which change little of what is wished for.
+        Settings that make a check of the program worse are none to choose. Return those for pilots:
+        the fastest that change little of what is wished for.
         """
         plain = self._pilot(edge, AS_IT_IS)
-        trials = [t for t in inertia_trials(self.scene) if not self._pilot(edge, t).failure]
+        trials: list[StepSettings] = []
+        for settings in inertia_trials(self.scene):
+            # of the fastest alone the law of speed has its usual order
+            allowed = not trials or self._allows_pilot(plain.seconds / settings.speed)
+            if allowed and not self._pilot(edge, settings).failure:
+                trials.append(settings)
         self.candidates = [Candidate(AS_IT_IS)]
         if not trials:
             return AS_IT_IS
@@ -376,21 +414,17 @@ class Chooser:
             for settings in (*trials, AS_IT_IS, *slower(self.scene))
         ]
         self.measured |= {candidate.settings: candidate for candidate in tried}
-        # a pace that was found is as fast as checks allow
-        allowed_trials = [] if self.scene.time_is_found else trials
         self.candidates = [
             candidate
             for candidate in tried
             if candidate.settings.speed <= 1.0
-            or (
-                candidate.settings in allowed_trials
-                and not self._pilot(edge, candidate.settings).worse_than(plain)
-            )
+            or not self._pilot(edge, candidate.settings).worse_than(plain)
         ]
-        fastest, allowed = trials[0], self.wish.errors
-        off = self._off(self._pilot(edge, fastest), plain)
-        little = all(off.get(name, 0.0) <= PILOTS_OFF * allowed[name] for name in allowed)
-        return fastest if little else AS_IT_IS
+        for settings in trials:
+            off = self._off(self._pilot(edge, settings), plain)
+            if all(off.get(n, 0.0) <= PILOTS_OFF * most for n, most in self.wish.errors.items()):
+                return settings
+        return AS_IT_IS
 
     def _laws_of_speed(
         self, edge: float, settings: Sequence[StepSettings]
@@ -524,7 +558,14 @@ class Chooser:
     def _rehearse(self, edge: float) -> Rehearsal:
         """Begin the scene with an edge length for a moment."""
         variant = Variant(f"beginning {mm(edge)}", "pilot", self._overrides(edge, AS_IT_IS), edge)
-        return rehearse(self.text.job(variant).scene, self.threads)
+        return rehearse(self.text.job(variant).scene, self.threads, self._rehearsed_for)
+
+    @property
+    def _rehearsed_for(self) -> float:
+        """How long the first steps of a mesh are made [s]."""
+        if self.wish.budget is None:
+            return DURATION
+        return min(DURATION, REHEARSAL_SHARE * self.wish.budget)
 
     def _expected_seconds(self, edge: float) -> float:
         """Return the solver time of the scene with an edge length [s]."""

@@ -17,7 +17,7 @@ from lcmchain.scene import Scene
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.threads import use_threads
 
-#: Steps are made for so long [s].
+#: Steps are made for so long [s], or less of a small budget.
 DURATION = 0.25
 
 
@@ -34,12 +34,13 @@ class Rehearsal(NamedTuple):
     spent: float
 
 
-def rehearse(scene: Scene, threads: int | None) -> Rehearsal:
+def rehearse(scene: Scene, threads: int | None, duration: float = DURATION) -> Rehearsal:
     """Make the first steps of a scene.
 
     Parameters
     ----------
-    threads : as for :func:`lcmchain.pipeline.run`.
+    threads : as for :func:`lcmchain.pipeline.run`. duration : for so long [s], one chunk of steps
+        at least.
 
     Raises
     ------
@@ -51,7 +52,7 @@ def rehearse(scene: Scene, threads: int | None) -> Rehearsal:
     model = simulation.model
     use_threads(threads, model.element_count)
     start, spent, made = time.perf_counter(), 0.0, 0
-    while spent < DURATION and simulation.time < model.process_time:
+    while spent < duration and simulation.time < model.process_time:
         step = simulation.prepare_steps()
         left = math.ceil((model.process_time - simulation.time) / step)
         count = min(left, STEPS_PER_CHUNK)

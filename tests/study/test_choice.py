@@ -191,15 +191,39 @@ def test_a_run_whose_settings_made_a_check_worse_is_made_again_without_them(dent
     assert "4 times the inertia made checks of the run worse (Quasi-static)" in choice.missed()
 
 
-def test_the_pace_that_is_found_is_never_made_faster(dent, tmp_path):
+def without_a_time(dent):
+    """The scene with the pace that the program finds."""
     text = dent.text.replace('time = "4 ms", mass_damping = "200 1/s"', "")
     assert text != dent.text
-    found = type(dent)(text, dent.path)
-    known = Known(found, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+    return type(dent)(text, dent.path)
+
+
+@pytest.mark.parametrize(("speed", "time"), [(5.0, 0.25), (3.0, 0.5), (1.0, 1.0)])
+def test_a_pace_that_was_found_is_made_faster_as_far_as_no_check_gets_worse(
+    dent, tmp_path, speed, time
+):
+    known = Doubtful(without_a_time(dent), tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+    known.speed = speed
     assert known.scene.time_is_found
     choice = known.run(known.make)
-    assert choice.settings == AS_IT_IS
+    assert choice.settings == StepSettings(time=time)
+    assert choice.kept and len(known.runs) == 1
     assert {settings.time for _, settings in known.pilots} >= {1.0, 0.25}  # pilots are fast
+
+
+def test_a_pace_that_was_found_stays_where_only_a_time_is_wished_for(dent, tmp_path):
+    known = Known(without_a_time(dent), tmp_path, read_wish(None, "20 s"), 1.0, 0.3)
+    assert known.run(known.make).settings == AS_IT_IS
+
+
+def test_pilots_are_as_fast_as_they_change_little_of_the_wish(dent, tmp_path):
+    """A tenth of it; four times as fast they are off by 3 ``of_speed``, twice as fast by one."""
+    found = without_a_time(dent)
+    for of_speed, speed in ((0.02, 4.0), (0.06, 2.0), (0.2, 1.0)):
+        wish = read_wish("1 deg shear", None)
+        known = Known(found, tmp_path, wish, 1.0, 0.3, of_speed=math.radians(of_speed))
+        known.run(known.make)
+        assert known.pilots_as.settings.speed == speed
 
 
 def test_a_run_that_misses_the_wish_is_repeated_on_a_finer_mesh(dent, tmp_path, monkeypatch):
@@ -406,6 +430,22 @@ def test_what_no_finer_mesh_can_be_had_for_goes_into_a_slower_process(dent, tmp_
         assert choice.settings.time >= SPARE
         assert "a slower process" in choice.why
         assert choice.run_seconds == pytest.approx(known.runs[-1][2].seconds, rel=0.05)
+
+
+def test_a_small_budget_is_not_spent_on_knowing_what_to_spend_it_on(dent, tmp_path):
+    """Two meshes that tell of errors, trials that are quick, first steps of a hundredth of it."""
+    known = Known(dent, tmp_path, read_wish(None, "32 s"), 1.0, 0.5, of_fibres=0.0)
+    choice = known.run(known.make)
+    assert choice.settings.fibres == SOFTER_FIBRES
+    assert known._rehearsed_for == DURATION
+    tried = {settings for _, settings in known.pilots}
+    assert not any(settings.mass == MASSES[1] for settings in tried)
+    counted = [level.edge for level in known._counted[:-1]]
+    assert len(counted) == 2 and counted[0] == pytest.approx(0.04 / 14)
+    assert choice.pilot_seconds < 0.35 * 32.0
+    assert 0.75 * 32.0 <= choice.seconds <= 32.0
+    small = Known(dent, tmp_path, read_wish(None, "5 s"), 1.0, 0.5)
+    assert small._rehearsed_for == pytest.approx(0.05)
 
 
 def test_a_rehearsal_goes_with_the_work_of_a_run(dent, tmp_path):

@@ -11,8 +11,11 @@ from lcmchain.fields import FrameSeries, Histories, model_datasets, read_group, 
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.history_group import HISTORY_FIELDS
 from lcmchain.fields.loads import (
+    TAKEN_UP,
+    SmoothCourse,
     _around,
     exceeded_over,
+    figure_to_quote,
     force_parts,
     force_uncertainty,
     quoted_force,
@@ -280,6 +283,8 @@ def test_a_force_is_known_to_what_its_pace_and_its_mesh_make_of_it(history, data
     punch = tool_loads(history, datasets[SHEET])["punch"]
     assert "force_ripple_N" not in punch  # it goes 2 mm, less far than four elements of 5 mm
     assert punch["force_uncertainty_N"] == force_uncertainty(punch["parts_at_maximum"], 0.0)
+    assert punch["force_quoted_N"] == punch["force_max_N"]
+    assert punch["force_quoted_uncertainty_N"] == punch["force_uncertainty_N"]
 
 
 def course(x):
@@ -292,11 +297,44 @@ def test_a_ripple_of_one_element_is_told_from_the_course_of_a_force(top):
     way = 60.0 * np.sin(np.linspace(0.0, 0.5 * np.pi, 150))  # the tool slows down
     ripple = 2.0 * np.cos(2.0 * np.pi * (way - top) / 5.0)
     sample = int(np.argmin(np.abs(way - top)))
-    smooth, found = smooth_force(1e-3 * way, course(way) + ripple, sample, 5e-3)
+    smooth, found, lobes = smooth_force(1e-3 * way, course(way) + ripple, sample, 5e-3)
     assert smooth == pytest.approx(course(way[sample]), abs=1.0)  # the force is 2 N above it
     assert 1.2 < found < 2.5
+    assert 8 <= lobes <= 9  # four periods
     calm = smooth_force(1e-3 * way, course(way), sample, 5e-3)
-    assert calm == pytest.approx((course(way[sample]), 0.0), abs=0.02)
+    assert calm[:2] == pytest.approx((course(way[sample]), 0.0), abs=0.02)
+
+
+@pytest.mark.parametrize("periods", [2.0, 2.3, 3.0, 4.0])
+@pytest.mark.parametrize("phase", np.linspace(0.0, 2.0, 8, endpoint=False) * np.pi)
+def test_the_quoted_force_is_the_course_as_near_as_the_ripple_leaves_it_known(periods, phase):
+    """At the end of a stroke, where the parabola is worst, wherever the crests of a mesh lie."""
+    way = np.linspace(39.9, 60.0, 202)  # a little more than four elements of 5 mm
+    ripple = 2.0 * np.cos(2.0 * np.pi * periods * (way - 60.0) / 20.0 + phase)
+    force = course(way) + ripple
+    smooth = smooth_force(1e-3 * way, force, 201, 5e-3)
+    quoted, left = figure_to_quote(force[-1], smooth, smooth.distance)
+    assert quoted == pytest.approx(smooth.force) != force[-1]
+    assert left == TAKEN_UP * smooth.distance
+    assert abs(quoted - course(60.0)) < left
+
+
+def test_the_largest_mean_is_quoted_where_nothing_goes_to_and_fro_or_by_little():
+    course = SmoothCourse(90.0, 8.0, 5)
+    assert figure_to_quote(100.0, course, 8.0) == (92.0, TAKEN_UP * 8.0)  # no more than the ripple
+    assert figure_to_quote(100.0, course._replace(force=97.0), 8.0)[0] == 97.0
+    assert figure_to_quote(100.0, course, 4.9) == (100.0, 4.9)
+    assert figure_to_quote(100.0, course._replace(lobes=4), 8.0) == (100.0, 8.0)
+
+
+@pytest.mark.parametrize("sharp", [0.2, 1.0, 5.0])
+def test_a_force_that_rises_ever_faster_has_no_lobes_of_a_ripple(sharp):
+    """Compaction: no parabola follows it, however far it lies beside one."""
+    way = np.linspace(0.0, 20e-3, 400)
+    force = 1.0 + 100.0 * np.exp((way - way[-1]) / (1e-3 * sharp))
+    found = smooth_force(way, force, 399, 5e-3)
+    assert found.distance > 1.0 and found.lobes <= 4
+    assert figure_to_quote(force[-1], found, found.distance)[0] == force[-1]
 
 
 def test_a_force_has_no_smooth_course_where_its_tool_turns_or_goes_less_far_than_four_elements():

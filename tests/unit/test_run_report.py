@@ -82,6 +82,22 @@ def test_the_punch_force_names_a_ripple_beyond_a_twentieth_of_it(ripple, said):
     assert (words in meaning) == said
 
 
+def test_a_force_with_a_ripple_is_quoted_by_its_smooth_course():
+    parts = {"force_N": 120.0, "damping_N": 0.0, "inertia_N": 0.0}
+    loads = {"parts_at_maximum": parts, "force_ripple_N": 7.0, "force_smooth_N": 118.76}
+    loads |= {"force_uncertainty_N": 7.0, "force_quoted_uncertainty_N": 4.9}
+    more = {"punch": "press", "punch_force_peak_N": 150.0, "tool_loads": {"press": loads}}
+    value, meaning = rows(SUMMARY | more | {"punch_force_quoted_N": 118.76})["Force of the punch"]
+    assert value == "118.8 N ± 5 N"
+    assert meaning.startswith("smooth course where it is largest, tool press: the figure to quote")
+    assert meaning.count("elements that pass a radius move it by 7 N") == 1
+    assert (
+        "its largest mean over a twentieth of the process, 123.5 N, is that of the mesh" in meaning
+    )
+    del loads["force_quoted_uncertainty_N"]  # an older summary
+    assert rows(SUMMARY | more)["Force of the punch"][0] == "123.5 N ± 7 N"
+
+
 def test_the_punch_force_says_what_damping_and_inertia_take_of_it():
     parts = {"force_N": 120.0, "damping_N": 6.543, "inertia_N": -1.2345}
     more = {

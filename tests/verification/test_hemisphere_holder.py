@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import runpy
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from lcmchain import read_scene
+from lcmchain import read_scene, run
 from lcmchain.check import estimate_run
 from lcmchain.fields import read_forming, sheet_faces, sheet_positions
 from lcmchain.fields.measures import flange_and_pole, mirror_difference
@@ -153,7 +154,21 @@ def test_elements_half_as_long_as_the_fillet_hardly_move_the_force(holder_result
     loads = holder_result.summary["tool_loads"]["punch"]
     assert 0.1 < loads["force_ripple_N"] < 0.5
     assert loads["force_smooth_N"] == pytest.approx(26.8, rel=0.01)  # from 7.5 to 3.75 mm
+    assert loads["force_quoted_N"] == loads["force_max_N"]
     assert "snaps" not in loads
+
+
+@pytest.mark.slow
+def test_elements_as_long_as_the_fillet_leave_the_quoted_force_as_it_is(tmp_path):
+    """Half the size on 5 mm: a crest lies at the end of the stroke; 2.5 mm lead to 13.82 N."""
+    scaled = runpy.run_path(str(SCENE.parents[1] / "quasi_static" / "compare.py"))["scaled"]
+    quiet = ("output.pictures=false", "mapping=[]", "permeability=none")
+    result = run(read_scene(SCENE, (*quiet, *scaled(0.5, 5.0))), tmp_path)
+    loads = result.summary["tool_loads"]["punch"]
+    assert loads["force_max_N"] > 1.05 * 13.82
+    assert loads["force_quoted_N"] == pytest.approx(13.82, rel=0.03)
+    assert abs(loads["force_quoted_N"] - 13.82) < loads["force_quoted_uncertainty_N"] < 1.5
+    assert result.summary["punch_force_quoted_N"] == loads["force_quoted_N"]
 
 
 def test_every_promised_file_is_there(holder_result):
