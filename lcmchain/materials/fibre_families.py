@@ -558,6 +558,7 @@ class FibreFamilies(Fabric):
         self.law = linear_where_constant(law)
         self.shear_coupling = 0.0
         self.locking = None
+        self.viscous = None
         self.shear_range = shear_range
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (

@@ -99,7 +99,8 @@ def test_clamps_tilt_as_the_ends_of_the_even_state_do():
     assert abs(state.tilt[0]) > 0.05
 
 
-@pytest.mark.parametrize("degrees", [pytest.param(30.0, marks=pytest.mark.slow), 45.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("degrees", [30.0, 45.0])
 def test_a_woven_strip_follows_the_even_state(degrees):
     material = FabricMaterial.model_validate(PRESETS["MD600"])
     assert_within_a_percent(material, degrees)

@@ -136,7 +136,7 @@ def test_no_flipped_bit_of_a_state_is_taken(one):
         lambda part: PartState({}, part.arrays),
         lambda part: PartState(part.values, {}),
         lambda part: PartState(part.values, {**part.arrays, "before": np.zeros(3)}),
-        lambda part: PartState(part.values, {**part.arrays, "state_clock": np.zeros(9)}),
+        lambda part: PartState(part.values, {**part.arrays, "state_clock": np.zeros(3)}),
     ],
 )
 def test_a_state_with_parts_missing_leaves_the_unit_as_it_was(one, told, change):

@@ -48,7 +48,7 @@ def rows(summary):
         ("Shear angle", "up to 28.6 deg", "magnitude, in the last frame"),
         ("Thickness", "0.812 to 1.056 mm", "in the last frame"),
         ("Fibre volume fraction", "up to 0.457", "in the last frame"),
-        ("Fibre strain", "up to 0.123 %", "magnitude, of both families"),
+        ("Fibre strain", "up to 0.123 %", "magnitude, of all families"),
         (
             "Force of the punch",
             "123.5 N",
