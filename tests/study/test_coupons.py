@@ -87,6 +87,7 @@ def test_what_decides_a_run_decides_its_fingerprint(strip, tmp_path):
     assert len(prints) == 4
 
 
+@pytest.mark.slow
 def test_a_cluster_runs_coupons_to_the_same_bits(strip, tmp_path):
     pytest.importorskip("distributed")
     edges = [Variant(f"{e} mm", "edge length", (f"blank.edge_length={e} mm",)) for e in (10, 8)]
