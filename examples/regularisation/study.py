@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain import read_scene, run
+from lcmchain.commands.coupon import COUPON_SCENE
 from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.cantilever import cantilever
 from lcmchain.coupons.compaction import compaction
@@ -48,12 +49,6 @@ SETTINGS: dict[str, tuple[str, ...]] = {
     "fibre_hourglass = 1": ("element.fibre_hourglass=1",),
     "both as published": ("material.bending.in_plane=0", "element.fibre_hourglass=1"),
 }
-#: A specimen's material and element; its blank and process only make it a whole scene.
-SPECIMEN = """
-process = { time = "1 s" }
-blank = { size = ["20 mm", "20 mm"], edge_length = "5 mm" }
-material = { preset = "MD600" }
-"""
 STRIP = (0.32, 0.16)  # length and width of the bias-extension test [m]
 PULLED_BY = 0.03  # travel at which the bias-extension test is read [m]
 SHEARED_TO = 45.0  # angle at which the picture frame is read [°]
@@ -104,7 +99,7 @@ def kept(folder: Path, study: Study, entries: tuple[str, ...], edge: float) -> d
 
 def coupons(entries: tuple[str, ...], edge: float, folder: Path) -> dict[str, str]:
     """Return what the four coupon tests give with these entries of a scene, by quantity."""
-    ply = scene_from_text(SPECIMEN, overrides=entries).only_ply("a coupon")
+    ply = scene_from_text(COUPON_SCENE, overrides=entries).only_ply("a coupon")
     given, size = (ply.material, ply.element), 1e-3 * edge
     found = {}
     for length in (size, 0.5 * size):

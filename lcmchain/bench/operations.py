@@ -158,7 +158,7 @@ def _count_here() -> Operations:
         kernel=_operations_of(
             element_forces, arrays.position, data.corner_node, data.corner_run, data.element_data,
             arrays.corner_force, arrays.history, data.law, data.options, data.quick_data,
-            data.quick_options, data.general,
+            data.quick_options, data.general, 0.0, 0.0,
         ),
         bending=_operations_of(find_middle, fibres, arrays.position, middle, 0, near)
         + _operations_of(find_vectors, fibres, middle, vector, 0, near)

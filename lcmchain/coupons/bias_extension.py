@@ -16,17 +16,21 @@ import numpy as np
 
 from lcmchain.coupons.analytic import BiasExtension
 from lcmchain.coupons.plots import finish, two_panels
-from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.result import CouponResult, compared
 from lcmchain.coupons.specimen import (
     FRAMES,
     Progress,
     Recording,
     SteadyPull,
+    clamped_ends,
+    effort_of,
     element_centres,
+    force_between_clamps,
     mean_field,
     record,
     require_fabric,
     shear_stress_of,
+    steady_pull,
 )
 from lcmchain.effects.supports import Support, translation
 from lcmchain.fields import FrameSeries, build_datasets
@@ -76,26 +80,23 @@ material = {{ preset = "MD600" }}
 
     def pull(self, scene: Scene) -> SteadyPull:
         """Return the travel of the clamps from each other over the process of a scene."""
-        return SteadyPull(self.displacement, scene.process.time, 0.2 * scene.process.time)
+        return steady_pull(self.displacement, scene)
 
     def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
         """Return what holds the strip: its short sides, each pulled by half the travel."""
-        pull, half_length = self.pull(scene), 0.5 * scene.only_ply("a coupon").blank.extent[0]
+        pull, length = self.pull(scene), scene.only_ply("a coupon").blank.extent[0]
 
         def clamps(blank: BlankMesh) -> list[Support]:
-            x = blank.node_positions[:, 0]
-            return [
-                Support(name, np.flatnonzero(side * x > half_length - 1e-9),
-                        motion=translation([side, 0, 0], lambda t: 0.5 * pull.travel(t)))
-                for name, side in (("left clamp", -1.0), ("right clamp", 1.0))
-            ]  # fmt: skip
+            def half(time: float) -> float:
+                return 0.5 * pull.travel(time)
+
+            return clamped_ends(blank, length, lambda side: translation([side, 0, 0], half))
 
         return clamps
 
     def force(self, scene: Scene, recording: Recording) -> np.ndarray:
         """Return the force of the clamps [N], means over every other frame's interval."""
-        time, impulse = recording.time[::2], recording.impulse[::2, :, 0]
-        return np.diff(0.5 * (impulse[:, 1] - impulse[:, 0])) / np.diff(time)
+        return force_between_clamps(recording)
 
 
 def bias_extension(
@@ -153,7 +154,6 @@ def bias_extension(
         "pin-joint shear angle [deg]": np.degrees(expected_angle),
     }
     at = min(COMPARED_AT, u[-1])
-    energy = recording.energy
     frames = FrameSeries.from_snapshots(recording.snapshots[::4], ())
     return CouponResult(
         name="bias-extension",
@@ -164,29 +164,16 @@ def bias_extension(
         },
         curves=curves,
         comparisons=tuple(
-            _compared(curves, 1e3 * u, name, unit, 1e3 * where)
+            compared(
+                curves, 1e3 * where, name, unit, reference="pin-joint", origin="pin-jointed net"
+            )
             for where in sorted({0.5 * at, at, u[-1]})
             for name, unit in (("shear angle", "deg"), ("force", "N"))
         ),
         draw=lambda path: _draw(path, curves, scene.title),
         datasets=build_datasets(scene, body.mesh, frames, material=body.material),
         shown="shear_angle",
-        figures={
-            "steps": simulation.state.step_count,
-            "kinetic_to_internal_end": energy["kinetic"][-1] / energy["internal"][-1],
-            "damping_to_external": energy["damping"][-1] / energy["external"][-1],
-            "balance_error_to_internal": energy["balance_error"][-1] / energy["internal"][-1],
-        },
-    )
-
-
-def _compared(curves, u, name: str, unit: str, at: float) -> Comparison:
-    return Comparison(
-        f"{name} at {at:.3g} mm",
-        unit,
-        float(np.interp(at, u, curves[f"{name} [{unit}]"])),
-        float(np.interp(at, u, curves[f"pin-joint {name} [{unit}]"])),
-        "pin-jointed net",
+        figures=effort_of(simulation, recording),
     )
 
 

@@ -21,16 +21,20 @@ import numpy as np
 
 from lcmchain.coupons.analytic.off_axis import affine_tension, lines_of
 from lcmchain.coupons.plots import finish, two_panels
-from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.result import CouponResult, compared
 from lcmchain.coupons.specimen import (
     FRAMES,
     Progress,
     Recording,
     SteadyPull,
+    clamped_ends,
+    effort_of,
     element_centres,
+    force_between_clamps,
     mean_field,
     record,
     require_solid_shell,
+    steady_pull,
 )
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
@@ -75,7 +79,7 @@ material = {{ preset = "MD600" }}
 
     def pull(self, scene: Scene) -> SteadyPull:
         """Return the travel of the clamps from each other over the process of a scene."""
-        return SteadyPull(self.displacement, scene.process.time, 0.2 * scene.process.time)
+        return steady_pull(self.displacement, scene)
 
     def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
         """Return what holds the strip: its short sides, along the pull on a line that tilts."""
@@ -92,18 +96,13 @@ material = {{ preset = "MD600" }}
             return motion
 
         def clamps(blank: BlankMesh) -> list[Support]:
-            x = blank.node_positions[:, 0]
-            return [
-                Support(name, np.flatnonzero(side * x > 0.5 * length - 1e-9), "x", motion=tilted)
-                for name, side in (("left clamp", -1.0), ("right clamp", 1.0))
-            ]
+            return clamped_ends(blank, length, lambda side: tilted, "x")
 
         return clamps
 
     def force(self, scene: Scene, recording: Recording) -> np.ndarray:
         """Return the force of the clamps [N], means over every other frame's interval."""
-        time, impulse = recording.time[::2], recording.impulse[::2, :, 0]
-        return np.diff(0.5 * (impulse[:, 1] - impulse[:, 0])) / np.diff(time)
+        return force_between_clamps(recording)
 
 
 def off_axis(
@@ -169,7 +168,6 @@ def off_axis(
         "affine force [N]": states.force(width, material.thickness),
         "affine shear angle [deg]": np.degrees(np.abs(states.shear_angle(angle, apart))),
     }
-    energy = recording.energy
     frames = FrameSeries.from_snapshots(recording.snapshots[::4], ())
     return CouponResult(
         name="off-axis",
@@ -181,30 +179,21 @@ def off_axis(
         },
         curves=curves,
         comparisons=tuple(
-            _compared(curves, name, unit, 1e3 * where)
+            compared(
+                curves,
+                1e3 * where,
+                name,
+                unit,
+                reference="affine",
+                origin="even state of the strip",
+            )
             for where in (0.5 * u[-1], u[-1])
             for name, unit in (("force", "N"), ("shear angle", "deg"))
         ),
         draw=lambda path: _draw(path, curves, scene.title),
         datasets=build_datasets(scene, body.mesh, frames, material=body.material),
         shown="shear_angle",
-        figures={
-            "steps": simulation.state.step_count,
-            "kinetic_to_internal_end": energy["kinetic"][-1] / energy["internal"][-1],
-            "damping_to_external": energy["damping"][-1] / energy["external"][-1],
-            "balance_error_to_internal": energy["balance_error"][-1] / energy["internal"][-1],
-        },
-    )
-
-
-def _compared(curves: dict[str, Any], name: str, unit: str, at: float) -> Comparison:
-    u = curves["displacement [mm]"]
-    return Comparison(
-        f"{name} at {at:.3g} mm",
-        unit,
-        float(np.interp(at, u, curves[f"{name} [{unit}]"])),
-        float(np.interp(at, u, curves[f"affine {name} [{unit}]"])),
-        "even state of the strip",
+        figures=effort_of(simulation, recording),
     )
 
 

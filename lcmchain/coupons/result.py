@@ -41,6 +41,29 @@ class Comparison:
         return self.difference / self.reference
 
 
+def compared(
+    curves: Mapping[str, np.ndarray],
+    displacement: float,
+    name: str,
+    unit: str,
+    *,
+    reference: str,
+    origin: str,
+) -> Comparison:
+    """Compare a curve with that of its reference at a displacement [mm].
+
+    reference : what the name of the reference's curve begins with; origin : where it comes from.
+    """
+    u = curves["displacement [mm]"]
+    return Comparison(
+        f"{name} at {displacement:.3g} mm",
+        unit,
+        float(np.interp(displacement, u, curves[f"{name} [{unit}]"])),
+        float(np.interp(displacement, u, curves[f"{reference} {name} [{unit}]"])),
+        origin,
+    )
+
+
 @dataclass(frozen=True)
 class CouponResult:
     """Result of a coupon test.

@@ -48,6 +48,11 @@ class SteadyPull(NamedTuple):
         return self.speed * self.start * s**4 * (2.5 + s * (s - 3.0))
 
 
+def steady_pull(distance: float, scene: Scene) -> SteadyPull:
+    """Return a travel [m] over the process of a scene, of which a fifth is its smooth start."""
+    return SteadyPull(distance, scene.process.time, 0.2 * scene.process.time)
+
+
 class Recording(NamedTuple):
     """Snapshots of a coupon test at equidistant times, and what the supports have done by then.
 
@@ -136,6 +141,31 @@ def record(
     return simulation, Recording(snapshots, np.array(impulse), np.array(work), seconds)
 
 
+def clamped_ends(
+    blank: BlankMesh,
+    length: float,
+    motion_of: Callable[[float], Callable[[float], np.ndarray]],
+    held: str = "xyz",
+) -> list[Support]:
+    """Return the clamps of both ends of a strip along x, the left one first.
+
+    length : of the strip [m]. motion_of : motion of the clamp on side -1 or 1. held : directions.
+    """
+    x = blank.node_positions[:, 0]
+    return [
+        Support(
+            name, np.flatnonzero(side * x > 0.5 * length - 1e-9), held, motion=motion_of(side)
+        )
+        for name, side in (("left clamp", -1.0), ("right clamp", 1.0))
+    ]  # fmt: skip
+
+
+def force_between_clamps(recording: Recording) -> np.ndarray:
+    """Return the force with which two clamps pull along x [N], by every other frame's interval."""
+    time, impulse = recording.time[::2], recording.impulse[::2, :, 0]
+    return np.diff(0.5 * (impulse[:, 1] - impulse[:, 0])) / np.diff(time)
+
+
 def mean_field(
     simulation: Simulation, snapshots: Sequence[Snapshot], name: str, mask: np.ndarray
 ) -> np.ndarray:
@@ -147,6 +177,17 @@ def mean_field(
             for s in snapshots
         ]
     )
+
+
+def effort_of(simulation: Simulation, recording: Recording) -> dict[str, float]:
+    """Return steps, and what inertia, damping and the balance have of the energies at the end."""
+    energy = recording.energy
+    return {
+        "steps": simulation.state.step_count,
+        "kinetic_to_internal_end": energy["kinetic"][-1] / energy["internal"][-1],
+        "damping_to_external": energy["damping"][-1] / energy["external"][-1],
+        "balance_error_to_internal": energy["balance_error"][-1] / energy["internal"][-1],
+    }
 
 
 def element_centres(blank: BlankMesh) -> np.ndarray:

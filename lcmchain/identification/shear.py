@@ -97,12 +97,10 @@ def identify_shear(
     angle, force = specimen.shear_angle(data["displacement"]), data["force"]
     factor = {"engineering": 2.0, "tensor": 1.0}[convention]
     design = force_design(specimen, angle, factor)
-    secant = np.sum(force * design[:, 0]) / np.sum(design[:, 0] ** 2)
+    secant = mean_secant(design, force)
     if secant <= 0.0:
         raise InputError("the force is not positive; tension counts as positive", file=data.file)
-    powers = np.arange(COEFFICIENT_COUNT)
-    tangent = (powers + 1) * _STRAIN[:, None] ** powers
-    rising = (tangent, np.full(len(_STRAIN), _SMALLEST_TANGENT * secant))
+    rising = rising_stress(secant)
     share = 0.5 if method == "printed" else 1.0
     _, _, sheared = specimen.zone_areas
     stress_per_force = specimen.displacement_slope(angle) / (
@@ -310,6 +308,18 @@ class _BootstrapSpread:
         if len(self._samples) < 2:
             return np.full((COEFFICIENT_COUNT, COEFFICIENT_COUNT), np.nan)
         return np.corrcoef(self._samples.T)
+
+
+def mean_secant(design: np.ndarray, force: np.ndarray) -> float:
+    """Return the mean secant modulus [Pa]: s0 of a polynomial that has nothing else."""
+    return float(np.sum(force * design[:, 0]) / np.sum(design[:, 0] ** 2))
+
+
+def rising_stress(secant: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows (n, 5) and least values (n,) of s0 ... s4 that let the stress rise up to 90°."""
+    powers = np.arange(COEFFICIENT_COUNT)
+    tangent = (powers + 1) * _STRAIN[:, None] ** powers
+    return tangent, np.full(len(_STRAIN), _SMALLEST_TANGENT * secant)
 
 
 def force_design(specimen: BiasExtension, angle: np.ndarray, factor: float) -> np.ndarray:

@@ -14,6 +14,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from lcmchain.coupons.analytic import PictureFrame, shear_strain
 from lcmchain.errors import InputError
@@ -35,21 +36,21 @@ from lcmchain.identification.result import (
     general_warnings,
     mega_pascal,
 )
+from lcmchain.identification.shear import (
+    COEFFICIENT_COUNT,
+    mean_secant,
+    rising_stress,
+)
 from lcmchain.quantities.units import FORCE, LENGTH, SPEED
 
 COLUMNS = (
     (Column("displacement", LENGTH, loading=1), Column("force", FORCE), Column("speed", SPEED)),
 )
 MINIMUM_ROWS = 12
-COEFFICIENT_COUNT = 5
 # The fastest test over the slowest, at least: what is nearer tells the rate from the angle badly.
 LEAST_SPEEDS_RATIO = 2.0
 # Mean deviation of the tests at one rate that matters: a viscosity is there to tell rates apart.
 TOLERANCE_OF_RATES = 0.03
-# Strains up to a shear angle of 90 deg where the scene demands a rising stress.
-_STRAIN = np.linspace(0.0, 0.5, 2001)
-# Smallest tangent relative to the mean secant: rising, with room for rounding in the scene file.
-_SMALLEST_TANGENT = 1e-3
 
 
 def identify_viscous_shear(
@@ -91,14 +92,11 @@ def identify_viscous_shear(
         )
     rate = rate_of(specimen, angle, speed)
     design = force_design(specimen, angle, rate)
-    powers = np.arange(COEFFICIENT_COUNT)
-    tangent = np.zeros((len(_STRAIN) + 1, COEFFICIENT_COUNT + 1))
-    tangent[:-1, :-1] = (powers + 1) * _STRAIN[:, None] ** powers
-    tangent[-1, -1] = 1.0  # a viscosity is not negative
-    secant = np.sum(force * design[:, 0]) / np.sum(design[:, 0] ** 2)
-    least = np.append(np.full(len(_STRAIN), _SMALLEST_TANGENT * secant), 0.0)
+    tangent, least = rising_stress(mean_secant(design, force))
+    # and a viscosity is not negative
+    bounds = (block_diag(tangent, 1.0), np.append(least, 0.0))
     free = fit_linear(design, force, noise_floor)
-    fit = fit_linear(design, force, noise_floor, at_least=(tangent, least))
+    fit = fit_linear(design, force, noise_floor, at_least=bounds)
     lacks = (
         lack_of_fit(angle, force, fit.model, data.specimen),
         lack_of_fit(rate, force, fit.model, data.specimen, tolerance=TOLERANCE_OF_RATES),

@@ -32,6 +32,7 @@ from lcmchain.materials.compaction import (
     linear_class,
     linear_where_constant,
 )
+from lcmchain.materials.fabric_table import ExponentialCompaction, FabricTable
 from lcmchain.materials.law import (
     Step,
     bending_stiffness,
@@ -65,7 +66,6 @@ from lcmchain.materials.shear_locking import (
     locking_tangent_slope,
     with_locking,
 )
-from lcmchain.materials.table import MaterialTable
 from lcmchain.materials.viscous_shear import (
     ViscousShear,
     let_resist_rates,
@@ -712,29 +712,14 @@ class FabricMembrane(SceneModel):
         return self
 
 
-class FabricCompaction(SceneModel):
+class FabricCompaction(ExponentialCompaction):
     """Compaction stiffness C33 = c0 exp(c1 |E33|^c2) (paper Eq. (23))."""
 
-    c0: PositiveStiffness = Field(description="Stiffness of the undeformed fabric.")
-    c1: Annotated[float, Number(60.4653, NOT_NEGATIVE)] = Field(description="Growth factor.")
-    c2: Annotated[float, Number(2.4528, Range(1.0, 10.0))] = Field(description="Growth exponent.")
     shear_coupling: Annotated[float, Number(1.0, Range(0.0, 2.0))] = Field(
         default=0.0,
         description="Exponent β: fabric sheared by γ is thicker by 1/cos(γ)^β without pressure; "
         "0: shear does not thicken it, 1: the fibre volume fraction governs.",
     )
-
-    @model_validator(mode="after")
-    def _check_growth(self) -> Self:
-        # E33 = -1/2 is the strain of a thickness of zero.
-        if self.c1 * 0.5**self.c2 > 200.0:
-            raise wrong(
-                f"together with c2 = {self.c2:g} lets the stiffness grow by "
-                f"exp({self.c1 * 0.5**self.c2:.0f}) up to full compaction, which cannot be "
-                "computed; check both exponents (MD600: c1 = 60.4653, c2 = 2.4528)",
-                field="c1",
-            )
-        return self
 
 
 class BendingCurveTable(SceneModel):
@@ -794,11 +779,10 @@ class FabricBending(SceneModel):
 PresetName = Literal["MD600", "glass-plain-600", "carbon-twill-200"]
 
 
-class FabricMaterial(MaterialTable):
+class FabricMaterial(FabricTable):
     """Biaxial fabric: shear polynomial, exponential compaction, decoupled bending."""
 
     families: ClassVar[tuple[str, ...]] = ("solid-shell", "membrane-shell", "kinematic")
-    has_fibres: ClassVar[bool] = True
 
     law: Literal["fabric"] = "fabric"
     preset: Annotated[PresetName | None, AbsentMeans("")] = Field(
@@ -817,31 +801,9 @@ class FabricMaterial(MaterialTable):
         ViscousTable | None, AbsentMeans("the shear does not depend on its rate")
     ] = Field(default=None, description="What resists the rate of the shear, in wet fabric.")
 
-    @model_validator(mode="after")
-    def _check_fibre_volume_fraction(self) -> Self:
-        if self.fibre_volume_fraction >= 1.0:
-            raise wrong(
-                f"gives a fibre volume fraction of {self.fibre_volume_fraction:.2f}, more than all "
-                "space: check areal_mass, fibre_density and thickness",
-                field="areal_mass",
-            )
-        return self
-
-    @property
-    def compacts(self) -> bool:
-        return self.compaction.c1 > 0.0
-
     @property
     def locks(self) -> bool:
         return self.membrane.locking is not None
-
-    @property
-    def bends_in_plane(self) -> bool:
-        return self.bending.in_plane > 0.0
-
-    def without_compaction(self) -> Self:
-        """Return the fabric with the thickness stiffness of the undeformed one."""
-        return self._with("compaction", c1=0.0)
 
     @property
     def couples_shear(self) -> bool:
@@ -862,23 +824,6 @@ class FabricMaterial(MaterialTable):
     def without_viscosity(self) -> Self:
         """Return the fabric whose shear does not depend on its rate."""
         return self.model_copy(update={"viscous": None})
-
-    def without_in_plane_bending(self) -> Self:
-        """Return the fabric whose fibres have no stiffness against bending within the plane."""
-        return self._with("bending", in_plane=0.0)
-
-    def _with(self, table: str, **entries: Any) -> Self:
-        return self.model_copy(update={table: getattr(self, table).model_copy(update=entries)})
-
-    @property
-    def density(self) -> float:
-        """Mass per volume of the unloaded fabric [kg/m³], areal mass over thickness."""
-        return self.areal_mass / self.thickness
-
-    @property
-    def fibre_volume_fraction(self) -> float:
-        """Fibre volume fraction of the unloaded fabric [1]."""
-        return self.areal_mass / (self.fibre_density * self.thickness)
 
     def law_parameters(self) -> FabricLaw:
         """Return the parameters in SI.
@@ -915,11 +860,3 @@ class FabricMaterial(MaterialTable):
             "bending_curves": self.bending.curves,
             "viscous": None if self.viscous is None else self.viscous.viscous,
         }
-
-    def remarks(self) -> list[str]:
-        if self.fibre_volume_fraction <= 0.9:
-            return []
-        return [
-            f"the fibre volume fraction of the unloaded fabric is {self.fibre_volume_fraction:.2f},"
-            " more than fibres can be packed to"
-        ]

@@ -35,7 +35,7 @@ from __future__ import annotations
 
 import copy
 import math
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,6 +56,7 @@ from lcmchain.materials.fabric import (
     stabilising_shear_slope,
     stabilising_shear_tangent,
 )
+from lcmchain.materials.fabric_table import ExponentialCompaction, FabricTable
 from lcmchain.materials.law import (
     bending_stiffness,
     hourglass_tangent,
@@ -71,7 +72,6 @@ from lcmchain.materials.shear_locking import (
     locking_tangent_slope,
 )
 from lcmchain.materials.stiffness import AlongFibres, in_axes, read_by
-from lcmchain.materials.table import MaterialTable
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
     AbsentMeans,
@@ -940,26 +940,6 @@ class FamiliesMembrane(SceneModel):
     )
 
 
-class FamiliesCompaction(SceneModel):
-    """Compaction stiffness C33 = c0 exp(c1 |E33|^c2) (paper Eq. (23))."""
-
-    c0: PositiveStiffness = Field(description="Stiffness of the undeformed fabric.")
-    c1: Annotated[float, Number(60.4653, NOT_NEGATIVE)] = Field(description="Growth factor.")
-    c2: Annotated[float, Number(2.4528, Range(1.0, 10.0))] = Field(description="Growth exponent.")
-
-    @model_validator(mode="after")
-    def _check_growth(self) -> Self:
-        # E33 = -1/2 is the strain of a thickness of zero.
-        if self.c1 * 0.5**self.c2 > 200.0:
-            raise wrong(
-                f"together with c2 = {self.c2:g} lets the stiffness grow by "
-                f"exp({self.c1 * 0.5**self.c2:.0f}) up to full compaction, which cannot be "
-                "computed; check both exponents (MD600: c1 = 60.4653, c2 = 2.4528)",
-                field="c1",
-            )
-        return self
-
-
 class FamiliesBending(SceneModel):
     """Bending stiffness out of the families' own, in the axes of the ply."""
 
@@ -973,10 +953,8 @@ class FamiliesBending(SceneModel):
     )
 
 
-class FibreFamiliesMaterial(MaterialTable):
+class FibreFamiliesMaterial(FabricTable):
     """Fabric of one, two or three families of fibres at any angles."""
-
-    has_fibres: ClassVar[bool] = True
 
     law: Literal["fibre-families"] = "fibre-families"
     name: Annotated[str, Text("UD 300")] = Field(
@@ -997,7 +975,7 @@ class FibreFamiliesMaterial(MaterialTable):
         Row("[{ between = [1, 2], ... }]", entries="pairs", units=False),
     ] = Field(default=(), description="Shear between pairs of families.")
     membrane: FamiliesMembrane
-    compaction: FamiliesCompaction
+    compaction: ExponentialCompaction
     bending: FamiliesBending
 
     @model_validator(mode="after")
@@ -1068,16 +1046,6 @@ class FibreFamiliesMaterial(MaterialTable):
                 )
         return self
 
-    @model_validator(mode="after")
-    def _check_fibre_volume_fraction(self) -> Self:
-        if self.fibre_volume_fraction >= 1.0:
-            raise wrong(
-                f"gives a fibre volume fraction of {self.fibre_volume_fraction:.2f}, more than all "
-                "space: check areal_mass, fibre_density and thickness",
-                field="areal_mass",
-            )
-        return self
-
     @property
     def _pair_tables(self) -> tuple[ShearOfPair, ...]:
         return self.shear if self.across is None else (self.across,)
@@ -1119,21 +1087,8 @@ class FibreFamiliesMaterial(MaterialTable):
         )
 
     @property
-    def compacts(self) -> bool:
-        return self.compaction.c1 > 0.0
-
-    @property
     def locks(self) -> bool:
         return any(table.locking_angle is not None for table in self._pair_tables)
-
-    @property
-    def bends_in_plane(self) -> bool:
-        return self.bending.in_plane > 0.0
-
-    def without_compaction(self) -> Self:
-        """Return the fabric with the thickness stiffness of the undeformed one."""
-        changed = self.compaction.model_copy(update={"c1": 0.0})
-        return self.model_copy(update={"compaction": changed})
 
     def without_locking(self) -> Self:
         """Return the fabric whose shear laws go on beyond their locking angles."""
@@ -1141,21 +1096,6 @@ class FibreFamiliesMaterial(MaterialTable):
         across = None if self.across is None else self.across.model_copy(update=none)
         shear = tuple(table.model_copy(update=none) for table in self.shear)
         return self.model_copy(update={"across": across, "shear": shear})
-
-    def without_in_plane_bending(self) -> Self:
-        """Return the fabric whose fibres have no stiffness against bending within the plane."""
-        changed = self.bending.model_copy(update={"in_plane": 0.0})
-        return self.model_copy(update={"bending": changed})
-
-    @property
-    def density(self) -> float:
-        """Mass per volume of the unloaded fabric [kg/m³], areal mass over thickness."""
-        return self.areal_mass / self.thickness
-
-    @property
-    def fibre_volume_fraction(self) -> float:
-        """Fibre volume fraction of the unloaded fabric [1]."""
-        return self.areal_mass / (self.fibre_density * self.thickness)
 
     def build(self) -> FibreFamilies:
         """Return the fabric."""
@@ -1175,11 +1115,3 @@ class FibreFamiliesMaterial(MaterialTable):
             shear_range=m.shear_range,
             in_plane_bending=b.in_plane,
         )  # fmt: skip
-
-    def remarks(self) -> list[str]:
-        if self.fibre_volume_fraction <= 0.9:
-            return []
-        return [
-            f"the fibre volume fraction of the unloaded fabric is {self.fibre_volume_fraction:.2f},"
-            " more than fibres can be packed to"
-        ]

@@ -61,7 +61,7 @@ def test_a_kernel_without_stiffening_holds_no_code_of_it():
         return instructions(
             element_forces, model.node_positions.T.copy(), data.corner_node, data.corner_run,
             data.element_data, np.zeros(model.corner_force_size), np.zeros(model.history_size),
-            data.law, data.options, data.quick_data, data.quick_options, data.general,
+            data.law, data.options, data.quick_data, data.quick_options, data.general, 0.0, 0.0,
         )  # fmt: skip
 
     plain, without = count(), count("effects.compaction=off")

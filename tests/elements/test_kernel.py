@@ -15,7 +15,6 @@ from lcmchain.elements.solid_shell.energies import strain_energies
 from lcmchain.elements.solid_shell.kernel import (
     GENERAL,
     element_forces,
-    element_forces_in_step,
 )
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError
@@ -321,7 +320,7 @@ def fabric_with_all_compiled(batch, make):
     """The kernel of a step for a fabric that knows everything, and its elements."""
     case = batch(FABRIC_WITH_ALL, bending_thickness="reference")
     arguments = (*arguments_of(case, make, np.zeros(1)), *STEP)
-    return compiled(element_forces_in_step, arguments), case
+    return compiled(element_forces, arguments), case
 
 
 def test_forces_that_depend_on_the_rate_agree_with_the_reference_element(
@@ -378,7 +377,7 @@ def test_the_lane_loop_is_packed(
         fresh, _ = fabric_with_all_compiled
     else:
         case = batch(combination, bending_thickness=bending_thickness)
-        fresh = compiled(element_forces, arguments_of(case, make, np.empty(0)))
+        fresh = compiled(element_forces, (*arguments_of(case, make, np.empty(0)), 0.0, 0.0))
     (assembly,) = fresh.inspect_asm().values()
     loops = lane_loops(assembly)[: 2 if combination is FABRIC_MIXED else 1]
     for packed, scalar in loops:

@@ -845,6 +845,8 @@ def solid_shell_forces(body, positions, corner_force, history):
         body.quick_data,
         body.quick_options,
         body.general,
+        0.0,
+        0.0,
     )
 
 
@@ -889,44 +891,13 @@ def element_forces(
     quick_data,
     quick_options,
     general,
-):
-    """Write the internal forces of all elements, for laws that are asked in no step."""
-    for block in prange(corner_node.size // (8 * LANES)):
-        forces_of_block(
-            positions,
-            corner_node,
-            corner_run,
-            element_data,
-            corner_force,
-            history,
-            law,
-            options,
-            quick_data,
-            quick_options,
-            general,
-            block,
-            block,
-            Step(0.0, 0.0),
-        )
-
-
-@kernel
-def element_forces_in_step(
-    positions,
-    corner_node,
-    corner_run,
-    element_data,
-    corner_force,
-    history,
-    law,
-    options,
-    quick_data,
-    quick_options,
-    general,
     size,
     time,
 ):
-    """Write the internal forces of all elements at the end of a step of a size, at a time [s]."""
+    """Write the internal forces of all elements at the end of a step of a size, at a time [s].
+
+    The size is 0 where a law is asked in no step.
+    """
     for block in prange(corner_node.size // (8 * LANES)):
         forces_of_block(
             positions,
