@@ -32,7 +32,12 @@ from scipy.sparse import csr_array
 from lcmchain.effects.face_pressure import add_face_load, face_modes_of_lane
 from lcmchain.effects.pore_pressure import push_in_lane
 from lcmchain.elements.blocks import LANES
-from lcmchain.elements.pressed_elements import CORNERS, LOAD_ROWS, PressedElements
+from lcmchain.elements.pressed_elements import (
+    CORNERS,
+    LOAD_ROWS,
+    PressedElements,
+    corner_positions,
+)
 from lcmchain.jit import kernel, routine
 
 
@@ -101,12 +106,7 @@ def unit_loads(elements, position, velocity, rate, load):
     for block in prange(rate.size // LANES):
         nodes = elements.corner_node[block * CORNERS * LANES : (block + 1) * CORNERS * LANES]
         own = load[block * LOAD_ROWS * LANES : (block + 1) * LOAD_ROWS * LANES]
-        for corner in range(CORNERS):
-            for lane in range(LANES):
-                node = nodes[corner * LANES + lane]
-                own[3 * corner * LANES + lane] = position[0, node]
-                own[(3 * corner + 1) * LANES + lane] = position[1, node]
-                own[(3 * corner + 2) * LANES + lane] = position[2, node]
+        corner_positions(position, nodes, own)
         for lane in range(LANES):
             push_in_lane(own, lane, 1.0, 0.0, velocity, nodes)
         for lane in range(LANES):

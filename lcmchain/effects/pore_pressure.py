@@ -41,6 +41,7 @@ from lcmchain.elements.pressed_elements import (
     CORNERS,
     LOAD_ROWS,
     PressedElements,
+    corner_positions,
     load_corner,
 )
 from lcmchain.elements.solid_shell.equations import EIGHTH, mode_components, scaled7
@@ -152,12 +153,7 @@ def pore_forces(elements, position, velocity, pressure, rate, resistance, dt, lo
         own = load[block * LOAD_ROWS * LANES : (block + 1) * LOAD_ROWS * LANES]
         p = pressure[block * LANES : (block + 1) * LANES]
         resisting = resistance[block * LANES : (block + 1) * LANES]
-        for corner in range(CORNERS):
-            for lane in range(LANES):
-                node = nodes[corner * LANES + lane]
-                own[3 * corner * LANES + lane] = position[0, node]
-                own[(3 * corner + 1) * LANES + lane] = position[1, node]
-                own[(3 * corner + 2) * LANES + lane] = position[2, node]
+        corner_positions(position, nodes, own)
         for lane in range(LANES):
             push_in_lane(own, lane, p[lane], resisting[lane], velocity, nodes)
         for lane in range(LANES):

@@ -91,6 +91,17 @@ def pressed_elements(bodies: Sequence[Any], order: Sequence[int], *, key: str) -
 
 
 @equation
+def corner_positions(position, nodes, own):
+    """Write the positions of the corners of a block (24 * 16,) from those of the nodes."""
+    for corner in range(CORNERS):
+        for lane in range(LANES):
+            node = nodes[corner * LANES + lane]
+            own[3 * corner * LANES + lane] = position[0, node]
+            own[(3 * corner + 1) * LANES + lane] = position[1, node]
+            own[(3 * corner + 2) * LANES + lane] = position[2, node]
+
+
+@equation
 def load_corner(position, nodes, lane, corner):
     """Return the position of a corner of the element in a lane."""
     node = nodes[corner * LANES + lane]
