@@ -46,13 +46,14 @@ def scaled(factor: float, edge: float) -> tuple[str, ...]:
     )
 
 
-#: Scene, or None for the mould, and what differs from it.
+#: Scene, or None where this program writes it (`WRITTEN`), and what differs from it.
 CASES: dict[str, tuple[str | None, tuple[str, ...]]] = {
     "hemisphere with holder": (HOLDER, ()),
     "the fabric's own fibre modulus": (HOLDER, ("process.fibre_modulus_factor=1",)),
     "hemisphere without holder": ("hemisphere_free/scene.toml", ()),
     "dome from an STL file": ("stl_tool/scene.toml", ()),
     "closed mould": (None, ()),
+    "box with corners": (None, ()),
     "cone": (
         HOLDER,
         (
@@ -99,7 +100,7 @@ def result(case: str, slower: float, out: Path) -> dict[str, Any]:
     kept = folder / "verdicts.json"
     if not kept.is_file():
         file, overrides = CASES[case]
-        path = mould(out) if file is None else EXAMPLES / file
+        path = WRITTEN[case](out) if file is None else EXAMPLES / file
         only = NO_OTHER_STAGES if file == HOLDER else ()
         pace = f"process.quasi_static={slower:g}"
         scene = read_scene(path, (*NO_FILES, *only, *overrides, pace))
@@ -131,6 +132,19 @@ def mould(out: Path) -> Path:
     path = out / "mould.toml"
     path.write_text("process = { frames = 13 }\n" + DOMES, encoding="utf-8")
     return path
+
+
+def box(out: Path) -> Path:
+    """Write the punch and the scene of the box that wishes are judged on; return its file."""
+    sys.path.insert(0, str(EXAMPLES / "accuracy"))
+    from judge_targets import scene_of  # type: ignore[import-not-found]
+
+    path = out / "box" / "scene.toml"
+    path.write_text(scene_of("box with corners", path.parent).text, encoding="utf-8")
+    return path
+
+
+WRITTEN = {"closed mould": mould, "box with corners": box}
 
 
 def compared(found: dict[str, Any], slow: dict[str, Any]) -> list[str]:
