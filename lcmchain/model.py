@@ -20,6 +20,7 @@ from lcmchain.effects.fibre_bending import (
     build_fibre_bending,
     frequency_bound,
 )
+from lcmchain.effects.grippers import Grip, Gripper, GripperTable, gripper_table, grips_of
 from lcmchain.effects.mass_scaling import weight_per_inertia, with_added_mass
 from lcmchain.effects.pace import PaceLaw, pace_law
 from lcmchain.effects.pore_columns import PoreColumns
@@ -137,6 +138,7 @@ class Model:
         element has a pressure of its own.
     face_pressure : on the faces of the sheets, or None.
     ply_contact : which sheets touch each other and how, or None.
+    grips : the grippers of the scene on their nodes; ``grippers`` those that pull, for the loop.
     corner_force_size : corner forces of all bodies, those of the fibres' bending, then zeros for
         nodes with fewer elements.
     """
@@ -152,6 +154,8 @@ class Model:
     nodes: NodeData
     tools: ToolTable
     tool_names: tuple[str, ...]
+    grips: tuple[Grip, ...]
+    grippers: GripperTable | None
     supports: SupportTable | None
     support_names: tuple[str, ...]
     environment: Environment
@@ -246,8 +250,13 @@ class Model:
         """
         tools = self.tools if self.tool_names else None
         pressures = pressures_of(self.pore, self.pore_columns, self.face_pressure)
-        found = (pressures, self.ply_contact, self.supports, tools)
+        found = (pressures, self.ply_contact, self.supports, self.grippers, tools)
         return tuple(interaction for interaction in found if interaction is not None)
+
+    @property
+    def held_grip_count(self) -> int:
+        """Grippers that hold or lead: their supports come after those that are no grippers."""
+        return sum(not grip.settings.pulls for grip in self.grips)
 
     @property
     def pressed(self) -> bool:
@@ -329,6 +338,7 @@ def build_model(
         supports=_supports_of(sheets, supports),
         history_interval=scene.history_interval,
         face_pressures=scene.pressure,
+        grippers=scene.grippers,
         pore_pressure=pore_pressure,
         finds_pace=scene.time_is_found,
     )
@@ -375,6 +385,7 @@ def assemble_bodies(
     history_interval: float = math.inf,
     face_pressures: Sequence[PressureOnFace] = (),
     interfaces: Sequence[Interface] = (),
+    grippers: Sequence[Gripper] = (),
     pore_pressure: bool = False,
     finds_pace: bool = False,
 ) -> Model:
@@ -389,6 +400,7 @@ def assemble_bodies(
     history_interval : between two samples of the histories [s]; none by default.
     face_pressures : on the faces of all sheets.
     interfaces : between sheets that touch; without any they pass through each other.
+    grippers : that hold, lead or pull a place of the sheets.
     pore_pressure : as for :func:`build_model`.
     finds_pace : whether the pace follows the energies; the process then takes other times than
         ``process.time``, which is that at pace 1.
@@ -420,6 +432,9 @@ def assemble_bodies(
     offset = np.concatenate([np.full(b.mesh.node_count, b.contact_offset) for b in bodies])
     thickness = min(body.material.thickness for body in bodies)
     tools = without_initial_overlap(tools, positions, offset, thickness)
+    grips = grips_of(grippers, bodies)
+    holding = [grip.support(process.time) for grip in grips if not grip.settings.pulls]
+    supports = [*supports, *holding]
     support_table, free = build_supports(supports, positions, float(process.time))
     last_force = placed[order[-1]].last_force
     fibre_bending = build_fibre_bending([bodies[number] for number in order], last_force)
@@ -476,6 +491,14 @@ def assemble_bodies(
             impedance=aligned(np.sqrt(area * mass)),
             free=free,
             offset=aligned(offset),
+        ),
+        grips=grips,
+        grippers=gripper_table(
+            [grip for grip in grips if grip.settings.pulls],
+            positions,
+            mass,
+            chunk_start,
+            float(process.time),
         ),
         tools=tools,
         tool_names=tuple(tool_names),

@@ -75,6 +75,11 @@ TOOL_SAMPLE_COLUMNS = (
     "travel", "work", "impulse_x", "impulse_y", "impulse_z", "peak_force", "peak_time",
 )  # fmt: skip
 
+#: Then those of every gripper, one after the other.
+GRIPPER_SAMPLE_COLUMNS = (
+    "impulse_x", "impulse_y", "impulse_z", "travel_x", "travel_y", "travel_z",
+)  # fmt: skip
+
 # Columns of a tool's part of the chunk sums after the energies: force x, y, z and smallest gap.
 TOOL_COLUMNS = 4
 
@@ -109,6 +114,8 @@ def sizes(model: Model) -> dict[str, int]:
         "held node": 0 if model.environment.depth_time is None else model.node_count,
         "sticking node": model.node_count if model.tools.friction.any() else 0,
         "support": len(model.support_names),
+        "supported node": 0 if model.supports is None else model.node_count,
+        "gripper": 0 if model.grippers is None else model.grippers.force.size,
         "work": WORK_COLUMNS,
         "clock": CLOCK_ENTRIES,
         "counter": COUNTERS,
@@ -138,7 +145,9 @@ def sizes(model: Model) -> dict[str, int]:
         "ply clock entry": 0 if plies is None else PLY_CLOCK,
         "ply sum": SUM_COLUMNS,
         "sample": model.sample_count,
-        "sample column": len(SAMPLE_COLUMNS) + len(TOOL_SAMPLE_COLUMNS) * tool_count,
+        "sample column": len(SAMPLE_COLUMNS)
+        + len(TOOL_SAMPLE_COLUMNS) * tool_count
+        + len(GRIPPER_SAMPLE_COLUMNS) * len(model.grips),
         "chunk": model.nodes.chunk_order.size,
         "span": span_count,
         "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
@@ -303,6 +312,25 @@ class State(_Arrays):
     support_impulse: np.ndarray = entry(
         "support", "xyz", unit="N s", meaning="integral of the support force over time"
     )
+    support_let_go: np.ndarray = entry(
+        "support", unit="s", meaning="time at which the support let go; infinite before"
+    )
+    free: np.ndarray = entry(
+        "xyz", "supported node", unit="1", meaning="1 where a component is free, 0 where it is held"
+    )
+    gripper_force: np.ndarray = entry(
+        "gripper", "xyz", unit="N", meaning="of the gripper on the sheet at the last step"
+    )
+    gripper_impulse: np.ndarray = entry(
+        "gripper", "xyz", unit="N s", meaning="integral of the gripper force over time"
+    )
+    gripper_travel: np.ndarray = entry(
+        "gripper", "xyz", unit="m", meaning="of the place that is gripped, at the last step"
+    )
+    gripper_work: np.ndarray = entry("gripper", unit="J", meaning="of the gripper on the sheet")
+    gripper_let_go: np.ndarray = entry(
+        "gripper", unit="s", meaning="time at which the gripper let go; infinite before"
+    )
     work: np.ndarray = entry("work", unit="J", meaning="energies, see the columns above")
     clock: np.ndarray = entry("clock", unit="s, 1/s2, J", meaning="times, see the entries above")
     counters: np.ndarray = entry(
@@ -319,6 +347,9 @@ class State(_Arrays):
         state.position[:] = model.node_positions.T
         state.clock[PACE] = 1.0
         state.ply_facet[:] = NONE
+        state.support_let_go[:] = state.gripper_let_go[:] = np.inf
+        if model.nodes.free is not None:
+            state.free[:] = model.nodes.free
         return state
 
     @classmethod

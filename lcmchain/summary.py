@@ -118,6 +118,7 @@ def run_summary(
         **_pace(model, state),
         **field_summary(datasets),
         **stack_summary(datasets),
+        **_grippers(datasets[HISTORY]),
         "penetration_max_m": dict(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
         ),
@@ -159,6 +160,14 @@ def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[st
         for text in field_warnings(groups["/"], body.material)
         if text != NO_THICKNESS  # told of the scene's elements
     ]
+
+
+def _grippers(history: xr.Dataset) -> dict[str, Any]:
+    """Return the loads of the grippers; nothing without any."""
+    from lcmchain.fields.gripper_loads import gripper_loads
+
+    loads = gripper_loads(history)
+    return {"gripper_loads": loads} if loads else {}
 
 
 def _pace(model: Model, state: State) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.coupling.infiltration.places import Places, place_text
+from lcmchain.mesh.places import Places, place_text
 
 if TYPE_CHECKING:
     from lcmchain.coupling.infiltration.setup import FillingSetup

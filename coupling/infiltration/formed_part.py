@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.coupling.infiltration.places import place_text
 from lcmchain.coupling.permeability import principal_permeabilities
 from lcmchain.errors import InputError
 from lcmchain.fields.table import FIELDS
@@ -26,6 +25,7 @@ from lcmchain.mapping.sheet import (
 from lcmchain.mapping.structure.formed import mapped_state
 from lcmchain.mapping.structure.stage import is_mapped, open_mapped
 from lcmchain.mapping.target import TargetMesh
+from lcmchain.mesh.places import place_text
 from lcmchain.results import require_complete
 from lcmchain.scene.permeability import Permeability
 

@@ -20,13 +20,13 @@ from lcmchain.coupling.infiltration.formed_part import (
 from lcmchain.coupling.infiltration.law_factor import factor_of
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.permeable import require_permeable
-from lcmchain.coupling.infiltration.places import Places, place_text
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.resin.build import resin_of, temperature_of
 from lcmchain.errors import InputError
 from lcmchain.mapping.target import TargetMesh
+from lcmchain.mesh.places import Places, place_text
+from lcmchain.mesh.where import NamedPlace, Where
 from lcmchain.scene import infiltration as scene
-from lcmchain.scene.flow_places import NamedPlace, Where
 
 
 @dataclass(frozen=True)

@@ -41,10 +41,11 @@ def scene_warnings(scene: Scene) -> list[str]:
         return found  # neither motion nor resolution of a tool is simulated
     process = scene.process
     moved = process.gravity or bool(scene.pressure)
+    moved |= any(gripper.pulls or gripper.leads for gripper in scene.grippers)
     if not moved and not any(tool.motion.moves for tool in scene.tools):
         found.append(
-            "nothing moves: no tool is driven, there is no [[pressure]], and process.gravity is "
-            "false"
+            "nothing moves: no tool is driven, no gripper pulls or leads, there is no "
+            "[[pressure]], and process.gravity is false"
         )
     found += _drag_of_added_mass(scene) + viscous_shear.remarks(scene)
     for tool in scene.tools:

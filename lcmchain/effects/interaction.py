@@ -1,11 +1,11 @@
 """What acts on bodies or between them, as the time loop sees it.
 
 An interaction is a NamedTuple of constant arrays: the tools, the pressures in and on a sheet, the
-supports. It registers (:mod:`lcmchain.dispatch`) what it does in a step; what it does not register
-is left out of the compiled loop, as is an interaction that a model does not have. What it registers
-is compiled with the options of an equation: a loop over nodes that wants options of its own, and a
-parallel loop, stand in a routine that is called there. The order of a step is that of
-:func:`lcmchain.solver.loop.advance`:
+supports, the grippers that pull. It registers (:mod:`lcmchain.dispatch`) what it does in a step;
+what it does not register is left out of the compiled loop, as is an interaction that a model does
+not have. What it registers is compiled with the options of an equation: a loop over nodes that
+wants options of its own, and a parallel loop, stand in a routine that is called there. The order of
+a step is that of :func:`lcmchain.solver.loop.advance`:
 
 1. :func:`before_nodes`: forces that need the positions of all nodes;
 2. :func:`add_to_nodes`: forces on the nodes of a chunk, which move at once afterwards;
@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from lcmchain.dispatch import optional
 
 #: Interactions that the loop has places for: a parallel loop takes each of them by itself.
-PLACES = 4
+PLACES = 5
 
 
 class Nothing(NamedTuple):

@@ -4,12 +4,15 @@ Adds: groups of nodes that move affinely, x = A(t) X + b(t), in the components t
 the force that this takes.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1.
 Stability limit: none, holding a node only raises the stable step.
-Scene: none yet; coupon tests and verification cases use it (:func:`lcmchain.model.assemble_model`).
-Fields: none; ``State.support_force`` and ``support_impulse`` hold the forces.
+Scene: ``[[grippers]]`` with ``hold`` (:mod:`lcmchain.effects.grippers`); coupon tests and
+verification cases give theirs to :func:`lcmchain.model.assemble_model`.
+Fields: ``history_gripper_force`` of grippers; ``State.support_force`` and ``support_impulse`` hold
+the forces of all supports.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -36,12 +39,16 @@ class Support:
     components : held components out of "xyz".
     motion : returns [A | b] (3, 4) at a time [s], identity and zero at the start; None holds the
         nodes where they are.
+    release_time, release_force : at which the support lets go, for good [s], [N]; the force is the
+        size of that on all its nodes. Infinite for one that never does.
     """
 
     name: str
     nodes: np.ndarray
     components: str = "xyz"
     motion: Callable[[float], np.ndarray] | None = None
+    release_time: float = math.inf
+    release_force: float = math.inf
 
 
 class SupportTable(NamedTuple):
@@ -50,6 +57,7 @@ class SupportTable(NamedTuple):
     node, group : (n,) int32; anchor : (3, n) positions X [m] in the reference.
     interval : time between two values of the motions [s].
     affine, slope : (group_count, TABLE_SIZE, 3, 4) [A | b] and its derivative over the interval.
+    release_time, release_force : (group_count,) [s], [N], infinite where never.
     """
 
     node: np.ndarray
@@ -58,6 +66,8 @@ class SupportTable(NamedTuple):
     interval: float
     affine: np.ndarray
     slope: np.ndarray
+    release_time: np.ndarray
+    release_force: np.ndarray
 
 
 def translation(
@@ -111,6 +121,8 @@ def build_supports(
         interval=process_time / (TABLE_SIZE - 1),
         affine=affine,
         slope=slope,
+        release_time=np.array([support.release_time for support in supports]),
+        release_force=np.array([support.release_force for support in supports]),
     )
     return table, free
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lcmchain.solver.histories import let_go_times
 from lcmchain.state import SAMPLE_COLUMNS, SAMPLED_ENERGIES, SAMPLES, TOOL_SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
@@ -29,6 +30,9 @@ class Histories:
     tool_peak_force : largest magnitude of that force in a step of the interval [N], shape (H, T).
     tool_peak_time : of that step [s], shape (H, T).
     tool_work : of each tool on the sheets since the start [J], shape (H, T).
+    gripper_force : of each gripper on the sheets [N], shape (H, G, 3), the mean over the interval.
+    gripper_travel : of the place that each grips [m], shape (H, G, 3).
+    gripper_names : of them. gripper_let_go : when they let go [s], shape (G,), infinite where not.
     energy : parts of the energy balance [J] by name, each of shape (H,); ``mass_damping`` is the
         part of ``damping`` that is not contact damping.
     """
@@ -40,6 +44,10 @@ class Histories:
     tool_peak_force: np.ndarray
     tool_peak_time: np.ndarray
     tool_work: np.ndarray
+    gripper_force: np.ndarray
+    gripper_travel: np.ndarray
+    gripper_names: tuple[str, ...]
+    gripper_let_go: np.ndarray
     energy: Mapping[str, np.ndarray]
 
     @classmethod
@@ -53,9 +61,11 @@ class Histories:
         own = len(SAMPLE_COLUMNS)
         common = dict(zip(SAMPLE_COLUMNS, rows[:, :own].T.copy(), strict=True))
         shape = len(rows), len(model.tool_names), len(TOOL_SAMPLE_COLUMNS)
-        columns = np.moveaxis(rows[:, own:].reshape(shape), -1, 0)
+        end = own + shape[1] * shape[2]
+        columns = np.moveaxis(rows[:, own:end].reshape(shape), -1, 0)
         tools = dict(zip(TOOL_SAMPLE_COLUMNS, columns, strict=True))
         impulse = np.stack([tools[f"impulse_{axis}"] for axis in "xyz"], axis=-1)
+        of_grips = rows[:, end:].reshape(len(rows), len(model.grips), 2, 3)
         middle = common["time"] - 0.5 * common["last_step"]
         length = np.diff(middle, prepend=0.0)[:, None, None]
         energies = set(SAMPLED_ENERGIES)
@@ -71,5 +81,9 @@ class Histories:
             tool_peak_force=tools["peak_force"],
             tool_peak_time=tools["peak_time"],
             tool_work=tools["work"],
+            gripper_force=np.diff(of_grips[:, :, 0], axis=0, prepend=0.0) / length,
+            gripper_travel=of_grips[:, :, 1].copy(),
+            gripper_names=tuple(grip.name for grip in model.grips),
+            gripper_let_go=np.array(let_go_times(model, state)),
             energy={name: common[name] for name in SAMPLED_ENERGIES if name in energies},
         )

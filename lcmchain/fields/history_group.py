@@ -66,6 +66,22 @@ _FIELDS = (
         _HISTORY,
         "work of its contact forces since the start",
     ),
+    Field(
+        "history_gripper_force",
+        "N",
+        "mean force of the gripper on the sheets",
+        _HISTORY,
+        "mean over the interval that ends here: its impulse over the length of the interval",
+        is_vector=True,
+    ),
+    Field(
+        "history_gripper_travel",
+        "m",
+        "travel of the place that is gripped",
+        _HISTORY,
+        "mean displacement of its nodes, weighted by their areas, since the start",
+        is_vector=True,
+    ),
 )
 
 #: Every field of the histories by name, the energies excepted.
@@ -127,18 +143,33 @@ def _of_histories(histories: Histories) -> dict[str, Variable]:
             },
         )
     }
-    for name, values in (
-        ("history_tool_force", histories.tool_force),
-        ("history_tool_peak_force", histories.tool_peak_force),
-        ("history_tool_peak_time", histories.tool_peak_time),
-        ("history_tool_travel", histories.tool_travel),
-        ("history_tool_work", histories.tool_work),
-    ):
+    of_tools = {
+        "history_tool_force": histories.tool_force,
+        "history_tool_peak_force": histories.tool_peak_force,
+        "history_tool_peak_time": histories.tool_peak_time,
+        "history_tool_travel": histories.tool_travel,
+        "history_tool_work": histories.tool_work,
+    }
+    of_grippers: dict[str, np.ndarray] = {}
+    if histories.gripper_names:
+        names = np.array(histories.gripper_names, dtype=str)
+        variables["gripper"] = "gripper", names, {"long_name": "name of the gripper"}
+        variables["gripper_let_go"] = (
+            "gripper",
+            np.where(np.isfinite(histories.gripper_let_go), histories.gripper_let_go, np.nan),
+            {"units": "s", "long_name": "time at which the gripper let go; none where it has not"},
+        )
+        of_grippers = {
+            "history_gripper_force": histories.gripper_force,
+            "history_gripper_travel": histories.gripper_travel,
+        }
+    for name, values in (of_tools | of_grippers).items():
         field = HISTORY_FIELDS[name]
         columns = np.moveaxis(values, -1, 0) if field.is_vector else (values,)
         for variable, column in zip(field.variables, columns, strict=True):
             attributes = field.attributes(variable)
-            variables[variable] = (SAMPLE, "tool"), np.ascontiguousarray(column), attributes
+            dimensions = SAMPLE, "gripper" if name in of_grippers else "tool"
+            variables[variable] = dimensions, np.ascontiguousarray(column), attributes
     if histories.sheet_time is not None:
         field = HISTORY_FIELDS["history_sheet_time"]
         variables[field.name] = SAMPLE, histories.sheet_time, field.attributes(field.name)

@@ -31,6 +31,7 @@ from lcmchain.quantities.units import (
     QUANTITY_PATTERN,
     RATE,
     SPEED,
+    SPRING,
     STIFFNESS,
     TEMPERATURE,
     TIME,
@@ -394,9 +395,11 @@ AcuteAngle = Annotated[
 ]
 Stiffness = Annotated[float, Quantity(STIFFNESS)]
 PositiveStiffness = Annotated[float, Quantity(STIFFNESS, POSITIVE)]
+SpringStiffness = Annotated[float, Quantity(SPRING, NOT_NEGATIVE)]
 Modulus = Annotated[float, Quantity(STIFFNESS, POSITIVE, "210 GPa")]
 PositiveCurvature = Annotated[float, Quantity(CURVATURE, POSITIVE)]
 PositiveForce = Annotated[float, Quantity(FORCE, POSITIVE)]
+ForceOrZero = Annotated[float, Quantity(FORCE, NOT_NEGATIVE)]
 Density = Annotated[float, Quantity(DENSITY, POSITIVE)]
 ArealMass = Annotated[float, Quantity(AREAL_MASS, POSITIVE)]
 Penalty = Annotated[float, Quantity(PENALTY, POSITIVE)]

@@ -92,6 +92,7 @@ DIFFUSIVITY = Dimension("diffusivity", "m^2/s", "0.15 mm^2/s", ("mm^2/s", "m^2/s
 PERMEABILITY = Dimension(
     "permeability", "m^2", "5e-11 m^2", ("m^2", "um^2", "mm^2", "darcy"), 1e-30, 1.0
 )
+SPRING = Dimension("spring stiffness", "N/m", "0.5 N/mm", ("N/mm", "N/m", "kN/m"), 1e-12, 1e15)
 VISCOSITY = Dimension("viscous damping", "N*s/m", "5 N*s/m", ("N*s/m", "kg/s"), 1e-15, 1e15)
 
 

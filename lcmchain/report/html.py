@@ -18,7 +18,13 @@ from lcmchain.report.field_view import view_data
 from lcmchain.report.fillings import dry_spot_rows, filling_rows
 from lcmchain.report.grades import GRADES, worst_grade
 from lcmchain.report.mapping_errors import in_words
-from lcmchain.report.numbers import grouped_warnings, key_numbers, load_table, ply_numbers
+from lcmchain.report.numbers import (
+    gripper_table,
+    grouped_warnings,
+    key_numbers,
+    load_table,
+    ply_numbers,
+)
 from lcmchain.report.style import SERIES
 from lcmchain.report.tool_view import tool_data
 from lcmchain.report.verdicts import verdicts
@@ -91,7 +97,6 @@ def _content(
     sheet, history = datasets[SHEET], datasets[HISTORY]
     found = verdicts(summary, scene, datasets)
     counts = {grade: sum(v.grade == grade for v in found) for grade in reversed(GRADES)}
-    headings, loads = load_table(summary)
     return {
         "title": scene.title,
         "version": __version__,
@@ -100,8 +105,14 @@ def _content(
         "counts": {grade: count for grade, count in counts.items() if count},
         "verdicts": found,
         "numbers": [*key_numbers(summary), *ply_numbers(summary)],
-        "load_headings": headings,
-        "loads": loads,
+        "loads": [
+            (what, *table)
+            for what, table in (
+                ("tools", load_table(summary)),
+                ("grippers", gripper_table(summary)),
+            )
+            if table[1]
+        ],
         "warnings": grouped_warnings(summary),
         "data": {
             "series": SERIES,

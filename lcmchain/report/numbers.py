@@ -33,6 +33,7 @@ def key_numbers(summary: Mapping[str, Any]) -> list[Number]:
     return [
         *_stack(summary),
         *_shape(summary),
+        *_grippers(summary),
         *_time(summary),
         *_energies(summary),
         *_cost(summary),
@@ -95,6 +96,17 @@ def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
     if "punch_force_max_N" in summary:
         value = f"{_quoted_force(summary):.4g} N{_uncertainty(summary)}"
         yield Number("Force of the punch", value, "".join(_punch_force(summary)))
+
+
+def _grippers(summary: Mapping[str, Any]) -> Iterator[Number]:
+    loads = summary.get("gripper_loads", {})
+    if loads:
+        name, load = max(loads.items(), key=lambda item: item[1]["force_max_N"])
+        told = f"{name}, at {1e3 * load['force_max_time_s']:.3g} ms"
+        gone = [other for other, of_it in loads.items() if "let_go_s" in of_it]
+        if gone:
+            told += f"; let go: {', '.join(gone)}"
+        yield Number("Largest force of a gripper", f"{load['force_max_N']:.4g} N", told)
 
 
 def _quoted_force(summary: Mapping[str, Any]) -> float:
@@ -257,6 +269,29 @@ def load_table(summary: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
             for entry in ("force_N", *(p for _, p in _PARTS))
         ]
         rows.append([name, *row])
+    return headings, rows
+
+
+def gripper_table(summary: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
+    """Return headings and rows of the loads of all grippers, both empty without any."""
+    loads = summary.get("gripper_loads", {})
+    if not loads:
+        return [], []
+    headings = [
+        "gripper", "largest force [N]", "at [ms]", "force at the end [N]", "travel [mm]",
+        "let go at [ms]",
+    ]  # fmt: skip
+    rows = [
+        [
+            name,
+            f"{load['force_max_N']:.4g}",
+            f"{1e3 * load['force_max_time_s']:.4g}",
+            f"{load['force_end_N']:.4g}",
+            f"{1e3 * load['travel_end_m']:.4g}",
+            f"{1e3 * load['let_go_s']:.4g}" if "let_go_s" in load else "",
+        ]
+        for name, load in loads.items()
+    ]
     return headings, rows
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from lcmchain.mesh.where import NamedPlace, Where
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     FlowRate,
@@ -16,7 +17,6 @@ from lcmchain.quantities.entry_types import (
     TimeOrZero,
     wrong,
 )
-from lcmchain.scene.flow_places import NamedPlace, Where
 from lcmchain.scene.over_time import Times, as_row, require_times
 
 #: A place that may be left out.

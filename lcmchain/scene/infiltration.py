@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from lcmchain.mesh.where import NamedPlace, Where
 from lcmchain.quantities.entry_types import (
     POSITIVE,
     AbsentMeans,
@@ -26,7 +27,6 @@ from lcmchain.quantities.entry_types import (
 )
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.closure import Closure
-from lcmchain.scene.flow_places import NamedPlace, Where
 from lcmchain.scene.gates import Arrival, Gate, Vent
 from lcmchain.scene.names import with_own_names
 from lcmchain.scene.over_time import Times, as_row, require_times

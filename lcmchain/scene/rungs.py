@@ -117,6 +117,10 @@ def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[
         changes["pressure"] = ()
         unknown.append("pressure")
         overrides.append("pressure=[]")
+    if scene.grippers and not element.has_forces:
+        changes["grippers"] = ()
+        unknown.append("grippers")
+        overrides.append("grippers=[]")
     if not element.has_forces:
         unknown += _without_weight_and_switches(scene, changes, overrides)
     if not element.has_thickness:

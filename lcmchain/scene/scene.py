@@ -18,6 +18,7 @@ from pydantic_core import PydanticCustomError
 from lcmchain.effects.contact import Contact
 from lcmchain.effects.effect import Refusal
 from lcmchain.effects.face_pressure import PressureOnFace
+from lcmchain.effects.grippers import Gripper
 from lcmchain.effects.switches import EffectSettings, Switched, changes, settings_of
 from lcmchain.elements.families import SheetElement
 from lcmchain.elements.solid_shell.table import Element
@@ -66,6 +67,7 @@ SHEET_NAME = "sheet"
 MOST_TOOLS = 200
 MOST_MESHES = 100
 MOST_PRESSURES = 100
+MOST_GRIPPERS = 200
 
 #: Gap between plies at the start that counts as none where resin flows, in parts of the thinner.
 LARGEST_WET_GAP = 0.01
@@ -165,6 +167,16 @@ class Scene(SceneModel):
             maximum_count=MOST_PRESSURES,
         ),
     ] = ()
+    grippers: Annotated[
+        tuple[Gripper, ...],
+        Row(
+            "[[grippers]] ... for each gripper",
+            entries="tables",
+            units=False,
+            maximum_count=MOST_GRIPPERS,
+        ),
+        AbsentMeans(""),
+    ] = Field(default=(), description="What holds, leads or pulls places of the sheet.")
     draping: Draping = Field(default_factory=Draping)
     output: Output = Field(default_factory=Output)
     mapping: Annotated[
@@ -367,7 +379,7 @@ class Scene(SceneModel):
     def _allow_none(cls, value: Any) -> Any:
         return None if value == NONE else value
 
-    @field_validator("tools", "mapping", "pressure")
+    @field_validator("tools", "mapping", "pressure", "grippers")
     @classmethod
     def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
         return with_own_names(items)
@@ -384,6 +396,20 @@ class Scene(SceneModel):
         return tuple(
             tool.completed(contact.friction, process.time, key=f'[{index}] "{tool.name}"')
             for index, tool in enumerate(tools)
+        )
+
+    @field_validator("grippers")
+    @classmethod
+    def _complete_grippers(
+        cls, grippers: tuple[Gripper, ...], info: ValidationInfo
+    ) -> tuple[Gripper, ...]:
+        """Fill the gripper entries whose default is another entry of the scene."""
+        process = info.data.get("process")
+        if process is None or process.time is None:
+            return grippers  # as those of the tools
+        return tuple(
+            gripper.completed(process.time, key=f'[{index}] "{gripper.name}"')
+            for index, gripper in enumerate(grippers)
         )
 
     @model_validator(mode="after")
@@ -403,11 +429,12 @@ class Scene(SceneModel):
                     field="process.quasi_static",
                 )
             return self
-        led = any(tool.motion.kind == PRESCRIBED for tool in self.tools)
+        motions = [*(tool.motion for tool in self.tools), *(grip.motion for grip in self.grippers)]
+        led = any(motion.kind == PRESCRIBED for motion in motions)
         reason = why_time_is_needed(self, led)
         if reason is not None:
             raise wrong(f'is missing, and {reason}; give time = "200 ms"', field="process.time")
-        stroke = max((getattr(tool.motion, "distance", 0.0) for tool in self.tools), default=0.0)
+        stroke = max((getattr(motion, "distance", 0.0) for motion in motions), default=0.0)
         time = max(
             found_time(process, ply.blank.extent, ply.material.build(), stroke)
             for ply in self.stack
@@ -417,13 +444,19 @@ class Scene(SceneModel):
             key = f'tools[{index}] "{tool.name}"'
             timed = tool.without_time(time, key=key)
             tools.append(timed.completed(self.contact.friction, time, key=key))
+        grippers = []
+        for index, gripper in enumerate(self.grippers):
+            key = f'grippers[{index}] "{gripper.name}"'
+            grippers.append(gripper.without_time(time, key=key).completed(time, key=key))
         found = {"time": time}
         if "mass_damping" not in process.model_fields_set:
             found["mass_damping"] = DAMPING_TIMES_TIME / time
         if process.damping_average is None:
             found["damping_average"] = AVERAGING_PART * time
         # the scene is frozen for everybody else
-        self.__dict__.update(process=process.model_copy(update=found), tools=tuple(tools))
+        self.__dict__.update(
+            process=process.model_copy(update=found), tools=tuple(tools), grippers=tuple(grippers)
+        )
         self._time_is_found = True
         return self
 
@@ -554,7 +587,7 @@ class Scene(SceneModel):
 
     def _check_draping(self) -> None:
         """Refuse what a net without forces knows nothing of."""
-        loads = "pressure" if self.pressure else None
+        loads = "pressure" if self.pressure else "grippers" if self.grippers else None
         if self.infiltration is not None and self.infiltration.with_forming is not None:
             loads = "infiltration.with_forming"
         if loads is not None:

@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
+import math
+
 from lcmchain.dispatch import implements
 from lcmchain.effects.gravity import weight_at
-from lcmchain.effects.interaction import after_nodes
+from lcmchain.effects.interaction import after_nodes, before_nodes
 from lcmchain.effects.supports import SupportTable, prescribed_position
 from lcmchain.jit import equation, routine
 from lcmchain.state import EXTERNAL, KINETIC, PACE, TIME
+
+
+@implements(before_nodes, SupportTable)
+@equation
+def release(supports, arrays, dt_last, dt):
+    let_go(supports, arrays)
+
+
+@routine
+def let_go(supports, arrays):
+    """Free the nodes of supports that let go at this step."""
+    time, force = arrays.clock[TIME], arrays.support_force
+    for g in range(supports.release_time.size):
+        if arrays.support_let_go[g] < math.inf:
+            continue
+        size = math.sqrt(force[g, 0] ** 2 + force[g, 1] ** 2 + force[g, 2] ** 2)
+        if time < supports.release_time[g] and size <= supports.release_force[g]:
+            continue
+        arrays.support_let_go[g] = time
+        for k in range(supports.node.size):
+            if supports.group[k] == g:
+                arrays.free[:, supports.node[k]] = 1.0
 
 
 @implements(after_nodes, SupportTable)

@@ -8,9 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
 
 from lcmchain.model import Model
 from lcmchain.state import (
+    GRIPPER_SAMPLE_COLUMNS,
     MASS_DAMPING,
     SAMPLE_COLUMNS,
     SAMPLED_ENERGIES,
@@ -40,9 +44,11 @@ def steps_to_sample(model: Model, state: State, step: float) -> int:
     return max(1, math.ceil(min(ahead, 1e9) - 0.5))
 
 
-def take_sample(state: State, energy: Mapping[str, float]) -> None:
+def take_sample(model: Model, state: State, energy: Mapping[str, float]) -> None:
     """Fill the next row with the present; the search for the largest forces starts anew.
 
+    Parameters
+    ----------
     energy : from :meth:`lcmchain.solver.simulation.Simulation.energy` [J].
     """
     row = state.samples[state.counters[SAMPLES]]
@@ -67,5 +73,25 @@ def take_sample(state: State, energy: Mapping[str, float]) -> None:
             *state.tool_impulse[tool],
             *state.tool_peak[tool],
         )
+    first = own + width * state.tool_travel.size
+    width = len(GRIPPER_SAMPLE_COLUMNS)
+    impulses = _of_grips(model, state.gripper_impulse, state.support_impulse)
+    for number, (grip, impulse) in enumerate(zip(model.grips, impulses, strict=True)):
+        travel = state.position[:, grip.nodes] @ grip.weights - grip.place
+        row[first + number * width :][:width] = *impulse, *travel
     state.tool_peak[:] = 0.0
     state.counters[SAMPLES] += 1
+
+
+def let_go_times(model: Model, state: State) -> list[float]:
+    """Return when every gripper let go [s], infinite where it has not, as the scene orders them."""
+    return _of_grips(model, state.gripper_let_go, state.support_let_go)
+
+
+def _of_grips(model: Model, pulled: np.ndarray, supports: np.ndarray) -> list[Any]:
+    """Return values of grippers that pull and of supports in the order of the scene's grippers.
+
+    The supports of grippers that hold stand behind those that are no grippers.
+    """
+    pulling, holding = iter(pulled), iter(supports[len(supports) - model.held_grip_count :])
+    return [next(pulling if grip.settings.pulls else holding) for grip in model.grips]

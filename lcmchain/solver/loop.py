@@ -67,7 +67,10 @@ from lcmchain.state import (
 #: What the loop reads and writes: constants of the nodes, state, and scratch arrays.
 Arrays: Any = NamedTuple(  # type: ignore[misc]
     "Arrays",
-    [(name, np.ndarray) for name in (*NodeData._fields, *State.names(), *Scratch.names())],
+    [
+        (name, np.ndarray)
+        for name in dict.fromkeys((*NodeData._fields, *State.names(), *Scratch.names()))
+    ],
 )
 
 
@@ -192,6 +195,7 @@ def move_body(
     history = arrays.history[placed.first_history : placed.last_history]
     first, second = on_nodes(interactions[0]), on_nodes(interactions[1])
     third, fourth = on_nodes(interactions[2]), on_nodes(interactions[3])
+    fifth = on_nodes(interactions[4])
     if schedule is not None:
         for phase in range(schedule.phase_start.size - 1):
             make_parts(
@@ -213,6 +217,7 @@ def move_body(
                 second,
                 third,
                 fourth,
+                fifth,
                 environment,
                 averaging,
                 dt_last,
@@ -238,6 +243,7 @@ def move_body(
             second,
             third,
             fourth,
+            fifth,
             environment,
             averaging,
             dt_last,
@@ -247,12 +253,12 @@ def move_body(
 
 @kernel_part
 def move_nodes(
-    arrays, first_chunk, last_chunk, first, second, third, fourth, environment, averaging, dt_last,
-    dt,
+    arrays, first_chunk, last_chunk, first, second, third, fourth, fifth, environment, averaging,
+    dt_last, dt,
 ):  # fmt: skip
     """Sum the forces on the nodes of a body, and update velocities and positions."""
     for k in prange(last_chunk - first_chunk):
-        acting = (first, second, third, fourth)
+        acting = (first, second, third, fourth, fifth)
         work = np.empty(scratch_of(acting))
         chunk = arrays.chunk_order[first_chunk + k]
         move_chunk(
@@ -272,16 +278,18 @@ def move_chunk(arrays, force_slot, acting, environment, averaging, chunk, dt_las
     add_to_nodes(acting[1], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
     add_to_nodes(acting[2], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
     add_to_nodes(acting[3], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
+    add_to_nodes(acting[4], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
     integrate(arrays, arrays.free, environment, averaging, first, last, dt_last, dt, sums)
 
 
 @equation
 def scratch_of(acting):
     """Return how many numbers of scratch the interactions of a node need, one after the other."""
-    first, second, third, fourth = acting
+    first, second, third, fourth, fifth = acting
     return max(
         max(scratch_size(first), scratch_size(second)),
         max(scratch_size(third), scratch_size(fourth)),
+        scratch_size(fifth),
     )
 
 
@@ -305,6 +313,7 @@ def make_parts(
     second,
     third,
     fourth,
+    fifth,
     environment,
     averaging,
     dt_last,
@@ -319,7 +328,7 @@ def make_parts(
     first_part = schedule.phase_start[phase]
     for k in prange(schedule.phase_start[phase + 1] - first_part):
         part = first_part + k
-        acting = (first, second, third, fourth)
+        acting = (first, second, third, fourth, fifth)
         work, near = np.empty(scratch_of(acting)), np.empty(NEAR_ROWS * LANES)
         for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
             for piece in range(schedule.block_start[tile], schedule.block_start[tile + 1]):

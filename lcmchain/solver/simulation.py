@@ -19,6 +19,7 @@ from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.model import Model, build_model
 from lcmchain.solver import (
     contact_forces,
+    gripper_forces,
     guards,
     held_nodes,
     histories,
@@ -57,7 +58,9 @@ from lcmchain.threads import thread_count
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 
 #: Files that register what interactions do in a step; without them they would do nothing.
-ACTING = (contact_forces, held_nodes, ply_contact, pressure_loads, tool_motion)
+ACTING = (
+    contact_forces, gripper_forces, held_nodes, ply_contact, pressure_loads, tool_motion,
+)  # fmt: skip
 
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
 # short enough that a fabric under compaction stiffens by less than step_safety allows for.
@@ -426,7 +429,7 @@ class Simulation:
             self._advance(part, step)
             made += part
             if histories.is_due(self.model, self.state, step):
-                histories.take_sample(self.state, self.energy())
+                histories.take_sample(self.model, self.state, self.energy())
 
     def _find_pace(self, law: PaceLaw, duration: float) -> None:
         """Let the process go on as fast as the sheet follows, after steps of a duration [s]."""
@@ -475,7 +478,10 @@ class Simulation:
     def _bind(self) -> None:
         self._before = self.state.copy()
         self._scratch = Scratch.zeros(self.model)
-        self._arrays = Arrays(*self.model.nodes, **self.state.as_dict(), **self._scratch.as_dict())  # type: ignore[call-arg]
+        changing = self.state.as_dict() | self._scratch.as_dict()
+        if self.model.supports is None:
+            changing["free"] = None  # nothing asks for it
+        self._arrays = Arrays(**(self.model.nodes._asdict() | changing))
 
     def _advance(self, step_count: int, step: float) -> None:
         model = self.model

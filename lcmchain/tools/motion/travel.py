@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+
 from lcmchain.jit import equation
-from lcmchain.tools.motion.base import PRESCRIBED, TABULATED
+from lcmchain.tools.motion.base import PRESCRIBED, TABULATED, ToolMotion
 from lcmchain.tools.motion.stroke import stroke_travel
 from lcmchain.tools.motion.table import tabulated_travel
 
@@ -25,3 +30,18 @@ def prescribed_travel(table, tool, time):
             time,
         )
     return stroke_travel(table, tool, time)
+
+
+def travel_along(motion: ToolMotion, process_time: float) -> Callable[[float], float]:
+    """Return the travel [m] of a prescribed motion by the time of the process [s].
+
+    For what is led without being a tool.
+    """
+    entries = motion.table_entries(np.array([0.0, 0.0, 1.0]), process_time, key="motion")
+    if entries["stroke_profile"] == TABULATED:
+        times, travels = entries["table_times"], entries["table_travels"]
+        return lambda time: float(np.interp(time, times, travels))
+    stroke = SimpleNamespace(
+        **{name: (value,) for name, value in entries.items() if name.startswith("stroke_")}
+    )
+    return lambda time: float(stroke_travel.py_func(stroke, 0, time)[0])

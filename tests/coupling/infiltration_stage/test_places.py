@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from lcmchain.coupling.infiltration.places import Places
 from lcmchain.errors import InputError
-from lcmchain.scene.flow_places import Where
+from lcmchain.mesh.places import Places
+from lcmchain.mesh.where import Where
 
 from .conftest import strip
 

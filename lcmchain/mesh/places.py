@@ -11,9 +11,11 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from shapely import Polygon, contains_xy
+from shapely.validation import explain_validity
 
 from lcmchain.errors import InputError
-from lcmchain.scene.flow_places import Where
+from lcmchain.mesh.where import Where
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,9 @@ class Places:
         elif where.point is not None:
             nodes = self._around(np.array(where.point), where.radius, key)
         elif where.box is not None:
-            nodes = self._in_box(where, self.points[self.used], "node", key)
-            nodes = self.used[nodes]
+            nodes = self.used[self._in_box(where, self.points[self.used], "node", key)]
+        elif where.polygon is not None:
+            nodes = self.used[self._in_polygon(where, self.points[self.used], "node", key)]
         else:
             nodes = self.edges(where, key).ravel()
         return np.unique(nodes)
@@ -70,6 +73,8 @@ class Places:
             return self._some(np.unique(self.cell_sets[where.set]), where.set, "cell", key)
         if where.box is not None:
             return self._in_box(where, self.centroids, "centroid of a cell", key)
+        if where.polygon is not None:
+            return self._in_polygon(where, self.centroids, "centroid of a cell", key)
         if where.point is not None and where.radius is not None:
             away = np.linalg.norm(self.centroids - np.array(where.point), axis=1)
             found = np.flatnonzero(away <= where.radius)
@@ -91,7 +96,7 @@ class Places:
     def edges(self, where: Where, key: str) -> np.ndarray:
         """Nodes of the mesh's edges along a place, shape (E, 2), each edge once.
 
-        Of sets and boxes, the edges that have both ends in them.
+        Of sets, boxes and polygons, the edges that have both ends in them.
 
         Raises
         ------
@@ -225,6 +230,24 @@ class Places:
                 f"nearest lies at {place_text(places[nearest])}, {_mm(distance[nearest])} mm "
                 f"outside (the part spans {self.extent}); move it there, and check the unit",
                 key=f"{key}.box",
+            )
+        return np.flatnonzero(inside)
+
+    def _in_polygon(self, where: Where, places: np.ndarray, what: str, key: str) -> np.ndarray:
+        polygon = Polygon(where.polygon)
+        if not polygon.is_valid:
+            raise InputError(
+                f"crosses itself ({explain_validity(polygon)}, in m); give its corners in order",
+                key=f"{key}.polygon",
+            )
+        # with nodes on its sides, whatever their last digits
+        slack = 1e-9 * float(np.ptp(self.points[self.used], axis=0).max())
+        inside = contains_xy(polygon.buffer(slack), places[:, 0], places[:, 1])
+        if not inside.any():
+            raise InputError(
+                f"no {what} lies in the polygon (the part spans {self.extent}); move it there, "
+                "and check the unit",
+                key=f"{key}.polygon",
             )
         return np.flatnonzero(inside)
 

@@ -1,4 +1,4 @@
-"""Scene entries for places of the mesh that resin flows in: sets, points, boxes, boundaries."""
+"""Scene entries that name a place of a mesh: a set, a point, a box, a polygon, a boundary."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Name,
+    PointInPlane,
     Position,
     PositiveLength,
     Row,
@@ -18,14 +19,23 @@ from lcmchain.quantities.entry_types import (
 )
 from lcmchain.quantities.scene_model import SceneModel
 
+#: Entries that name a place, beside ``rim``.
+WAYS = ("set", "point", "box", "polygon", "loop")
+
 Corners = Annotated[
     tuple[Position, Position],
     Row('["0 0 -1 mm", "20 20 1 mm"]', count=2, entries="points", units=False),
 ]
+CornersInPlane = Row(
+    '[["0 mm", "0 mm"], ["30 mm", "0 mm"], ["0 mm", "20 mm"]]',
+    minimum_count=3,
+    entries="corner points",
+    units=False,
+)
 
 
 class Where(SceneModel):
-    """A place of the mesh: one of ``set``, ``point``, ``box``, ``rim`` and ``loop``."""
+    """A place of the mesh: one of ``set``, ``point``, ``box``, ``polygon``, ``rim``, ``loop``."""
 
     set: Annotated[Annotated[str, Text("GATE")] | None, AbsentMeans("")] = Field(
         default=None,
@@ -40,6 +50,10 @@ class Where(SceneModel):
     box: Annotated[Corners | None, AbsentMeans("")] = Field(
         default=None, description="Nodes (of a region: cells) in a box, by two opposite corners."
     )
+    polygon: Annotated[tuple[PointInPlane, ...] | None, CornersInPlane, AbsentMeans("")] = Field(
+        default=None,
+        description="Nodes (of a region: cells) whose x and y lie in a polygon, by its corners.",
+    )
     rim: Switch = Field(
         default=False, description="Nodes on the longest closed boundary of the mesh."
     )
@@ -51,7 +65,7 @@ class Where(SceneModel):
     @property
     def ways(self) -> list[str]:
         """Ways in which the place is given."""
-        given = [way for way in ("set", "point", "box", "loop") if getattr(self, way) is not None]
+        given = [way for way in WAYS if getattr(self, way) is not None]
         return [*given, *(["rim"] if self.rim else [])]
 
     @property
@@ -64,6 +78,8 @@ class Where(SceneModel):
             return f"{around} {_place(self.point)}"
         if self.box is not None:
             return f"box from {_place(self.box[0])} to {_place(self.box[1])}"
+        if self.polygon is not None:
+            return f"polygon of {len(self.polygon)} corners"
         if self.loop is not None:
             return f"boundary next to {_place(self.loop)}"
         return "rim" if self.rim else "everywhere"
@@ -78,7 +94,7 @@ class Where(SceneModel):
         ways = self.ways
         if len(ways) != 1:
             found = " and ".join(ways) or "none"
-            raise wrong(f"needs one of set, point, box, loop and rim = true, but has {found}")
+            raise wrong(f"needs one of {', '.join(WAYS)} and rim = true, but has {found}")
         if self.radius is not None and self.point is None:
             raise wrong("belongs to point, which is not given", field="radius")
 

@@ -1,0 +1,459 @@
+"""Grippers: what holds the sheet at a place, leads it, or pulls at it by a spring or a weight.
+
+Adds: on the nodes that a gripper holds a pull of the size
+
+    F = min(max(r F0 + k e, 0), Fmax)
+
+with the force F0 at the start, which comes on by the smooth ramp r, the stiffness k and the length
+e by which the place has moved away from the gripper. It acts in a fixed direction, or towards an
+anchor: then e is the change of the distance from the anchor. A gripper only pulls. The nodes share
+its force by their areas, and their mean by areas is the place. A gripper that holds or leads its
+nodes is a support (:mod:`lcmchain.effects.supports`).
+Source: virtual work of a spring on a mean displacement, f_i = w_i F with the sum of w_i one.
+Stability limit: (k + F / L) Σ w_i² / m_i is added to the ω² of the elements, with the distance L
+from the anchor; of grippers that share nodes, the bound of Gershgorin on their springs.
+Scene: ``[[grippers]]``.
+Fields: ``history_gripper_force``, ``history_gripper_travel``; their work is in ``energy_external``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from scipy.sparse import coo_array
+
+from lcmchain.effects.effect import Effect
+from lcmchain.effects.supports import Support, translation
+from lcmchain.errors import InputError
+from lcmchain.mesh.places import Places, place_text
+from lcmchain.mesh.rim import outward, pieces_along
+from lcmchain.mesh.where import NamedPlace
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    Direction,
+    ForceOrZero,
+    Name,
+    Number,
+    Position,
+    PositiveForce,
+    PositiveLength,
+    PositiveTime,
+    Range,
+    SpringStiffness,
+    Switch,
+    Text,
+    wrong,
+)
+from lcmchain.tools.motion import FixedMotion, GuidedMotion, Motion, StrokeMotion, TableMotion
+from lcmchain.tools.motion.travel import travel_along
+
+#: Time over which the force at the start comes on, relative to the process.
+RAMP_PART = 0.05
+#: Nearer to its anchor than this part of the distance at the start a pull falls with the distance:
+#: its direction is lost there.
+LEAST_DISTANCE = 0.05
+#: Grippers along a rim, at most.
+MOST_ALONG_A_RIM = 200
+
+PULLING = ("force", "stiffness", "largest_force", "direction", "anchor", "outward")
+TOWARDS = ("direction", "anchor", "outward")
+
+
+class Gripper(NamedPlace):
+    """A place of the blank that is held, led, or pulled at."""
+
+    name: Annotated[str, Name("left")] = Field(description="Name in results and messages.")
+    ply: Annotated[Annotated[str, Name("bottom")] | None, AbsentMeans("all that are there")] = (
+        Field(default=None, description="The ply that is gripped.")
+    )
+    count: Annotated[int, Number(8, Range(1, MOST_ALONG_A_RIM), whole=True)] = Field(
+        default=1, description="Of a rim or loop: so many grippers, evenly along it."
+    )
+    width: Annotated[PositiveLength | None, AbsentMeans("one edge of an element")] = Field(
+        default=None, description="With count: the length of the rim that each of them grips."
+    )
+    hold: Annotated[Annotated[str, Text("xyz")] | None, AbsentMeans("")] = Field(
+        default=None, description="Directions in which the place is held, of x, y and z."
+    )
+    motion: Motion = Field(
+        default_factory=FixedMotion, description="How a place that is held in xyz is led."
+    )
+    force: Annotated[ForceOrZero | None, AbsentMeans("0 N")] = Field(
+        default=None,
+        description="Pull at the start, all of it where there is no stiffness (a dead weight); it "
+        f"comes on smoothly over {RAMP_PART:g} of the process.",
+    )
+    stiffness: Annotated[SpringStiffness | None, AbsentMeans("0 N/m")] = Field(
+        default=None, description="By which the pull grows where the place is drawn away."
+    )
+    largest_force: Annotated[PositiveForce | None, AbsentMeans("no limit")] = Field(
+        default=None, description="Limit of the pull, as of a cylinder under pressure."
+    )
+    direction: Annotated[Direction | None, AbsentMeans("")] = Field(
+        default=None, description="Direction of the pull."
+    )
+    anchor: Annotated[Position | None, AbsentMeans("")] = Field(
+        default=None, description="Point that the pull goes towards: a hook, or a pulley."
+    )
+    outward: Switch = Field(
+        default=False, description="The pull goes outward in the plane, normal to the rim."
+    )
+    release_time: Annotated[PositiveTime | None, AbsentMeans("never")] = Field(
+        default=None, description="The gripper lets go at this time of the process."
+    )
+    release_force: Annotated[PositiveForce | None, AbsentMeans("never")] = Field(
+        default=None, description="It lets go where its force exceeds this one."
+    )
+    release_travel: Annotated[PositiveLength | None, AbsentMeans("never")] = Field(
+        default=None, description="It lets go where the place that it pulls at has moved so far."
+    )
+
+    @property
+    def pulls(self) -> bool:
+        """Whether it pulls; else it holds."""
+        return self.hold is None
+
+    @property
+    def leads(self) -> bool:
+        """Whether it leads its place along a given way."""
+        return self.motion.moves
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.set is not None:
+            raise wrong(
+                "names a set, but a blank has none; name a box, a point or the rim", field="set"
+            )
+        if (self.count > 1 or self.width is not None) and not (self.rim or self.loop is not None):
+            field = "count" if self.count > 1 else "width"
+            raise wrong("belongs to grippers along a rim or loop", field=field)
+        if self.hold is None:
+            self._check_pull()
+        else:
+            self._check_hold()
+        return self
+
+    def _check_pull(self) -> None:
+        if not (self.force or self.stiffness):
+            raise wrong(
+                'needs a force ("20 N") or a stiffness ("0.5 N/mm") that pulls, or hold = "xyz"'
+            )
+        given = [entry for entry in TOWARDS if getattr(self, entry) not in (None, False)]
+        if len(given) != 1:
+            found = " and ".join(given) or "none"
+            raise wrong(
+                f"needs one of {', '.join(TOWARDS[:2])} and outward = true, but has {found}"
+            )
+        if self.largest_force is not None and self.largest_force < (self.force or 0.0):
+            raise wrong(
+                f"is {self.largest_force:g} N, below the force at the start, {self.force:g} N",
+                field="largest_force",
+            )
+        if not isinstance(self.motion, FixedMotion):
+            raise wrong('leads a place that is held; give hold = "xyz" with it', field="motion")
+
+    def _check_hold(self) -> None:
+        hold = self.hold or ""
+        if not hold or set(hold) - set("xyz") or len(set(hold)) < len(hold):
+            raise wrong(
+                f'is "{hold}"; write the directions once each, as "xyz" or "z"', field="hold"
+            )
+        for entry in PULLING:
+            if getattr(self, entry) not in (None, False):
+                raise wrong("pulls, but hold is given; leave one of them out", field=entry)
+        if self.release_travel is not None:
+            raise wrong(
+                "belongs to a gripper that pulls; give release_time", field="release_travel"
+            )
+        if isinstance(self.motion, GuidedMotion):
+            raise wrong("is guided; a gripper is led by a stroke or a table", field="motion.type")
+        if self.motion.moves and hold != "xyz":
+            raise wrong(f'leads the place, but hold is "{hold}"; give "xyz"', field="motion")
+
+    def completed(self, process_time: float, *, key: str) -> Self:
+        """Fill the entries whose default is another entry of the scene; an error names the key."""
+        if self.release_time is not None and self.release_time >= process_time:
+            raise wrong(
+                f"is {self.release_time:g} s, not before the end of the process at "
+                f"{process_time:g} s",
+                field=f"{key}.release_time",
+            )
+        motion = self.motion.completed(process_time, key=f"{key}.motion")
+        return self.model_copy(update={"motion": motion})
+
+    def without_time(self, process_time: float, *, key: str) -> Self:
+        """Fill the times in a process without one; an error names the key of one that is given."""
+        if self.release_time is not None:
+            raise wrong(
+                "is a time of the process, but process.time is left out; give process.time, or "
+                "release_force or release_travel in its place",
+                field=f"{key}.release_time",
+            )
+        motion = self.motion.without_time(process_time, key=f"{key}.motion")
+        return self.model_copy(update={"motion": motion})
+
+
+@dataclass(frozen=True)
+class Grip:
+    """A gripper on the nodes of a model.
+
+    Parameters
+    ----------
+    name : that of its entry, with a number where there are several along a rim.
+    nodes : (n,) node numbers, ascending. weights : (n,) shares in its force, whose sum is 1.
+    settings : its entry.
+    place : (3,) mean of its nodes at the start [m].
+    direction : (3,) unit vector of a pull in a fixed direction; None without.
+    """
+
+    name: str
+    nodes: np.ndarray
+    weights: np.ndarray
+    settings: Gripper
+    place: np.ndarray
+    direction: np.ndarray | None
+
+    def support(self, process_time: float) -> Support:
+        """Return the support of a gripper that holds."""
+        motion = None
+        led = self.settings.motion
+        if isinstance(led, StrokeMotion | TableMotion):
+            motion = translation(led.direction, travel_along(led, process_time))
+        return Support(
+            self.name,
+            self.nodes,
+            self.settings.hold or "",
+            motion,
+            release_time=_or_never(self.settings.release_time),
+            release_force=_or_never(self.settings.release_force),
+        )
+
+
+class GripperTable(NamedTuple):
+    """Grippers that pull, as arrays.
+
+    start : (G + 1,) int32, where the nodes of each begin; node : (n,) int32; owner : (n,) int32,
+        the gripper; weight : (n,) shares.
+    order : (n,) int32, entries in the order of their nodes; chunk_start : (chunk_count + 1,) int32,
+        where those of each chunk of nodes begin in ``order``.
+    place : (G, 3) means at the start [m]. toward : (G, 3) unit vectors of pulls in a fixed
+        direction, else 0; anchor : (G, 3) [m]; distance : (G,) from it at the start [m], 0 without.
+    force, stiffness, largest : (G,) [N], [N/m], [N]. ramp : [s].
+    release_time, release_force, release_travel : (G,) [s], [N], [m], infinite where never.
+    coupling : (G, G) Σ w_gi w_hi / m_i of every two [1/kg].
+    """
+
+    start: np.ndarray
+    node: np.ndarray
+    owner: np.ndarray
+    weight: np.ndarray
+    order: np.ndarray
+    chunk_start: np.ndarray
+    place: np.ndarray
+    toward: np.ndarray
+    anchor: np.ndarray
+    distance: np.ndarray
+    force: np.ndarray
+    stiffness: np.ndarray
+    largest: np.ndarray
+    ramp: float
+    release_time: np.ndarray
+    release_force: np.ndarray
+    release_travel: np.ndarray
+    coupling: np.ndarray
+
+
+def grips_of(entries: Sequence[Gripper], bodies: Sequence[Any]) -> tuple[Grip, ...]:
+    """Return the grippers of a scene on the nodes of its bodies.
+
+    Parameters
+    ----------
+    bodies : as :class:`lcmchain.elements.family.Body`.
+
+    Raises
+    ------
+    InputError : a gripper on nothing, on a ply that is not there, or whose pull has no direction.
+    """
+    found: list[Grip] = []
+    for index, entry in enumerate(entries):
+        key = f'grippers[{index}] "{entry.name}"'
+        chosen = [body for body in bodies if entry.ply in (None, body.name)]
+        if not chosen:
+            names = ", ".join(body.name for body in bodies)
+            raise InputError(f'there is no ply "{entry.ply}"; there is {names}', key=f"{key}.ply")
+        found += _grips_of_entry(entry, chosen, key)
+    return tuple(found)
+
+
+class _Piece(NamedTuple):
+    """What a gripper holds of one body.
+
+    nodes : (n,) of the model. areas : (n,) [m²]. positions : (n, 3) [m].
+    outward : (3,) normal to the rim in the plane, as long as the rim that is gripped; 0 inside.
+    """
+
+    nodes: np.ndarray
+    areas: np.ndarray
+    positions: np.ndarray
+    outward: np.ndarray
+
+
+def _grips_of_entry(entry: Gripper, bodies: Sequence[Any], key: str) -> list[Grip]:
+    """Return the grippers of an entry, with what each holds of all bodies that are there."""
+    of_bodies: list[list[_Piece]] = []
+    elsewhere: list[InputError] = []
+    for body in bodies:
+        try:
+            of_bodies.append(_pieces(entry, body, key))
+        except InputError as error:  # the place may lie on another ply
+            elsewhere.append(error)
+    if not of_bodies:
+        raise elsewhere[0]
+    return [
+        _grip(entry, f"{entry.name}-{number}" if entry.count > 1 else entry.name, pieces, key)
+        for number, pieces in enumerate(zip(*of_bodies, strict=True), start=1)
+    ]
+
+
+def _pieces(entry: Gripper, body: Any, key: str) -> list[_Piece]:
+    mesh = body.mesh
+    positions, sides = mesh.node_positions, mesh.sides().values()
+    places = Places(mesh.mid_surface(positions), mesh.sheet_faces, {}, {})
+    if entry.count > 1 or entry.width is not None:
+        edges = places.edges(entry, key)
+        width = places.edge_length if entry.width is None else entry.width
+        chosen = pieces_along(edges, places.points, entry.count, width, key=key)
+    else:
+        chosen = [places.nodes(entry, key)]
+    found = []
+    for middle in chosen:
+        own = np.concatenate([np.arange(mesh.node_count)[side][middle] for side in sides])
+        areas = body.node_area[own]
+        normal = outward(places.cells, places.points, middle)
+        found.append(_Piece(own + body.first_node, areas, positions[own], normal))
+    return found
+
+
+def _grip(entry: Gripper, name: str, pieces: Sequence[_Piece], key: str) -> Grip:
+    nodes, areas, positions = (
+        np.concatenate([getattr(piece, part) for piece in pieces])
+        for part in ("nodes", "areas", "positions")
+    )
+    weights = areas / areas.sum()
+    place = weights @ positions
+    direction = None
+    if entry.direction is not None:
+        direction = np.array(entry.direction)
+    elif entry.outward:
+        normal = np.sum([piece.outward for piece in pieces], axis=0)
+        length = np.linalg.norm(normal)
+        if length < 1e-9 * math.sqrt(areas.sum()):
+            raise InputError(
+                f"has no direction at {place_text(place)}: that lies inside the blank, or all "
+                "around it; give direction or anchor, or several grippers along the rim by count",
+                key=f"{key}.outward",
+            )
+        direction = normal / length
+    if entry.anchor is not None:
+        distance = float(np.linalg.norm(entry.anchor - place))
+        size = float(np.linalg.norm(positions - place, axis=1).max())
+        if distance <= size:
+            raise InputError(
+                f"lies {1e3 * distance:.3g} mm from the middle of what is gripped, which reaches "
+                f"{1e3 * size:.3g} mm around it; move it away",
+                key=f"{key}.anchor",
+            )
+    return Grip(name, nodes, weights, entry, place, direction)
+
+
+def gripper_table(
+    grips: Sequence[Grip],
+    positions: np.ndarray,
+    mass: np.ndarray,
+    chunk_start: np.ndarray,
+    process_time: float,
+) -> GripperTable | None:
+    """Return the table of grippers that pull, or None without any.
+
+    Parameters
+    ----------
+    positions : (node_count, 3) [m]. mass : (node_count,) [kg].
+    chunk_start : (chunk_count + 1,), the first node of each chunk. process_time : [s].
+    """
+    if not grips:
+        return None
+    node = np.concatenate([grip.nodes for grip in grips])
+    owner = np.repeat(np.arange(len(grips)), [grip.nodes.size for grip in grips])
+    weight = np.concatenate([grip.weights for grip in grips])
+    order = np.lexsort((owner, node))
+    shares = coo_array((weight / np.sqrt(mass[node]), (owner, node))).tocsr()
+    entries = [grip.settings for grip in grips]
+    place = np.array([grip.place for grip in grips])
+    toward = np.array([np.zeros(3) if g.direction is None else g.direction for g in grips])
+    anchor = np.array([np.zeros(3) if e.anchor is None else e.anchor for e in entries])
+    anchored = np.array([entry.anchor is not None for entry in entries])
+    return GripperTable(
+        start=np.append(0, np.cumsum([grip.nodes.size for grip in grips])).astype(np.int32),
+        node=node.astype(np.int32),
+        owner=owner.astype(np.int32),
+        weight=weight,
+        order=order.astype(np.int32),
+        chunk_start=np.searchsorted(node[order], chunk_start).astype(np.int32),
+        place=place,
+        toward=toward,
+        anchor=anchor,
+        distance=np.where(anchored, np.linalg.norm(anchor - place, axis=1), 0.0),
+        force=np.array([entry.force or 0.0 for entry in entries]),
+        stiffness=np.array([entry.stiffness or 0.0 for entry in entries]),
+        largest=np.array([_or_never(entry.largest_force) for entry in entries]),
+        ramp=RAMP_PART * process_time,
+        release_time=np.array([_or_never(entry.release_time) for entry in entries]),
+        release_force=np.array([_or_never(entry.release_force) for entry in entries]),
+        release_travel=np.array([_or_never(entry.release_travel) for entry in entries]),
+        coupling=(shares @ shares.T).toarray(),
+    )
+
+
+def omega2_of_grippers(table: GripperTable, travel: np.ndarray, force: np.ndarray) -> float:
+    """Return a bound of the highest ω² on the springs of grippers alone [1/s²].
+
+    Parameters
+    ----------
+    travel : (G, 3) of the places since the start [m]. force : (G, 3) of the pulls [N].
+    """
+    away = np.linalg.norm(table.anchor - table.place - travel, axis=1)
+    distance = np.maximum(away, LEAST_DISTANCE * table.distance)
+    across = np.zeros_like(distance)
+    anchored = table.distance > 0.0
+    # a pull may grow by its spring until the next look
+    pull = np.linalg.norm(force, axis=1) + table.stiffness * LEAST_DISTANCE * table.distance
+    across[anchored] = np.minimum(pull, table.largest)[anchored] / distance[anchored]
+    root = np.sqrt(table.stiffness + across)
+    return float((root[:, None] * table.coupling * root).sum(axis=1).max())
+
+
+def active(model: Any) -> list[Effect]:
+    """Return one effect per gripper."""
+    found = []
+    for grip in model.grips:
+        entry, count = grip.settings, grip.nodes.size
+        if entry.pulls:
+            parts = [
+                f"{value:.4g} {unit}"
+                for value, unit in ((entry.force, "N"), (entry.stiffness, "N/m"))
+                if value
+            ]
+            reason = f"pulls {count} nodes by {' and '.join(parts)}"
+        else:
+            reason = f"{'leads' if entry.leads else 'holds'} {count} nodes"
+        found.append(Effect(f"gripper {grip.name}", True, reason))
+    return found
+
+
+def _or_never(value: float | None) -> float:
+    return math.inf if value is None else value
