@@ -48,6 +48,8 @@ from lcmchain.tools import ToolTable, build_tool_table
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from lcmchain.report.start import ShownGrip
+
 
 @dataclass(frozen=True)
 class CheckReport:
@@ -147,7 +149,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
     else:
         report = _report(mesh, blanks, model, gaps, noted, picture)
     if picture is not None:
-        draw_start(picture, scene, blanks)
+        draw_start(picture, scene, blanks, grips=() if model is None else _grips_of_plies(model))
     return report
 
 
@@ -208,15 +210,30 @@ def _with_picture(
     return InputError(f"{error.message}. {picture} shows the start", key=error.key, file=error.file)
 
 
+def _grips_of_plies(model: Model) -> list[list[ShownGrip]]:
+    """Return what grippers hold of every ply, and where they pull at the start."""
+    found: list[list[ShownGrip]] = []
+    for body in model.bodies:
+        last = body.first_node + body.mesh.node_count
+        inside = [
+            (grip, grip.nodes[(grip.nodes >= body.first_node) & (grip.nodes < last)])
+            for grip in model.grips
+        ]
+        positions = model.node_positions
+        found.append([(positions[own], g.pull_direction) for g, own in inside if own.size])
+    return found
+
+
 def draw_start(
     path: Path,
     scene: Scene,
     blanks: Sequence[BlankMesh],
     marks: Sequence[tuple[float, float, float]] = (),
+    grips: Sequence[Sequence[ShownGrip]] = (),
 ) -> None:
     """Draw the plies, tools and initial fibre directions, and mark places [m] of an overlap.
 
-    A tool whose surface cannot be had is left out.
+    A tool whose surface cannot be had is left out. ``grips`` are those of every ply.
     """
     from lcmchain.report import draw_initial, draw_stack
     from lcmchain.tools.drawing import tool_surface
@@ -240,6 +257,9 @@ def draw_start(
     angles = [ply.material.fibre_angles for ply in scene.stack]
     if len(blanks) > 1:
         plies = list(zip(names, blanks, strict=True))
-        draw_stack(path, plies, surfaces, title=scene.title, marks=marks, angles=angles)
+        draw_stack(
+            path, plies, surfaces, title=scene.title, marks=marks, angles=angles, grips=grips
+        )
     else:
-        draw_initial(path, blanks[0], surfaces, marks=marks, angles=angles[0])
+        of_it = grips[0] if grips else ()
+        draw_initial(path, blanks[0], surfaces, marks=marks, angles=angles[0], grips=of_it)

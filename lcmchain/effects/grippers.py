@@ -218,6 +218,14 @@ class Grip:
     place: np.ndarray
     direction: np.ndarray | None
 
+    @property
+    def pull_direction(self) -> np.ndarray | None:
+        """Direction (3,) of its pull at the start; None of a gripper that holds or leads."""
+        if self.settings.anchor is None:
+            return self.direction
+        toward = np.array(self.settings.anchor) - self.place
+        return toward / np.linalg.norm(toward)
+
     def support(self, process_time: float) -> Support:
         """Return the support of a gripper that holds."""
         motion = None
@@ -438,20 +446,23 @@ def omega2_of_grippers(table: GripperTable, travel: np.ndarray, force: np.ndarra
 
 
 def active(model: Any) -> list[Effect]:
-    """Return one effect per gripper."""
+    """Return one effect per entry of ``[[grippers]]``."""
     found = []
-    for grip in model.grips:
-        entry, count = grip.settings, grip.nodes.size
+    for entry in dict.fromkeys(grip.settings for grip in model.grips):
+        grips = [grip for grip in model.grips if grip.settings is entry]
+        nodes = f"{sum(grip.nodes.size for grip in grips)} nodes"
+        reason = f"{'leads' if entry.leads else 'holds'} {nodes}"
         if entry.pulls:
             parts = [
                 f"{value:.4g} {unit}"
                 for value, unit in ((entry.force, "N"), (entry.stiffness, "N/m"))
                 if value
             ]
-            reason = f"pulls {count} nodes by {' and '.join(parts)}"
-        else:
-            reason = f"{'leads' if entry.leads else 'holds'} {count} nodes"
-        found.append(Effect(f"gripper {grip.name}", True, reason))
+            reason = f"pulls {nodes} by {' and '.join(parts)}"
+        name = f"gripper {entry.name}"
+        if len(grips) > 1:
+            name, reason = f"{len(grips)} grippers {entry.name}", f"{reason} each"
+        found.append(Effect(name, True, reason))
     return found
 
 

@@ -19,6 +19,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "pictures",
         "scene",
         "stacks",
+        "grippers",
         "coupons",
         "identification",
         "draping",

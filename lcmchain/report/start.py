@@ -29,6 +29,12 @@ MOST_PLIES_SHOWN = 16
 PLIES_IN_A_ROW = 4
 #: Angles of the families of a fabric along both axes of its ply [rad].
 BOTH_AXES = (0.0, 0.5 * np.pi)
+#: Length of the arrow of a pull, in parts of what is drawn.
+PULL_PART = 0.07
+GRIP_COLOUR = "#7a2f8f"
+
+#: Nodes (n, 3) [m] of a ply that a gripper has, and the direction (3,) of its pull, if it pulls.
+ShownGrip = tuple[np.ndarray, np.ndarray | None]
 
 
 def draw_initial(
@@ -39,6 +45,7 @@ def draw_initial(
     title: str = "",
     marks: Sequence[Sequence[float]] = (),
     angles: Sequence[float] = BOTH_AXES,
+    grips: Sequence[ShownGrip] = (),
 ) -> None:
     """Draw the start: blank with mesh and fibre directions, tools, and a cut that shows gaps.
 
@@ -50,6 +57,7 @@ def draw_initial(
     title : of the scene.
     marks : places [m] where tools reach into the blank; the cut goes through the first.
     angles : of the families of fibres from the first axis of the ply [rad].
+    grips : what grippers hold of it.
 
     Raises
     ------
@@ -72,6 +80,7 @@ def draw_initial(
         _draw_cut(cut_axis, points, rim, thickness, shapes, middle, box)
         _draw_gaps(gap_axis, points, rim, thickness, shapes, middle, box)
         _draw_marks(map_axis, where[:, :2])
+        _draw_grips(map_axis, grips, box)
         for axis in (cut_axis, gap_axis):
             _draw_marks(axis, where[:1, [0, 2]])
         edges = np.linalg.norm(points[faces[:, 1]] - points[faces[:, 0]], axis=1)
@@ -92,6 +101,7 @@ def draw_stack(
     title: str = "",
     marks: Sequence[Sequence[float]] = (),
     angles: Sequence[Sequence[float]] | None = None,
+    grips: Sequence[Sequence[ShownGrip]] = (),
 ) -> None:
     """Draw the start of a stack: every ply with its fibres, tools, and a cut through all plies.
 
@@ -99,7 +109,7 @@ def draw_stack(
     ----------
     path : of the PNG.
     plies : name and undeformed mesh of every ply, bottom first.
-    tools, title, marks : as for :func:`draw_initial`; angles : the same for every ply.
+    tools, title, marks : as for :func:`draw_initial`; angles, grips : the same for every ply.
 
     Raises
     ------
@@ -124,6 +134,7 @@ def draw_stack(
             )  # fmt: skip
             own = BOTH_AXES if angles is None else angles[number - 1]
             _draw_ply(axis, number, name, mesh, shapes, box, own)
+            _draw_grips(axis, grips[number - 1] if grips else (), box)
         where, middle = _cut_through(marks, points)
         cut_axis = axes_at(figure, 0.75, 0.5, 4.6, 2.0)
         gap_axis = axes_at(figure, 6.5, 0.5, 4.6, 2.0)
@@ -257,6 +268,20 @@ def _draw_marks(axis, places) -> None:
         label = "in the blank"
         axis.scatter(*places.T, s=180, fc="none", ec="#d1001f", lw=2.0, zorder=9, label=label)
         axis.scatter(*places.T, s=40, marker="x", color="#d1001f", lw=1.6, zorder=9)
+
+
+def _draw_grips(axis, grips: Sequence[ShownGrip], box) -> None:
+    """Mark the nodes that are gripped, and draw an arrow of one length for every pull."""
+    length = PULL_PART * float((box[1] - box[0])[:2].max())
+    for positions, direction in grips:
+        x, y = 1e3 * positions[:, 0], 1e3 * positions[:, 1]
+        axis.scatter(x, y, s=9, marker="s", color=GRIP_COLOUR, lw=0.0, zorder=8)
+        if direction is not None:
+            start = np.array([x.mean(), y.mean()])
+            axis.annotate(
+                "", start + length * direction[:2], start, zorder=8,
+                arrowprops={"arrowstyle": "-|>", "color": GRIP_COLOUR, "lw": 1.2},
+            )  # fmt: skip
 
 
 def _draw_cut(axis, points, rim, thickness, shapes, y, box) -> None:

@@ -478,10 +478,12 @@ class Simulation:
     def _bind(self) -> None:
         self._before = self.state.copy()
         self._scratch = Scratch.zeros(self.model)
-        changing = self.state.as_dict() | self._scratch.as_dict()
+        arrays: dict[str, Any] = {
+            **self.model.nodes._asdict(), **self.state.as_dict(), **self._scratch.as_dict(),
+        }  # fmt: skip
         if self.model.supports is None:
-            changing["free"] = None  # nothing asks for it
-        self._arrays = Arrays(**(self.model.nodes._asdict() | changing))
+            arrays["free"] = None  # the loop leaves out what it is for
+        self._arrays = Arrays(**arrays)
 
     def _advance(self, step_count: int, step: float) -> None:
         model = self.model
