@@ -285,7 +285,8 @@ def grips_of(entries: Sequence[Gripper], bodies: Sequence[Any]) -> tuple[Grip, .
 
     Raises
     ------
-    InputError : a gripper on nothing, on a ply that is not there, or whose pull has no direction.
+    InputError : a gripper on nothing, on a ply that is not there, whose pull has no direction, or
+        two of one name.
     """
     found: list[Grip] = []
     for index, entry in enumerate(entries):
@@ -294,7 +295,11 @@ def grips_of(entries: Sequence[Gripper], bodies: Sequence[Any]) -> tuple[Grip, .
         if not chosen:
             names = ", ".join(body.name for body in bodies)
             raise InputError(f'there is no ply "{entry.ply}"; there is {names}', key=f"{key}.ply")
-        found += _grips_of_entry(entry, chosen, key)
+        taken = {grip.name for grip in found}
+        for grip in _grips_of_entry(entry, chosen, key):
+            if grip.name in taken:
+                raise InputError(f'makes a second gripper "{grip.name}"', key=f"{key}.name")
+            found.append(grip)
     return tuple(found)
 
 

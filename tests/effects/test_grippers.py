@@ -370,3 +370,9 @@ def test_area_weights():
     grip = build_model(scene_from_text(STRIP)).grips[1]
     np.testing.assert_allclose(np.unique(grip.weights), [1 / 8, 1 / 4])
     assert math.isclose(grip.place[0], 30e-3)
+
+
+def test_names_are_told_apart():
+    text = FRAME + '\n[[grippers]]\nname = "frame-3"\npoint = "0 0 0 mm"\nhold = "z"\n'
+    with pytest.raises(InputError, match='makes a second gripper "frame-3"'):
+        build_model(scene_from_text(text))
