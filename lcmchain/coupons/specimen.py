@@ -48,6 +48,36 @@ class SteadyPull(NamedTuple):
         return self.speed * self.start * s**4 * (2.5 + s * (s - 3.0))
 
 
+class Loop(NamedTuple):
+    """Way of a testing machine between turning points, at rest in each, by half waves of a cosine.
+
+    points : in their order, the first one at time 0. quarter : time [s] for as far as the second
+    one lies from the first.
+    """
+
+    points: Sequence[float]
+    quarter: float
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times of the turning points [s]."""
+        way = np.abs(np.diff(self.points))
+        return np.concatenate([[0.0], np.cumsum(way / way[0])]) * self.quarter
+
+    @property
+    def duration(self) -> float:
+        return float(self.times[-1])
+
+    def travel(self, time: float) -> float:
+        """Return where the machine is at a time [s]."""
+        times = self.times
+        k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
+        s = min((time - times[k]) / (times[k + 1] - times[k]), 1.0)
+        return self.points[k] + (self.points[k + 1] - self.points[k]) * 0.5 * (
+            1.0 - float(np.cos(np.pi * s))
+        )
+
+
 def steady_pull(distance: float, scene: Scene) -> SteadyPull:
     """Return a travel [m] over the process of a scene, of which a fifth is its smooth start."""
     return SteadyPull(distance, scene.process.time, 0.2 * scene.process.time)

@@ -10,6 +10,7 @@ from typing import Any
 
 from lcmchain.effects import (
     bending,
+    bending_friction,
     compaction,
     contact,
     contact_depth,
@@ -32,6 +33,7 @@ from lcmchain.effects import (
     thickness,
     tool_motion,
     transverse_shear,
+    viscous_bending,
     viscous_shear,
 )
 from lcmchain.effects.effect import Effect, Switch
@@ -49,6 +51,8 @@ EFFECTS = (
     memory,
     shear_locking,
     viscous_shear,
+    bending_friction,
+    viscous_bending,
     pore_pressure,
     face_pressure,
     contact,

@@ -25,6 +25,12 @@ from lcmchain.materials.bending_curve import (
     curve_response,
     with_curves,
 )
+from lcmchain.materials.bending_loss_table import (
+    BendingFrictionTable,
+    BendingRateTable,
+    bending_losses,
+)
+from lcmchain.materials.bending_losses import BendingLosses, with_losses
 from lcmchain.materials.compaction import (
     compaction_stress_and_tangent,
     compaction_tangent_curvature,
@@ -36,6 +42,7 @@ from lcmchain.materials.fabric_table import ExponentialCompaction, FabricTable
 from lcmchain.materials.law import (
     Step,
     bending_stiffness,
+    evolved_history,
     hourglass_tangent,
     implements,
     membrane_response,
@@ -66,9 +73,10 @@ from lcmchain.materials.shear_locking import (
     locking_tangent_slope,
     with_locking,
 )
+from lcmchain.materials.twins import let_have_twins
 from lcmchain.materials.viscous_shear import (
     ViscousShear,
-    let_resist_rates,
+    evolved_viscous_shear,
     stress_of_step,
     with_viscous,
     with_viscous_shear,
@@ -239,6 +247,12 @@ def fabric_tangent_coupling(law, E, history):
     return compaction_coupling(thickening(law, E[2], E[3]), law)
 
 
+@implements(evolved_history, FabricLaw)
+@equation
+def fabric_evolved(law, E, history):
+    return evolved_viscous_shear(law, E[3], history)
+
+
 @implements(bending_stiffness, FabricLaw)
 @equation
 def fabric_bending_stiffness(law):
@@ -277,8 +291,8 @@ BentLinearLockingFabricLaw = bent_class(LinearLockingFabricLaw)
 BentLinearCoupledFabricLaw = bent_class(LinearCoupledFabricLaw)
 BentLinearLockingCoupledFabricLaw = bent_class(LinearLockingCoupledFabricLaw)
 
-# and all of them for fabric whose shear depends on its rate
-let_resist_rates(
+# and all of them for fabric with friction, or that depends on rates
+let_have_twins(
     FabricLaw,
     CoupledFabricLaw,
     LockingFabricLaw,
@@ -315,6 +329,7 @@ class Fabric:
     shear_coupling : β of :mod:`lcmchain.materials.shear_compaction`.
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
     viscous : what resists the rate of the shear, None for a law that does not know it.
+    bending_losses : friction and resistance to rates of the bending, None without.
     """
 
     is_diagonal = True
@@ -336,10 +351,13 @@ class Fabric:
         shear_coupling: float = 0.0,
         bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
         viscous: ViscousShear | None = None,
+        bending_losses: BendingLosses | None = None,
     ) -> None:
         law = linear_where_constant(with_locking(with_coupling(law, shear_coupling), locking))
-        self.law = law = with_viscous(with_curves(law, bending_curves, thickness), viscous)
+        law = with_viscous(with_curves(law, bending_curves, thickness), viscous)
+        self.law = law = with_losses(law, bending_losses)
         self.viscous = viscous
+        self.bending_losses = bending_losses
         self.shear_coupling = shear_coupling
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
@@ -561,24 +579,29 @@ class Fabric:
         """Return what Maxwell elements store [J/m³]."""
         if self.viscous is None or history is None:
             return 0.0
-        return self.viscous.stored(history[len(history) - len(self.viscous.terms) :])
+        return self.viscous.stored(self.viscous.own_memory(self.law, history)[3:])
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return what the law has dissipated [J/m³] but by its viscosity: nothing."""
-        return np.zeros(np.shape(history)[1:])
+        """Return what the law has dissipated [J/m³] but by its viscosity: in friction."""
+        return self._lost_in_bending("bending_friction_loss", history)
 
     def viscous_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return what the rate of the shear has dissipated [J/m³]; history (history_count, ...)."""
-        if self.viscous is None:
+        """Return what rates have dissipated [J/m³]; history (history_count, ...)."""
+        lost = self._lost_in_bending("viscous_bending_loss", history)
+        return (
+            lost if self.viscous is None else lost + self.viscous.own_memory(self.law, history)[2]
+        )
+
+    def _lost_in_bending(self, name: str, history: np.ndarray) -> np.ndarray:
+        if self.bending_losses is None:
             return np.zeros(np.shape(history)[1:])
-        lost: np.ndarray = history[len(history) - len(self.viscous.terms) - 1]
-        return lost
+        return self.bending_losses.lost(name, self.bending_losses.own_memory(self.law, history))
 
     def rate_stress(self, E: np.ndarray, history: np.ndarray, step: Step) -> np.ndarray:
         """Return the part of S^M (..., 6) that depends on the step that leads to E (..., 6)."""
         if self.viscous is None:
             return np.zeros(np.shape(E))
-        return stress_of_step(self.viscous, E, history, step)
+        return stress_of_step(self.viscous, E, self.viscous.own_memory(self.law, history), step)
 
     def viscosity(self, E: np.ndarray) -> np.ndarray:
         """Return the viscosities (..., 6) [Pa s] that bound the step at E (..., 6)."""
@@ -640,8 +663,10 @@ class Fabric:
 
     def wave_stiffness(self) -> tuple[float, float]:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
-        law = self.law
-        return max(law.C11, law.C22, law.B11, law.B22), max(law.c0, law.B33)
+        law, bending = self.law, np.array([self.law.B11, self.law.B22])
+        if self.bending_losses is not None:
+            bending = bending + self.bending_losses.glassy_moduli()
+        return max(law.C11, law.C22, *bending), max(law.c0, law.B33)
 
 
 # --- scene ----------------------------------------------------------------------------------------
@@ -755,6 +780,18 @@ class FabricBending(SceneModel):
     curve_2: Annotated[BendingCurveTable | None, AbsentMeans("C22 is constant")] = Field(
         default=None, description="Measured bending along fibre direction 2, in place of C22."
     )
+    friction_1: Annotated[BendingFrictionTable | None, AbsentMeans("bent back as bent")] = Field(
+        default=None, description="Friction of bending along fibre direction 1, beside C11."
+    )
+    friction_2: Annotated[BendingFrictionTable | None, AbsentMeans("bent back as bent")] = Field(
+        default=None, description="Friction of bending along fibre direction 2, beside C22."
+    )
+    viscous_1: Annotated[BendingRateTable | None, AbsentMeans("no rate is resisted")] = Field(
+        default=None, description="What resists the rate of bending along fibre direction 1."
+    )
+    viscous_2: Annotated[BendingRateTable | None, AbsentMeans("no rate is resisted")] = Field(
+        default=None, description="What resists the rate of bending along fibre direction 2."
+    )
     C33: PositiveStiffness = Field(description="Stiffness against a gradient of compaction.")
     C12: PositiveStiffness = Field(description="Torsional stiffness.")
     C23: PositiveStiffness = Field(description="Transverse shear stiffness 23.")
@@ -773,6 +810,22 @@ class FabricBending(SceneModel):
             None if table is None else table.curve for table in (self.curve_1, self.curve_2)
         )
         return first, second
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction along either direction."""
+        return self.friction_1 is not None or self.friction_2 is not None
+
+    @property
+    def resists_rates(self) -> bool:
+        """Whether the bending along either direction depends on its rate."""
+        return self.viscous_1 is not None or self.viscous_2 is not None
+
+    def losses(self, thickness: float) -> BendingLosses | None:
+        """What the bending of a sheet of a thickness [m] loses."""
+        return bending_losses(
+            (self.friction_1, self.friction_2), (self.viscous_1, self.viscous_2), thickness
+        )
 
 
 #: The published fabrics of :mod:`lcmchain.scene.fabrics`, which knows this law.
@@ -825,6 +878,22 @@ class FabricMaterial(FabricTable):
         """Return the fabric whose shear does not depend on its rate."""
         return self.model_copy(update={"viscous": None})
 
+    @property
+    def bending_rubs(self) -> bool:
+        return self.bending.rubs
+
+    def without_bending_friction(self) -> Self:
+        """Return the fabric that is bent back as it was bent."""
+        return self._with("bending", friction_1=None, friction_2=None)
+
+    @property
+    def bending_resists_rates(self) -> bool:
+        return self.bending.resists_rates
+
+    def without_viscous_bending(self) -> Self:
+        """Return the fabric whose bending does not depend on its rate."""
+        return self._with("bending", viscous_1=None, viscous_2=None)
+
     def law_parameters(self) -> FabricLaw:
         """Return the parameters in SI.
 
@@ -859,4 +928,5 @@ class FabricMaterial(FabricTable):
             "shear_coupling": self.compaction.shear_coupling,
             "bending_curves": self.bending.curves,
             "viscous": None if self.viscous is None else self.viscous.viscous,
+            "bending_losses": self.bending.losses(self.thickness),
         }

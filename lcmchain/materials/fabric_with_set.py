@@ -67,11 +67,8 @@ from lcmchain.materials.shear_compaction import (
     with_thickening,
 )
 from lcmchain.materials.shear_locking import locking_class
-from lcmchain.materials.viscous_shear import (
-    evolved_viscous_shear,
-    let_resist_rates,
-    with_viscous_shear,
-)
+from lcmchain.materials.twins import let_have_twins
+from lcmchain.materials.viscous_shear import evolved_viscous_shear, with_viscous_shear
 from lcmchain.quantities.entry_types import Number, Range
 
 FabricWithSetLaw = NamedTuple(
@@ -182,7 +179,7 @@ BentLinearLockingFabricWithSetLaw = bent_class(LinearLockingFabricWithSetLaw)
 BentLinearCoupledFabricWithSetLaw = bent_class(LinearCoupledFabricWithSetLaw)
 BentLinearLockingCoupledFabricWithSetLaw = bent_class(LinearLockingCoupledFabricWithSetLaw)
 
-let_resist_rates(
+let_have_twins(
     FabricWithSetLaw,
     CoupledFabricWithSetLaw,
     LockingFabricWithSetLaw,
@@ -227,8 +224,9 @@ class FabricWithSet(Fabric):
         return self._energy_in_plane(E) + stored + self._relaxing_energy(history)
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return s W33(κ) [J/m³]."""
-        return self.law.permanent_set * self._compaction_energy(history[0])
+        """Return s W33(κ) and what friction has taken [J/m³]."""
+        set_in = self.law.permanent_set * self._compaction_energy(history[0])
+        return set_in + super().dissipated_energy(history)
 
     def _pressure(self, stretch: np.ndarray, history: np.ndarray | None) -> np.ndarray:
         strain, _ = self._strain_from_set(0.5 * (stretch**2 - 1.0), history)

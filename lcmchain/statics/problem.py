@@ -75,6 +75,15 @@ class StaticProblem:
     dead_forces: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        material = self.model.body.material
+        losses = getattr(material, "bending_losses", None)
+        if losses is not None:
+            raise InputError(
+                f'of "{material.name}" loses energy (friction_1, viscous_1) along a way that the '
+                "static solver does not follow; use the explicit solver, or leave them out for the "
+                "elastic part alone",
+                key="material.bending",
+            )
         if self.model.resists_rates:
             raise InputError(
                 f'of "{self.model.body.material.name}" makes its shear depend on the rate, and the '

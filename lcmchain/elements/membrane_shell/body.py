@@ -103,6 +103,12 @@ class MembraneShellBody:
                 'use element = "solid-shell", or leave out curve_1 and curve_2',
                 key="material.bending",
             )
+        if getattr(material, "bending_losses", None) is not None:
+            raise InputError(
+                f"of {material.name} loses energy (friction_1, viscous_1), unknown to elements "
+                'without thickness; use element = "solid-shell", or leave them out',
+                key="material.bending",
+            )
         if knows_step(material.law):
             raise InputError(
                 f"of {material.name} is unknown to elements without thickness; use element = "

@@ -25,10 +25,10 @@ def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, t
 
 
 def _memory(material: Material) -> tuple[Remembered, ...]:
-    """Return what the law remembers, but for what the effect "viscous shear" tells of."""
-    viscous = viscous_of(material)
-    of_rates = () if viscous is None else viscous.memory
-    return tuple(own for own in remembered(material.law) if own not in of_rates)
+    """Return what the law remembers, but for what effects of its own tell of."""
+    apart = (viscous_of(material), getattr(material, "bending_losses", None))
+    told = [own for part in apart if part is not None for own in part.memory]
+    return tuple(own for own in remembered(material.law) if own not in told)
 
 
 def _names(past: tuple[Remembered, ...]) -> str:
