@@ -48,6 +48,7 @@ def at_rest(table: Any) -> Any:
     """Return the law of a material's table that is only pressed: without shear, bending, rates."""
     for states, without in (
         ("resists_rates", "without_viscosity"),
+        ("shear_rubs", "without_shear_friction"),
         ("bending_rubs", "without_bending_friction"),
         ("bending_resists_rates", "without_viscous_bending"),
     ):

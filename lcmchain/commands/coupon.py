@@ -60,13 +60,16 @@ def coupon_picture_frame(
     hold: Annotated[
         str | None, typer.Option(help="Time that the frame then stands still, for relaxation.")
     ] = None,
+    cycles: Annotated[
+        int, typer.Option(min=0, help="Times that the frame goes there and back; 0: only there.")
+    ] = 0,
     overrides: Overrides = None,
 ) -> None:
     """Shear a square in a hinged frame: force along the diagonal and along the sides."""
     sizes = {"--side": side, "--shear-angle": shear_angle, "--edge-length": edge_length}
     more = {"--speed": speed, "--hold": hold}
     sizes |= {option: text for option, text in more.items() if text is not None}
-    _run_coupon("picture_frame", scene, overrides, out, sizes)
+    _run_coupon("picture_frame", scene, overrides, out, sizes, cycles=cycles)
 
 
 @coupon_app.command("off-axis")

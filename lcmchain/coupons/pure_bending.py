@@ -70,7 +70,7 @@ def pure_bending(
     ------
     InputError : the material is no fabric, or the element no solid-shell.
     """
-    require_fabric(material, knows_rates=True)
+    require_fabric(material, knows_losses=True)
     require_solid_shell(element)
     turns = [0.0, *(side * curvature for _ in range(cycles) for side in (1.0, -1.0)), curvature]
     loop = Loop(turns, QUARTER)

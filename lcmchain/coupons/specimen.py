@@ -105,16 +105,22 @@ class Recording(NamedTuple):
         return {name: np.array([s.energy[name] for s in self.snapshots]) for name in names}
 
 
-def require_fabric(material: AnyMaterial, *, knows_rates: bool = False) -> None:
+def require_fabric(material: AnyMaterial, *, knows_losses: bool = False) -> None:
     """Refuse materials of which the analytic solution of a coupon knows nothing.
 
-    knows_rates : whether it knows a shear that depends on its rate.
+    knows_losses : whether it knows a shear that depends on its rate, or rubs.
 
     Raises
     ------
-    InputError : the material is no fabric, or one whose shear depends on its rate.
+    InputError : the material is no fabric, or one whose shear loses energy.
     """
-    if material.resists_rates and not knows_rates:
+    if material.shear_rubs and not knows_losses:
+        raise InputError(
+            "makes the shear depend on its past, of which the analytic solution of this coupon "
+            "knows nothing; use lcmchain coupon picture-frame --cycles, or leave it out",
+            key="material.membrane.friction",
+        )
+    if material.resists_rates and not knows_losses:
         raise InputError(
             "makes the shear depend on its rate, of which the analytic solution of this coupon "
             "knows nothing; use lcmchain coupon picture-frame, or leave the table out",

@@ -53,8 +53,8 @@ def remarks(scene: Any) -> list[str]:
         entries.append(("bending", "material.bending.viscous_1 and viscous_2"))
     found = [
         f"the viscous {what} takes process.time = {1e3 * scene.process.time:.4g} ms for the time "
-        "of the real process; where it is a shorter one, give the viscosities and relaxation times of "
-        f"{entry} multiplied by process.time over the real time: the stresses are the same"
+        "of the real process; where it is a shorter one, give the viscosities and relaxation times "
+        f"of {entry} multiplied by process.time over the real time: the stresses are the same"
         for what, entry in entries
     ]
     if not found:

@@ -65,6 +65,12 @@ from lcmchain.materials.shear_compaction import (
     with_coupling,
     with_thickening,
 )
+from lcmchain.materials.shear_friction import (
+    ShearFriction,
+    evolved_shear_friction,
+    with_rubbing_shear,
+    with_shear_friction,
+)
 from lcmchain.materials.shear_locking import (
     ShearLocking,
     locking_class,
@@ -183,15 +189,30 @@ def stabilising_shear_curvature(law, g):
     return first * first * curvature + second * slope
 
 
+@equation
+def with_shear_losses(law, S12, C12, g, elastic, history):
+    """Return S12 and dS12/dg with what resists the rate of the shear, and its friction."""
+    S12, C12 = with_viscous_shear(law, S12, C12, g, history)
+    return with_shear_friction(law, S12, C12, g, elastic, history)
+
+
+@equation
+def evolved_shear(law, g, history):
+    """Return what the law remembers of its shear."""
+    elastic = shear_stress_and_tangent(law, g)[0]
+    of_rate = evolved_viscous_shear(law, g, history)
+    return of_rate + evolved_shear_friction(law, g, elastic, history)
+
+
 @implements(membrane_response, FabricLaw)
 @equation
 def fabric_response(law, E, history):
     """Return the stress S^M (Eq. 19, at the centre) and the diagonal of the tangent C^M."""
-    S12, C12 = shear_stress_and_tangent(law, E[3])
+    elastic, C12 = shear_stress_and_tangent(law, E[3])
     sheared = thickening(law, E[2], E[3])
     S33, C33 = compaction_stress_and_tangent(law, strain_of(sheared, E[2]))
-    S33, C33, S12, C12 = with_thickening(sheared, S33, C33, S12, C12)
-    S12, C12 = with_viscous_shear(law, S12, C12, E[3], history)
+    S33, C33, S12, C12 = with_thickening(sheared, S33, C33, elastic, C12)
+    S12, C12 = with_shear_losses(law, S12, C12, E[3], elastic, history)
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
@@ -250,7 +271,7 @@ def fabric_tangent_coupling(law, E, history):
 @implements(evolved_history, FabricLaw)
 @equation
 def fabric_evolved(law, E, history):
-    return evolved_viscous_shear(law, E[3], history)
+    return evolved_shear(law, E[3], history)
 
 
 @implements(bending_stiffness, FabricLaw)
@@ -330,6 +351,7 @@ class Fabric:
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
     viscous : what resists the rate of the shear, None for a law that does not know it.
     bending_losses : friction and resistance to rates of the bending, None without.
+    shear_friction : friction of the shear, None without.
     """
 
     is_diagonal = True
@@ -352,11 +374,14 @@ class Fabric:
         bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
         viscous: ViscousShear | None = None,
         bending_losses: BendingLosses | None = None,
+        shear_friction: ShearFriction | None = None,
     ) -> None:
         law = linear_where_constant(with_locking(with_coupling(law, shear_coupling), locking))
         law = with_viscous(with_curves(law, bending_curves, thickness), viscous)
+        law = with_rubbing_shear(law, shear_friction)
         self.law = law = with_losses(law, bending_losses)
         self.viscous = viscous
+        self.shear_friction = shear_friction
         self.bending_losses = bending_losses
         self.shear_coupling = shear_coupling
         inertia = in_plane_bending * thickness**3 / 12.0
@@ -573,17 +598,25 @@ class Fabric:
         Maxwell elements store what their moments in the history (history_count, ...) say.
         """
         stored = self._energy_in_plane(E) + self._compaction_energy(self._seen(np.asarray(E)))
-        return stored + self._relaxing_energy(history)
+        return stored + self._remembered_energy(history)
 
-    def _relaxing_energy(self, history: np.ndarray | None) -> ArrayLike:
-        """Return what Maxwell elements store [J/m³]."""
-        if self.viscous is None or history is None:
-            return 0.0
-        return self.viscous.stored(self.viscous.own_memory(self.law, history)[3:])
+    def _remembered_energy(self, history: np.ndarray | None) -> ArrayLike:
+        """Return what Maxwell elements and friction of the shear store [J/m³]."""
+        stored: Any = 0.0
+        if history is None:
+            return stored
+        if self.viscous is not None:
+            stored += self.viscous.stored(self.viscous.own_memory(self.law, history)[3:])
+        if self.shear_friction is not None:
+            moment = self.shear_friction.own_memory(self.law, history)[1]
+            stored += moment**2 / (2.0 * self.shear_friction.modulus)
+        return stored
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
         """Return what the law has dissipated [J/m³] but by its viscosity: in friction."""
-        return self._lost_in_bending("bending_friction_loss", history)
+        lost = self._lost_in_bending("bending_friction_loss", history)
+        friction = self.shear_friction
+        return lost if friction is None else lost + friction.own_memory(self.law, history)[2]
 
     def viscous_energy(self, history: np.ndarray) -> np.ndarray:
         """Return what rates have dissipated [J/m³]; history (history_count, ...)."""
@@ -599,9 +632,14 @@ class Fabric:
 
     def rate_stress(self, E: np.ndarray, history: np.ndarray, step: Step) -> np.ndarray:
         """Return the part of S^M (..., 6) that depends on the step that leads to E (..., 6)."""
-        if self.viscous is None:
-            return np.zeros(np.shape(E))
-        return stress_of_step(self.viscous, E, self.viscous.own_memory(self.law, history), step)
+        S = np.zeros(np.shape(E))
+        if self.viscous is not None:
+            S = stress_of_step(self.viscous, E, self.viscous.own_memory(self.law, history), step)
+        if self.shear_friction is not None:
+            own, g = self.shear_friction.own_memory(self.law, history), np.asarray(E)[..., 3]
+            moment = self.shear_friction.in_step(g, own, self._shear(g)[0])[1]
+            S[..., 3] += self.shear_friction.stress_of(own[0], g, moment)
+        return S
 
     def viscosity(self, E: np.ndarray) -> np.ndarray:
         """Return the viscosities (..., 6) [Pa s] that bound the step at E (..., 6)."""
@@ -672,6 +710,26 @@ class Fabric:
 # --- scene ----------------------------------------------------------------------------------------
 
 
+class ShearFrictionTable(SceneModel):
+    """Friction of yarns that turn on each other (Dahl): fabric comes back another way."""
+
+    stress: PositiveStiffness = Field(
+        description="Limit of the friction's moment per volume: half the width of a loop of the "
+        "shear stress at a small angle."
+    )
+    angle: AcuteAngle = Field(
+        description="Change of the shear angle over which the friction comes to 63 % of its limit."
+    )
+    growth: Annotated[float, Number(0.2, NOT_NEGATIVE)] = Field(
+        default=0.0,
+        description="What the limit gains with the shear stress of the elastic part, over it.",
+    )
+
+    @property
+    def friction(self) -> ShearFriction:
+        return ShearFriction(self.stress, self.angle, self.growth)
+
+
 class FabricMembrane(SceneModel):
     """Membrane and transverse shear stiffness of a fabric (paper section 3.2)."""
 
@@ -690,6 +748,9 @@ class FabricMembrane(SceneModel):
     shear_range: Annotated[AcuteAngle | None, AbsentMeans("no warning beyond a range")] = Field(
         default=None,
         description="Shear angle up to which the shear law was measured; beyond it a run warns.",
+    )
+    friction: Annotated[ShearFrictionTable | None, AbsentMeans("sheared back as sheared")] = Field(
+        default=None, description="Friction of the shear, beside the shear polynomial."
     )
     locking_angle: Annotated[AcuteAngle | None, AbsentMeans("the fabric does not lock")] = Field(
         default=None, description="Shear angle from which on the fabric locks."
@@ -879,6 +940,14 @@ class FabricMaterial(FabricTable):
         return self.model_copy(update={"viscous": None})
 
     @property
+    def shear_rubs(self) -> bool:
+        return self.membrane.friction is not None
+
+    def without_shear_friction(self) -> Self:
+        """Return the fabric that is sheared back as it was sheared."""
+        return self._with("membrane", friction=None)
+
+    @property
     def bending_rubs(self) -> bool:
         return self.bending.rubs
 
@@ -929,4 +998,7 @@ class FabricMaterial(FabricTable):
             "bending_curves": self.bending.curves,
             "viscous": None if self.viscous is None else self.viscous.viscous,
             "bending_losses": self.bending.losses(self.thickness),
+            "shear_friction": None
+            if self.membrane.friction is None
+            else self.membrane.friction.friction,
         }

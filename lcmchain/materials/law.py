@@ -494,13 +494,14 @@ def stress_in_step(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return S^M (..., 6) and C^M (..., 6, 6) at the end of a step that leads to E (..., 6).
 
-    history : (history_count, ...) at its start. A material whose law knows the step offers a method
-    ``rate_stress(E, history, step)`` with the part of the stress that depends on it.
+    history : (history_count, ...) at its start. A material offers a method
+    ``rate_stress(E, history, step)`` with the part of the stress that depends on both.
     """
     S, C = material.stress_and_tangent(E)
-    if history is None or step is None:
+    method = getattr(material, "rate_stress", None)
+    if history is None or method is None:
         return S, C
-    return S + material.rate_stress(E, history, step), C  # type: ignore[attr-defined]
+    return S + method(E, history, Step(0.0, 0.0) if step is None else step), C
 
 
 def bending_stress_in_step(

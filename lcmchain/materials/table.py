@@ -49,6 +49,11 @@ class MaterialTable(SceneModel):
         return False
 
     @property
+    def shear_rubs(self) -> bool:
+        """Whether sheared fabric rubs on itself."""
+        return False
+
+    @property
     def bending_rubs(self) -> bool:
         """Whether fibres that are bent rub on each other."""
         return False

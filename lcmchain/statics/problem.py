@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.model import Model
 
 
@@ -83,6 +84,12 @@ class StaticProblem:
                 "static solver does not follow; use the explicit solver, or leave them out for the "
                 "elastic part alone",
                 key="material.bending",
+            )
+        if shear_friction_of(material) is not None:
+            raise InputError(
+                f'of "{material.name}" takes energy along a way that the static solver does not '
+                "follow; use the explicit solver, or leave it out for the elastic part alone",
+                key="material.membrane.friction",
             )
         if self.model.resists_rates:
             raise InputError(
