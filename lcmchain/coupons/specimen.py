@@ -114,12 +114,8 @@ def require_fabric(material: AnyMaterial, *, knows_losses: bool = False) -> None
     ------
     InputError : the material is no fabric, or one whose shear loses energy.
     """
-    if material.shear_rubs and not knows_losses:
-        raise InputError(
-            "makes the shear depend on its past, of which the analytic solution of this coupon "
-            "knows nothing; use lcmchain coupon picture-frame --cycles, or leave it out",
-            key="material.membrane.friction",
-        )
+    if not knows_losses:
+        require_no_friction(material)
     if material.resists_rates and not knows_losses:
         raise InputError(
             "makes the shear depend on its rate, of which the analytic solution of this coupon "
@@ -131,6 +127,21 @@ def require_fabric(material: AnyMaterial, *, knows_losses: bool = False) -> None
             f'is "{material.law}"; this coupon is compared with the analytic solution of a '
             'textile and needs law = "fabric" (or a preset)',
             key="material.law",
+        )
+
+
+def require_no_friction(material: AnyMaterial) -> None:
+    """Refuse friction in shear, of which the analytic solution of a coupon knows nothing.
+
+    Raises
+    ------
+    InputError : the material states it.
+    """
+    if material.shear_rubs:
+        raise InputError(
+            "makes the shear depend on its past, of which the analytic solution of this coupon "
+            "knows nothing; use lcmchain coupon picture-frame --cycles, or leave it out",
+            key="material.membrane.friction",
         )
 
 
