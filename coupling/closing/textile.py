@@ -45,8 +45,16 @@ def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
 
 
 def at_rest(table: Any) -> Any:
-    """Return the law of a material's table without what resists a rate of shear: none is left."""
-    return (table.without_viscosity() if table.resists_rates else table).build()
+    """Return the law of a material's table that is only pressed: without shear, bending, rates."""
+    for states, without in (
+        ("resists_rates", "without_viscosity"),
+        ("shear_rubs", "without_shear_friction"),
+        ("bending_rubs", "without_bending_friction"),
+        ("bending_resists_rates", "without_viscous_bending"),
+    ):
+        if getattr(table, states):
+            table = getattr(table, without)()
+    return table.build()
 
 
 def _of_stack(part: FormedPart, text: str, thickness: np.ndarray) -> StackCompaction:

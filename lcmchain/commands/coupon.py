@@ -60,13 +60,16 @@ def coupon_picture_frame(
     hold: Annotated[
         str | None, typer.Option(help="Time that the frame then stands still, for relaxation.")
     ] = None,
+    cycles: Annotated[
+        int, typer.Option(min=0, help="Times that the frame goes there and back; 0: only there.")
+    ] = 0,
     overrides: Overrides = None,
 ) -> None:
     """Shear a square in a hinged frame: force along the diagonal and along the sides."""
     sizes = {"--side": side, "--shear-angle": shear_angle, "--edge-length": edge_length}
     more = {"--speed": speed, "--hold": hold}
     sizes |= {option: text for option, text in more.items() if text is not None}
-    _run_coupon("picture_frame", scene, overrides, out, sizes)
+    _run_coupon("picture_frame", scene, overrides, out, sizes, cycles=cycles)
 
 
 @coupon_app.command("off-axis")
@@ -120,14 +123,36 @@ def coupon_cantilever(
     _run_coupon("cantilever", scene, overrides, out, sizes)
 
 
+@coupon_app.command("pure-bending")
+def coupon_pure_bending(
+    scene: MaterialScene = None,
+    out: OutFolder = None,
+    curvature: Annotated[str, typer.Option(help="Largest curvature, to both sides.")] = "20 1/m",
+    cycles: Annotated[int, typer.Option(min=1, help="Loops to both sides.")] = 2,
+    fibre: Annotated[int, typer.Option(min=1, max=2, help="Fibre direction that is bent.")] = 1,
+    length: Annotated[str, typer.Option(help="Length between the ends.")] = "20 mm",
+    width: Annotated[str, typer.Option(help="Width of the strip.")] = "20 mm",
+    edge_length: EdgeLength = "5 mm",
+    overrides: Overrides = None,
+) -> None:
+    """Bend a strip to both sides (Kawabata): moment over curvature, with its loop."""
+    sizes = {"--curvature": curvature, "--length": length, "--width": width}
+    sizes |= {"--edge-length": edge_length}
+    _run_coupon("pure_bending", scene, overrides, out, sizes, cycles=cycles, fibre=fibre)
+
+
 def _run_coupon(
     name: str,
     scene: Path | None,
     overrides: list[str] | None,
     out: Path | None,
     sizes: dict[str, str],
+    **counts: int,
 ) -> None:
-    """Simulate a coupon with the options ``sizes``, write its files and print its table."""
+    """Simulate a coupon with the options ``sizes``, write its files and print its table.
+
+    counts : options that are numbers without a unit, by their names.
+    """
     from importlib import import_module
 
     from lcmchain.scene import read_scene, scene_from_text
@@ -146,7 +171,7 @@ def _run_coupon(
         simulate = getattr(import_module(f"lcmchain.coupons.{name}"), name)
         with progress_bar() as progress:
             ply = the_scene.only_ply("lcmchain coupon")
-            result = simulate(ply.material, ply.element, progress=progress, **values)
+            result = simulate(ply.material, ply.element, progress=progress, **values, **counts)
         write_coupon(folder, result)
     console().print(result.table())
     say(f"Results in {folder}")

@@ -88,6 +88,7 @@ def quantity(option: str, text: str, dimension: Dimension | None = None) -> floa
     """Return a positive quantity in SI; by default of the dimension that the option has."""
     from lcmchain.quantities.units import (
         ANGLE,
+        CURVATURE,
         LENGTH,
         PRESSURE,
         SPEED,
@@ -99,7 +100,7 @@ def quantity(option: str, text: str, dimension: Dimension | None = None) -> floa
     if dimension is None:
         kinds = {
             "--pressure": PRESSURE, "--shear-angle": ANGLE, "--angle": ANGLE, "--speed": SPEED,
-            "--hold": TIME,
+            "--hold": TIME, "--curvature": CURVATURE,
         }  # fmt: skip
         dimension = kinds.get(option, LENGTH)
     try:

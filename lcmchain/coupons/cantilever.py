@@ -32,7 +32,7 @@ from lcmchain.coupons.specimen import (
     require_fabric,
     require_solid_shell,
 )
-from lcmchain.errors import SimulationError
+from lcmchain.errors import InputError, SimulationError
 from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES
@@ -87,11 +87,18 @@ def cantilever(
 
     Raises
     ------
-    InputError : the material is no fabric, or the element no solid-shell.
+    InputError : the material is no fabric or loses energy as it is bent, or the element is no
+        solid-shell.
     SimulationError : no equilibrium was found.
     """
     require_fabric(material)
     require_solid_shell(element)
+    if material.bending_rubs or material.bending_resists_rates:
+        raise InputError(
+            "loses energy (friction_1, viscous_1, ...), of which the equilibrium of a cantilever "
+            "knows nothing; lcmchain coupon pure-bending shows the loop, or leave them out",
+            key="material.bending",
+        )
     weight = material.areal_mass * STANDARD_GRAVITY
     curves, comparisons, strips = {}, [], []
     for number, orientation in enumerate(orientations):

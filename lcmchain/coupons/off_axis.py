@@ -33,6 +33,7 @@ from lcmchain.coupons.specimen import (
     force_between_clamps,
     mean_field,
     record,
+    require_no_friction,
     require_solid_shell,
     steady_pull,
 )
@@ -127,10 +128,11 @@ def off_axis(
 
     Raises
     ------
-    InputError : a material without fibres, an angle that is no off-axis angle, or a strip that
-        locks before the end.
+    InputError : a material without fibres or with friction in shear, an angle that is no off-axis
+        angle, or a strip that locks before the end.
     """
     require_solid_shell(element)
+    require_no_friction(material)
     if not material.has_fibres:
         raise InputError(
             f'is "{material.law}", which has no fibres; off-axis tension needs law = "fabric" '

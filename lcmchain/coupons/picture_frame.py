@@ -8,7 +8,7 @@ shear-compaction coupling gives without pressure.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
 from lcmchain.coupons.specimen import (
     FRAMES,
+    Loop,
     Progress,
     Recording,
     SteadyPull,
@@ -33,9 +34,10 @@ from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.fabric import FabricMaterial
-from lcmchain.materials.law import couples_shear
+from lcmchain.materials.law import Material, couples_shear
 from lcmchain.materials.shear_compaction import free_stretch
-from lcmchain.materials.viscous_shear import ViscousShear, viscous_of
+from lcmchain.materials.shear_friction import shear_friction_of
+from lcmchain.materials.viscous_shear import viscous_of
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
@@ -63,10 +65,12 @@ class PictureFrameTest:
     ----------
     shear_angle : of the frame at the end [rad].
     hold : time at the end of the process that the frame stands still [s].
+    cycles : how often the frame goes there and back; 0 only there.
     """
 
     shear_angle: float = math.radians(64.0)
     hold: float = 0.0
+    cycles: int = 0
 
     name: ClassVar[str] = "picture-frame"
     driven_by: ClassVar[tuple[str, Dimension]] = ("shear_angle", ANGLE)
@@ -81,9 +85,12 @@ blank = {{ size = ["200 mm", "200 mm"], edge_length = "10 mm" }}
 material = {{ preset = "MD600" }}
 """
 
-    def pull(self, scene: Scene) -> SteadyPull:
+    def pull(self, scene: Scene) -> SteadyPull | Loop:
         """Return the travel along the diagonal over the process of a scene."""
         distance = float(_net(scene).displacement(self.shear_angle))
+        if self.cycles:
+            ends = [0.0, *[distance, 0.0] * self.cycles]
+            return Loop(ends, scene.process.time / (2 * self.cycles))
         duration = scene.process.time - self.hold
         return SteadyPull(distance, duration, START * duration)
 
@@ -111,7 +118,7 @@ material = {{ preset = "MD600" }}
         pull = self.pull(scene)
         travel = np.array([pull.travel(min(t, pull.duration)) for t in recording.time[::2]])
         way = np.diff(travel)
-        return np.diff(recording.work[::2]) / np.where(way > 0.0, way, math.nan)
+        return np.diff(recording.work[::2]) / np.where(way != 0.0, way, math.nan)
 
 
 def _net(scene: Scene) -> PictureFrame:
@@ -131,12 +138,14 @@ def picture_frame(
     edge_length: float = 10e-3,
     speed: float | None = None,
     hold: float = 0.0,
+    cycles: int = 0,
     progress: Progress | None = None,
 ) -> CouponResult:
     """Simulate a picture-frame test.
 
-    Of a fabric that resists the rate of its shear (``material.viscous``) the reference is its law
-    along the angle of the frame over time.
+    Of a fabric that resists the rate of its shear (``material.viscous``) or rubs
+    (``material.membrane.friction``) the reference is its law along the angle of the frame over
+    time.
 
     Parameters
     ----------
@@ -145,28 +154,38 @@ def picture_frame(
     edge_length : of the elements [m].
     speed : of the machine [m/s], by default one that takes half a second.
     hold : time that the frame stands still in the end, while the fabric relaxes [s].
+    cycles : how often the frame goes there and back; 0 only there.
 
     Raises
     ------
-    InputError : the material is no fabric, or is held although nothing in it relaxes.
+    InputError : the material is no fabric, or is held although nothing in it relaxes or it goes
+        back.
     """
-    require_fabric(material, knows_rates=True)
+    require_fabric(material, knows_losses=True)
     if hold > 0.0 and not material.resists_rates:
         raise InputError(
             "lets the fabric relax, but its shear does not depend on its rate; state "
             "material.viscous, or leave it out",
             key="--hold",
         )
+    if cycles and (hold > 0.0 or speed is not None):
+        raise InputError(
+            "go there and back in a second each; leave out --hold and --speed", key="--cycles"
+        )
     analytic = PictureFrame(side, material.thickness)
-    test = PictureFrameTest(shear_angle, hold)
-    duration = DURATION
+    test = PictureFrameTest(shear_angle, hold, cycles)
+    duration = DURATION * max(2 * cycles, 1)
     if speed is not None:
         duration = float(analytic.displacement(shear_angle)) / (speed * (1.0 - 0.5 * START))
     scene = Scene(
         title=f"Picture frame of {material.name}, {math.degrees(shear_angle):.3g}°",
         material=material,
         element=element or Element(),
-        process={"time": duration + hold, "frames": FRAMES, "mass_damping": MASS_DAMPING},
+        process={
+            "time": duration + hold,
+            "frames": (FRAMES - 1) * max(2 * cycles, 1) + 1,
+            "mass_damping": MASS_DAMPING,
+        },
         blank={"size": (side, side), "edge_length": edge_length},
     )
 
@@ -190,11 +209,10 @@ def picture_frame(
     (body,) = simulation.model.bodies
     free = material.thickness * free_stretch(body.material, np.sin(gamma))
     shear_stress = shear_stress_of(body.material)
-    viscous = viscous_of(body.material)
-    if viscous is not None:
+    if viscous_of(body.material) is not None or shear_friction_of(body.material) is not None:
         at_rest, path = shear_stress, partial(_angle_at, analytic, pull)
-        of_rate = _rate_stress(viscous, recording.time[1::2], path)
-        shear_stress = lambda angle: at_rest(angle) + of_rate  # noqa: E731
+        of_way = _stress_of_way(body.material, recording.time[1::2], path)
+        shear_stress = lambda angle: at_rest(angle) + of_way  # noqa: E731
     curves = {
         "displacement [mm]": 1e3 * d[1::2],
         "force [N]": force,
@@ -205,9 +223,11 @@ def picture_frame(
         "analytic shear angle [deg]": np.degrees(gamma),
         "analytic edge shear force [N]": analytic.edge_shear_force(gamma, shear_stress),
         "analytic thickness [mm]": 1e3 * free,
-        **({"time [s]": recording.time[1::2]} if material.resists_rates else {}),
+        **({"time [s]": recording.time[1::2]} if material.resists_rates or cycles else {}),
     }
-    angles = curves["analytic shear angle [deg]"][~still]
+    # the way there, in cycles that of the first one
+    there = ~still & (recording.time[1::2] < (duration / (2 * cycles) if cycles else math.inf))
+    angles = curves["analytic shear angle [deg]"][there]
     frames = FrameSeries.from_snapshots(recording.snapshots[::4], ())
     energy = recording.energy
     return CouponResult(
@@ -223,8 +243,8 @@ def picture_frame(
             Comparison(
                 f"{name} at {angle:g}°",
                 unit,
-                float(np.interp(angle, angles, curves[f"{name} [{unit}]"][~still])),
-                float(np.interp(angle, angles, curves[f"analytic {name} [{unit}]"][~still])),
+                float(np.interp(angle, angles, curves[f"{name} [{unit}]"][there])),
+                float(np.interp(angle, angles, curves[f"analytic {name} [{unit}]"][there])),
                 origin,
             )
             for name, unit, origin in COMPARED[0 if couples_shear(body.material) else 1 :]
@@ -241,7 +261,8 @@ def picture_frame(
             )
             for k, time in enumerate(recording.time[1::2])
             if still[k]
-        ),
+        )
+        + tuple(_of_way_back(curves, cycles)),
         draw=lambda path: _draw(path, curves, scene.title),
         datasets=build_datasets(scene, body.mesh, frames, material=body.material),
         shown="shear_angle",
@@ -253,22 +274,57 @@ def picture_frame(
     )
 
 
-def _angle_at(net: PictureFrame, pull: SteadyPull, time: float) -> float:
+def _angle_at(net: PictureFrame, pull: SteadyPull | Loop, time: float) -> float:
     """Return the shear angle of the frame [rad] at a time [s]."""
     return float(net.shear_angle(pull.travel(min(time, pull.duration))))
 
 
-def _rate_stress(
-    viscous: ViscousShear, times: np.ndarray, angle: Callable[[float], float]
+def _stress_of_way(
+    material: Material, times: np.ndarray, angle: Callable[[float], float]
 ) -> np.ndarray:
-    """Return what the rate adds to S12 [Pa] at times [s], along the angle of the frame."""
+    """Return what rate and friction add to S12 [Pa] at times [s], along the angle of the frame."""
     steps = np.linspace(0.0, times[-1], PATH_STEPS + 1)[1:]
-    memory, stress = np.zeros(len(viscous.memory)), []
-    for time in steps:
-        memory = viscous.in_step(math.sin(angle(float(time))), memory, float(steps[0]))
-        stress.append(memory[1])
-    # the dashpot is that of the middle of a step
-    return np.interp(times, steps - 0.5 * steps[0], stress)
+    strains = np.sin([angle(float(time)) for time in steps])
+    viscous, friction = viscous_of(material), shear_friction_of(material)
+    found = np.zeros(times.size)
+    if viscous is not None:
+        memory, stress = np.zeros(len(viscous.memory)), []
+        for g in strains:
+            memory = viscous.in_step(g, memory, float(steps[0]))
+            stress.append(memory[1])
+        # the dashpot is that of the middle of a step
+        found += np.interp(times, steps - 0.5 * steps[0], stress)
+    if friction is not None:
+        elastic = shear_stress_of(material)(np.arcsin(strains))
+        memory, stress = np.zeros(len(friction.memory)), []
+        for g, own in zip(strains, elastic, strict=True):
+            before, memory = memory[0], friction.in_step(g, memory, own)
+            stress.append(friction.stress_of(before, g, memory[1]))
+        found += np.interp(times, steps, stress)
+    return found
+
+
+def _of_way_back(curves: dict[str, np.ndarray], cycles: int) -> Iterator[Comparison]:
+    """Yield the force on the last way back, and the energy that the last cycle takes."""
+    if not cycles:
+        return
+    half = len(curves["force [N]"]) // (2 * cycles)
+    back, cycle = slice(-half, None), slice(-2 * half, None)
+    angles = curves["analytic shear angle [deg]"][back][::-1]
+    name = "edge shear force [N]"
+    for angle in COMPARED_AT:
+        if angle <= angles[-1]:
+            found, law = (
+                float(np.interp(angle, angles, curves[own][back][::-1]))
+                for own in (name, f"analytic {name}")
+            )
+            yield Comparison(f"edge shear force back at {angle:g}°", "N", found, law, "L t0 S12")
+    travel = 1e-3 * curves["displacement [mm]"][cycle]
+    found, law = (
+        float(np.trapezoid(curves[own][cycle], travel))
+        for own in ("force [N]", "analytic force [N]")
+    )
+    yield Comparison("energy of the last cycle", "J", found, law, "law along the angle")
 
 
 def _shear_stress(simulation: Simulation, snapshot: Snapshot) -> float:
@@ -278,7 +334,11 @@ def _shear_stress(simulation: Simulation, snapshot: Snapshot) -> float:
     strain = np.zeros((past.shape[1], 6))
     viscous = viscous_of(body.material)
     assert viscous is not None
-    shear, of_rate = past[-len(viscous.memory) :][:2]
+    shear, of_rate = viscous.own_memory(body.material.law, past)[:2]
+    friction = shear_friction_of(body.material)
+    if friction is not None:
+        _, moment, _ = friction.own_memory(body.material.law, past)
+        of_rate = of_rate + friction.stress_of(shear, shear, moment)
     strain[:, 3] = shear
     strain[:, 2] = 0.5 * (free_stretch(body.material, shear) ** 2 - 1.0)
     return float((body.material.stress_and_tangent(strain)[0][:, 3] + of_rate).mean())

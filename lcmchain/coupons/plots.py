@@ -29,10 +29,15 @@ def two_panels(path: Path, title: str, subtitle: str) -> Iterator[tuple]:
 
 def finish(axis: Axes) -> None:
     """Grid, open frame, and an ordinate from zero."""
+    finish_loop(axis)
+    axis.set_xlim(left=0.0)
+    axis.set_ylim(bottom=0.0)
+
+
+def finish_loop(axis: Axes) -> None:
+    """Grid and open frame, of what lies on both sides of zero."""
     axis.grid(True, color="#e4e7ea", lw=0.6)
     axis.set_axisbelow(True)
     axis.spines["top"].set_visible(False)
     axis.spines["right"].set_visible(False)
     axis.tick_params(length=2.5)
-    axis.set_xlim(left=0.0)
-    axis.set_ylim(bottom=0.0)

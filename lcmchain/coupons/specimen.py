@@ -48,6 +48,36 @@ class SteadyPull(NamedTuple):
         return self.speed * self.start * s**4 * (2.5 + s * (s - 3.0))
 
 
+class Loop(NamedTuple):
+    """Way of a testing machine between turning points, at rest in each, by half waves of a cosine.
+
+    points : in their order, the first one at time 0. quarter : time [s] for as far as the second
+    one lies from the first.
+    """
+
+    points: Sequence[float]
+    quarter: float
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times of the turning points [s]."""
+        way = np.abs(np.diff(self.points))
+        return np.concatenate([[0.0], np.cumsum(way / way[0])]) * self.quarter
+
+    @property
+    def duration(self) -> float:
+        return float(self.times[-1])
+
+    def travel(self, time: float) -> float:
+        """Return where the machine is at a time [s]."""
+        times = self.times
+        k = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
+        s = min((time - times[k]) / (times[k + 1] - times[k]), 1.0)
+        return self.points[k] + (self.points[k + 1] - self.points[k]) * 0.5 * (
+            1.0 - float(np.cos(np.pi * s))
+        )
+
+
 def steady_pull(distance: float, scene: Scene) -> SteadyPull:
     """Return a travel [m] over the process of a scene, of which a fifth is its smooth start."""
     return SteadyPull(distance, scene.process.time, 0.2 * scene.process.time)
@@ -75,16 +105,18 @@ class Recording(NamedTuple):
         return {name: np.array([s.energy[name] for s in self.snapshots]) for name in names}
 
 
-def require_fabric(material: AnyMaterial, *, knows_rates: bool = False) -> None:
+def require_fabric(material: AnyMaterial, *, knows_losses: bool = False) -> None:
     """Refuse materials of which the analytic solution of a coupon knows nothing.
 
-    knows_rates : whether it knows a shear that depends on its rate.
+    knows_losses : whether it knows a shear that depends on its rate, or rubs.
 
     Raises
     ------
-    InputError : the material is no fabric, or one whose shear depends on its rate.
+    InputError : the material is no fabric, or one whose shear loses energy.
     """
-    if material.resists_rates and not knows_rates:
+    if not knows_losses:
+        require_no_friction(material)
+    if material.resists_rates and not knows_losses:
         raise InputError(
             "makes the shear depend on its rate, of which the analytic solution of this coupon "
             "knows nothing; use lcmchain coupon picture-frame, or leave the table out",
@@ -95,6 +127,21 @@ def require_fabric(material: AnyMaterial, *, knows_rates: bool = False) -> None:
             f'is "{material.law}"; this coupon is compared with the analytic solution of a '
             'textile and needs law = "fabric" (or a preset)',
             key="material.law",
+        )
+
+
+def require_no_friction(material: AnyMaterial) -> None:
+    """Refuse friction in shear, of which the analytic solution of a coupon knows nothing.
+
+    Raises
+    ------
+    InputError : the material states it.
+    """
+    if material.shear_rubs:
+        raise InputError(
+            "makes the shear depend on its past, of which the analytic solution of this coupon "
+            "knows nothing; use lcmchain coupon picture-frame --cycles, or leave it out",
+            key="material.membrane.friction",
         )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from lcmchain.effects import (
     bending,
+    bending_friction,
     compaction,
     contact,
     contact_depth,
@@ -28,11 +29,13 @@ from lcmchain.effects import (
     ply_contact,
     pore_pressure,
     shear_compaction,
+    shear_friction,
     shear_locking,
     supports,
     thickness,
     tool_motion,
     transverse_shear,
+    viscous_bending,
     viscous_shear,
 )
 from lcmchain.effects.effect import Effect, Switch
@@ -50,6 +53,9 @@ EFFECTS = (
     memory,
     shear_locking,
     viscous_shear,
+    shear_friction,
+    bending_friction,
+    viscous_bending,
     pore_pressure,
     face_pressure,
     contact,

@@ -115,6 +115,20 @@ def of_elements(change: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]
     return changed
 
 
+def of_materials(
+    name: str, model: Any, in_words: Callable[[Any], str | None], nothing: str
+) -> Effect:
+    """Return an effect of the laws of all bodies.
+
+    Parameters
+    ----------
+    model : a :class:`lcmchain.model.Model`. in_words : says what a material has of it, None for
+        nothing. nothing : the reason where none has it.
+    """
+    told = dict.fromkeys(filter(None, (in_words(body.material) for body in model.bodies)))
+    return Effect(name, bool(told), " and ".join(told) or nothing)
+
+
 def of_the_elements(name: str) -> Callable[[Any], list[Effect]]:
     """Return the function ``active(model)`` of an effect that the elements themselves compute.
 

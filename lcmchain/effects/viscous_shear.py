@@ -13,7 +13,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.effects.effect import Effect, Switch, out_of_materials, refused, stated_by_materials
+from lcmchain.effects.effect import (
+    Effect,
+    Switch,
+    of_materials,
+    out_of_materials,
+    refused,
+    stated_by_materials,
+)
 from lcmchain.materials.viscous_shear import viscous_of
 
 SWITCH = Switch(
@@ -27,21 +34,31 @@ SWITCH = Switch(
 
 def active(model: Any) -> list[Effect]:
     """Return one effect for all sheets."""
-    found = [viscous_of(body.material) for body in model.bodies]
-    told = dict.fromkeys(viscous.in_words() for viscous in found if viscous is not None)
-    reason = " and ".join(told) or "the shear does not depend on its rate"
-    return [Effect("viscous shear", bool(told), reason)]
+    nothing = "the shear does not depend on its rate"
+    return [of_materials("viscous shear", model, _in_words, nothing)]
+
+
+def _in_words(material: Any) -> str | None:
+    viscous = viscous_of(material)
+    return None if viscous is None else viscous.in_words()
 
 
 def remarks(scene: Any) -> list[str]:
-    """Say what of a scene changes a stress that depends on the rate."""
-    if not any(ply.material.resists_rates for ply in scene.stack):
-        return []
+    """Say what of a scene changes a stress that depends on the rate, of shear or of bending."""
+    materials = [ply.material for ply in scene.stack]
+    entries = []
+    if any(material.resists_rates for material in materials):
+        entries.append(("shear", "material.viscous"))
+    if any(material.bending_resists_rates for material in materials):
+        entries.append(("bending", "material.bending.viscous_1 and viscous_2"))
     found = [
-        f"the viscous shear takes process.time = {1e3 * scene.process.time:.4g} ms for the time of "
-        "the real process; where it is a shorter one, give the viscosities and relaxation times of "
-        "material.viscous multiplied by process.time over the real time: the stresses are the same"
+        f"the viscous {what} takes process.time = {1e3 * scene.process.time:.4g} ms for the time "
+        "of the real process; where it is a shorter one, give the viscosities and relaxation times "
+        f"of {entry} multiplied by process.time over the real time: the stresses are the same"
+        for what, entry in entries
     ]
+    if not found:
+        return []
     if scene.process.mass_scaling is not None:
         found.append(
             "process.mass_scaling leaves the viscous stresses as they are, if the process is slow "

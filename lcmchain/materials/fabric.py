@@ -25,6 +25,12 @@ from lcmchain.materials.bending_curve import (
     curve_response,
     with_curves,
 )
+from lcmchain.materials.bending_loss_table import (
+    BendingFrictionTable,
+    BendingRateTable,
+    bending_losses,
+)
+from lcmchain.materials.bending_losses import BendingLosses, with_losses
 from lcmchain.materials.compaction import (
     compaction_stress_and_tangent,
     compaction_tangent_curvature,
@@ -36,6 +42,7 @@ from lcmchain.materials.fabric_table import ExponentialCompaction, FabricTable
 from lcmchain.materials.law import (
     Step,
     bending_stiffness,
+    evolved_history,
     hourglass_tangent,
     implements,
     membrane_response,
@@ -58,6 +65,12 @@ from lcmchain.materials.shear_compaction import (
     with_coupling,
     with_thickening,
 )
+from lcmchain.materials.shear_friction import (
+    ShearFriction,
+    evolved_shear_friction,
+    with_rubbing_shear,
+    with_shear_friction,
+)
 from lcmchain.materials.shear_locking import (
     ShearLocking,
     locking_class,
@@ -66,9 +79,10 @@ from lcmchain.materials.shear_locking import (
     locking_tangent_slope,
     with_locking,
 )
+from lcmchain.materials.twins import let_have_twins
 from lcmchain.materials.viscous_shear import (
     ViscousShear,
-    let_resist_rates,
+    evolved_viscous_shear,
     stress_of_step,
     with_viscous,
     with_viscous_shear,
@@ -175,15 +189,30 @@ def stabilising_shear_curvature(law, g):
     return first * first * curvature + second * slope
 
 
+@equation
+def with_shear_losses(law, S12, C12, g, elastic, history):
+    """Return S12 and dS12/dg with what resists the rate of the shear, and its friction."""
+    S12, C12 = with_viscous_shear(law, S12, C12, g, history)
+    return with_shear_friction(law, S12, C12, g, elastic, history)
+
+
+@equation
+def evolved_shear(law, g, history):
+    """Return what the law remembers of its shear."""
+    elastic = shear_stress_and_tangent(law, g)[0]
+    of_rate = evolved_viscous_shear(law, g, history)
+    return of_rate + evolved_shear_friction(law, g, elastic, history)
+
+
 @implements(membrane_response, FabricLaw)
 @equation
 def fabric_response(law, E, history):
     """Return the stress S^M (Eq. 19, at the centre) and the diagonal of the tangent C^M."""
-    S12, C12 = shear_stress_and_tangent(law, E[3])
+    elastic, C12 = shear_stress_and_tangent(law, E[3])
     sheared = thickening(law, E[2], E[3])
     S33, C33 = compaction_stress_and_tangent(law, strain_of(sheared, E[2]))
-    S33, C33, S12, C12 = with_thickening(sheared, S33, C33, S12, C12)
-    S12, C12 = with_viscous_shear(law, S12, C12, E[3], history)
+    S33, C33, S12, C12 = with_thickening(sheared, S33, C33, elastic, C12)
+    S12, C12 = with_shear_losses(law, S12, C12, E[3], elastic, history)
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
@@ -239,6 +268,12 @@ def fabric_tangent_coupling(law, E, history):
     return compaction_coupling(thickening(law, E[2], E[3]), law)
 
 
+@implements(evolved_history, FabricLaw)
+@equation
+def fabric_evolved(law, E, history):
+    return evolved_shear(law, E[3], history)
+
+
 @implements(bending_stiffness, FabricLaw)
 @equation
 def fabric_bending_stiffness(law):
@@ -277,8 +312,8 @@ BentLinearLockingFabricLaw = bent_class(LinearLockingFabricLaw)
 BentLinearCoupledFabricLaw = bent_class(LinearCoupledFabricLaw)
 BentLinearLockingCoupledFabricLaw = bent_class(LinearLockingCoupledFabricLaw)
 
-# and all of them for fabric whose shear depends on its rate
-let_resist_rates(
+# and all of them for fabric with friction, or that depends on rates
+let_have_twins(
     FabricLaw,
     CoupledFabricLaw,
     LockingFabricLaw,
@@ -315,6 +350,8 @@ class Fabric:
     shear_coupling : β of :mod:`lcmchain.materials.shear_compaction`.
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
     viscous : what resists the rate of the shear, None for a law that does not know it.
+    bending_losses : friction and resistance to rates of the bending, None without.
+    shear_friction : friction of the shear, None without.
     """
 
     is_diagonal = True
@@ -336,10 +373,16 @@ class Fabric:
         shear_coupling: float = 0.0,
         bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
         viscous: ViscousShear | None = None,
+        bending_losses: BendingLosses | None = None,
+        shear_friction: ShearFriction | None = None,
     ) -> None:
         law = linear_where_constant(with_locking(with_coupling(law, shear_coupling), locking))
-        self.law = law = with_viscous(with_curves(law, bending_curves, thickness), viscous)
+        law = with_viscous(with_curves(law, bending_curves, thickness), viscous)
+        law = with_rubbing_shear(law, shear_friction)
+        self.law = law = with_losses(law, bending_losses)
         self.viscous = viscous
+        self.shear_friction = shear_friction
+        self.bending_losses = bending_losses
         self.shear_coupling = shear_coupling
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
@@ -555,30 +598,48 @@ class Fabric:
         Maxwell elements store what their moments in the history (history_count, ...) say.
         """
         stored = self._energy_in_plane(E) + self._compaction_energy(self._seen(np.asarray(E)))
-        return stored + self._relaxing_energy(history)
+        return stored + self._remembered_energy(history)
 
-    def _relaxing_energy(self, history: np.ndarray | None) -> ArrayLike:
-        """Return what Maxwell elements store [J/m³]."""
-        if self.viscous is None or history is None:
-            return 0.0
-        return self.viscous.stored(history[len(history) - len(self.viscous.terms) :])
+    def _remembered_energy(self, history: np.ndarray | None) -> ArrayLike:
+        """Return what Maxwell elements and friction of the shear store [J/m³]."""
+        stored: Any = 0.0
+        if history is None:
+            return stored
+        if self.viscous is not None:
+            stored += self.viscous.stored(self.viscous.own_memory(self.law, history)[3:])
+        if self.shear_friction is not None:
+            moment = self.shear_friction.own_memory(self.law, history)[1]
+            stored += moment**2 / (2.0 * self.shear_friction.modulus)
+        return stored
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return what the law has dissipated [J/m³] but by its viscosity: nothing."""
-        return np.zeros(np.shape(history)[1:])
+        """Return what the law has dissipated [J/m³] but by its viscosity: in friction."""
+        lost = self._lost_in_bending("bending_friction_loss", history)
+        friction = self.shear_friction
+        return lost if friction is None else lost + friction.own_memory(self.law, history)[2]
 
     def viscous_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return what the rate of the shear has dissipated [J/m³]; history (history_count, ...)."""
-        if self.viscous is None:
+        """Return what rates have dissipated [J/m³]; history (history_count, ...)."""
+        lost = self._lost_in_bending("viscous_bending_loss", history)
+        return (
+            lost if self.viscous is None else lost + self.viscous.own_memory(self.law, history)[2]
+        )
+
+    def _lost_in_bending(self, name: str, history: np.ndarray) -> np.ndarray:
+        if self.bending_losses is None:
             return np.zeros(np.shape(history)[1:])
-        lost: np.ndarray = history[len(history) - len(self.viscous.terms) - 1]
-        return lost
+        return self.bending_losses.lost(name, self.bending_losses.own_memory(self.law, history))
 
     def rate_stress(self, E: np.ndarray, history: np.ndarray, step: Step) -> np.ndarray:
         """Return the part of S^M (..., 6) that depends on the step that leads to E (..., 6)."""
-        if self.viscous is None:
-            return np.zeros(np.shape(E))
-        return stress_of_step(self.viscous, E, history, step)
+        S = np.zeros(np.shape(E))
+        if self.viscous is not None:
+            S = stress_of_step(self.viscous, E, self.viscous.own_memory(self.law, history), step)
+        if self.shear_friction is not None:
+            own, g = self.shear_friction.own_memory(self.law, history), np.asarray(E)[..., 3]
+            moment = self.shear_friction.in_step(g, own, self._shear(g)[0])[1]
+            S[..., 3] += self.shear_friction.stress_of(own[0], g, moment)
+        return S
 
     def viscosity(self, E: np.ndarray) -> np.ndarray:
         """Return the viscosities (..., 6) [Pa s] that bound the step at E (..., 6)."""
@@ -640,11 +701,33 @@ class Fabric:
 
     def wave_stiffness(self) -> tuple[float, float]:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
-        law = self.law
-        return max(law.C11, law.C22, law.B11, law.B22), max(law.c0, law.B33)
+        law, bending = self.law, np.array([self.law.B11, self.law.B22])
+        if self.bending_losses is not None:
+            bending = bending + self.bending_losses.glassy_moduli()
+        return max(law.C11, law.C22, *bending), max(law.c0, law.B33)
 
 
 # --- scene ----------------------------------------------------------------------------------------
+
+
+class ShearFrictionTable(SceneModel):
+    """Friction of yarns that turn on each other (Dahl): fabric comes back another way."""
+
+    stress: PositiveStiffness = Field(
+        description="Limit of the friction's moment per volume: half the width of a loop of the "
+        "shear stress at a small angle."
+    )
+    angle: AcuteAngle = Field(
+        description="Change of the shear angle over which the friction comes to 63 % of its limit."
+    )
+    growth: Annotated[float, Number(0.2, NOT_NEGATIVE)] = Field(
+        default=0.0,
+        description="What the limit gains with the shear stress of the elastic part, over it.",
+    )
+
+    @property
+    def friction(self) -> ShearFriction:
+        return ShearFriction(self.stress, self.angle, self.growth)
 
 
 class FabricMembrane(SceneModel):
@@ -665,6 +748,9 @@ class FabricMembrane(SceneModel):
     shear_range: Annotated[AcuteAngle | None, AbsentMeans("no warning beyond a range")] = Field(
         default=None,
         description="Shear angle up to which the shear law was measured; beyond it a run warns.",
+    )
+    friction: Annotated[ShearFrictionTable | None, AbsentMeans("sheared back as sheared")] = Field(
+        default=None, description="Friction of the shear, beside the shear polynomial."
     )
     locking_angle: Annotated[AcuteAngle | None, AbsentMeans("the fabric does not lock")] = Field(
         default=None, description="Shear angle from which on the fabric locks."
@@ -755,6 +841,18 @@ class FabricBending(SceneModel):
     curve_2: Annotated[BendingCurveTable | None, AbsentMeans("C22 is constant")] = Field(
         default=None, description="Measured bending along fibre direction 2, in place of C22."
     )
+    friction_1: Annotated[BendingFrictionTable | None, AbsentMeans("bent back as bent")] = Field(
+        default=None, description="Friction of bending along fibre direction 1, beside C11."
+    )
+    friction_2: Annotated[BendingFrictionTable | None, AbsentMeans("bent back as bent")] = Field(
+        default=None, description="Friction of bending along fibre direction 2, beside C22."
+    )
+    viscous_1: Annotated[BendingRateTable | None, AbsentMeans("no rate is resisted")] = Field(
+        default=None, description="What resists the rate of bending along fibre direction 1."
+    )
+    viscous_2: Annotated[BendingRateTable | None, AbsentMeans("no rate is resisted")] = Field(
+        default=None, description="What resists the rate of bending along fibre direction 2."
+    )
     C33: PositiveStiffness = Field(description="Stiffness against a gradient of compaction.")
     C12: PositiveStiffness = Field(description="Torsional stiffness.")
     C23: PositiveStiffness = Field(description="Transverse shear stiffness 23.")
@@ -773,6 +871,22 @@ class FabricBending(SceneModel):
             None if table is None else table.curve for table in (self.curve_1, self.curve_2)
         )
         return first, second
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is friction along either direction."""
+        return self.friction_1 is not None or self.friction_2 is not None
+
+    @property
+    def resists_rates(self) -> bool:
+        """Whether the bending along either direction depends on its rate."""
+        return self.viscous_1 is not None or self.viscous_2 is not None
+
+    def losses(self, thickness: float) -> BendingLosses | None:
+        """What the bending of a sheet of a thickness [m] loses."""
+        return bending_losses(
+            (self.friction_1, self.friction_2), (self.viscous_1, self.viscous_2), thickness
+        )
 
 
 #: The published fabrics of :mod:`lcmchain.scene.fabrics`, which knows this law.
@@ -825,6 +939,30 @@ class FabricMaterial(FabricTable):
         """Return the fabric whose shear does not depend on its rate."""
         return self.model_copy(update={"viscous": None})
 
+    @property
+    def shear_rubs(self) -> bool:
+        return self.membrane.friction is not None
+
+    def without_shear_friction(self) -> Self:
+        """Return the fabric that is sheared back as it was sheared."""
+        return self._with("membrane", friction=None)
+
+    @property
+    def bending_rubs(self) -> bool:
+        return self.bending.rubs
+
+    def without_bending_friction(self) -> Self:
+        """Return the fabric that is bent back as it was bent."""
+        return self._with("bending", friction_1=None, friction_2=None)
+
+    @property
+    def bending_resists_rates(self) -> bool:
+        return self.bending.resists_rates
+
+    def without_viscous_bending(self) -> Self:
+        """Return the fabric whose bending does not depend on its rate."""
+        return self._with("bending", viscous_1=None, viscous_2=None)
+
     def law_parameters(self) -> FabricLaw:
         """Return the parameters in SI.
 
@@ -859,4 +997,8 @@ class FabricMaterial(FabricTable):
             "shear_coupling": self.compaction.shear_coupling,
             "bending_curves": self.bending.curves,
             "viscous": None if self.viscous is None else self.viscous.viscous,
+            "bending_losses": self.bending.losses(self.thickness),
+            "shear_friction": None
+            if self.membrane.friction is None
+            else self.membrane.friction.friction,
         }

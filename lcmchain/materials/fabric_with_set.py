@@ -40,11 +40,13 @@ from lcmchain.materials.fabric import (
     FabricCompaction,
     FabricLaw,
     FabricMaterial,
+    evolved_shear,
     fabric_bending_stiffness,
     fabric_hourglass_tangent,
     shear_stress_and_tangent,
     stabilising_shear_curvature,
     stabilising_shear_slope,
+    with_shear_losses,
 )
 from lcmchain.materials.law import (
     Remembered,
@@ -67,11 +69,7 @@ from lcmchain.materials.shear_compaction import (
     with_thickening,
 )
 from lcmchain.materials.shear_locking import locking_class
-from lcmchain.materials.viscous_shear import (
-    evolved_viscous_shear,
-    let_resist_rates,
-    with_viscous_shear,
-)
+from lcmchain.materials.twins import let_have_twins
 from lcmchain.quantities.entry_types import Number, Range
 
 FabricWithSetLaw = NamedTuple(
@@ -112,10 +110,10 @@ def curvature_from_set(law, E33, history):
 def response(law, E, history):
     sheared = thickening(law, E[2], E[3])
     strain, _, stiffening = strain_from_set(law, strain_of(sheared, E[2]), history)
-    S12, C12 = shear_stress_and_tangent(law, E[3])
+    elastic, C12 = shear_stress_and_tangent(law, E[3])
     S33, C33 = compaction_stress_and_tangent(law, strain)
-    S33, C33, S12, C12 = with_thickening(sheared, S33, stiffening * C33, S12, C12)
-    S12, C12 = with_viscous_shear(law, S12, C12, E[3], history)
+    S33, C33, S12, C12 = with_thickening(sheared, S33, stiffening * C33, elastic, C12)
+    S12, C12 = with_shear_losses(law, S12, C12, E[3], elastic, history)
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
@@ -159,7 +157,7 @@ def coupling(law, E, history):
 @equation
 def evolved(law, E, history):
     most = min(strain_of(thickening(law, E[2], E[3]), E[2]), history[0])
-    return (most, *evolved_viscous_shear(law, E[3], history))
+    return (most, *evolved_shear(law, E[3], history))
 
 
 implements(bending_stiffness, FabricWithSetLaw)(fabric_bending_stiffness)
@@ -182,7 +180,7 @@ BentLinearLockingFabricWithSetLaw = bent_class(LinearLockingFabricWithSetLaw)
 BentLinearCoupledFabricWithSetLaw = bent_class(LinearCoupledFabricWithSetLaw)
 BentLinearLockingCoupledFabricWithSetLaw = bent_class(LinearLockingCoupledFabricWithSetLaw)
 
-let_resist_rates(
+let_have_twins(
     FabricWithSetLaw,
     CoupledFabricWithSetLaw,
     LockingFabricWithSetLaw,
@@ -224,11 +222,12 @@ class FabricWithSet(Fabric):
         """Return W^M [J/m³], with the stored part of the compaction in place of W33."""
         strain, stiffening = self._strain_from_set(self._seen(np.asarray(E, dtype=float)), history)
         stored = self._compaction_energy(strain) / stiffening
-        return self._energy_in_plane(E) + stored + self._relaxing_energy(history)
+        return self._energy_in_plane(E) + stored + self._remembered_energy(history)
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return s W33(κ) [J/m³]."""
-        return self.law.permanent_set * self._compaction_energy(history[0])
+        """Return s W33(κ) and what friction has taken [J/m³]."""
+        set_in = self.law.permanent_set * self._compaction_energy(history[0])
+        return set_in + super().dissipated_energy(history)
 
     def _pressure(self, stretch: np.ndarray, history: np.ndarray | None) -> np.ndarray:
         strain, _ = self._strain_from_set(0.5 * (stretch**2 - 1.0), history)

@@ -42,14 +42,20 @@ from lcmchain.materials.stiffness import product
 __all__ = [
     "Material",
     "Step",
+    "bending_bound",
     "bending_excess",
     "bending_response",
     "bending_stiffness",
     "bending_stress",
+    "bending_stress_in_step",
+    "bending_viscosity",
+    "bends_at_reference_thickness",
     "bends_by_curves",
     "fibre_angles",
     "takes_fibre_share",
+    "unrolled",
     "couples_shear",
+    "evolved_bending",
     "evolved_history",
     "history_count",
     "hourglass_tangent",
@@ -66,6 +72,7 @@ __all__ = [
     "serves_planes",
     "stabilising_tangent",
     "store_history",
+    "stored_bending",
     "stress_in_step",
     "tangent_coupling",
     "tangent_coupling_of",
@@ -73,6 +80,7 @@ __all__ = [
     "tangent_slope",
     "viscosity",
     "viscosity_of",
+    "with_bending_losses",
     "with_fibre_modulus",
 ]
 
@@ -143,6 +151,42 @@ def bending_stress(law, C_B, E, inverse_height):
     It is stiffest at zero, where its slope is C^B: the step is bound by that.
     """
     return product(C_B, E)
+
+
+@optional
+def with_bending_losses(law, S, E, inverse_height, history):
+    """Return S^ζ with what friction and rates of the bending add; as it is for a law without.
+
+    The history is that of the start of a step, as for :func:`membrane_response`.
+    """
+    return S
+
+
+@optional
+def evolved_bending(law, E, inverse_height, history):
+    """Return what a law remembers of its bending at the end of a step to E^ζ; nothing by default.
+
+    It stands behind all that :func:`evolved_history` returns.
+    """
+    return ()
+
+
+@optional
+def stored_bending(law, history):
+    """Return twice the energy that a law's memory of the bending stores, over h² [J/m³/m²]."""
+    return 0.0
+
+
+@optional
+def bending_bound(law):
+    """Return C^B that bounds the step, with all that may stiffen the strains linear in ζ."""
+    return bending_stiffness(law)
+
+
+@optional
+def bending_viscosity(law):
+    """Return two viscosities [Pa s], of S11 and S22 over the rate of E^ζ; ``None`` for none."""
+    return None
 
 
 @optional
@@ -239,6 +283,29 @@ def written(text: str, **names: Any) -> Callable[..., Any]:
 
 
 _WITHOUT_STEP, _WITH_STEP = "law, data, i, stride", "law, data, i, stride, step"
+
+
+def unrolled(text_of: Callable[[type], str], **names: Any) -> Callable[[Any], Any]:
+    """Make a function whose text is written out for what a class of laws has a count of.
+
+    Parameters
+    ----------
+    text_of : returns the text for a class. names : what it calls. The decorated function gives its
+        name and arguments, the law first.
+    """
+
+    def register(stub: Any) -> Any:
+        @functools.wraps(stub)
+        def function(law, *others):
+            return written(text_of(type(law)), **names)(law, *others)
+
+        def choose(law, *others):
+            return written(text_of(law.instance_class), **names)
+
+        overload(function, jit_options=INLINED, strict=False)(choose)
+        return function
+
+    return register
 
 
 def load_history(law: Any, data: np.ndarray, i: int, stride: int) -> tuple:
@@ -374,6 +441,14 @@ def bends_by_curves(material: Material) -> bool:
     return bool(getattr(material, "bends_by_curves", False))
 
 
+def bends_at_reference_thickness(material: Material) -> bool:
+    """Tell whether the bending of a material is always that of its initial thickness.
+
+    So are measured moments: curves, friction, and what resists the rate.
+    """
+    return bends_by_curves(material) or getattr(material, "bending_losses", None) is not None
+
+
 def tangent_coupling_of(
     material: Material, E: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -419,13 +494,35 @@ def stress_in_step(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return S^M (..., 6) and C^M (..., 6, 6) at the end of a step that leads to E (..., 6).
 
-    history : (history_count, ...) at its start. A material whose law knows the step offers a method
-    ``rate_stress(E, history, step)`` with the part of the stress that depends on it.
+    history : (history_count, ...) at its start. A material offers a method
+    ``rate_stress(E, history, step)`` with the part of the stress that depends on both.
     """
     S, C = material.stress_and_tangent(E)
-    if history is None or step is None:
+    method = getattr(material, "rate_stress", None)
+    if history is None or method is None:
         return S, C
-    return S + material.rate_stress(E, history, step), C  # type: ignore[attr-defined]
+    return S + method(E, history, Step(0.0, 0.0) if step is None else step), C
+
+
+def bending_stress_in_step(
+    material: Material,
+    E: np.ndarray,
+    height: float,
+    history: np.ndarray | None,
+    step: Step | None,
+) -> np.ndarray:
+    """Return what friction and rates add to S^ζ (6,) at the end of a step that leads to E^ζ (6,).
+
+    height : half the thickness of the element [m]. history : (history_count,) at the start of the
+    step. A material whose law implements :func:`with_bending_losses` has ``bending_losses``.
+    """
+    S, losses = np.zeros(6), getattr(material, "bending_losses", None)
+    if losses is None or history is None:
+        return S
+    own = losses.own_memory(material.law, history)
+    after = losses.in_step(E[:2] / height, own, 0.0 if step is None else step.size)
+    S[:2] = height * losses.per_stiffness * losses.moments(after)
+    return S
 
 
 def with_fibre_modulus(material: Material, factor: float) -> Material:

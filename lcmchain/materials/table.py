@@ -49,6 +49,26 @@ class MaterialTable(SceneModel):
         return False
 
     @property
+    def shear_rubs(self) -> bool:
+        """Whether sheared fabric rubs on itself."""
+        return False
+
+    @property
+    def bending_rubs(self) -> bool:
+        """Whether fibres that are bent rub on each other."""
+        return False
+
+    @property
+    def bending_resists_rates(self) -> bool:
+        """Whether the bending depends on its rate."""
+        return False
+
+    @property
+    def knows_rates(self) -> bool:
+        """Whether any stress depends on a rate."""
+        return self.resists_rates or self.bending_resists_rates
+
+    @property
     def locks(self) -> bool:
         """Whether the fabric locks in shear."""
         return False

@@ -39,50 +39,36 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import ArrayLike
 
 from lcmchain.dispatch import optional
-from lcmchain.jit import INLINED, equation
+from lcmchain.jit import equation
 from lcmchain.materials.elementary import exponential, logarithm
 from lcmchain.materials.law import (
     Remembered,
     Step,
-    evolved_history,
     history_count,
     remembered,
+    unrolled,
     viscosity,
-    written,
 )
+from lcmchain.materials.maxwell import Relaxation, maxwell_moment, moment_after
 from lcmchain.materials.shear_compaction import LARGEST_SQUARE
-from lcmchain.materials.twins import twin_of
+from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
 
 GAS_CONSTANT = 8.31446261815324  # [J/(mol K)]
 # Below this rate times the time constant M a Cross viscosity is that at rest, to double precision.
 SMALLEST_CROSS = 1e-30
-# Steps of more relaxation times than this leave nothing of a stress.
-MOST_TIMES = 600.0
-# Below this part of a relaxation time (1 - exp(-x))/x is taken by its series.
-SHORT = 1e-3
-
 #: What every law with a rate remembers before the moments of its Maxwell elements.
 OWN_MEMORY = (
     Remembered("shear_strain_before", "1", "shear strain 2 E12 at the end of the step before"),
     Remembered("viscous_shear_stress", "Pa", "part of S12 that depends on the rate of the shear"),
     Remembered("viscous_dissipation", "J/m3", "energy lost to the rate of the shear, per volume"),
 )
-
-
-class Relaxation(NamedTuple):
-    """A Maxwell element: its modulus [Pa] and relaxation time [s]."""
-
-    modulus: float
-    time: float
 
 
 def viscous_of(material: Any) -> ViscousShear | None:
@@ -179,9 +165,7 @@ class ViscousShear:
         rate = turn / size if size > 0.0 else np.zeros_like(turn)
         after = []
         for term, moment in zip(self.terms, moments, strict=True):
-            x = size / term.time
-            mean = -math.expm1(-x) / x if x > 0.0 else 1.0
-            after.append(math.exp(-x) * moment + term.modulus * mean * turn)
+            after.append(moment_after(moment, term.modulus, term.time, turn, size))
         now = secant * (self.viscosity_at(rate) * rate + sum(after))
         more = self.stored([*after]) - self.stored(moments)
         lost = lost + 0.5 * (stress + now) * (g - before) - more
@@ -191,6 +175,10 @@ class ViscousShear:
         """Return Σ T_k²/(2 G_k) [J/m³] of moments T_k, one after the other."""
         pairs = zip(self.terms, moments, strict=True)
         return sum((moment**2 / (2.0 * term.modulus) for term, moment in pairs), start=0.0)
+
+    def own_memory(self, law: Any, history: np.ndarray) -> np.ndarray:
+        """Return what a law with it remembers of it (3 + n, ...), of all that it remembers."""
+        return history[law.viscous_place : law.viscous_place + len(self.memory)]
 
     def steady_stress(self, angle: ArrayLike, rate: ArrayLike) -> np.ndarray:
         """Return what comes to S12 [Pa] at angles [rad] that grew from 0 at a rate [1/s]."""
@@ -254,36 +242,13 @@ def dashpot_moment(law, turn, size):
     return viscosity_at(law, abs(rate)) * rate
 
 
-@equation
-def maxwell_moment(moment, modulus, time, turn, size):
-    """Return the moment of a Maxwell element after a step that turns the fibres by Δγ."""
-    x = size / time
-    series = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x / 24.0))
-    left = exponential(-min(x, MOST_TIMES))
-    mean = series if x < SHORT else (1.0 - left) / x
-    return left * moment + modulus * mean * turn
-
-
-def _unrolled(text_of: Callable[[type], str]) -> Callable[[Any], Any]:
-    """Register the code of a function that is written out for the count of a class's elements."""
-
-    def register(plain: Any) -> Any:
-        def choose(law, *others):
-            return written(text_of(law.instance_class), maxwell_moment=maxwell_moment)
-
-        overload(plain, jit_options=INLINED, strict=False)(choose)
-        return plain
-
-    return register
-
-
-def _places(law_class: Any) -> range:
+def _places(law_class: Any) -> tuple[int, ...]:
     """Return where in a history stand what the law remembers of its rate, and the step."""
-    first = history_count(law_class) - len(OWN_MEMORY) - law_class.maxwell_count
-    return range(first, history_count(law_class) + 2)
+    first, last = law_class.viscous_place, history_count(law_class)
+    return (*range(first, first + len(OWN_MEMORY) + law_class.maxwell_count), last, last + 1)
 
 
-@_unrolled(lambda own: f"lambda law, history: ({''.join(f'history[{k}], ' for k in _places(own))})")
+@unrolled(lambda own: f"lambda law, history: ({''.join(f'history[{k}], ' for k in _places(own))})")
 def own_numbers(law: Any, history: tuple) -> tuple:
     """Return g, stress and loss of the step before, the moments, and size and time of the step."""
     return tuple(history[k] for k in _places(type(law)))
@@ -296,7 +261,10 @@ def _elements(law_class: Any, term: str) -> list[str]:
 _AFTER = "maxwell_moment(own[{place}], law.modulus_{k}, law.relaxation_time_{k}, turn, size), "
 
 
-@_unrolled(lambda own: f"lambda law, own, turn, size: ({''.join(_elements(own, _AFTER))})")
+@unrolled(
+    lambda own: f"lambda law, own, turn, size: ({''.join(_elements(own, _AFTER))})",
+    maxwell_moment=maxwell_moment,
+)
 def moments_after(law: Any, own: tuple, turn: float, size: float) -> tuple:
     """Return the moments of the Maxwell elements after a step that turns the fibres by Δγ."""
     numbers = range(1, law.maxwell_count + 1)
@@ -316,7 +284,7 @@ def _sum(terms: list[str]) -> str:
     return " + ".join(terms) or "0.0"
 
 
-@_unrolled(
+@unrolled(
     lambda own: "lambda law, moments: " + _sum([f"moments[{k}]" for k in range(own.maxwell_count)])  # type: ignore[attr-defined]
 )
 def sum_of_moments(law: Any, moments: tuple) -> float:
@@ -324,13 +292,13 @@ def sum_of_moments(law: Any, moments: tuple) -> float:
     return sum(moments)
 
 
-@_unrolled(lambda own: "lambda law: " + _sum(_elements(own, "law.modulus_{k}")))
+@unrolled(lambda own: "lambda law: " + _sum(_elements(own, "law.modulus_{k}")))
 def glassy_modulus(law: Any) -> float:
     """Return the modulus of all Maxwell elements together."""
     return sum(getattr(law, f"modulus_{k + 1}") for k in range(law.maxwell_count))
 
 
-@_unrolled(
+@unrolled(
     lambda own: (
         "lambda law, own, moments: "
         + _sum(
@@ -350,7 +318,7 @@ def stored_more(law: Any, own: tuple, moments: tuple) -> float:
     )
 
 
-@_unrolled(
+@unrolled(
     lambda own: (
         "lambda law, g, stress, lost, moments: (g, stress, lost, "
         + "".join(f"moments[{k}], " for k in range(own.maxwell_count))  # type: ignore[attr-defined]
@@ -389,12 +357,6 @@ def viscous_shear_memory(law, g, history):
 
 
 @equation
-def viscous_shear_history(law, E, history):
-    """Return the history of a law that remembers nothing else."""
-    return viscous_shear_memory(law, E[3], history)
-
-
-@equation
 def viscous_shear_bound(law, E, history):
     secant = secant_of(E[3])
     return (None, None, None, law.viscosity * secant * secant, None, None)
@@ -402,72 +364,53 @@ def viscous_shear_bound(law, E, history):
 
 # --- laws -----------------------------------------------------------------------------------------
 
-# Classes of laws of which twins can be made, by their names, and the twins.
-_bases: dict[str, Any] = {}
-_twins: dict[str, Any] = {}
-
 # Kinds of viscosity, and the parameters of each.
 _KINDS = {
     "Newton": ("viscosity",),
     "Cross": ("viscosity", "infinite_viscosity", "time_constant", "exponent"),
 }
-_NAME = re.compile(rf"({'|'.join(_KINDS)})(\d+)(\w+)")
 
 
-def let_resist_rates(*law_classes: Any) -> None:
-    """Let twins of classes of laws be made whose shear depends on its rate."""
-    _bases.update({law_class.__name__: law_class for law_class in law_classes})
+@made_on_demand(rf"(?P<kind>{'|'.join(_KINDS)})(?P<count>\d+)(?P<base>\w+)")
+def _twin(name: re.Match[str], base: Any) -> Any:
+    """Return the twin of a class of laws whose shear depends on its rate."""
+    kind, count = name["kind"], int(name["count"])
+    numbers = range(1, count + 1)
+    fields = [
+        *_KINDS[kind],
+        *(f"modulus_{k}" for k in numbers),
+        *(f"relaxation_time_{k}" for k in numbers),
+    ]
+    answers = {
+        with_viscous_shear: viscous_shear_stress,
+        evolved_viscous_shear: viscous_shear_memory,
+        viscosity: viscous_shear_bound,
+    }
+    if kind == "Cross":
+        answers[viscosity_at] = cross_viscosity
+    twin = twin_of(
+        base,
+        f"{kind}{count}",
+        about=" and of :class:`ViscousShear`.",
+        entries=[(field, float) for field in fields],
+        answers=answers,
+    )
+    twin.viscous_place = history_count(base)
+    twin.remembers = remembered(base) + memory_of(count)
+    twin.knows_step = True
+    twin.maxwell_count = count
+    return twin
 
 
 def viscous_class(law_class: Any, viscous: ViscousShear) -> Any:
     """Return the twin of a class of laws whose shear depends on its rate, see :func:`.twin_of`."""
     kind = "Cross" if viscous.thins else "Newton"
-    return _twin(f"{kind}{len(viscous.terms)}{law_class.__name__}")
+    return twin_named(f"{kind}{len(viscous.terms)}{law_class.__name__}")
 
 
 def __getattr__(name: str) -> Any:
     """Return a twin by its name, as compiled kernels on disk look it up."""
-    if _NAME.fullmatch(name) is None:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from lcmchain.materials import laws  # noqa: F401, the classes that twins are made of
-
-    return _twin(name)
-
-
-def _twin(name: str) -> Any:
-    found = _NAME.fullmatch(name)
-    if name not in _twins and found is not None:
-        kind, count, base = found[1], int(found[2]), _bases.get(found[3])
-        if base is None:
-            raise AttributeError(f"{found[3]} is no law whose shear could resist a rate")
-        numbers = range(1, count + 1)
-        fields = [
-            *_KINDS[kind],
-            *(f"modulus_{k}" for k in numbers),
-            *(f"relaxation_time_{k}" for k in numbers),
-        ]
-        answers = {
-            with_viscous_shear: viscous_shear_stress,
-            evolved_viscous_shear: viscous_shear_memory,
-            viscosity: viscous_shear_bound,
-        }
-        if not remembered(base):
-            answers[evolved_history] = viscous_shear_history
-        if kind == "Cross":
-            answers[viscosity_at] = cross_viscosity
-        twin = twin_of(
-            base,
-            f"{kind}{count}",
-            about=" and of :class:`ViscousShear`.",
-            entries=[(field, float) for field in fields],
-            answers=answers,
-        )
-        twin.__module__ = __name__
-        twin.remembers = remembered(base) + memory_of(count)
-        twin.knows_step = True
-        twin.maxwell_count = count
-        _twins[name] = twin
-    return _twins[name]
+    return twin_named(name)
 
 
 def with_viscous(law: Any, viscous: ViscousShear | None) -> Any:
@@ -480,11 +423,8 @@ def with_viscous(law: Any, viscous: ViscousShear | None) -> Any:
     return twin(*law, *(float(number) for number in (*numbers, *moduli, *times)))
 
 
-def stress_of_step(
-    viscous: ViscousShear, E: np.ndarray, history: np.ndarray, step: Step
-) -> np.ndarray:
-    """Return what comes to S^M (..., 6) at the end of a step to E; history of the law before."""
+def stress_of_step(viscous: ViscousShear, E: np.ndarray, own: np.ndarray, step: Step) -> np.ndarray:
+    """Return what comes to S^M (..., 6) at the end of a step to E; its own memory before."""
     S = np.zeros(np.shape(E))
-    own = history[len(history) - len(viscous.memory) :]
     S[..., 3] = viscous.in_step(np.asarray(E)[..., 3], own, float(step.size))[1]
     return S

@@ -1,12 +1,14 @@
-"""Scene table of the shear that depends on its rate, ``[material.viscous]``."""
+"""Scene tables of what resists a rate: of the shear ``[material.viscous]``, and of the bending."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from lcmchain.materials.viscous_shear import Relaxation, ViscousShear, arrhenius_factor
+from lcmchain.materials.maxwell import Relaxation
+from lcmchain.materials.viscous_shear import ViscousShear, arrhenius_factor
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     ActivationEnergy,
@@ -41,14 +43,11 @@ class CrossTable(SceneModel):
     )
 
 
-class ViscousTable(SceneModel):
-    """What resists the rate of the shear angle: a dashpot, and Maxwell elements beside it."""
+class RateTable(SceneModel):
+    """What resists a rate: a dashpot, and Maxwell elements beside it, at a temperature."""
 
     viscosity: Annotated[Viscosity | None, AbsentMeans("no dashpot")] = Field(
         default=None, description="Viscosity η of the dashpot, with cross that at rest, η0."
-    )
-    cross: Annotated[CrossTable | None, AbsentMeans("the viscosity is constant")] = Field(
-        default=None, description="How the viscosity falls with the rate (Cross)."
     )
     maxwell: Annotated[
         tuple[MaxwellTable, ...],
@@ -76,16 +75,6 @@ class ViscousTable(SceneModel):
                 'needs a viscosity, as viscosity = "1000 Pa*s", or Maxwell elements, as maxwell = '
                 '[{ modulus = "0.05 MPa", relaxation_time = "0.2 s" }]'
             )
-        if self.cross is not None:
-            if self.viscosity is None:
-                raise wrong("is needed with cross: the viscosity at rest", field="viscosity")
-            least = self.cross.infinite_viscosity or 0.0
-            if least > self.viscosity:
-                raise wrong(
-                    f"is {least:g} Pa*s, more than the viscosity at rest of {self.viscosity:g} "
-                    "Pa*s; it bounds the step, and must be the largest",
-                    field="cross.infinite_viscosity",
-                )
         given: dict[str, Any] = {
             name: getattr(self, name)
             for name in ("temperature", "reference_temperature", "activation_energy")
@@ -109,12 +98,44 @@ class ViscousTable(SceneModel):
     @property
     def viscous(self) -> ViscousShear:
         """The law at the temperature of the fabric, in SI."""
-        cross = self.cross
-        at_reference = ViscousShear(
+        return self._at_reference().shifted(self.time_factor)
+
+    def _at_reference(self) -> ViscousShear:
+        return ViscousShear(
             viscosity=self.viscosity or 0.0,
-            infinite_viscosity=0.0 if cross is None else cross.infinite_viscosity or 0.0,
-            time_constant=0.0 if cross is None else cross.time_constant,
-            exponent=0.0 if cross is None else cross.exponent,
             terms=tuple(Relaxation(own.modulus, own.relaxation_time) for own in self.maxwell),
         )
-        return at_reference.shifted(self.time_factor)
+
+
+class ViscousTable(RateTable):
+    """What resists the rate of the shear angle: a dashpot, and Maxwell elements beside it."""
+
+    cross: Annotated[CrossTable | None, AbsentMeans("the viscosity is constant")] = Field(
+        default=None, description="How the viscosity falls with the rate (Cross)."
+    )
+
+    @model_validator(mode="after")
+    def _check_cross(self) -> Self:
+        if self.cross is None:
+            return self
+        if self.viscosity is None:
+            raise wrong("is needed with cross: the viscosity at rest", field="viscosity")
+        least = self.cross.infinite_viscosity or 0.0
+        if least > self.viscosity:
+            raise wrong(
+                f"is {least:g} Pa*s, more than the viscosity at rest of {self.viscosity:g} "
+                "Pa*s; it bounds the step, and must be the largest",
+                field="cross.infinite_viscosity",
+            )
+        return self
+
+    def _at_reference(self) -> ViscousShear:
+        found = super()._at_reference()
+        if self.cross is None:
+            return found
+        return replace(
+            found,
+            infinite_viscosity=self.cross.infinite_viscosity or 0.0,
+            time_constant=self.cross.time_constant,
+            exponent=self.cross.exponent,
+        )

@@ -60,6 +60,13 @@ def require_time_for_fluid(*, time_is_found: bool, pore_pressure: bool) -> None:
         )
 
 
+#: Why a sheet has a time of its own, in words.
+DEPENDS_ON_RATES = (
+    "shear or bending of the fabric depend on their rate (material.viscous, "
+    "material.bending.viscous_1)"
+)
+
+
 def require_time_for_rates(*, time_is_found: bool, resists_rates: bool) -> None:
     """Refuse a sheet whose stress depends on its rate in a process that has no time.
 
@@ -69,8 +76,7 @@ def require_time_for_rates(*, time_is_found: bool, resists_rates: bool) -> None:
     """
     if time_is_found and resists_rates:
         raise InputError(
-            "is missing, but the shear of the fabric depends on its rate (material.viscous); give "
-            'time = "200 ms"',
+            f'is missing, but {DEPENDS_ON_RATES}; give time = "200 ms"',
             key="process.time",
         )
 
@@ -85,6 +91,12 @@ def why_time_is_needed(scene: Any, is_led: bool) -> str | None:
         ply.material.resists_rates for ply in scene.stack
     ):
         return "the shear of the fabric depends on its rate (material.viscous)"
+    if scene.effects.viscous_bending != "off" and any(
+        ply.material.bending_resists_rates for ply in scene.stack
+    ):
+        return (
+            "the bending of the fabric depends on its rate (material.bending.viscous_1, viscous_2)"
+        )
     if not is_led:
         return (
             "no tool has a stroke: weight, pressures and the loads of guided tools move the sheet "

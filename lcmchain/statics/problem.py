@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.model import Model
 
 
@@ -75,6 +76,21 @@ class StaticProblem:
     dead_forces: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        material = self.model.body.material
+        losses = getattr(material, "bending_losses", None)
+        if losses is not None:
+            raise InputError(
+                f'of "{material.name}" loses energy (friction_1, viscous_1) along a way that the '
+                "static solver does not follow; use the explicit solver, or leave them out for the "
+                "elastic part alone",
+                key="material.bending",
+            )
+        if shear_friction_of(material) is not None:
+            raise InputError(
+                f'of "{material.name}" takes energy along a way that the static solver does not '
+                "follow; use the explicit solver, or leave it out for the elastic part alone",
+                key="material.membrane.friction",
+            )
         if self.model.resists_rates:
             raise InputError(
                 f'of "{self.model.body.material.name}" makes its shear depend on the rate, and the '

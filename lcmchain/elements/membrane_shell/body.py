@@ -46,6 +46,7 @@ from lcmchain.materials.law import (
     plane_bending_stiffness,
     serves_planes,
 )
+from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.step_measure import SWEEPS, nodal_bound
 from lcmchain.mesh.triangulation import TriangleMesh, triangulate
@@ -102,6 +103,18 @@ class MembraneShellBody:
                 f"of {material.name} follows a curve, unknown to elements without thickness; "
                 'use element = "solid-shell", or leave out curve_1 and curve_2',
                 key="material.bending",
+            )
+        if getattr(material, "bending_losses", None) is not None:
+            raise InputError(
+                f"of {material.name} loses energy (friction_1, viscous_1), unknown to elements "
+                'without thickness; use element = "solid-shell", or leave them out',
+                key="material.bending",
+            )
+        if shear_friction_of(material) is not None:
+            raise InputError(
+                f"of {material.name} is unknown to elements without thickness; use element = "
+                '"solid-shell", or leave it out',
+                key="material.membrane.friction",
             )
         if knows_step(material.law):
             raise InputError(

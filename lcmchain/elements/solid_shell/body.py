@@ -40,7 +40,7 @@ from lcmchain.errors import InputError
 from lcmchain.materials.law import (
     Material,
     MaterialWithMemory,
-    bends_by_curves,
+    bends_at_reference_thickness,
     couples_shear,
     history_count,
     knows_step,
@@ -119,7 +119,8 @@ class SolidShellBody:
         if choices.hourglass == "published" and knows_step(material.law):
             raise InputError(
                 'is "published", which takes the tangent of a law that knows no rate; use '
-                '"conservative", or leave out what resists the rate (material.viscous)',
+                '"conservative", or leave out what resists the rate (material.viscous, '
+                "material.bending.viscous_1 and viscous_2)",
                 key="element.hourglass",
             )
         if choices.hourglass == "published" and hasattr(material, "stabilising_terms"):
@@ -330,9 +331,12 @@ class SolidShellBody:
     def reference_frequencies(self) -> ReferenceFrequencies:
         in_plane, normal = np.array(self.material.wave_stiffness()) / self.material.density
         factor = 1.0 if self.mass_factor is None else self.mass_factor
-        viscosity = viscosity_of(self.material, np.zeros(6))[3]
-        # the squares of the gradients of 2 E12 in the reference
-        shear_rows = (self.geometry.K[:, :2, :2] ** 2).sum(axis=(1, 2))
+        # the squares of the gradients of 2 E12, and of E11 and E22 linear in ζ, in the reference
+        rows = self.geometry.K[:, :2, :2] ** 2
+        damping = viscosity_of(self.material, np.zeros(6))[3] * rows.sum(axis=(1, 2))
+        losses = getattr(self.material, "bending_losses", None)
+        if losses is not None:
+            damping += self.data.options.zeta2 * rows.sum(axis=1) @ losses.viscosities()
         whole, cut, usual = self._fibre_bounds_of_elements / factor, 0.0, 0.0
         if self.cut is not None:
             whole[self.cut.elements] = 0.0
@@ -342,7 +346,7 @@ class SolidShellBody:
             in_plane=float(in_plane * max(whole.max(), cut)),
             at_nodes=float(in_plane * usual),
             over_thickness=float((normal / (factor * self.geometry.height**2)).max()),
-            damping_rate=float((viscosity * shear_rows / (factor * self.material.density)).max()),
+            damping_rate=float((damping / (factor * self.material.density)).max()),
         )
 
     @cached_property
@@ -493,9 +497,9 @@ def strip_share(material: Material, geometry: ReferenceGeometry) -> float:
 def bends_at_reference(material: Material, choices: Any) -> bool:
     """Tell whether strains of the bending are those of the initial thickness.
 
-    A measured curve of moments is always one of the sheet with the thickness that it had.
+    Measured moments are always those of the sheet with the thickness that it had.
     """
-    return choices.bending_thickness == "reference" or bends_by_curves(material)
+    return choices.bending_thickness == "reference" or bends_at_reference_thickness(material)
 
 
 def kernel_options(

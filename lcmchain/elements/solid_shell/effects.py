@@ -6,6 +6,7 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
 from lcmchain.materials.law import Material, Remembered, couples_shear, remembered
+from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.materials.viscous_shear import viscous_of
 
 
@@ -25,10 +26,11 @@ def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, t
 
 
 def _memory(material: Material) -> tuple[Remembered, ...]:
-    """Return what the law remembers, but for what the effect "viscous shear" tells of."""
-    viscous = viscous_of(material)
-    of_rates = () if viscous is None else viscous.memory
-    return tuple(own for own in remembered(material.law) if own not in of_rates)
+    """Return what the law remembers, but for what effects of its own tell of."""
+    losses = getattr(material, "bending_losses", None)
+    apart = (viscous_of(material), shear_friction_of(material), losses)
+    told = [own for part in apart if part is not None for own in part.memory]
+    return tuple(own for own in remembered(material.law) if own not in told)
 
 
 def _names(past: tuple[Remembered, ...]) -> str:

@@ -23,8 +23,15 @@ from lcmchain.elements.solid_shell.kernel import (
 )
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel
-from lcmchain.materials.law import bending_excess, load_history
+from lcmchain.materials.law import (
+    bending_excess,
+    load_history,
+    stored_bending,
+    with_bending_losses,
+)
 from lcmchain.materials.stiffness import product
+
+ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @equation
@@ -149,6 +156,9 @@ def element_energies(
             )
             S = stresses(law, lane_history, options, options.enhanced, inverse_height, E)
             bending = product6(S.zeta, E.zeta) + bending_excess(law, E.zeta, inverse_height)
+            lost = with_bending_losses(law, ZERO, E.zeta, inverse_height, lane_history)
+            stored = stored_bending(law, lane_history) / (inverse_height * inverse_height)
+            bending += stored - product6(lost, E.zeta)
             bending *= options.zeta2
             bending += options.zeta4 * product6(S.zeta2, E.zeta2)
             S_cross = product(S.C_B, E.centre)

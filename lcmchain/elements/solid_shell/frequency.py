@@ -38,7 +38,8 @@ from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel, routine
 from lcmchain.materials.law import (
-    bending_stiffness,
+    bending_bound,
+    bending_viscosity,
     load_history,
     membrane_response,
     tangent_coupling,
@@ -582,6 +583,14 @@ def damping_of_row(resistance, row):
     return resistance * total
 
 
+@equation
+def damping_of_bending(resistance, rows):
+    """Return the same of two viscosities of the strains 11 and 22 linear in ζ."""
+    if resistance is None:
+        return 0.0
+    return damping_of_row(resistance[0], rows[0]) + damping_of_row(resistance[1], rows[1])
+
+
 @routine
 def add_curvature(curvature, zeta_rows, row):
     """Add the gradient of :func:`curvature_compaction` to the row of E33."""
@@ -775,7 +784,7 @@ def element_frequency_bounds(
             if nodal is None:
                 add_stiffness(
                     C_M,
-                    bending_stiffness(law),
+                    bending_bound(law),
                     material,
                     law,
                     lane_history,
@@ -789,7 +798,7 @@ def element_frequency_bounds(
             else:
                 share_out_stiffness(
                     C_M,
-                    bending_stiffness(law),
+                    bending_bound(law),
                     material,
                     law,
                     lane_history,
@@ -804,6 +813,8 @@ def element_frequency_bounds(
                 )
             if damping is not None:
                 resistance = viscosity(law, E.centre, lane_history)
-                damping[element] = damping_of(resistance, material[0]) / density
+                rate = damping_of(resistance, material[0])
+                rate += options.zeta2 * damping_of_bending(bending_viscosity(law), material[1])
+                damping[element] = rate / density
             omega2[element] = spectral_radius_bound(norms, weight, image) / density
             controlling_mode[element] = np.argmax(weight)

@@ -55,6 +55,7 @@ from lcmchain.materials.law import (
     Step,
     bending_stiffness,
     bending_stress,
+    evolved_bending,
     evolved_history,
     history_count,
     hourglass_tangent,
@@ -63,6 +64,7 @@ from lcmchain.materials.law import (
     store_history,
     tangent_coupling,
     tangent_slope,
+    with_bending_losses,
 )
 from lcmchain.materials.stiffness import AlongFibres, by_structure, product, read_by
 
@@ -368,6 +370,7 @@ def stresses(law, history, options, enhanced, inverse_height, E):
     C_hg = stabilising_tangent(options.conservative, law, E.centre, C_M, history)
     C_hg = hourglass_stiffness(C_hg, options.fibre_share)
     S_zeta = bending_stress(law, C_B, E.zeta, inverse_height)
+    S_zeta = with_bending_losses(law, S_zeta, E.zeta, inverse_height, history)
     if enhanced is not None:
         S_zeta = relieved(C_M, S_zeta)
     return Stresses(
@@ -802,12 +805,13 @@ def element_in_lane(i, corner, data, law, history, shared, options, step):
     first = place_in_memory(law, options.director, i)
     past = load_past(law, history, first, LANES, step)
     curvature = load_curvature(options.director, shared, i)
-    Sbar, E, S33, normal, volume, _ = element_stress(
+    Sbar, E, S33, normal, volume, inverse_height = element_stress(
         mode_vectors(mx, my, mz), data, i, law, past, curvature, options
     )
     xx, yy = places_at_edges(options.aligned, data, i)
     sigma = stress_matrix(Sbar, centre33(options.director, options.curved, Sbar), xx, yy)
-    store_history(law, evolved_history(law, E.centre, past), history, first, LANES)
+    now = evolved_history(law, E.centre, past) + evolved_bending(law, E.zeta, inverse_height, past)
+    store_history(law, now, history, first, LANES)
     px = mode_force_components(sigma, mx[0], mx[1], mx[2], mx[3], mx[4], mx[5], mx[6])
     py = mode_force_components(sigma, my[0], my[1], my[2], my[3], my[4], my[5], my[6])
     pz = mode_force_components(sigma, mz[0], mz[1], mz[2], mz[3], mz[4], mz[5], mz[6])

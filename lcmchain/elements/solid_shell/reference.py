@@ -17,7 +17,8 @@ from lcmchain.materials.law import (
     Material,
     Step,
     bending_response,
-    bends_by_curves,
+    bending_stress_in_step,
+    bends_at_reference_thickness,
     stabilising_tangent,
     stress_in_step,
     tangent_coupling_of,
@@ -101,7 +102,8 @@ class ReferenceElement:
                 E["centre"][2] += factor * products["zeta"][row]
                 B["centre"][2] += factor * operators["zeta"][row]
             E["centre"][2] -= q
-        if self.options.bending_thickness == "reference" or bends_by_curves(self.material):
+        own_thickness = bends_at_reference_thickness(self.material)
+        if self.options.bending_thickness == "reference" or own_thickness:
             # bending strains over powers of the thickness stretch λ = (1 + 2 E33)^½
             stretch = np.sqrt(1.0 + 2.0 * E["centre"][2])
             for term, power in (("zeta", 1), ("zeta2", 2), ("eta_zeta", 1), ("xi_zeta", 1)):
@@ -121,6 +123,8 @@ class ReferenceElement:
         S_centre, C_M = stress_in_step(self.material, E["centre"], past, step)
         C_B = self.material.bending_matrix()
         S_zeta, _, excess = bending_response(self.material, E["zeta"], self.height)
+        # what has no potential, and is in no energy here
+        S_lost = bending_stress_in_step(self.material, E["zeta"], self.height, past, step)
         points, weights = np.polynomial.legendre.leggauss(self.options.integration_points)
 
         # Eq. (17): R_α is linear in α_e, so that one update from 0 is exact
@@ -140,7 +144,7 @@ class ReferenceElement:
             E_e = zeta * B_e * alpha
             E_linear, E_quadratic = zeta * E["zeta"], zeta**2 * E["zeta2"]
             # Eq. (19), the membrane law linearised along ζ about the centre
-            S = S_centre + C_e @ E_e + zeta * S_zeta + C_B @ E_quadratic
+            S = S_centre + C_e @ E_e + zeta * (S_zeta + S_lost) + C_B @ E_quadratic
             force += weight * (B["centre"] + zeta * B["zeta"] + zeta**2 * B["zeta2"]).T @ S
             bending_energy += weight * (
                 0.5 * (E_linear @ (zeta * S_zeta + C_e @ E_e) + zeta**2 * excess)

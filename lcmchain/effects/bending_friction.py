@@ -1,0 +1,47 @@
+"""Friction in bending: fibres that are bent rub on each other, and are bent back another way.
+
+Adds: to the moment along either fibre direction that of Dahl's friction.
+Source: ``lcmchain/materials/bending_losses.py``.
+Stability limit: it stiffens the bending by twice its own stiffness at rest, where the way turns.
+Scene: ``material.bending.friction_1``, ``material.bending.friction_2``.
+Fields: ``bending_friction_moment_1``, ``bending_friction_moment_2``, ``bending_friction_loss``,
+``curvature_before_1``, ``curvature_before_2``; ``energy_inelastic`` (history).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lcmchain.effects.effect import (
+    Effect,
+    Switch,
+    of_materials,
+    out_of_materials,
+    refused,
+    stated_by_materials,
+)
+
+SWITCH = Switch(
+    entry="material.bending.friction_1, material.bending.friction_2",
+    without="what keeps fibres bent when the load is gone",
+    called=stated_by_materials("bending_rubs"),
+    off=out_of_materials("bending_rubs", "without_bending_friction"),
+    on=refused("the material states no friction; give material.bending.friction_1"),
+)
+
+
+def _in_words(material: Any) -> str | None:
+    losses = getattr(material, "bending_losses", None)
+    if losses is None or not losses.rubs:
+        return None
+    return "; ".join(
+        f"along fibres {number} up to {own.friction.limit:.4g} N within "
+        f"{own.friction.length:.4g} 1/m"
+        for number, own in enumerate(losses.directions, 1)
+        if own.friction is not None
+    )
+
+
+def active(model: Any) -> list[Effect]:
+    """Return one effect for all sheets."""
+    return [of_materials("bending friction", model, _in_words, "bent fibres do not rub")]

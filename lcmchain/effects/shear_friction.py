@@ -1,0 +1,41 @@
+"""Friction in shear: yarns rub where they turn on each other, and fabric comes back another way.
+
+Adds: to the shear stress that of Dahl's friction.
+Source: ``lcmchain/materials/shear_friction.py``.
+Stability limit: it stiffens the shear by twice its own stiffness at rest, where the way turns.
+Scene: ``material.membrane.friction``.
+Fields: ``shear_friction_moment``, ``shear_friction_loss``, ``shear_strain_rubbed``;
+``energy_inelastic`` (history).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lcmchain.effects.effect import (
+    Effect,
+    Switch,
+    of_materials,
+    out_of_materials,
+    refused,
+    stated_by_materials,
+)
+from lcmchain.materials.shear_friction import shear_friction_of
+
+SWITCH = Switch(
+    entry="material.membrane.friction",
+    without="what keeps fabric sheared when the load is gone",
+    called=stated_by_materials("shear_rubs"),
+    off=out_of_materials("shear_rubs", "without_shear_friction"),
+    on=refused("the material states no friction in shear; give material.membrane.friction"),
+)
+
+
+def _in_words(material: Any) -> str | None:
+    friction = shear_friction_of(material)
+    return None if friction is None else friction.in_words()
+
+
+def active(model: Any) -> list[Effect]:
+    """Return one effect for all sheets."""
+    return [of_materials("shear friction", model, _in_words, "sheared fabric does not rub")]
