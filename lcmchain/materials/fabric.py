@@ -20,21 +20,21 @@ from lcmchain.materials.bending_curve import (
     KINKS,
     SIZE,
     BendingCurve,
-    bent_class,
     curve_energy,
     curve_response,
     with_curves,
 )
 from lcmchain.materials.compaction import (
+    compaction_of,
     compaction_stress_and_tangent,
     compaction_tangent_curvature,
     compaction_tangent_slope,
-    linear_class,
     linear_where_constant,
 )
 from lcmchain.materials.fabric_table import ExponentialCompaction, FabricTable
 from lcmchain.materials.law import (
     Step,
+    TangentCoupling,
     bending_stiffness,
     hourglass_tangent,
     implements,
@@ -45,30 +45,42 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
+from lcmchain.materials.pressure_table import (
+    LARGEST_ANGLE,
+    MOST_ANGLES,
+    MOST_PRESSURES,
+    PressureCurve,
+    PressureTable,
+)
 from lcmchain.materials.rounded_shear import rounded_shear, rounded_shear_of
 from lcmchain.materials.shear_compaction import (
-    LARGEST_SQUARE,
-    coupled_class,
-    coupling_of,
-    own_curvature,
-    own_slope,
+    Coupling,
+    PowerCoupling,
+    curvature_at_shear,
+    shear_tangents,
+    slope_at_shear,
+    stabilising_at_shear,
     strain_of,
     thickening,
-    thickening_stretch,
-    with_coupling,
     with_thickening,
 )
 from lcmchain.materials.shear_locking import (
     ShearLocking,
-    locking_class,
     locking_response,
     locking_tangent_curvature,
     locking_tangent_slope,
     with_locking,
 )
+from lcmchain.materials.strain_map import (
+    mapped_coupling,
+    mapped_curvature,
+    mapped_pressure,
+    mapped_slope,
+    mapped_stabilising,
+)
+from lcmchain.materials.variants import name_twins
 from lcmchain.materials.viscous_shear import (
     ViscousShear,
-    let_resist_rates,
     stress_of_step,
     with_viscous,
     with_viscous_shear,
@@ -94,7 +106,7 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.quantities.units import STIFFNESS
+from lcmchain.quantities.units import ANGLE, PRESSURE, STIFFNESS
 
 
 class FabricLaw(NamedTuple):
@@ -188,10 +200,37 @@ def fabric_response(law, E, history):
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
 
+@equation
+def stabilising_compaction(sheared, law, C33):
+    """Return the stabilising C33 of a law whose own is C33."""
+    if sheared is None:
+        return C33
+    return stabilising_at_shear(sheared, C33, compaction_stress_and_tangent(law, sheared.strain)[1])
+
+
 @implements(hourglass_tangent, FabricLaw)
 @equation
 def fabric_hourglass_tangent(law, E, C_M, history):
-    return (C_M[0], C_M[1], C_M[2], stabilising_shear_tangent(law, E[3]), C_M[4], C_M[5])
+    C33 = stabilising_compaction(thickening(law, E[2], E[3]), law, C_M[2])
+    return (C_M[0], C_M[1], C33, stabilising_shear_tangent(law, E[3]), C_M[4], C_M[5])
+
+
+@equation
+def compaction_slope(sheared, law, E33):
+    """Return dC33/dE33 of the compaction at the strain that it sees."""
+    if sheared is None:
+        return compaction_tangent_slope(law, E33)
+    return slope_at_shear(sheared, compaction_tangent_slope(law, sheared.strain))
+
+
+@equation
+def compaction_curvature(sheared, law, E33):
+    """Return d²C33/dE33² of the compaction at the strain that it sees."""
+    if sheared is None:
+        return compaction_tangent_curvature(law, E33)
+    slope33 = compaction_tangent_slope(law, sheared.strain)
+    curvature33 = compaction_tangent_curvature(law, sheared.strain)
+    return curvature_at_shear(sheared, slope33, curvature33)
 
 
 @implements(tangent_slope, FabricLaw)
@@ -201,7 +240,7 @@ def fabric_tangent_slope(law, E, history):
     return (
         None,
         None,
-        own_slope(sheared, compaction_tangent_slope(law, strain_of(sheared, E[2]))),
+        compaction_slope(sheared, law, E[2]),
         stabilising_shear_slope(law, E[3]),
         None,
         None,
@@ -215,7 +254,7 @@ def fabric_tangent_curvature(law, E, history):
     return (
         None,
         None,
-        own_curvature(sheared, compaction_tangent_curvature(law, strain_of(sheared, E[2]))),
+        compaction_curvature(sheared, law, E[2]),
         stabilising_shear_curvature(law, E[3]),
         None,
         None,
@@ -230,7 +269,7 @@ def compaction_coupling(sheared, law):
     S33, C33 = compaction_stress_and_tangent(law, sheared.strain)
     slope33 = compaction_tangent_slope(law, sheared.strain)
     curvature33 = compaction_tangent_curvature(law, sheared.strain)
-    return coupling_of(sheared, S33, C33, slope33, curvature33)
+    return shear_tangents(sheared, S33, C33, slope33, curvature33)
 
 
 @implements(tangent_coupling, FabricLaw)
@@ -259,43 +298,7 @@ def fabric_plane_bending_stiffness(law):
     return (law.B11, law.B22, law.B12)
 
 
-CoupledFabricLaw = coupled_class(FabricLaw)
-LockingFabricLaw = locking_class(FabricLaw)
-LockingCoupledFabricLaw = locking_class(CoupledFabricLaw)
-LinearFabricLaw = linear_class(FabricLaw)
-LinearLockingFabricLaw = linear_class(LockingFabricLaw)
-LinearCoupledFabricLaw = linear_class(CoupledFabricLaw)
-LinearLockingCoupledFabricLaw = linear_class(LockingCoupledFabricLaw)
-
-# each of them once more for fabric that bends by curves
-BentFabricLaw = bent_class(FabricLaw)
-BentCoupledFabricLaw = bent_class(CoupledFabricLaw)
-BentLockingFabricLaw = bent_class(LockingFabricLaw)
-BentLockingCoupledFabricLaw = bent_class(LockingCoupledFabricLaw)
-BentLinearFabricLaw = bent_class(LinearFabricLaw)
-BentLinearLockingFabricLaw = bent_class(LinearLockingFabricLaw)
-BentLinearCoupledFabricLaw = bent_class(LinearCoupledFabricLaw)
-BentLinearLockingCoupledFabricLaw = bent_class(LinearLockingCoupledFabricLaw)
-
-# and all of them for fabric whose shear depends on its rate
-let_resist_rates(
-    FabricLaw,
-    CoupledFabricLaw,
-    LockingFabricLaw,
-    LockingCoupledFabricLaw,
-    LinearFabricLaw,
-    LinearLockingFabricLaw,
-    LinearCoupledFabricLaw,
-    LinearLockingCoupledFabricLaw,
-    BentFabricLaw,
-    BentCoupledFabricLaw,
-    BentLockingFabricLaw,
-    BentLockingCoupledFabricLaw,
-    BentLinearFabricLaw,
-    BentLinearLockingFabricLaw,
-    BentLinearCoupledFabricLaw,
-    BentLinearLockingCoupledFabricLaw,
-)
+name_twins(FabricLaw, globals())
 
 
 class Fabric:
@@ -312,7 +315,7 @@ class Fabric:
     locking : beyond a shear angle, None for a law that does not lock.
     in_plane_bending : stiffness of the fibres against bending within the plane, over that against
         bending out of it.
-    shear_coupling : β of :mod:`lcmchain.materials.shear_compaction`.
+    coupling : how the thickness knows the shear, None for a fabric where it does not.
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
     viscous : what resists the rate of the shear, None for a law that does not know it.
     """
@@ -333,14 +336,15 @@ class Fabric:
         shear_range: float | None = None,
         locking: ShearLocking | None = None,
         in_plane_bending: float = 0.0,
-        shear_coupling: float = 0.0,
+        coupling: Coupling | None = None,
         bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
         viscous: ViscousShear | None = None,
     ) -> None:
-        law = linear_where_constant(with_locking(with_coupling(law, shear_coupling), locking))
+        law = law if coupling is None else coupling.law_of(law)
+        law = linear_where_constant(with_locking(law, locking))
         self.law = law = with_viscous(with_curves(law, bending_curves, thickness), viscous)
         self.viscous = viscous
-        self.shear_coupling = shear_coupling
+        self.coupling = coupling
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
         self.locking = locking
@@ -361,7 +365,7 @@ class Fabric:
 
     @property
     def couples_shear(self) -> bool:
-        return self.shear_coupling != 0.0
+        return self.coupling is not None
 
     @property
     def bends_by_curves(self) -> bool:
@@ -388,20 +392,20 @@ class Fabric:
             C[..., row, row] = stiffness
         S[..., 3], C[..., 3, 3] = self._shear(E[..., 3])
         S33, C33 = self._compaction(self._seen(E))
-        a, a_g, a_gg = self._squared_stretch(E[..., 3])
-        S[..., 2], C[..., 2, 2] = a * S33, a * a * C33
-        if self.shear_coupling != 0.0:
-            # by the chain rule from W33(E') with E' = ((1 + 2 E33) a - 1)/2
-            half = 0.5 + E[..., 2]
-            S[..., 3] += half * a_g * S33
-            C[..., 3, 3] += half * a_gg * S33 + (half * a_g) ** 2 * C33
-            C[..., 2, 3] = C[..., 3, 2] = a_g * S33 + a * half * a_g * C33
+        S[..., 2], C[..., 2, 2] = S33, C33
+        if self.coupling is not None:
+            own = self.coupling.at(E[..., 2], E[..., 3])
+            S[..., 2], C[..., 2, 2], S[..., 3], C[..., 3, 3] = mapped_pressure.py_func(
+                own, S33, C33, S[..., 3], C[..., 3, 3]
+            )
+            C[..., 2, 3] = C[..., 3, 2] = self.tangent_couplings(E)[0]
         return S, C
 
     def stabilising_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return a diagonal tangent (..., 6, 6), its slope and curvature (..., 6).
 
-        C^M, but for the shear: its modulus is that of the rounded strain, without pressure.
+        C^M, but for the shear: its modulus is that of the rounded strain, without pressure; and for
+        C33 of a fabric with a table (:mod:`lcmchain.materials.strain_map`).
         """
         E = np.array(E, dtype=float)
         diagonal = np.arange(6)
@@ -411,6 +415,9 @@ class Fabric:
         size, first, second = rounded_shear_of(E[..., 3])
         shear_slope, shear_curvature = self._shear_slope(size), self._shear_curvature(size)
         C[..., 3, 3] = self._shear(size)[1]
+        if self.coupling is not None:
+            own, _, C33, *_ = self._mapped(E)
+            C[..., 2, 2] = mapped_stabilising.py_func(own, None, C33)
         slope[..., 3] = first * shear_slope
         curvature[..., 3] = first**2 * shear_curvature + second * shear_slope
         return C, slope, curvature
@@ -420,9 +427,10 @@ class Fabric:
         E = np.asarray(E)
         slope = np.zeros_like(E)
         slope[..., 3] = self._shear_slope(E[..., 3])
-        slope[..., 2] = self._squared_stretch(E[..., 3])[0] ** 3 * self._compaction_slope(
-            self._seen(E)
-        )
+        slope[..., 2] = self._compaction_slope(self._seen(E))
+        if self.coupling is not None:
+            own, _, _, slope33, _ = self._mapped(E)
+            slope[..., 2] = mapped_slope.py_func(own, slope33)
         return slope
 
     def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
@@ -430,26 +438,27 @@ class Fabric:
         E = np.asarray(E)
         curvature = np.zeros_like(E)
         curvature[..., 3] = self._shear_curvature(E[..., 3])
-        curvature[..., 2] = self._squared_stretch(E[..., 3])[0] ** 4 * self._compaction_curvature(
-            self._seen(E)
-        )
+        curvature[..., 2] = self._compaction_curvature(self._seen(E))
+        if self.coupling is not None:
+            own, _, _, *derivatives = self._mapped(E)
+            curvature[..., 2] = mapped_curvature.py_func(own, *derivatives)
         return curvature
+
+    def tangent_couplings(self, E: ArrayLike) -> TangentCoupling:
+        """Return dS33/dg, dC33/dg, d²C33/dE33dg and d²C33/dg² (...) at strains E (..., 6)."""
+        return mapped_coupling.py_func(*self._mapped(np.asarray(E)))
 
     def tangent_coupling(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return dC33/dg, d²C33/dE33dg and d²C33/dg² (...) at strains E (..., 6)."""
-        E = np.asarray(E)
-        strain, half = self._seen(E), 0.5 + E[..., 2]
-        a, a_g, a_gg = self._squared_stretch(E[..., 3])
-        C33 = self._compaction(strain)[1]
-        slope, curvature = self._compaction_slope(strain), self._compaction_curvature(strain)
-        rate = half * a_g  # of E' with g
-        return (
-            2.0 * a * a_g * C33 + a**2 * rate * slope,
-            3.0 * a**2 * a_g * slope + a**3 * rate * curvature,
-            2.0 * (a_g**2 + a * a_gg) * C33
-            + (4.0 * a * a_g * rate + a**2 * half * a_gg) * slope
-            + (a * rate) ** 2 * curvature,
-        )
+        return self.tangent_couplings(E)[1:]
+
+    def _mapped(self, E):
+        """Return the map of the coupling, and S33 and C33 with the derivatives of C33 there."""
+        assert self.coupling is not None
+        own = self.coupling.at(E[..., 2], E[..., 3])
+        S33, C33 = self._compaction(own.strain)
+        slope33 = self._compaction_slope(own.strain)
+        return own, S33, C33, slope33, self._compaction_curvature(own.strain)
 
     def bending_matrix(self) -> np.ndarray:
         """Return C^B (6, 6), Eq. (25)."""
@@ -503,29 +512,16 @@ class Fabric:
             curvature = curvature + self.locking.slope_and_curvature(g)[1]
         return curvature
 
-    def _squared_stretch(self, g):
-        """Return a = cos^2β γ and its first and second derivative with g."""
-        beta = self.shear_coupling
-        if beta == 0.0:
-            return 1.0, 0.0, 0.0
-        square = np.minimum(g * g, LARGEST_SQUARE)
-        rest, follows = 1.0 - square, g * g < LARGEST_SQUARE
-        first = -2.0 * beta * g * rest ** (beta - 1.0)
-        second = -2.0 * beta * rest ** (beta - 2.0) * (rest - 2.0 * (beta - 1.0) * square)
-        return rest**beta, np.where(follows, first, 0.0), np.where(follows, second, 0.0)
-
     def _seen(self, E):
-        """Return the strain E' that the compaction law sees."""
-        if self.shear_coupling == 0.0:
+        """Return the strain that the compaction law sees."""
+        if self.coupling is None:
             return E[..., 2]
-        return (0.5 + E[..., 2]) * self._squared_stretch(E[..., 3])[0] - 0.5
+        return self.coupling.at(E[..., 2], E[..., 3]).strain
 
     def _compaction(self, E33):
         """Return S33 and dS33/dE33 of the unsheared fabric, Eq. (23)."""
         law = self.law
-        exponent = law.c1 * np.maximum(-E33, 0.0) ** law.c2
-        modulus = law.c0 * np.exp(exponent)
-        return modulus * E33, modulus * (1.0 + law.c2 * exponent)
+        return compaction_of(law.c0, law.c1, law.c2, E33)
 
     def _compaction_slope(self, E33):
         law = self.law
@@ -630,9 +626,12 @@ class Fabric:
 
         shear_strain : g = sin γ at which the thickness stretch λ is held.
         """
-        free = thickening_stretch(self.shear_coupling, shear_strain)
-        stretch = np.asarray(thickness_stretch, dtype=float) / free
-        return self._pressure(stretch, history) / free
+        stretch = np.asarray(thickness_stretch, dtype=float)
+        if self.coupling is None:
+            return self._pressure(stretch, history)
+        return self.coupling.pressure(
+            lambda seen: self._pressure(seen, history), stretch, shear_strain
+        )
 
     def _pressure(self, stretch: np.ndarray, history: np.ndarray | None) -> np.ndarray:
         stress, _ = self._compaction(0.5 * (stretch**2 - 1.0))
@@ -641,7 +640,8 @@ class Fabric:
     def wave_stiffness(self) -> tuple[float, float]:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""
         law = self.law
-        return max(law.C11, law.C22, law.B11, law.B22), max(law.c0, law.B33)
+        normal = self.stress_and_tangent(np.zeros(6))[1][2, 2]
+        return max(law.C11, law.C22, law.B11, law.B22), max(normal, law.B33)
 
 
 # --- scene ----------------------------------------------------------------------------------------
@@ -712,6 +712,33 @@ class FabricMembrane(SceneModel):
         return self
 
 
+class PressureCurveTable(SceneModel):
+    """Compaction of fabric that is sheared by one angle: thickness and pressure of plates."""
+
+    shear_angle: Annotated[
+        float, Quantity(ANGLE, Range(0.0, LARGEST_ANGLE, words="be 0 to 75 deg"), "30 deg")
+    ] = Field(description="Shear angle; the first curve has 0 deg, the others rise.")
+    stretch: Annotated[
+        tuple[Annotated[float, Number(0.9, POSITIVE)], ...],
+        Row("[1.1, 1.0, 0.9]", minimum_count=2, entries="stretches", units=False),
+    ] = Field(
+        description="Thickness over that of the unloaded, unsheared fabric, falling; the first is "
+        "that without pressure."
+    )
+    pressure: Annotated[
+        tuple[Annotated[float, Quantity(PRESSURE, NOT_NEGATIVE)], ...],
+        Row('"0 0.02 0.2 MPa"', minimum_count=2, entries="pressures"),
+    ] = Field(
+        description="Pressure of the plates on the present area, rising from 0; "
+        f"{1 + MOST_PRESSURES} at most."
+    )
+
+    @property
+    def curve(self) -> PressureCurve:
+        """The points."""
+        return PressureCurve(self.shear_angle, self.stretch, self.pressure)
+
+
 class FabricCompaction(ExponentialCompaction):
     """Compaction stiffness C33 = c0 exp(c1 |E33|^c2) (paper Eq. (23))."""
 
@@ -720,6 +747,39 @@ class FabricCompaction(ExponentialCompaction):
         description="Exponent β: fabric sheared by γ is thicker by 1/cos(γ)^β without pressure; "
         "0: shear does not thicken it, 1: the fibre volume fraction governs.",
     )
+    table: Annotated[
+        tuple[PressureCurveTable, ...],
+        Row(
+            '[{ shear_angle = "0 deg", stretch = [1.0, 0.9, 0.8], pressure = "0 0.01 0.1 MPa" }]',
+            maximum_count=MOST_ANGLES,
+            entries="curves",
+            units=False,
+        ),
+    ] = Field(
+        default=(),
+        description="Measured compaction at several shear angles, in place of shear_coupling; c0, "
+        "c1, c2 lead between its points and beyond.",
+    )
+
+    @property
+    def coupling(self) -> Coupling | None:
+        """How the thickness knows the shear, None where it does not."""
+        if self.table:
+            return self._pressure_table()
+        return PowerCoupling(self.shear_coupling) if self.shear_coupling else None
+
+    def _pressure_table(self) -> PressureTable:
+        return PressureTable([own.curve for own in self.table], self.c0, self.c1, self.c2)
+
+    @model_validator(mode="after")
+    def _check_table(self) -> Self:
+        if not self.table:
+            return self
+        if self.shear_coupling:
+            raise wrong("cannot stand beside table, which holds it; leave one out", field="table")
+        if fault := self._pressure_table().fault():
+            raise wrong(fault, field="table")
+        return self
 
 
 class BendingCurveTable(SceneModel):
@@ -807,11 +867,11 @@ class FabricMaterial(FabricTable):
 
     @property
     def couples_shear(self) -> bool:
-        return self.compaction.shear_coupling > 0.0
+        return self.compaction.coupling is not None
 
     def without_shear_coupling(self) -> Self:
-        """Return the fabric whose thickness does not know its shear."""
-        return self._with("compaction", shear_coupling=0.0)
+        """Return the fabric whose thickness does not know its shear, that of c0, c1, c2."""
+        return self._with("compaction", shear_coupling=0.0, table=())
 
     def without_locking(self) -> Self:
         """Return the fabric whose shear law goes on beyond the locking angle."""
@@ -856,7 +916,7 @@ class FabricMaterial(FabricTable):
             "shear_range": self.membrane.shear_range,
             "locking": self.membrane.locking,
             "in_plane_bending": self.bending.in_plane,
-            "shear_coupling": self.compaction.shear_coupling,
+            "coupling": self.compaction.coupling,
             "bending_curves": self.bending.curves,
             "viscous": None if self.viscous is None else self.viscous.viscous,
         }

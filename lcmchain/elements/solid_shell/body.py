@@ -113,7 +113,7 @@ class SolidShellBody:
         if choices.hourglass == "published" and couples_shear(material):
             raise InputError(
                 'is "published", which is derived for a thickness that does not know the shear; '
-                'use "conservative", or a shear_coupling of 0',
+                'use "conservative", or leave out shear_coupling and table of material.compaction',
                 key="element.hourglass",
             )
         if choices.hourglass == "published" and knows_step(material.law):

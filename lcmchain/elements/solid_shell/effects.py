@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
-from lcmchain.materials.law import Material, Remembered, couples_shear, remembered
+from lcmchain.materials.law import Material, Remembered, remembered
+from lcmchain.materials.shear_compaction import coupling_of
 from lcmchain.materials.viscous_shear import viscous_of
 
 
@@ -43,10 +44,10 @@ def _compaction(material: Material, options: Options) -> tuple[bool, str]:
 
 
 def _shear_compaction(material: Material) -> tuple[bool, str]:
-    if not couples_shear(material):
+    coupling = coupling_of(material)
+    if coupling is None:
         return False, "the law of compaction does not know the shear"
-    beta = material.law.shear_coupling
-    return True, f"sheared by γ the sheet is thicker by 1/cos(γ)^{beta:g} without pressure"
+    return True, coupling.in_words()
 
 
 def _bending(material: Material, options: Options) -> str:

@@ -1,0 +1,30 @@
+"""All twins of a law of fabrics: with a coupling, locking, a constant C33, curves, and a rate.
+
+Each takes the place of the published law where a scene states what it knows, so that kernels hold
+nothing else. The names of twins tell in which order they are made.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from lcmchain.materials.bending_curve import bent_class
+from lcmchain.materials.compaction import linear_class
+from lcmchain.materials.pressure_table import tabled_class
+from lcmchain.materials.shear_compaction import coupled_class
+from lcmchain.materials.shear_locking import locking_class
+from lcmchain.materials.viscous_shear import let_resist_rates
+
+
+def name_twins(law_class: Any, module: dict[str, Any]) -> None:
+    """Make all twins of a class of laws, as globals of its module.
+
+    Parameters
+    ----------
+    module : the globals of the module of the class, where compiled kernels on disk look them up.
+    """
+    classes = [law_class, coupled_class(law_class), tabled_class(law_class)]
+    for twin in (locking_class, linear_class, bent_class):
+        classes += [twin(own) for own in classes]
+    module.update({own.__name__: own for own in classes})
+    let_resist_rates(*classes)
