@@ -46,8 +46,8 @@ def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
 
 
 def at_rest(table: Any) -> Any:
-    """Return the law of a material's table without what resists a rate of shear: none is left."""
-    return (table.without_viscosity() if table.resists_rates else table).build()
+    """Return the law of a material's table without what depends on a rate: none is left."""
+    return (table.without_rates() if table.resists_rates else table).build()
 
 
 def _of_stack(part: FormedPart, text: str, thickness: np.ndarray) -> StackCompaction:

@@ -86,7 +86,7 @@ def require_fabric(material: AnyMaterial, *, knows_rates: bool = False) -> None:
     """
     if material.resists_rates and not knows_rates:
         raise InputError(
-            "makes the shear depend on its rate, of which the analytic solution of this coupon "
+            "makes a stress depend on its rate, of which the analytic solution of this coupon "
             "knows nothing; use lcmchain coupon picture-frame, or leave the table out",
             key="material.viscous",
         )

@@ -11,6 +11,7 @@ from typing import Any
 from lcmchain.effects import (
     bending,
     compaction,
+    compaction_relaxation,
     contact,
     contact_depth,
     damping,
@@ -49,6 +50,7 @@ EFFECTS = (
     memory,
     shear_locking,
     viscous_shear,
+    compaction_relaxation,
     pore_pressure,
     face_pressure,
     contact,

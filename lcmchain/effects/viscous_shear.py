@@ -19,8 +19,8 @@ from lcmchain.materials.viscous_shear import viscous_of
 SWITCH = Switch(
     entry="material.viscous",
     without="what resists the rate of the shear, and its relaxation",
-    called=stated_by_materials("resists_rates"),
-    off=out_of_materials("resists_rates", "without_viscosity"),
+    called=stated_by_materials("resists_shear_rates"),
+    off=out_of_materials("resists_shear_rates", "without_viscosity"),
     on=refused("the material states no viscosity; give material.viscous"),
 )
 
@@ -38,7 +38,7 @@ def remarks(scene: Any) -> list[str]:
     if not any(ply.material.resists_rates for ply in scene.stack):
         return []
     found = [
-        f"the viscous shear takes process.time = {1e3 * scene.process.time:.4g} ms for the time of "
+        f"material.viscous takes process.time = {1e3 * scene.process.time:.4g} ms for the time of "
         "the real process; where it is a shorter one, give the viscosities and relaxation times of "
         "material.viscous multiplied by process.time over the real time: the stresses are the same"
     ]

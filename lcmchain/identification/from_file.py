@@ -18,6 +18,7 @@ from lcmchain.identification import (
     cantilever_tests,
     compaction,
     pressure_table,
+    relaxing_compaction,
     shear,
     sheared_compaction,
     viscous_shear,
@@ -118,7 +119,8 @@ def identify_compaction_file(
     """Identify the compaction law; ``sizes``: thickness, areal_mass, fibre_density as text.
 
     A file with a column ``shear angle`` tells the shear-compaction coupling too: one exponent, or
-    with ``table`` pressures at every angle.
+    with ``table`` pressures at every angle. A file with a column ``time`` whose tests hold their
+    gap in the end tells what relaxes.
 
     ``accept`` takes the fit as it is where the law does not describe the data.
 
@@ -136,7 +138,9 @@ def identify_compaction_file(
         identify = sheared_compaction.identify_sheared_compaction
         if table:
             identify = pressure_table.identify_pressure_table
-    elif table:
+    elif relaxing_compaction.held_rows(data).any():
+        identify = relaxing_compaction.identify_relaxing_compaction
+    if table and sheared_compaction.SHEAR_ANGLE not in data:
         raise InputError(
             "needs tests of sheared fabric: a column as shear angle [deg]", key="--table", file=path
         )

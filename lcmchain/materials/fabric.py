@@ -52,6 +52,12 @@ from lcmchain.materials.pressure_table import (
     PressureCurve,
     PressureTable,
 )
+from lcmchain.materials.relaxation import (
+    OWN_MEMORY,
+    CompactionRelaxation,
+    with_relaxation,
+    with_relaxing,
+)
 from lcmchain.materials.rounded_shear import rounded_shear, rounded_shear_of
 from lcmchain.materials.shear_compaction import (
     Coupling,
@@ -193,7 +199,9 @@ def fabric_response(law, E, history):
     """Return the stress S^M (Eq. 19, at the centre) and the diagonal of the tangent C^M."""
     S12, C12 = shear_stress_and_tangent(law, E[3])
     sheared = thickening(law, E[2], E[3])
-    S33, C33 = compaction_stress_and_tangent(law, strain_of(sheared, E[2]))
+    strain = strain_of(sheared, E[2])
+    S33, C33 = compaction_stress_and_tangent(law, strain)
+    S33, C33 = with_relaxation(law, S33, C33, strain, history)
     S33, C33, S12, C12 = with_thickening(sheared, S33, C33, S12, C12)
     S12, C12 = with_viscous_shear(law, S12, C12, E[3], history)
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
@@ -318,6 +326,7 @@ class Fabric:
     coupling : how the thickness knows the shear, None for a fabric where it does not.
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
     viscous : what resists the rate of the shear, None for a law that does not know it.
+    relaxation : what relaxes of the compaction, None for a law where nothing does.
     """
 
     is_diagonal = True
@@ -339,11 +348,13 @@ class Fabric:
         coupling: Coupling | None = None,
         bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
         viscous: ViscousShear | None = None,
+        relaxation: CompactionRelaxation | None = None,
     ) -> None:
         law = law if coupling is None else coupling.law_of(law)
         law = linear_where_constant(with_locking(law, locking))
-        self.law = law = with_viscous(with_curves(law, bending_curves, thickness), viscous)
-        self.viscous = viscous
+        law = with_relaxing(with_curves(law, bending_curves, thickness), relaxation)
+        self.law = law = with_viscous(law, viscous)
+        self.viscous, self.relaxation = viscous, relaxation
         self.coupling = coupling
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
@@ -555,26 +566,62 @@ class Fabric:
 
     def _relaxing_energy(self, history: np.ndarray | None) -> ArrayLike:
         """Return what Maxwell elements store [J/m³]."""
-        if self.viscous is None or history is None:
+        if history is None:
             return 0.0
-        return self.viscous.stored(history[len(history) - len(self.viscous.terms) :])
+        of_shear = 0.0
+        if self.viscous is not None:
+            of_shear = self.viscous.stored(history[len(history) - len(self.viscous.terms) :])
+        return of_shear + self._stored_by_relaxation(history)
+
+    def _stored_by_relaxation(self, history: np.ndarray) -> ArrayLike:
+        if self.relaxation is None:
+            return 0.0
+        own = history[: len(self.relaxation.memory)]
+        return self.relaxation.stored(own, self.law, self._compaction_energy)
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
         """Return what the law has dissipated [J/m³] but by its viscosity: nothing."""
         return np.zeros(np.shape(history)[1:])
 
     def viscous_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return what the rate of the shear has dissipated [J/m³]; history (history_count, ...)."""
-        if self.viscous is None:
-            return np.zeros(np.shape(history)[1:])
-        lost: np.ndarray = history[len(history) - len(self.viscous.terms) - 1]
+        """Return what rates have dissipated [J/m³]; history (history_count, ...)."""
+        lost = np.zeros(np.shape(history)[1:])
+        if self.viscous is not None:
+            lost = lost + history[len(history) - len(self.viscous.terms) - 1]
+        if self.relaxation is not None:
+            lost = lost + history[len(OWN_MEMORY) - 1] - self._stored_by_relaxation(history)
         return lost
 
     def rate_stress(self, E: np.ndarray, history: np.ndarray, step: Step) -> np.ndarray:
         """Return the part of S^M (..., 6) that depends on the step that leads to E (..., 6)."""
-        if self.viscous is None:
-            return np.zeros(np.shape(E))
-        return stress_of_step(self.viscous, E, history, step)
+        S = np.zeros(np.shape(E))
+        if self.relaxation is not None:
+            own = history[: len(self.relaxation.memory)]
+            S += self.relaxing_stress(E, self.relaxed(E, own, float(step.size)))
+        if self.viscous is not None:
+            S += stress_of_step(self.viscous, E, history, step)
+        return S
+
+    def relaxing_stress(self, E: np.ndarray, memory: np.ndarray) -> np.ndarray:
+        """Return what relaxes of S^M (..., 6) at E, with the memory there."""
+        S = np.zeros(np.shape(E))
+        S[..., 2] = memory[len(OWN_MEMORY) :].sum(axis=0)
+        if self.coupling is not None:
+            mapped = self.coupling.at(E[..., 2], E[..., 3])
+            S[..., 3] = mapped.g * S[..., 2]
+            S[..., 2] *= mapped.E
+        return S
+
+    def relaxed(self, E: np.ndarray, memory: np.ndarray, size: float) -> np.ndarray:
+        """Return what a fabric remembers of its relaxation after a step to E (..., 6).
+
+        Parameters
+        ----------
+        memory : before it, as :class:`CompactionRelaxation` tells. size : of the step [s].
+        """
+        assert self.relaxation is not None
+        strain = self._seen(E)
+        return self.relaxation.in_step(strain, self._compaction(strain)[0], memory, size)
 
     def viscosity(self, E: np.ndarray) -> np.ndarray:
         """Return the viscosities (..., 6) [Pa s] that bound the step at E (..., 6)."""
@@ -857,9 +904,10 @@ class FabricMaterial(FabricTable):
     membrane: FabricMembrane
     compaction: FabricCompaction
     bending: FabricBending
-    viscous: Annotated[
-        ViscousTable | None, AbsentMeans("the shear does not depend on its rate")
-    ] = Field(default=None, description="What resists the rate of the shear, in wet fabric.")
+    viscous: Annotated[ViscousTable | None, AbsentMeans("nothing depends on a rate")] = Field(
+        default=None,
+        description="What resists the rate of the shear, in wet fabric, and relaxes of compaction.",
+    )
 
     @property
     def locks(self) -> bool:
@@ -881,9 +929,30 @@ class FabricMaterial(FabricTable):
     def resists_rates(self) -> bool:
         return self.viscous is not None
 
+    @property
+    def resists_shear_rates(self) -> bool:
+        return self.viscous is not None and self.viscous.resists_shear
+
+    @property
+    def relaxes(self) -> bool:
+        return self.viscous is not None and bool(self.viscous.compaction)
+
+    def without_rates(self) -> Self:
+        """Return the fabric of which nothing depends on a rate."""
+        return self.model_copy(update={"viscous": None})
+
     def without_viscosity(self) -> Self:
         """Return the fabric whose shear does not depend on its rate."""
-        return self.model_copy(update={"viscous": None})
+        left = self.viscous.without_shear() if self.relaxes and self.viscous else None
+        return self.model_copy(update={"viscous": left})
+
+    def without_relaxation(self) -> Self:
+        """Return the fabric whose compaction does not relax."""
+        if self.viscous is None or not self.resists_shear_rates:
+            return self.without_rates()
+        return self.model_copy(
+            update={"viscous": self.viscous.model_copy(update={"compaction": ()})}
+        )
 
     def law_parameters(self) -> FabricLaw:
         """Return the parameters in SI.
@@ -919,4 +988,5 @@ class FabricMaterial(FabricTable):
             "coupling": self.compaction.coupling,
             "bending_curves": self.bending.curves,
             "viscous": None if self.viscous is None else self.viscous.viscous,
+            "relaxation": None if self.viscous is None else self.viscous.relaxation,
         }

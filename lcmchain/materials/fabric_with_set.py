@@ -21,11 +21,11 @@ This file is the example of the manual's page "Extending": a law with memory, ad
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from lcmchain.jit import equation
 from lcmchain.materials.compaction import (
@@ -69,7 +69,7 @@ from lcmchain.materials.viscous_shear import (
     evolved_viscous_shear,
     with_viscous_shear,
 )
-from lcmchain.quantities.entry_types import Number, Range
+from lcmchain.quantities.entry_types import Number, Range, wrong
 
 FabricWithSetLaw = NamedTuple(
     "FabricWithSetLaw",
@@ -256,6 +256,16 @@ class FabricWithSetMaterial(FabricMaterial):
 
     law: Literal["fabric-with-set"] = "fabric-with-set"  # type: ignore[assignment]
     compaction: CompactionWithSet
+
+    @model_validator(mode="after")
+    def _check_relaxation(self) -> Self:
+        if self.relaxes:
+            raise wrong(
+                "lets a compaction relax that leaves a set, of which no law is known; leave it "
+                'out, or use law = "fabric"',
+                field="viscous.compaction",
+            )
+        return self
 
     def build(self) -> FabricWithSet:
         return FabricWithSet(

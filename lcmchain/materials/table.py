@@ -45,7 +45,17 @@ class MaterialTable(SceneModel):
 
     @property
     def resists_rates(self) -> bool:
+        """Whether a stress depends on a rate."""
+        return False
+
+    @property
+    def resists_shear_rates(self) -> bool:
         """Whether the shear depends on its rate."""
+        return False
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether the compaction relaxes."""
         return False
 
     @property

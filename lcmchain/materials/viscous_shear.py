@@ -264,7 +264,7 @@ def maxwell_moment(moment, modulus, time, turn, size):
     return left * moment + modulus * mean * turn
 
 
-def _unrolled(text_of: Callable[[type], str]) -> Callable[[Any], Any]:
+def unrolled(text_of: Callable[[type], str]) -> Callable[[Any], Any]:
     """Register the code of a function that is written out for the count of a class's elements."""
 
     def register(plain: Any) -> Any:
@@ -283,7 +283,7 @@ def _places(law_class: Any) -> range:
     return range(first, history_count(law_class) + 2)
 
 
-@_unrolled(lambda own: f"lambda law, history: ({''.join(f'history[{k}], ' for k in _places(own))})")
+@unrolled(lambda own: f"lambda law, history: ({''.join(f'history[{k}], ' for k in _places(own))})")
 def own_numbers(law: Any, history: tuple) -> tuple:
     """Return g, stress and loss of the step before, the moments, and size and time of the step."""
     return tuple(history[k] for k in _places(type(law)))
@@ -296,7 +296,7 @@ def _elements(law_class: Any, term: str) -> list[str]:
 _AFTER = "maxwell_moment(own[{place}], law.modulus_{k}, law.relaxation_time_{k}, turn, size), "
 
 
-@_unrolled(lambda own: f"lambda law, own, turn, size: ({''.join(_elements(own, _AFTER))})")
+@unrolled(lambda own: f"lambda law, own, turn, size: ({''.join(_elements(own, _AFTER))})")
 def moments_after(law: Any, own: tuple, turn: float, size: float) -> tuple:
     """Return the moments of the Maxwell elements after a step that turns the fibres by Δγ."""
     numbers = range(1, law.maxwell_count + 1)
@@ -312,28 +312,31 @@ def moments_after(law: Any, own: tuple, turn: float, size: float) -> tuple:
     )
 
 
-def _sum(terms: list[str]) -> str:
+def sum_of(terms: list[str]) -> str:
+    """Return the text of a sum."""
     return " + ".join(terms) or "0.0"
 
 
-@_unrolled(
-    lambda own: "lambda law, moments: " + _sum([f"moments[{k}]" for k in range(own.maxwell_count)])  # type: ignore[attr-defined]
+@unrolled(
+    lambda own: (
+        "lambda law, moments: " + sum_of([f"moments[{k}]" for k in range(own.maxwell_count)])
+    )  # type: ignore[attr-defined]
 )
 def sum_of_moments(law: Any, moments: tuple) -> float:
     """Return the moment of all Maxwell elements."""
     return sum(moments)
 
 
-@_unrolled(lambda own: "lambda law: " + _sum(_elements(own, "law.modulus_{k}")))
+@unrolled(lambda own: "lambda law: " + sum_of(_elements(own, "law.modulus_{k}")))
 def glassy_modulus(law: Any) -> float:
     """Return the modulus of all Maxwell elements together."""
     return sum(getattr(law, f"modulus_{k + 1}") for k in range(law.maxwell_count))
 
 
-@_unrolled(
+@unrolled(
     lambda own: (
         "lambda law, own, moments: "
-        + _sum(
+        + sum_of(
             [
                 f"(moments[{k}] * moments[{k}] - own[{3 + k}] * own[{3 + k}])"
                 f" / (2.0 * law.modulus_{k + 1})"
@@ -350,7 +353,7 @@ def stored_more(law: Any, own: tuple, moments: tuple) -> float:
     )
 
 
-@_unrolled(
+@unrolled(
     lambda own: (
         "lambda law, g, stress, lost, moments: (g, stress, lost, "
         + "".join(f"moments[{k}], " for k in range(own.maxwell_count))  # type: ignore[attr-defined]
@@ -419,6 +422,22 @@ def let_resist_rates(*law_classes: Any) -> None:
     _bases.update({law_class.__name__: law_class for law_class in law_classes})
 
 
+def base_class(name: str) -> Any:
+    """Return the class of laws of a name, of which twins can be made.
+
+    Raises
+    ------
+    AttributeError : there is none.
+    """
+    from lcmchain.materials import laws, relaxation  # noqa: F401, the classes that there are
+
+    if name not in _bases and name.startswith("Relaxing"):
+        return relaxation.relaxing_class(name)
+    if name not in _bases:
+        raise AttributeError(f"{name} is no law of which what resists a rate could be a part")
+    return _bases[name]
+
+
 def viscous_class(law_class: Any, viscous: ViscousShear) -> Any:
     """Return the twin of a class of laws whose shear depends on its rate, see :func:`.twin_of`."""
     kind = "Cross" if viscous.thins else "Newton"
@@ -429,17 +448,13 @@ def __getattr__(name: str) -> Any:
     """Return a twin by its name, as compiled kernels on disk look it up."""
     if _NAME.fullmatch(name) is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from lcmchain.materials import laws  # noqa: F401, the classes that twins are made of
-
     return _twin(name)
 
 
 def _twin(name: str) -> Any:
     found = _NAME.fullmatch(name)
     if name not in _twins and found is not None:
-        kind, count, base = found[1], int(found[2]), _bases.get(found[3])
-        if base is None:
-            raise AttributeError(f"{found[3]} is no law whose shear could resist a rate")
+        kind, count, base = found[1], int(found[2]), base_class(found[3])
         numbers = range(1, count + 1)
         fields = [
             *_KINDS[kind],

@@ -1,4 +1,4 @@
-"""Scene table of the shear that depends on its rate, ``[material.viscous]``."""
+"""Scene table of what depends on a rate, shear and compaction: ``[material.viscous]``."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
+from lcmchain.materials.relaxation import CompactionRelaxation
 from lcmchain.materials.viscous_shear import Relaxation, ViscousShear, arrhenius_factor
 from lcmchain.quantities.entry_types import (
+    POSITIVE,
     AbsentMeans,
     ActivationEnergy,
     Number,
@@ -29,6 +31,15 @@ class MaxwellTable(SceneModel):
     relaxation_time: PositiveTime = Field(description="Time l in which a stress falls to 1/e.")
 
 
+class RelaxingCompactionTable(SceneModel):
+    """A part of the compaction that relaxes: a share of the law of compaction, and its time."""
+
+    share: Annotated[float, Number(0.4, POSITIVE)] = Field(
+        description="Pressure that relaxes over the pressure that stays, of a gap closed at once."
+    )
+    relaxation_time: PositiveTime = Field(description="Time l in which it falls to 1/e.")
+
+
 class CrossTable(SceneModel):
     """Viscosity that falls with the rate: η∞ + (η0 - η∞)/(1 + (M rate)^(1 - N))."""
 
@@ -42,7 +53,7 @@ class CrossTable(SceneModel):
 
 
 class ViscousTable(SceneModel):
-    """What resists the rate of the shear angle: a dashpot, and Maxwell elements beside it."""
+    """What resists the rate of the shear, a dashpot and Maxwell elements, and what relaxes."""
 
     viscosity: Annotated[Viscosity | None, AbsentMeans("no dashpot")] = Field(
         default=None, description="Viscosity η of the dashpot, with cross that at rest, η0."
@@ -59,6 +70,15 @@ class ViscousTable(SceneModel):
             units=False,
         ),
     ] = Field(default=(), description="Maxwell elements, whose stress relaxes.")
+    compaction: Annotated[
+        tuple[RelaxingCompactionTable, ...],
+        Row(
+            '[{ share = 0.4, relaxation_time = "5 s" }]',
+            maximum_count=8,
+            entries="relaxing parts",
+            units=False,
+        ),
+    ] = Field(default=(), description="Parts of the compaction that relax.")
     temperature: Annotated[Temperature | None, AbsentMeans("reference_temperature")] = Field(
         default=None, description="Temperature of the fabric while it is formed."
     )
@@ -71,10 +91,10 @@ class ViscousTable(SceneModel):
 
     @model_validator(mode="after")
     def _check_entries(self) -> Self:
-        if self.viscosity is None and not self.maxwell:
+        if not (self.resists_shear or self.compaction):
             raise wrong(
                 'needs a viscosity, as viscosity = "1000 Pa*s", or Maxwell elements, as maxwell = '
-                '[{ modulus = "0.05 MPa", relaxation_time = "0.2 s" }]'
+                '[{ modulus = "0.05 MPa", relaxation_time = "0.2 s" }], or relaxing compaction'
             )
         if self.cross is not None:
             if self.viscosity is None:
@@ -107,8 +127,27 @@ class ViscousTable(SceneModel):
         )
 
     @property
-    def viscous(self) -> ViscousShear:
-        """The law at the temperature of the fabric, in SI."""
+    def resists_shear(self) -> bool:
+        """Whether it resists the rate of the shear."""
+        return self.viscosity is not None or bool(self.maxwell)
+
+    def without_shear(self) -> Self:
+        """Return what relaxes of the compaction alone."""
+        return self.model_copy(update={"viscosity": None, "cross": None, "maxwell": ()})
+
+    @property
+    def relaxation(self) -> CompactionRelaxation | None:
+        """What relaxes of the compaction, at the temperature of the fabric."""
+        if not self.compaction:
+            return None
+        terms = tuple(Relaxation(own.share, own.relaxation_time) for own in self.compaction)
+        return CompactionRelaxation(terms).shifted(self.time_factor)
+
+    @property
+    def viscous(self) -> ViscousShear | None:
+        """What resists the shear at the temperature of the fabric, in SI."""
+        if not self.resists_shear:
+            return None
         cross = self.cross
         at_reference = ViscousShear(
             viscosity=self.viscosity or 0.0,

@@ -69,7 +69,7 @@ def require_time_for_rates(*, time_is_found: bool, resists_rates: bool) -> None:
     """
     if time_is_found and resists_rates:
         raise InputError(
-            "is missing, but the shear of the fabric depends on its rate (material.viscous); give "
+            "is missing, but the fabric depends on its rate or relaxes (material.viscous); give "
             'time = "200 ms"',
             key="process.time",
         )
@@ -82,9 +82,13 @@ def why_time_is_needed(scene: Any, is_led: bool) -> str | None:
     if scene.wet_forming is not None:
         return "resin flows while the sheet is formed (infiltration.with_forming)"
     if scene.effects.viscous_shear != "off" and any(
-        ply.material.resists_rates for ply in scene.stack
+        ply.material.resists_shear_rates for ply in scene.stack
     ):
         return "the shear of the fabric depends on its rate (material.viscous)"
+    if scene.effects.compaction_relaxation != "off" and any(
+        ply.material.relaxes for ply in scene.stack
+    ):
+        return "the compaction of the fabric relaxes (material.viscous.compaction)"
     if not is_led:
         return (
             "no tool has a stroke: weight, pressures and the loads of guided tools move the sheet "

@@ -6,6 +6,7 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
 from lcmchain.materials.law import Material, Remembered, remembered
+from lcmchain.materials.relaxation import relaxation_of
 from lcmchain.materials.shear_compaction import coupling_of
 from lcmchain.materials.viscous_shear import viscous_of
 
@@ -26,9 +27,10 @@ def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, t
 
 
 def _memory(material: Material) -> tuple[Remembered, ...]:
-    """Return what the law remembers, but for what the effect "viscous shear" tells of."""
-    viscous = viscous_of(material)
+    """Return what the law remembers, but for what the effects of rates tell of."""
+    viscous, relaxation = viscous_of(material), relaxation_of(material)
     of_rates = () if viscous is None else viscous.memory
+    of_rates += () if relaxation is None else relaxation.memory
     return tuple(own for own in remembered(material.law) if own not in of_rates)
 
 
