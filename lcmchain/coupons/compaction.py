@@ -24,7 +24,7 @@ from scipy.optimize import brentq
 from lcmchain.coupons.analytic import power_law_pressure
 from lcmchain.coupons.plots import finish, two_panels
 from lcmchain.coupons.result import Comparison, CouponResult
-from lcmchain.coupons.specimen import Progress, require_solid_shell
+from lcmchain.coupons.specimen import Progress, require_one_temperature, require_solid_shell
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
@@ -77,6 +77,7 @@ def compaction(
         the piece is held although its compaction does not relax.
     """
     require_solid_shell(element)
+    require_one_temperature(material)
     if not 0.0 <= shear_angle < LARGEST_ANGLE:
         raise InputError(
             f"is {math.degrees(shear_angle):.4g} deg; a specimen can be pressed at 0 to "

@@ -84,6 +84,7 @@ def require_fabric(material: AnyMaterial, *, knows_rates: bool = False) -> None:
     ------
     InputError : the material is no fabric, or one whose shear depends on its rate.
     """
+    require_one_temperature(material)
     if material.resists_rates and not knows_rates:
         raise InputError(
             "makes a stress depend on its rate, of which the analytic solution of this coupon "
@@ -95,6 +96,21 @@ def require_fabric(material: AnyMaterial, *, knows_rates: bool = False) -> None:
             f'is "{material.law}"; this coupon is compared with the analytic solution of a '
             'textile and needs law = "fabric" (or a preset)',
             key="material.law",
+        )
+
+
+def require_one_temperature(material: AnyMaterial) -> None:
+    """Refuse a temperature that differs over the blank, of which no reference knows.
+
+    Raises
+    ------
+    InputError : the material has one.
+    """
+    if material.resists_rates and material.viscous.field is not None:
+        raise InputError(
+            "differs over the blank, and a coupon has one temperature; give "
+            "material.viscous.temperature instead",
+            key="material.viscous.temperature_field",
         )
 
 

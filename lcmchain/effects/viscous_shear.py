@@ -30,7 +30,15 @@ def active(model: Any) -> list[Effect]:
     found = [viscous_of(body.material) for body in model.bodies]
     told = dict.fromkeys(viscous.in_words() for viscous in found if viscous is not None)
     reason = " and ".join(told) or "the shear does not depend on its rate"
+    if told and (fields := temperatures_of(model)):
+        reason += f", {fields}"
     return [Effect("viscous shear", bool(told), reason)]
+
+
+def temperatures_of(model: Any) -> str:
+    """Say in words how the temperature differs over the sheets; empty where it does not."""
+    fields = [getattr(body.material, "temperature", None) for body in model.bodies]
+    return " and ".join(dict.fromkeys(own.in_words() for own in fields if own is not None))
 
 
 def remarks(scene: Any) -> list[str]:

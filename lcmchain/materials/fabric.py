@@ -36,6 +36,7 @@ from lcmchain.materials.law import (
     Step,
     TangentCoupling,
     bending_stiffness,
+    history_count,
     hourglass_tangent,
     implements,
     membrane_response,
@@ -84,6 +85,7 @@ from lcmchain.materials.strain_map import (
     mapped_slope,
     mapped_stabilising,
 )
+from lcmchain.materials.temperature_field import TemperatureField, with_field
 from lcmchain.materials.variants import name_twins
 from lcmchain.materials.viscous_shear import (
     ViscousShear,
@@ -327,6 +329,7 @@ class Fabric:
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
     viscous : what resists the rate of the shear, None for a law that does not know it.
     relaxation : what relaxes of the compaction, None for a law where nothing does.
+    temperature : over the blank, which shifts the times of both; None where it is one.
     """
 
     is_diagonal = True
@@ -349,12 +352,13 @@ class Fabric:
         bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
         viscous: ViscousShear | None = None,
         relaxation: CompactionRelaxation | None = None,
+        temperature: TemperatureField | None = None,
     ) -> None:
         law = law if coupling is None else coupling.law_of(law)
         law = linear_where_constant(with_locking(law, locking))
         law = with_relaxing(with_curves(law, bending_curves, thickness), relaxation)
-        self.law = law = with_viscous(law, viscous)
-        self.viscous, self.relaxation = viscous, relaxation
+        self.law = law = with_viscous(with_field(law, temperature), viscous)
+        self.viscous, self.relaxation, self.temperature = viscous, relaxation, temperature
         self.coupling = coupling
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
@@ -595,12 +599,27 @@ class Fabric:
     def rate_stress(self, E: np.ndarray, history: np.ndarray, step: Step) -> np.ndarray:
         """Return the part of S^M (..., 6) that depends on the step that leads to E (..., 6)."""
         S = np.zeros(np.shape(E))
+        if self.temperature is not None:
+            step = step._replace(size=step.size * history[self.law.rate_factor_at])
         if self.relaxation is not None:
             own = history[: len(self.relaxation.memory)]
-            S += self.relaxing_stress(E, self.relaxed(E, own, float(step.size)))
+            S += self.relaxing_stress(E, self.relaxed(E, own, step.size))
         if self.viscous is not None:
             S += stress_of_step(self.viscous, E, history, step)
         return S
+
+    def initial_history(self, points: np.ndarray) -> np.ndarray:
+        """Return what elements keep before anything has happened (history_count, E).
+
+        Parameters
+        ----------
+        points : their centres in the undeformed blank (E, 3) [m].
+        """
+        history = np.zeros((history_count(self.law), len(points)))
+        if self.temperature is not None:
+            factor = self.temperature.rate_factor(self.temperature.at(points))
+            history[self.law.rate_factor_at] = factor
+        return history
 
     def relaxing_stress(self, E: np.ndarray, memory: np.ndarray) -> np.ndarray:
         """Return what relaxes of S^M (..., 6) at E, with the memory there."""
@@ -612,7 +631,7 @@ class Fabric:
             S[..., 2] *= mapped.E
         return S
 
-    def relaxed(self, E: np.ndarray, memory: np.ndarray, size: float) -> np.ndarray:
+    def relaxed(self, E: np.ndarray, memory: np.ndarray, size: ArrayLike) -> np.ndarray:
         """Return what a fabric remembers of its relaxation after a step to E (..., 6).
 
         Parameters
@@ -627,7 +646,8 @@ class Fabric:
         """Return the viscosities (..., 6) [Pa s] that bound the step at E (..., 6)."""
         found = np.zeros(np.shape(E))
         if self.viscous is not None:
-            found[..., 3] = self.viscous.bound(np.asarray(E)[..., 3])
+            slowest = 1.0 if self.temperature is None else self.temperature.slowest
+            found[..., 3] = slowest * self.viscous.bound(np.asarray(E)[..., 3])
         return found
 
     def _energy_in_plane(self, E: ArrayLike) -> np.ndarray:
@@ -989,4 +1009,5 @@ class FabricMaterial(FabricTable):
             "bending_curves": self.bending.curves,
             "viscous": None if self.viscous is None else self.viscous.viscous,
             "relaxation": None if self.viscous is None else self.viscous.relaxation,
+            "temperature": None if self.viscous is None else self.viscous.field,
         }

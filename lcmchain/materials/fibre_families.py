@@ -557,7 +557,7 @@ class FibreFamilies(Fabric):
         law = FibreFamiliesLaw(plane=values, **out_of_plane)
         self.law = linear_where_constant(law)
         self.coupling = None
-        self.relaxation = None
+        self.relaxation = self.temperature = None
         self.locking = None
         self.viscous = None
         self.shear_range = shear_range

@@ -32,15 +32,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
 from lcmchain.materials.compaction import compaction_of, compaction_stress_and_tangent
 from lcmchain.materials.law import Remembered, evolved_history, history_count
 from lcmchain.materials.shear_compaction import strain_of, thickening
+from lcmchain.materials.temperature_field import elapsed
 from lcmchain.materials.twins import twin_of
 from lcmchain.materials.viscous_shear import (
     Relaxation,
+    after_step,
     base_class,
     evolved_viscous_shear,
     let_resist_rates,
@@ -92,21 +95,19 @@ class CompactionRelaxation:
         return CompactionRelaxation(terms)
 
     def in_step(
-        self, strain: np.ndarray, stress: np.ndarray, memory: np.ndarray, size: float
+        self, strain: np.ndarray, stress: np.ndarray, memory: np.ndarray, size: ArrayLike
     ) -> np.ndarray:
         """Return the memory (3 + n, ...) at the end of a step.
 
         Parameters
         ----------
         strain, stress : of the compaction law at its end (...). memory : at its start.
-        size : of the step [s]; 0: no time passes.
+        size : of the step [s], one or (...); 0: no time passes.
         """
         strain_before, stress_before, work, *before = memory
         after = []
         for term, h in zip(self.terms, before, strict=True):
-            x = size / term.time
-            mean = -np.expm1(-x) / x if x > 0.0 else 1.0
-            after.append(np.exp(-x) * h + term.modulus * mean * (stress - stress_before))
+            after.append(after_step(h, term, stress - stress_before, np.asarray(size)))
         work = work + 0.5 * (sum(before) + sum(after)) * (strain - strain_before)
         return np.array(np.broadcast_arrays(strain, stress, work, *after))
 
@@ -219,7 +220,8 @@ def sum_after(law: Any, stresses: tuple) -> float:
 @equation
 def relaxing_stress(law, S33, C33, strain, history):
     own = own_numbers(law, history)
-    stresses = stresses_after(law, own, S33 - own[1], own[-1])
+    size = elapsed(law, history, own[-1])
+    stresses = stresses_after(law, own, S33 - own[1], size)
     return S33 + sum_after(law, stresses), C33 * (1.0 + share_at_once(law))
 
 
@@ -228,7 +230,7 @@ def relaxing_history(law, E, history):
     own = own_numbers(law, history)
     strain = strain_of(thickening(law, E[2], E[3]), E[2])
     S33 = compaction_stress_and_tangent(law, strain)[0]
-    stresses = stresses_after(law, own, S33 - own[1], own[-1])
+    stresses = stresses_after(law, own, S33 - own[1], elapsed(law, history, own[-1]))
     mean = 0.5 * (sum_before(law, own) + sum_after(law, stresses))
     work = own[2] + mean * (strain - own[0])
     return (strain, S33, work, *stresses, *evolved_viscous_shear(law, E[3], history))

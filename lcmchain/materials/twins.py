@@ -36,7 +36,7 @@ def twin_of(
     twin: Any = NamedTuple(f"{prefix}{law_class.__name__}", fields)  # type: ignore[misc]
     twin.__doc__ = f"Parameters of :class:`{law_class.__name__}`{about}"
     twin.__module__ = law_class.__module__
-    for told in ("remembers", "knows_step", "relaxing_count"):
+    for told in ("remembers", "knows_step", "relaxing_count", "rate_factor_at"):
         if hasattr(law_class, told):
             setattr(twin, told, getattr(law_class, told))
     inherit(twin, law_class)

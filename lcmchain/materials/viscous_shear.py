@@ -60,6 +60,12 @@ from lcmchain.materials.law import (
     written,
 )
 from lcmchain.materials.shear_compaction import LARGEST_SQUARE
+from lcmchain.materials.temperature_field import (
+    elapsed,
+    heated_class,
+    kept_values,
+    time_factor,
+)
 from lcmchain.materials.twins import twin_of
 
 GAS_CONSTANT = 8.31446261815324  # [J/(mol K)]
@@ -93,6 +99,16 @@ def viscous_of(material: Any) -> ViscousShear | None:
 def arrhenius_factor(temperature: float, reference: float, energy: float) -> float:
     """Return the factor on all times at a temperature [K]; energy of activation [J/mol]."""
     return math.exp(energy / GAS_CONSTANT * (1.0 / temperature - 1.0 / reference))
+
+
+def after_step(
+    stress: np.ndarray, term: Relaxation, change: np.ndarray, size: np.ndarray
+) -> np.ndarray:
+    """Return the stress of a Maxwell element after a step (...) of a size [s], in NumPy."""
+    x = np.asarray(size / term.time)
+    mean = np.where(x > 0.0, -np.expm1(-x) / np.where(x > 0.0, x, 1.0), 1.0)
+    after: np.ndarray = np.exp(-x) * stress + term.modulus * mean * change
+    return after
 
 
 @dataclass(frozen=True)
@@ -165,23 +181,22 @@ class ViscousShear:
         """Return the largest dS12 over dg/dt [Pa s] of any rate at shear strains g."""
         return self.viscosity / (1.0 - np.minimum(np.square(g), LARGEST_SQUARE))
 
-    def in_step(self, g: ArrayLike, memory: np.ndarray, size: float) -> np.ndarray:
+    def in_step(self, g: ArrayLike, memory: np.ndarray, size: ArrayLike) -> np.ndarray:
         """Return the memory (3 + n, ...) at the end of a step to g; its row 1 is the stress.
 
         Parameters
         ----------
-        memory : at the start of the step. size : of the step [s]; 0: no time passes.
+        memory : at the start of the step. size : of the step [s], one or (...); 0: no time passes.
         """
+        size = np.asarray(size, dtype=float)
         before, stress, lost, *moments = np.asarray(memory, dtype=float)
         middle = 0.5 * (np.asarray(g) + before)
         secant = 1.0 / np.sqrt(1.0 - np.minimum(middle**2, LARGEST_SQUARE))
         turn = secant * (g - before)
-        rate = turn / size if size > 0.0 else np.zeros_like(turn)
+        rate = np.where(size > 0.0, turn / np.where(size > 0.0, size, 1.0), 0.0)
         after = []
         for term, moment in zip(self.terms, moments, strict=True):
-            x = size / term.time
-            mean = -math.expm1(-x) / x if x > 0.0 else 1.0
-            after.append(math.exp(-x) * moment + term.modulus * mean * turn)
+            after.append(after_step(moment, term, turn, size))
         now = secant * (self.viscosity_at(rate) * rate + sum(after))
         more = self.stored([*after]) - self.stored(moments)
         lost = lost + 0.5 * (stress + now) * (g - before) - more
@@ -223,8 +238,8 @@ def with_viscous_shear(law, S12, C12, g, history):
 
 @optional
 def evolved_viscous_shear(law, g, history):
-    """Return what the law remembers of its rate; nothing for a law without."""
-    return ()
+    """Return what the law remembers of its rate, behind the values that elements keep."""
+    return kept_values(law, history)
 
 
 @optional
@@ -366,9 +381,8 @@ def packed_memory(law: Any, g: float, stress: float, lost: float, moments: tuple
 
 
 @equation
-def stress_of_rate(law, own, g):
+def stress_of_rate(law, own, g, size):
     """Return what comes to S12, the secant 1/cos γ of the step, and the moments after it."""
-    size = own[-2]
     secant = secant_of(0.5 * (g + own[0]))
     turn = secant * (g - own[0])
     moments = moments_after(law, own, turn, size)
@@ -378,17 +392,18 @@ def stress_of_rate(law, own, g):
 
 @equation
 def viscous_shear_stress(law, S12, C12, g, history):
-    stress, secant, _ = stress_of_rate(law, own_numbers(law, history), g)
+    own = own_numbers(law, history)
+    stress, secant, _ = stress_of_rate(law, own, g, elapsed(law, history, own[-2]))
     return S12 + stress, C12 + secant * secant * glassy_modulus(law)
 
 
 @equation
 def viscous_shear_memory(law, g, history):
     own = own_numbers(law, history)
-    stress, _, moments = stress_of_rate(law, own, g)
+    stress, _, moments = stress_of_rate(law, own, g, elapsed(law, history, own[-2]))
     work = 0.5 * (own[1] + stress) * (g - own[0])
     lost = own[2] + work - stored_more(law, own, moments)
-    return packed_memory(law, g, stress, lost, moments)
+    return (*kept_values(law, history), *packed_memory(law, g, stress, lost, moments))
 
 
 @equation
@@ -400,7 +415,8 @@ def viscous_shear_history(law, E, history):
 @equation
 def viscous_shear_bound(law, E, history):
     secant = secant_of(E[3])
-    return (None, None, None, law.viscosity * secant * secant, None, None)
+    bound = law.viscosity * secant * secant * time_factor(law, history)
+    return (None, None, None, bound, None, None)
 
 
 # --- laws -----------------------------------------------------------------------------------------
@@ -433,6 +449,8 @@ def base_class(name: str) -> Any:
 
     if name not in _bases and name.startswith("Relaxing"):
         return relaxation.relaxing_class(name)
+    if name not in _bases and name.startswith("Heated"):
+        return heated_class(name)
     if name not in _bases:
         raise AttributeError(f"{name} is no law of which what resists a rate could be a part")
     return _bases[name]
@@ -501,5 +519,5 @@ def stress_of_step(
     """Return what comes to S^M (..., 6) at the end of a step to E; history of the law before."""
     S = np.zeros(np.shape(E))
     own = history[len(history) - len(viscous.memory) :]
-    S[..., 3] = viscous.in_step(np.asarray(E)[..., 3], own, float(step.size))[1]
+    S[..., 3] = viscous.in_step(np.asarray(E)[..., 3], own, step.size)[1]
     return S

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
 from lcmchain.materials.relaxation import CompactionRelaxation
+from lcmchain.materials.temperature_field import TemperatureField
 from lcmchain.materials.viscous_shear import Relaxation, ViscousShear, arrhenius_factor
 from lcmchain.quantities.entry_types import (
     POSITIVE,
     AbsentMeans,
     ActivationEnergy,
+    Length,
     Number,
     PositiveStiffness,
     PositiveTime,
@@ -52,6 +55,39 @@ class CrossTable(SceneModel):
     )
 
 
+class TemperatureFieldTable(SceneModel):
+    """Temperature on a grid in the coordinates of the undeformed blank, kept for the run."""
+
+    x: Annotated[tuple[Length, ...], Row('"-100 0 100 mm"', minimum_count=1)] = Field(
+        description="Coordinates x of the grid, rising."
+    )
+    y: Annotated[tuple[Length, ...], Row('"-100 100 mm"')] = Field(
+        default=(), description="Coordinates y of the grid, rising; none: the same at any y."
+    )
+    temperature: Annotated[
+        tuple[Temperature, ...], Row('["280 degC", "285 degC", "290 degC"]', units=False)
+    ] = Field(description="Temperature at every x of the first y, then of the next one.")
+
+    @property
+    def row_count(self) -> int:
+        """How many rows of temperatures there are, one for each y."""
+        return max(len(self.y), 1)
+
+    @model_validator(mode="after")
+    def _check_grid(self) -> Self:
+        for name, values in (("x", self.x), ("y", self.y)):
+            if any(after <= before for before, after in itertools.pairwise(values)):
+                raise wrong("must rise from one point to the next", field=name)
+        wanted = len(self.x) * self.row_count
+        if len(self.temperature) != wanted:
+            raise wrong(
+                f"has {len(self.temperature)} values for a grid of {len(self.x)} times "
+                f"{self.row_count} points; give {wanted}",
+                field="temperature",
+            )
+        return self
+
+
 class ViscousTable(SceneModel):
     """What resists the rate of the shear, a dashpot and Maxwell elements, and what relaxes."""
 
@@ -82,6 +118,9 @@ class ViscousTable(SceneModel):
     temperature: Annotated[Temperature | None, AbsentMeans("reference_temperature")] = Field(
         default=None, description="Temperature of the fabric while it is formed."
     )
+    temperature_field: Annotated[
+        TemperatureFieldTable | None, AbsentMeans("one temperature for the sheet")
+    ] = Field(default=None, description="Temperature over the blank, in place of one value.")
     reference_temperature: Annotated[Temperature | None, AbsentMeans("none needed")] = Field(
         default=None, description="Temperature at which viscosities and times were measured."
     )
@@ -106,9 +145,12 @@ class ViscousTable(SceneModel):
                     "Pa*s; it bounds the step, and must be the largest",
                     field="cross.infinite_viscosity",
                 )
+        if self.temperature is not None and self.temperature_field is not None:
+            raise wrong("cannot stand beside temperature; leave one out", field="temperature_field")
+        own = "temperature" if self.temperature_field is None else "temperature_field"
         given: dict[str, Any] = {
             name: getattr(self, name)
-            for name in ("temperature", "reference_temperature", "activation_energy")
+            for name in (own, "reference_temperature", "activation_energy")
         }
         missing = [name for name, value in given.items() if value is None]
         if 0 < len(missing) < len(given):
@@ -124,6 +166,19 @@ class ViscousTable(SceneModel):
         assert self.reference_temperature is not None and self.activation_energy is not None
         return arrhenius_factor(
             self.temperature, self.reference_temperature, self.activation_energy
+        )
+
+    @property
+    def field(self) -> TemperatureField | None:
+        """Temperature over the blank, None where it is one."""
+        own = self.temperature_field
+        if own is None:
+            return None
+        assert self.reference_temperature is not None and self.activation_energy is not None
+        width = len(own.x)
+        rows = tuple(own.temperature[k * width : (k + 1) * width] for k in range(own.row_count))
+        return TemperatureField(
+            own.x, own.y or (0.0,), rows, self.reference_temperature, self.activation_energy
         )
 
     @property
