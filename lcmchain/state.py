@@ -345,6 +345,8 @@ class State(_Arrays):
         """Return the state at time 0: reference positions, no velocity."""
         state = cls.zeros(model)
         state.position[:] = model.node_positions.T
+        for body in model.bodies:
+            model.history_of(body, state.history)[:] = body.no_history()
         state.clock[PACE] = 1.0
         state.ply_facet[:] = NONE
         state.support_let_go[:] = state.gripper_let_go[:] = np.inf

@@ -12,7 +12,8 @@ from lcmchain.coupling.solids.stack_compaction import PressedPly, StackCompactio
 from lcmchain.errors import InputError
 from lcmchain.mapping.plies import SHARE
 from lcmchain.materials.law import Material, couples_shear
-from lcmchain.materials.shear_compaction import free_stretch
+from lcmchain.materials.pressure_table import PressureTable
+from lcmchain.materials.shear_compaction import coupling_of, free_stretch
 from lcmchain.scene.origin import formed_material, formed_plies
 
 #: A ply that covers all of a cell but for rounding covers all of it.
@@ -47,7 +48,7 @@ def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
 def at_rest(table: Any) -> Any:
     """Return the law of a material's table that is only pressed: without shear, bending, rates."""
     for states, without in (
-        ("resists_rates", "without_viscosity"),
+        ("resists_rates", "without_rates"),
         ("shear_rubs", "without_shear_friction"),
         ("bending_rubs", "without_bending_friction"),
         ("bending_resists_rates", "without_viscous_bending"),
@@ -94,7 +95,17 @@ def of_cells(
 
     Fibres that keep their length leave a sheared cell cos γ of its area. Where the thickness knows
     the shear, its law is that of a sheet that is thicker by 1/cos^β γ, on an area as much larger.
+
+    Raises
+    ------
+    InputError : the thickness knows the shear by a table, which does not scale like that.
     """
+    if isinstance(coupling_of(material), PressureTable):
+        raise InputError(
+            "couples shear and compaction by a table, which closures do not take; start from a "
+            "scene with an exponent that is near it (identified without --table)",
+            key="material.compaction.table",
+        )
     area = material.areal_mass / areal_mass
     thicker = np.ones(len(areal_mass))
     if couples_shear(material):

@@ -19,6 +19,12 @@ _CURVE = (
     "material.bending.curve_1.curvature=2 3 5 10 20 1/m",
     "material.bending.curve_1.moment=2.4 3.0 3.2 3.5 3.8 mN",
 )
+_TABLE = (
+    "material.compaction.table=["
+    '{shear_angle = "0 deg", stretch = [1.0, 0.9, 0.75], pressure = "0 0.02 0.4 MPa"},'
+    '{shear_angle = "30 deg", stretch = [1.1, 0.99, 0.82], pressure = "0 0.02 0.4 MPa"},'
+    '{shear_angle = "50 deg", stretch = [1.4, 1.25, 1.0], pressure = "0 0.02 0.4 MPa"}]',
+)
 #: Overrides of the scene by what they add.
 LAWS: dict[str, tuple[str, ...]] = {
     "as published": (),
@@ -28,6 +34,7 @@ LAWS: dict[str, tuple[str, ...]] = {
     ),
     "permanent set": ("material.law=fabric-with-set", "material.compaction.permanent_set=0.3"),
     "shear-compaction coupling": ("material.compaction.shear_coupling=1.0",),
+    "pressures by a table": _TABLE,
     "bending by curves": _CURVE,
 }
 ROUNDS = 5

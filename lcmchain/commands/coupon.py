@@ -99,13 +99,18 @@ def coupon_compaction(
         str | None,
         typer.Option(help="Shear angle to which the piece is brought first; unsheared without."),
     ] = None,
+    hold: Annotated[
+        str | None, typer.Option(help="Time that the plates stand still in the end; none without.")
+    ] = None,
     edge_length: EdgeLength = "5 mm",
     overrides: Overrides = None,
 ) -> None:
-    """Press a piece between plates, sheared or not: pressure over thickness."""
+    """Press a piece between plates, sheared or not, and held: pressure over thickness."""
     sizes = {"--pressure": pressure, "--size": size, "--edge-length": edge_length}
     if shear_angle is not None:
         sizes["--shear-angle"] = shear_angle
+    if hold is not None:
+        sizes["--hold"] = hold
     _run_coupon("compaction", scene, overrides, out, sizes)
 
 

@@ -96,6 +96,9 @@ def identify_compaction(
     areal_mass: ArealMass = None,
     fibre_density: Annotated[str | None, _size("--fibre-density", "1810 kg/m^3 (MD600)")] = None,
     noise_floor: NoiseFloor = 0.001,
+    table: Annotated[
+        bool, typer.Option("--table", help="Find pressures at every shear angle, not one exponent.")
+    ] = False,
     accept: Accept = False,
 ) -> None:
     """Compaction law from plate-to-plate tests: thickness, pressure (and shear angle)."""
@@ -104,7 +107,7 @@ def identify_compaction(
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "fibre_density": fibre_density}
     _report_identification(
         data, out, lambda: identify_compaction_file(
-            data, sizes, noise_floor=noise_floor, accept=accept
+            data, sizes, noise_floor=noise_floor, table=table, accept=accept
         ),
     )  # fmt: skip
 

@@ -108,17 +108,18 @@ class Recording(NamedTuple):
 def require_fabric(material: AnyMaterial, *, knows_losses: bool = False) -> None:
     """Refuse materials of which the analytic solution of a coupon knows nothing.
 
-    knows_losses : whether it knows a shear that depends on its rate, or rubs.
+    knows_losses : whether it knows stresses that depend on a rate, and shear that rubs.
 
     Raises
     ------
-    InputError : the material is no fabric, or one whose shear loses energy.
+    InputError : the material is no fabric, one that loses energy, or one of several temperatures.
     """
+    require_one_temperature(material)
     if not knows_losses:
         require_no_friction(material)
     if material.resists_rates and not knows_losses:
         raise InputError(
-            "makes the shear depend on its rate, of which the analytic solution of this coupon "
+            "makes a stress depend on its rate, of which the analytic solution of this coupon "
             "knows nothing; use lcmchain coupon picture-frame, or leave the table out",
             key="material.viscous",
         )
@@ -142,6 +143,21 @@ def require_no_friction(material: AnyMaterial) -> None:
             "makes the shear depend on its past, of which the analytic solution of this coupon "
             "knows nothing; use lcmchain coupon picture-frame --cycles, or leave it out",
             key="material.membrane.friction",
+        )
+
+
+def require_one_temperature(material: AnyMaterial) -> None:
+    """Refuse a temperature that differs over the blank, of which no reference knows.
+
+    Raises
+    ------
+    InputError : the material has one.
+    """
+    if material.resists_rates and material.viscous.field is not None:
+        raise InputError(
+            "differs over the blank, and a coupon has one temperature; give "
+            "material.viscous.temperature instead",
+            key="material.viscous.temperature_field",
         )
 
 

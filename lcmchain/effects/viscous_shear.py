@@ -26,8 +26,8 @@ from lcmchain.materials.viscous_shear import viscous_of
 SWITCH = Switch(
     entry="material.viscous",
     without="what resists the rate of the shear, and its relaxation",
-    called=stated_by_materials("resists_rates"),
-    off=out_of_materials("resists_rates", "without_viscosity"),
+    called=stated_by_materials("resists_shear_rates"),
+    off=out_of_materials("resists_shear_rates", "without_viscosity"),
     on=refused("the material states no viscosity; give material.viscous"),
 )
 
@@ -35,7 +35,10 @@ SWITCH = Switch(
 def active(model: Any) -> list[Effect]:
     """Return one effect for all sheets."""
     nothing = "the shear does not depend on its rate"
-    return [of_materials("viscous shear", model, _in_words, nothing)]
+    found = of_materials("viscous shear", model, _in_words, nothing)
+    if found.active and (fields := temperatures_of(model)):
+        found = found._replace(reason=f"{found.reason}, {fields}")
+    return [found]
 
 
 def _in_words(material: Any) -> str | None:
@@ -43,12 +46,20 @@ def _in_words(material: Any) -> str | None:
     return None if viscous is None else viscous.in_words()
 
 
+def temperatures_of(model: Any) -> str:
+    """Say in words how the temperature differs over the sheets; empty where it does not."""
+    fields = [getattr(body.material, "temperature", None) for body in model.bodies]
+    return " and ".join(dict.fromkeys(own.in_words() for own in fields if own is not None))
+
+
 def remarks(scene: Any) -> list[str]:
-    """Say what of a scene changes a stress that depends on the rate, of shear or of bending."""
+    """Say what of a scene changes a stress that depends on a rate."""
     materials = [ply.material for ply in scene.stack]
     entries = []
-    if any(material.resists_rates for material in materials):
+    if any(material.resists_shear_rates for material in materials):
         entries.append(("shear", "material.viscous"))
+    if any(material.relaxes for material in materials):
+        entries.append(("compaction", "material.viscous.compaction"))
     if any(material.bending_resists_rates for material in materials):
         entries.append(("bending", "material.bending.viscous_1 and viscous_2"))
     found = [

@@ -8,6 +8,8 @@ import numpy as np
 
 from lcmchain.fields.sheet import sheet_areas, sheet_faces, sheet_positions
 from lcmchain.materials.law import Material
+from lcmchain.materials.pressure_table import PressureTable
+from lcmchain.materials.shear_compaction import coupling_of
 from lcmchain.quantities.places import millimetres
 
 if TYPE_CHECKING:
@@ -63,6 +65,25 @@ def shear_range_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
         "extrapolated there, and neither the angle nor force, thickness and wrinkles that depend "
         "on it rest on a test; measure further, or state where the fabric locks "
         "(material.membrane.locking_angle)"
+    ]
+
+
+def compaction_range_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
+    """Say where the sheet left the table by which its shear and compaction are coupled."""
+    table = coupling_of(material)
+    if not isinstance(table, PressureTable) or "thickness" not in sheet:
+        return []
+    angle = np.abs(sheet["shear_angle"].values)
+    stretch = sheet["thickness"].values / material.thickness
+    sheared = angle > table.last_angle
+    over = (sheared | table.beyond(stretch, np.sin(angle))).any(axis=0)
+    if not over.any():
+        return []
+    return [
+        f"{_share(sheet, over)} left the table of material.compaction.table, which ends at "
+        f"{np.degrees(table.last_angle):.3g} deg of shear and {table.thinnest:.3g} of the free "
+        f"thickness: {_share(sheet, sheared.any(axis=0))} by the shear, up to "
+        f"{np.degrees(angle.max()):.1f} deg. Pressures are extrapolated there; measure further"
     ]
 
 

@@ -10,7 +10,11 @@ import numpy as np
 from lcmchain.fields.between_plies import ContactOfFaces
 from lcmchain.fields.crossings import crossing_warnings
 from lcmchain.fields.dataset import HISTORY, SHEET
-from lcmchain.fields.limits import packing_warnings, shear_range_warnings
+from lcmchain.fields.limits import (
+    compaction_range_warnings,
+    packing_warnings,
+    shear_range_warnings,
+)
 from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import fibre_strains, node_areas, sheet_areas, vector
 from lcmchain.fields.stack import plies_of
@@ -197,6 +201,7 @@ def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
         *found,
         *packing_warnings(sheet, material),
         *shear_range_warnings(sheet, material),
+        *compaction_range_warnings(sheet, material),
         *(wave_warnings(sheet) if "wrinkle_height" in sheet else []),
         *crossing_warnings(sheet, material.thickness),
     ]

@@ -17,6 +17,8 @@ from lcmchain.identification import (
     bending_curve,
     cantilever_tests,
     compaction,
+    pressure_table,
+    relaxing_compaction,
     shear,
     sheared_compaction,
     viscous_shear,
@@ -111,11 +113,14 @@ def identify_compaction_file(
     sizes: Mapping[str, str | None],
     *,
     noise_floor: float = 0.001,
+    table: bool = False,
     accept: bool = False,
 ) -> Identification:
     """Identify the compaction law; ``sizes``: thickness, areal_mass, fibre_density as text.
 
-    A file with a column ``shear angle`` tells the shear-compaction coupling too.
+    A file with a column ``shear angle`` tells the shear-compaction coupling too: one exponent, or
+    with ``table`` pressures at every angle. A file with a column ``time`` whose tests hold their
+    gap in the end tells what relaxes.
 
     ``accept`` takes the fit as it is where the law does not describe the data.
 
@@ -131,6 +136,14 @@ def identify_compaction_file(
     identify = compaction.identify_compaction
     if sheared_compaction.SHEAR_ANGLE in data:
         identify = sheared_compaction.identify_sheared_compaction
+        if table:
+            identify = pressure_table.identify_pressure_table
+    elif relaxing_compaction.held_rows(data).any():
+        identify = relaxing_compaction.identify_relaxing_compaction
+    if table and sheared_compaction.SHEAR_ANGLE not in data:
+        raise InputError(
+            "needs tests of sheared fabric: a column as shear angle [deg]", key="--table", file=path
+        )
     return identify(
         data, thickness=values["thickness"],
         solid_height=values["areal_mass"] / values["fibre_density"], noise_floor=noise_floor,

@@ -37,6 +37,7 @@ LEAST_SHEAR = math.radians(2.0)
 LARGEST_SHEAR = math.radians(80.0)
 LARGEST_COUPLING = 2.0
 MINIMUM_ROWS = 4
+EACH_ANGLE = "the law of the unsheared rows holds; --table takes every angle by itself"
 
 
 def sheared_pressure(
@@ -45,6 +46,32 @@ def sheared_pressure(
     """Return the pressure [Pa] on the present area at stretches t/t0 and shear angles [rad]."""
     thinner = np.cos(shear_angle) ** beta
     return thinner * compaction_pressure(thinner * stretch, *law) / np.cos(shear_angle)
+
+
+def unsheared_law(data: CouponData, **options: Any) -> tuple[Identification, np.ndarray]:
+    """Return the law of the unsheared rows, and which rows are sheared; for parameters see below.
+
+    Raises
+    ------
+    InputError : a shear angle out of range, no rows without shear, or too few with it.
+    FitRefusedError : the law does not describe its rows, and ``accept`` is not given.
+    """
+    angle = np.abs(data[SHEAR_ANGLE])
+    wrong = np.flatnonzero(angle > LARGEST_SHEAR)
+    if wrong.size:
+        raise data.wrong(SHEAR_ANGLE, wrong[0], "is more than 80 deg")
+    sheared = angle >= LEAST_SHEAR
+    if sheared.all():
+        raise InputError(
+            "has no rows without shear, which give the compaction law; add a test at 0 deg",
+            file=data.file,
+        )
+    if np.count_nonzero(sheared) < MINIMUM_ROWS:
+        raise InputError(
+            f"has {np.count_nonzero(sheared)} sheared rows; at least {MINIMUM_ROWS} are needed",
+            file=data.file,
+        )
+    return identify_compaction(data.keep(~sheared), **options), sheared
 
 
 def identify_sheared_compaction(
@@ -69,23 +96,8 @@ def identify_sheared_compaction(
     InputError : a shear angle out of range, no rows without shear, or too few with it.
     FitRefusedError : law or coupling does not describe the data, and ``accept`` is not given.
     """
-    angle = np.abs(data[SHEAR_ANGLE])
-    wrong = np.flatnonzero(angle > LARGEST_SHEAR)
-    if wrong.size:
-        raise data.wrong(SHEAR_ANGLE, wrong[0], "is more than 80 deg")
-    sheared = angle >= LEAST_SHEAR
-    if sheared.all():
-        raise InputError(
-            "has no rows without shear, which give the compaction law; add a test at 0 deg",
-            file=data.file,
-        )
-    if np.count_nonzero(sheared) < MINIMUM_ROWS:
-        raise InputError(
-            f"has {np.count_nonzero(sheared)} sheared rows; at least {MINIMUM_ROWS} are needed",
-            file=data.file,
-        )
-    plain = identify_compaction(
-        data.keep(~sheared), thickness=thickness, noise_floor=noise_floor, accept=accept, **rest
+    plain, sheared = unsheared_law(
+        data, thickness=thickness, noise_floor=noise_floor, accept=accept, **rest
     )
     law = tuple(plain[name].value for name in ("c0", "c1", "c2"))
     fit = _fit_all(data, thickness, law, noise_floor)
@@ -118,7 +130,7 @@ def identify_sheared_compaction(
         warnings=tuple(warnings),
         panels=(*plain.panels, _panel(rows, thickness, law, beta)),
         objections=tuple(objections),
-        holds=plain.holds or ("the law of the unsheared rows holds" if objections else ""),
+        holds=plain.holds or (EACH_ANGLE if objections else ""),
     )
     return accepted(result, data.file, accept)
 

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
 from lcmchain.materials.elementary import exponential, logarithm
@@ -50,6 +52,15 @@ def compaction_tangent_curvature(law, E33):
     second = (c2 - 1.0) * first / e
     factor = 1.0 + c2 + c2 * X
     return modulus * (first * first * (factor + c2) + second * factor)
+
+
+def compaction_of(
+    c0: float, c1: float, c2: float, E33: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return S33 and dS33/dE33, Eq. (23), in NumPy."""
+    exponent = c1 * np.maximum(-E33, 0.0) ** c2
+    modulus = c0 * np.exp(exponent)
+    return modulus * E33, modulus * (1.0 + c2 * exponent)
 
 
 @equation

@@ -20,7 +20,6 @@ from lcmchain.materials.bending_curve import (
     KINKS,
     SIZE,
     BendingCurve,
-    bent_class,
     curve_energy,
     curve_response,
     with_curves,
@@ -32,17 +31,19 @@ from lcmchain.materials.bending_loss_table import (
 )
 from lcmchain.materials.bending_losses import BendingLosses, with_losses
 from lcmchain.materials.compaction import (
+    compaction_of,
     compaction_stress_and_tangent,
     compaction_tangent_curvature,
     compaction_tangent_slope,
-    linear_class,
     linear_where_constant,
 )
 from lcmchain.materials.fabric_table import ExponentialCompaction, FabricTable
 from lcmchain.materials.law import (
     Step,
+    TangentCoupling,
     bending_stiffness,
     evolved_history,
+    history_count,
     hourglass_tangent,
     implements,
     membrane_response,
@@ -52,17 +53,30 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
+from lcmchain.materials.pressure_table import (
+    LARGEST_ANGLE,
+    MOST_ANGLES,
+    MOST_PRESSURES,
+    PressureCurve,
+    PressureTable,
+)
+from lcmchain.materials.relaxation import (
+    OWN_MEMORY,
+    CompactionRelaxation,
+    evolved_relaxation,
+    with_relaxation,
+    with_relaxing,
+)
 from lcmchain.materials.rounded_shear import rounded_shear, rounded_shear_of
 from lcmchain.materials.shear_compaction import (
-    LARGEST_SQUARE,
-    coupled_class,
-    coupling_of,
-    own_curvature,
-    own_slope,
+    Coupling,
+    PowerCoupling,
+    curvature_at_shear,
+    shear_tangents,
+    slope_at_shear,
+    stabilising_at_shear,
     strain_of,
     thickening,
-    thickening_stretch,
-    with_coupling,
     with_thickening,
 )
 from lcmchain.materials.shear_friction import (
@@ -73,13 +87,20 @@ from lcmchain.materials.shear_friction import (
 )
 from lcmchain.materials.shear_locking import (
     ShearLocking,
-    locking_class,
     locking_response,
     locking_tangent_curvature,
     locking_tangent_slope,
     with_locking,
 )
-from lcmchain.materials.twins import let_have_twins
+from lcmchain.materials.strain_map import (
+    mapped_coupling,
+    mapped_curvature,
+    mapped_pressure,
+    mapped_slope,
+    mapped_stabilising,
+)
+from lcmchain.materials.temperature_field import TemperatureField, kept_values, with_field
+from lcmchain.materials.variants import name_twins
 from lcmchain.materials.viscous_shear import (
     ViscousShear,
     evolved_viscous_shear,
@@ -108,7 +129,7 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.quantities.units import STIFFNESS
+from lcmchain.quantities.units import ANGLE, PRESSURE, STIFFNESS
 
 
 class FabricLaw(NamedTuple):
@@ -198,9 +219,9 @@ def with_shear_losses(law, S12, C12, g, elastic, history):
 
 @equation
 def evolved_shear(law, g, history):
-    """Return what the law remembers of its shear."""
+    """Return what the law remembers of its shear, behind the values that elements keep."""
     elastic = shear_stress_and_tangent(law, g)[0]
-    of_rate = evolved_viscous_shear(law, g, history)
+    of_rate = kept_values(law, history) + evolved_viscous_shear(law, g, history)
     return of_rate + evolved_shear_friction(law, g, elastic, history)
 
 
@@ -210,17 +231,46 @@ def fabric_response(law, E, history):
     """Return the stress S^M (Eq. 19, at the centre) and the diagonal of the tangent C^M."""
     elastic, C12 = shear_stress_and_tangent(law, E[3])
     sheared = thickening(law, E[2], E[3])
-    S33, C33 = compaction_stress_and_tangent(law, strain_of(sheared, E[2]))
+    strain = strain_of(sheared, E[2])
+    S33, C33 = compaction_stress_and_tangent(law, strain)
+    S33, C33 = with_relaxation(law, S33, C33, strain, history)
     S33, C33, S12, C12 = with_thickening(sheared, S33, C33, elastic, C12)
     S12, C12 = with_shear_losses(law, S12, C12, E[3], elastic, history)
     S = (law.C11 * E[0], law.C22 * E[1], S33, S12, law.C23 * E[4], law.C13 * E[5])
     return S, (law.C11, law.C22, C33, C12, law.C23, law.C13)
 
 
+@equation
+def stabilising_compaction(sheared, law, C33):
+    """Return the stabilising C33 of a law whose own is C33."""
+    if sheared is None:
+        return C33
+    return stabilising_at_shear(sheared, C33, compaction_stress_and_tangent(law, sheared.strain)[1])
+
+
 @implements(hourglass_tangent, FabricLaw)
 @equation
 def fabric_hourglass_tangent(law, E, C_M, history):
-    return (C_M[0], C_M[1], C_M[2], stabilising_shear_tangent(law, E[3]), C_M[4], C_M[5])
+    C33 = stabilising_compaction(thickening(law, E[2], E[3]), law, C_M[2])
+    return (C_M[0], C_M[1], C33, stabilising_shear_tangent(law, E[3]), C_M[4], C_M[5])
+
+
+@equation
+def compaction_slope(sheared, law, E33):
+    """Return dC33/dE33 of the compaction at the strain that it sees."""
+    if sheared is None:
+        return compaction_tangent_slope(law, E33)
+    return slope_at_shear(sheared, compaction_tangent_slope(law, sheared.strain))
+
+
+@equation
+def compaction_curvature(sheared, law, E33):
+    """Return d²C33/dE33² of the compaction at the strain that it sees."""
+    if sheared is None:
+        return compaction_tangent_curvature(law, E33)
+    slope33 = compaction_tangent_slope(law, sheared.strain)
+    curvature33 = compaction_tangent_curvature(law, sheared.strain)
+    return curvature_at_shear(sheared, slope33, curvature33)
 
 
 @implements(tangent_slope, FabricLaw)
@@ -230,7 +280,7 @@ def fabric_tangent_slope(law, E, history):
     return (
         None,
         None,
-        own_slope(sheared, compaction_tangent_slope(law, strain_of(sheared, E[2]))),
+        compaction_slope(sheared, law, E[2]),
         stabilising_shear_slope(law, E[3]),
         None,
         None,
@@ -244,7 +294,7 @@ def fabric_tangent_curvature(law, E, history):
     return (
         None,
         None,
-        own_curvature(sheared, compaction_tangent_curvature(law, strain_of(sheared, E[2]))),
+        compaction_curvature(sheared, law, E[2]),
         stabilising_shear_curvature(law, E[3]),
         None,
         None,
@@ -259,7 +309,7 @@ def compaction_coupling(sheared, law):
     S33, C33 = compaction_stress_and_tangent(law, sheared.strain)
     slope33 = compaction_tangent_slope(law, sheared.strain)
     curvature33 = compaction_tangent_curvature(law, sheared.strain)
-    return coupling_of(sheared, S33, C33, slope33, curvature33)
+    return shear_tangents(sheared, S33, C33, slope33, curvature33)
 
 
 @implements(tangent_coupling, FabricLaw)
@@ -271,7 +321,7 @@ def fabric_tangent_coupling(law, E, history):
 @implements(evolved_history, FabricLaw)
 @equation
 def fabric_evolved(law, E, history):
-    return evolved_shear(law, E[3], history)
+    return evolved_relaxation(law, E, history) + evolved_shear(law, E[3], history)
 
 
 @implements(bending_stiffness, FabricLaw)
@@ -294,43 +344,7 @@ def fabric_plane_bending_stiffness(law):
     return (law.B11, law.B22, law.B12)
 
 
-CoupledFabricLaw = coupled_class(FabricLaw)
-LockingFabricLaw = locking_class(FabricLaw)
-LockingCoupledFabricLaw = locking_class(CoupledFabricLaw)
-LinearFabricLaw = linear_class(FabricLaw)
-LinearLockingFabricLaw = linear_class(LockingFabricLaw)
-LinearCoupledFabricLaw = linear_class(CoupledFabricLaw)
-LinearLockingCoupledFabricLaw = linear_class(LockingCoupledFabricLaw)
-
-# each of them once more for fabric that bends by curves
-BentFabricLaw = bent_class(FabricLaw)
-BentCoupledFabricLaw = bent_class(CoupledFabricLaw)
-BentLockingFabricLaw = bent_class(LockingFabricLaw)
-BentLockingCoupledFabricLaw = bent_class(LockingCoupledFabricLaw)
-BentLinearFabricLaw = bent_class(LinearFabricLaw)
-BentLinearLockingFabricLaw = bent_class(LinearLockingFabricLaw)
-BentLinearCoupledFabricLaw = bent_class(LinearCoupledFabricLaw)
-BentLinearLockingCoupledFabricLaw = bent_class(LinearLockingCoupledFabricLaw)
-
-# and all of them for fabric with friction, or that depends on rates
-let_have_twins(
-    FabricLaw,
-    CoupledFabricLaw,
-    LockingFabricLaw,
-    LockingCoupledFabricLaw,
-    LinearFabricLaw,
-    LinearLockingFabricLaw,
-    LinearCoupledFabricLaw,
-    LinearLockingCoupledFabricLaw,
-    BentFabricLaw,
-    BentCoupledFabricLaw,
-    BentLockingFabricLaw,
-    BentLockingCoupledFabricLaw,
-    BentLinearFabricLaw,
-    BentLinearLockingFabricLaw,
-    BentLinearCoupledFabricLaw,
-    BentLinearLockingCoupledFabricLaw,
-)
+name_twins(FabricLaw, globals())
 
 
 class Fabric:
@@ -347,9 +361,11 @@ class Fabric:
     locking : beyond a shear angle, None for a law that does not lock.
     in_plane_bending : stiffness of the fibres against bending within the plane, over that against
         bending out of it.
-    shear_coupling : β of :mod:`lcmchain.materials.shear_compaction`.
+    coupling : how the thickness knows the shear, None for a fabric where it does not.
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
     viscous : what resists the rate of the shear, None for a law that does not know it.
+    relaxation : what relaxes of the compaction, None for a law where nothing does.
+    temperature : over the blank, which shifts the times of both; None where it is one.
     bending_losses : friction and resistance to rates of the bending, None without.
     shear_friction : friction of the shear, None without.
     """
@@ -370,20 +386,24 @@ class Fabric:
         shear_range: float | None = None,
         locking: ShearLocking | None = None,
         in_plane_bending: float = 0.0,
-        shear_coupling: float = 0.0,
+        coupling: Coupling | None = None,
         bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
         viscous: ViscousShear | None = None,
+        relaxation: CompactionRelaxation | None = None,
+        temperature: TemperatureField | None = None,
         bending_losses: BendingLosses | None = None,
         shear_friction: ShearFriction | None = None,
     ) -> None:
-        law = linear_where_constant(with_locking(with_coupling(law, shear_coupling), locking))
-        law = with_viscous(with_curves(law, bending_curves, thickness), viscous)
+        law = law if coupling is None else coupling.law_of(law)
+        law = linear_where_constant(with_locking(law, locking))
+        law = with_relaxing(with_curves(law, bending_curves, thickness), relaxation)
+        law = with_viscous(with_field(law, temperature), viscous)
         law = with_rubbing_shear(law, shear_friction)
         self.law = law = with_losses(law, bending_losses)
-        self.viscous = viscous
+        self.viscous, self.relaxation, self.temperature = viscous, relaxation, temperature
         self.shear_friction = shear_friction
         self.bending_losses = bending_losses
-        self.shear_coupling = shear_coupling
+        self.coupling = coupling
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (law.B11 * inertia, law.B22 * inertia)
         self.locking = locking
@@ -404,7 +424,7 @@ class Fabric:
 
     @property
     def couples_shear(self) -> bool:
-        return self.shear_coupling != 0.0
+        return self.coupling is not None
 
     @property
     def bends_by_curves(self) -> bool:
@@ -431,20 +451,20 @@ class Fabric:
             C[..., row, row] = stiffness
         S[..., 3], C[..., 3, 3] = self._shear(E[..., 3])
         S33, C33 = self._compaction(self._seen(E))
-        a, a_g, a_gg = self._squared_stretch(E[..., 3])
-        S[..., 2], C[..., 2, 2] = a * S33, a * a * C33
-        if self.shear_coupling != 0.0:
-            # by the chain rule from W33(E') with E' = ((1 + 2 E33) a - 1)/2
-            half = 0.5 + E[..., 2]
-            S[..., 3] += half * a_g * S33
-            C[..., 3, 3] += half * a_gg * S33 + (half * a_g) ** 2 * C33
-            C[..., 2, 3] = C[..., 3, 2] = a_g * S33 + a * half * a_g * C33
+        S[..., 2], C[..., 2, 2] = S33, C33
+        if self.coupling is not None:
+            own = self.coupling.at(E[..., 2], E[..., 3])
+            S[..., 2], C[..., 2, 2], S[..., 3], C[..., 3, 3] = mapped_pressure.py_func(
+                own, S33, C33, S[..., 3], C[..., 3, 3]
+            )
+            C[..., 2, 3] = C[..., 3, 2] = self.tangent_couplings(E)[0]
         return S, C
 
     def stabilising_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return a diagonal tangent (..., 6, 6), its slope and curvature (..., 6).
 
-        C^M, but for the shear: its modulus is that of the rounded strain, without pressure.
+        C^M, but for the shear: its modulus is that of the rounded strain, without pressure; and for
+        C33 of a fabric with a table (:mod:`lcmchain.materials.strain_map`).
         """
         E = np.array(E, dtype=float)
         diagonal = np.arange(6)
@@ -454,6 +474,9 @@ class Fabric:
         size, first, second = rounded_shear_of(E[..., 3])
         shear_slope, shear_curvature = self._shear_slope(size), self._shear_curvature(size)
         C[..., 3, 3] = self._shear(size)[1]
+        if self.coupling is not None:
+            own, _, C33, *_ = self._mapped(E)
+            C[..., 2, 2] = mapped_stabilising.py_func(own, None, C33)
         slope[..., 3] = first * shear_slope
         curvature[..., 3] = first**2 * shear_curvature + second * shear_slope
         return C, slope, curvature
@@ -463,9 +486,10 @@ class Fabric:
         E = np.asarray(E)
         slope = np.zeros_like(E)
         slope[..., 3] = self._shear_slope(E[..., 3])
-        slope[..., 2] = self._squared_stretch(E[..., 3])[0] ** 3 * self._compaction_slope(
-            self._seen(E)
-        )
+        slope[..., 2] = self._compaction_slope(self._seen(E))
+        if self.coupling is not None:
+            own, _, _, slope33, _ = self._mapped(E)
+            slope[..., 2] = mapped_slope.py_func(own, slope33)
         return slope
 
     def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
@@ -473,26 +497,27 @@ class Fabric:
         E = np.asarray(E)
         curvature = np.zeros_like(E)
         curvature[..., 3] = self._shear_curvature(E[..., 3])
-        curvature[..., 2] = self._squared_stretch(E[..., 3])[0] ** 4 * self._compaction_curvature(
-            self._seen(E)
-        )
+        curvature[..., 2] = self._compaction_curvature(self._seen(E))
+        if self.coupling is not None:
+            own, _, _, *derivatives = self._mapped(E)
+            curvature[..., 2] = mapped_curvature.py_func(own, *derivatives)
         return curvature
+
+    def tangent_couplings(self, E: ArrayLike) -> TangentCoupling:
+        """Return dS33/dg, dC33/dg, d²C33/dE33dg and d²C33/dg² (...) at strains E (..., 6)."""
+        return mapped_coupling.py_func(*self._mapped(np.asarray(E)))
 
     def tangent_coupling(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return dC33/dg, d²C33/dE33dg and d²C33/dg² (...) at strains E (..., 6)."""
-        E = np.asarray(E)
-        strain, half = self._seen(E), 0.5 + E[..., 2]
-        a, a_g, a_gg = self._squared_stretch(E[..., 3])
-        C33 = self._compaction(strain)[1]
-        slope, curvature = self._compaction_slope(strain), self._compaction_curvature(strain)
-        rate = half * a_g  # of E' with g
-        return (
-            2.0 * a * a_g * C33 + a**2 * rate * slope,
-            3.0 * a**2 * a_g * slope + a**3 * rate * curvature,
-            2.0 * (a_g**2 + a * a_gg) * C33
-            + (4.0 * a * a_g * rate + a**2 * half * a_gg) * slope
-            + (a * rate) ** 2 * curvature,
-        )
+        return self.tangent_couplings(E)[1:]
+
+    def _mapped(self, E):
+        """Return the map of the coupling, and S33 and C33 with the derivatives of C33 there."""
+        assert self.coupling is not None
+        own = self.coupling.at(E[..., 2], E[..., 3])
+        S33, C33 = self._compaction(own.strain)
+        slope33 = self._compaction_slope(own.strain)
+        return own, S33, C33, slope33, self._compaction_curvature(own.strain)
 
     def bending_matrix(self) -> np.ndarray:
         """Return C^B (6, 6), Eq. (25)."""
@@ -546,29 +571,16 @@ class Fabric:
             curvature = curvature + self.locking.slope_and_curvature(g)[1]
         return curvature
 
-    def _squared_stretch(self, g):
-        """Return a = cos^2β γ and its first and second derivative with g."""
-        beta = self.shear_coupling
-        if beta == 0.0:
-            return 1.0, 0.0, 0.0
-        square = np.minimum(g * g, LARGEST_SQUARE)
-        rest, follows = 1.0 - square, g * g < LARGEST_SQUARE
-        first = -2.0 * beta * g * rest ** (beta - 1.0)
-        second = -2.0 * beta * rest ** (beta - 2.0) * (rest - 2.0 * (beta - 1.0) * square)
-        return rest**beta, np.where(follows, first, 0.0), np.where(follows, second, 0.0)
-
     def _seen(self, E):
-        """Return the strain E' that the compaction law sees."""
-        if self.shear_coupling == 0.0:
+        """Return the strain that the compaction law sees."""
+        if self.coupling is None:
             return E[..., 2]
-        return (0.5 + E[..., 2]) * self._squared_stretch(E[..., 3])[0] - 0.5
+        return self.coupling.at(E[..., 2], E[..., 3]).strain
 
     def _compaction(self, E33):
         """Return S33 and dS33/dE33 of the unsheared fabric, Eq. (23)."""
         law = self.law
-        exponent = law.c1 * np.maximum(-E33, 0.0) ** law.c2
-        modulus = law.c0 * np.exp(exponent)
-        return modulus * E33, modulus * (1.0 + law.c2 * exponent)
+        return compaction_of(law.c0, law.c1, law.c2, E33)
 
     def _compaction_slope(self, E33):
         law = self.law
@@ -601,7 +613,7 @@ class Fabric:
         return stored + self._remembered_energy(history)
 
     def _remembered_energy(self, history: np.ndarray | None) -> ArrayLike:
-        """Return what Maxwell elements and friction of the shear store [J/m³]."""
+        """Return what Maxwell elements and friction of the shear, and what relaxes, store [J/m³]."""
         stored: Any = 0.0
         if history is None:
             return stored
@@ -610,7 +622,13 @@ class Fabric:
         if self.shear_friction is not None:
             moment = self.shear_friction.own_memory(self.law, history)[1]
             stored += moment**2 / (2.0 * self.shear_friction.modulus)
-        return stored
+        return stored + self._stored_by_relaxation(history)
+
+    def _stored_by_relaxation(self, history: np.ndarray) -> ArrayLike:
+        if self.relaxation is None:
+            return 0.0
+        own = history[: len(self.relaxation.memory)]
+        return self.relaxation.stored(own, self.law, self._compaction_energy)
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
         """Return what the law has dissipated [J/m³] but by its viscosity: in friction."""
@@ -621,9 +639,11 @@ class Fabric:
     def viscous_energy(self, history: np.ndarray) -> np.ndarray:
         """Return what rates have dissipated [J/m³]; history (history_count, ...)."""
         lost = self._lost_in_bending("viscous_bending_loss", history)
-        return (
-            lost if self.viscous is None else lost + self.viscous.own_memory(self.law, history)[2]
-        )
+        if self.viscous is not None:
+            lost = lost + self.viscous.own_memory(self.law, history)[2]
+        if self.relaxation is not None:
+            lost = lost + history[len(OWN_MEMORY) - 1] - self._stored_by_relaxation(history)
+        return lost
 
     def _lost_in_bending(self, name: str, history: np.ndarray) -> np.ndarray:
         if self.bending_losses is None:
@@ -633,19 +653,59 @@ class Fabric:
     def rate_stress(self, E: np.ndarray, history: np.ndarray, step: Step) -> np.ndarray:
         """Return the part of S^M (..., 6) that depends on the step that leads to E (..., 6)."""
         S = np.zeros(np.shape(E))
+        if self.temperature is not None:
+            step = step._replace(size=step.size * history[self.law.rate_factor_at])
+        if self.relaxation is not None:
+            own = history[: len(self.relaxation.memory)]
+            S += self.relaxing_stress(E, self.relaxed(E, own, step.size))
         if self.viscous is not None:
-            S = stress_of_step(self.viscous, E, self.viscous.own_memory(self.law, history), step)
+            S += stress_of_step(self.viscous, E, self.viscous.own_memory(self.law, history), step)
         if self.shear_friction is not None:
             own, g = self.shear_friction.own_memory(self.law, history), np.asarray(E)[..., 3]
             moment = self.shear_friction.in_step(g, own, self._shear(g)[0])[1]
             S[..., 3] += self.shear_friction.stress_of(own[0], g, moment)
         return S
 
+    def initial_history(self, points: np.ndarray) -> np.ndarray:
+        """Return what elements keep before anything has happened (history_count, E).
+
+        Parameters
+        ----------
+        points : their centres in the undeformed blank (E, 3) [m].
+        """
+        history = np.zeros((history_count(self.law), len(points)))
+        if self.temperature is not None:
+            factor = self.temperature.rate_factor(self.temperature.at(points))
+            history[self.law.rate_factor_at] = factor
+        return history
+
+    def relaxing_stress(self, E: np.ndarray, memory: np.ndarray) -> np.ndarray:
+        """Return what relaxes of S^M (..., 6) at E, with the memory there."""
+        S = np.zeros(np.shape(E))
+        S[..., 2] = memory[len(OWN_MEMORY) :].sum(axis=0)
+        if self.coupling is not None:
+            mapped = self.coupling.at(E[..., 2], E[..., 3])
+            S[..., 3] = mapped.g * S[..., 2]
+            S[..., 2] *= mapped.E
+        return S
+
+    def relaxed(self, E: np.ndarray, memory: np.ndarray, size: ArrayLike) -> np.ndarray:
+        """Return what a fabric remembers of its relaxation after a step to E (..., 6).
+
+        Parameters
+        ----------
+        memory : before it, as :class:`CompactionRelaxation` tells. size : of the step [s].
+        """
+        assert self.relaxation is not None
+        strain = self._seen(E)
+        return self.relaxation.in_step(strain, self._compaction(strain)[0], memory, size)
+
     def viscosity(self, E: np.ndarray) -> np.ndarray:
         """Return the viscosities (..., 6) [Pa s] that bound the step at E (..., 6)."""
         found = np.zeros(np.shape(E))
         if self.viscous is not None:
-            found[..., 3] = self.viscous.bound(np.asarray(E)[..., 3])
+            slowest = 1.0 if self.temperature is None else self.temperature.slowest
+            found[..., 3] = slowest * self.viscous.bound(np.asarray(E)[..., 3])
         return found
 
     def _energy_in_plane(self, E: ArrayLike) -> np.ndarray:
@@ -691,9 +751,12 @@ class Fabric:
 
         shear_strain : g = sin γ at which the thickness stretch λ is held.
         """
-        free = thickening_stretch(self.shear_coupling, shear_strain)
-        stretch = np.asarray(thickness_stretch, dtype=float) / free
-        return self._pressure(stretch, history) / free
+        stretch = np.asarray(thickness_stretch, dtype=float)
+        if self.coupling is None:
+            return self._pressure(stretch, history)
+        return self.coupling.pressure(
+            lambda seen: self._pressure(seen, history), stretch, shear_strain
+        )
 
     def _pressure(self, stretch: np.ndarray, history: np.ndarray | None) -> np.ndarray:
         stress, _ = self._compaction(0.5 * (stretch**2 - 1.0))
@@ -704,7 +767,8 @@ class Fabric:
         law, bending = self.law, np.array([self.law.B11, self.law.B22])
         if self.bending_losses is not None:
             bending = bending + self.bending_losses.glassy_moduli()
-        return max(law.C11, law.C22, *bending), max(law.c0, law.B33)
+        normal = self.stress_and_tangent(np.zeros(6))[1][2, 2]
+        return max(law.C11, law.C22, *bending), max(normal, law.B33)
 
 
 # --- scene ----------------------------------------------------------------------------------------
@@ -798,6 +862,33 @@ class FabricMembrane(SceneModel):
         return self
 
 
+class PressureCurveTable(SceneModel):
+    """Compaction of fabric that is sheared by one angle: thickness and pressure of plates."""
+
+    shear_angle: Annotated[
+        float, Quantity(ANGLE, Range(0.0, LARGEST_ANGLE, words="be 0 to 75 deg"), "30 deg")
+    ] = Field(description="Shear angle; the first curve has 0 deg, the others rise.")
+    stretch: Annotated[
+        tuple[Annotated[float, Number(0.9, POSITIVE)], ...],
+        Row("[1.1, 1.0, 0.9]", minimum_count=2, entries="stretches", units=False),
+    ] = Field(
+        description="Thickness over that of the unloaded, unsheared fabric, falling; the first is "
+        "that without pressure."
+    )
+    pressure: Annotated[
+        tuple[Annotated[float, Quantity(PRESSURE, NOT_NEGATIVE)], ...],
+        Row('"0 0.02 0.2 MPa"', minimum_count=2, entries="pressures"),
+    ] = Field(
+        description="Pressure of the plates on the present area, rising from 0; "
+        f"{1 + MOST_PRESSURES} at most."
+    )
+
+    @property
+    def curve(self) -> PressureCurve:
+        """The points."""
+        return PressureCurve(self.shear_angle, self.stretch, self.pressure)
+
+
 class FabricCompaction(ExponentialCompaction):
     """Compaction stiffness C33 = c0 exp(c1 |E33|^c2) (paper Eq. (23))."""
 
@@ -806,6 +897,39 @@ class FabricCompaction(ExponentialCompaction):
         description="Exponent β: fabric sheared by γ is thicker by 1/cos(γ)^β without pressure; "
         "0: shear does not thicken it, 1: the fibre volume fraction governs.",
     )
+    table: Annotated[
+        tuple[PressureCurveTable, ...],
+        Row(
+            '[{ shear_angle = "0 deg", stretch = [1.0, 0.9, 0.8], pressure = "0 0.01 0.1 MPa" }]',
+            maximum_count=MOST_ANGLES,
+            entries="curves",
+            units=False,
+        ),
+    ] = Field(
+        default=(),
+        description="Measured compaction at several shear angles, in place of shear_coupling; c0, "
+        "c1, c2 lead between its points and beyond.",
+    )
+
+    @property
+    def coupling(self) -> Coupling | None:
+        """How the thickness knows the shear, None where it does not."""
+        if self.table:
+            return self._pressure_table()
+        return PowerCoupling(self.shear_coupling) if self.shear_coupling else None
+
+    def _pressure_table(self) -> PressureTable:
+        return PressureTable([own.curve for own in self.table], self.c0, self.c1, self.c2)
+
+    @model_validator(mode="after")
+    def _check_table(self) -> Self:
+        if not self.table:
+            return self
+        if self.shear_coupling:
+            raise wrong("cannot stand beside table, which holds it; leave one out", field="table")
+        if fault := self._pressure_table().fault():
+            raise wrong(fault, field="table")
+        return self
 
 
 class BendingCurveTable(SceneModel):
@@ -911,9 +1035,10 @@ class FabricMaterial(FabricTable):
     membrane: FabricMembrane
     compaction: FabricCompaction
     bending: FabricBending
-    viscous: Annotated[
-        ViscousTable | None, AbsentMeans("the shear does not depend on its rate")
-    ] = Field(default=None, description="What resists the rate of the shear, in wet fabric.")
+    viscous: Annotated[ViscousTable | None, AbsentMeans("nothing depends on a rate")] = Field(
+        default=None,
+        description="What resists the rate of the shear, in wet fabric, and relaxes of compaction.",
+    )
 
     @property
     def locks(self) -> bool:
@@ -921,11 +1046,11 @@ class FabricMaterial(FabricTable):
 
     @property
     def couples_shear(self) -> bool:
-        return self.compaction.shear_coupling > 0.0
+        return self.compaction.coupling is not None
 
     def without_shear_coupling(self) -> Self:
-        """Return the fabric whose thickness does not know its shear."""
-        return self._with("compaction", shear_coupling=0.0)
+        """Return the fabric whose thickness does not know its shear, that of c0, c1, c2."""
+        return self._with("compaction", shear_coupling=0.0, table=())
 
     def without_locking(self) -> Self:
         """Return the fabric whose shear law goes on beyond the locking angle."""
@@ -935,9 +1060,30 @@ class FabricMaterial(FabricTable):
     def resists_rates(self) -> bool:
         return self.viscous is not None
 
+    @property
+    def resists_shear_rates(self) -> bool:
+        return self.viscous is not None and self.viscous.resists_shear
+
+    @property
+    def relaxes(self) -> bool:
+        return self.viscous is not None and bool(self.viscous.compaction)
+
+    def without_rates(self) -> Self:
+        """Return the fabric of which nothing depends on a rate."""
+        return self.model_copy(update={"viscous": None})
+
     def without_viscosity(self) -> Self:
         """Return the fabric whose shear does not depend on its rate."""
-        return self.model_copy(update={"viscous": None})
+        left = self.viscous.without_shear() if self.relaxes and self.viscous else None
+        return self.model_copy(update={"viscous": left})
+
+    def without_relaxation(self) -> Self:
+        """Return the fabric whose compaction does not relax."""
+        if self.viscous is None or not self.resists_shear_rates:
+            return self.without_rates()
+        return self.model_copy(
+            update={"viscous": self.viscous.model_copy(update={"compaction": ()})}
+        )
 
     @property
     def shear_rubs(self) -> bool:
@@ -994,9 +1140,11 @@ class FabricMaterial(FabricTable):
             "shear_range": self.membrane.shear_range,
             "locking": self.membrane.locking,
             "in_plane_bending": self.bending.in_plane,
-            "shear_coupling": self.compaction.shear_coupling,
+            "coupling": self.compaction.coupling,
             "bending_curves": self.bending.curves,
             "viscous": None if self.viscous is None else self.viscous.viscous,
+            "relaxation": None if self.viscous is None else self.viscous.relaxation,
+            "temperature": None if self.viscous is None else self.viscous.field,
             "bending_losses": self.bending.losses(self.thickness),
             "shear_friction": None
             if self.membrane.friction is None

@@ -556,7 +556,8 @@ class FibreFamilies(Fabric):
             values[first : first + PAIR] = pair.numbers()
         law = FibreFamiliesLaw(plane=values, **out_of_plane)
         self.law = linear_where_constant(law)
-        self.shear_coupling = 0.0
+        self.coupling = None
+        self.relaxation = self.temperature = None
         self.locking = None
         self.viscous = None
         self.shear_range = shear_range

@@ -24,7 +24,9 @@ where a scene states none, its kernels hold none of this.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +48,23 @@ class Thickening(NamedTuple):
     a: Any
     tau: Any
     rate: Any
+
+
+class StrainMap(NamedTuple):
+    """The strain ε that a law of compaction sees, and its derivatives with E33 and g = 2 E12.
+
+    m, m_g, m_gg : the stretch of the map that stabilises the elements, and its derivatives.
+    """
+
+    strain: Any
+    E: Any
+    g: Any
+    EE: Any
+    Eg: Any
+    gg: Any
+    m: Any
+    m_g: Any
+    m_gg: Any
 
 
 # --- compiled -------------------------------------------------------------------------------------
@@ -77,11 +96,9 @@ def strain_of(thickening, E33):
     return thickening.strain
 
 
-@equation
-def with_thickening(thickening, S33, C33, S12, C12):
-    """Return S33, C33, S12, C12 of a law whose compaction answers S33 and C33 to E'."""
-    if thickening is None:
-        return S33, C33, S12, C12
+@optional
+def pressed(thickening, S33, C33, S12, C12):
+    """Return S33, C33, S12, C12 with what S33 and C33 at the strain of ``thickening`` make."""
     a, tau = thickening.a, thickening.tau
     m = 1.0 + 2.0 * thickening.strain
     stress = -tau * m * S33
@@ -89,28 +106,28 @@ def with_thickening(thickening, S33, C33, S12, C12):
     return a * S33, a * a * C33, S12 + stress, C12 + tangent
 
 
-@equation
-def own_slope(thickening, slope33):
-    """Return dC33/dE33 where the law of compaction has the slope ``slope33`` at E'."""
-    if thickening is None:
-        return slope33
+@optional
+def stabilising_at_shear(thickening, own33, C33):
+    """Return the stabilising C33, where C33 of the element's own is ``own33``."""
+    return own33
+
+
+@optional
+def slope_at_shear(thickening, slope33):
+    """Return dC33/dE33 of the stabilising C33; ``slope33`` is that at the strain it sees."""
     return thickening.a * thickening.a * thickening.a * slope33
 
 
-@equation
-def own_curvature(thickening, curvature33):
+@optional
+def curvature_at_shear(thickening, slope33, curvature33):
     """Return d²C33/dE33²."""
-    if thickening is None:
-        return curvature33
     square = thickening.a * thickening.a
     return square * square * curvature33
 
 
-@equation
-def coupling_of(thickening, S33, C33, slope33, curvature33):
-    """Return the :class:`TangentCoupling`; all arguments are those at E'."""
-    if thickening is None:
-        return None
+@optional
+def shear_tangents(thickening, S33, C33, slope33, curvature33):
+    """Return the :class:`TangentCoupling`."""
     a, tau = thickening.a, thickening.tau
     m = 1.0 + 2.0 * thickening.strain
     bracket = 4.0 * C33 + m * slope33
@@ -121,6 +138,14 @@ def coupling_of(thickening, S33, C33, slope33, curvature33):
         -a * a * a * tau * bracket_rate,
         a * a * ((4.0 * tau * tau - thickening.rate) * bracket + tau * tau * m * bracket_rate),
     )
+
+
+@equation
+def with_thickening(thickening, S33, C33, S12, C12):
+    """Return S33, C33, S12, C12 of a law whose compaction answers S33 and C33 to E'."""
+    if thickening is None:
+        return S33, C33, S12, C12
+    return pressed(thickening, S33, C33, S12, C12)
 
 
 # --- laws -----------------------------------------------------------------------------------------
@@ -141,19 +166,82 @@ def coupled_class(law_class: Any) -> Any:
     return twin
 
 
-def with_coupling(law: Any, shear_coupling: float) -> Any:
-    """Return a law with the coupling β, or the law itself where it is 0."""
-    if shear_coupling == 0.0:
-        return law
-    return _coupled_classes[type(law)](*law, shear_coupling)
-
-
 # --- plain Python ---------------------------------------------------------------------------------
+
+
+class Coupling(Protocol):
+    """How the thickness of a fabric knows its shear, in NumPy."""
+
+    def law_of(self, law: Any) -> Any:
+        """Return the twin of a law with the coupling."""
+
+    def at(self, E33: ArrayLike, g: ArrayLike) -> StrainMap:
+        """Return the strain that the compaction law sees, and its derivatives with E33 and g."""
+
+    def free_stretch(self, g: ArrayLike) -> np.ndarray:
+        """Return the thickness stretch without pressure at shear strains g = sin γ."""
+
+    def pressure(
+        self, unsheared: Callable[[np.ndarray], np.ndarray], stretch: np.ndarray, g: ArrayLike
+    ) -> np.ndarray:
+        """Return the pressure of plates [Pa] on the area at the start; ``unsheared`` without g."""
+
+    def in_words(self) -> str:
+        """Say what the shear does to the sheet."""
+
+
+@dataclass(frozen=True)
+class PowerCoupling:
+    """The coupling by one exponent β."""
+
+    beta: float
+
+    def law_of(self, law: Any) -> Any:
+        """Return the twin of a law with the coupling."""
+        return _coupled_classes[type(law)](*law, self.beta)
+
+    def at(self, E33: ArrayLike, g: ArrayLike) -> StrainMap:
+        """Return E' = (1/2 + E33) a - 1/2 and its derivatives."""
+        g, beta = np.asarray(g), self.beta
+        square = np.minimum(g * g, LARGEST_SQUARE)
+        rest, follows = 1.0 - square, g * g < LARGEST_SQUARE
+        half, a = 0.5 + np.asarray(E33), rest**beta
+        first = np.where(follows, -2.0 * beta * g * rest ** (beta - 1.0), 0.0)
+        second = -2.0 * beta * rest ** (beta - 2.0) * (rest - 2.0 * (beta - 1.0) * square)
+        second = np.where(follows, second, 0.0)
+        none = np.zeros_like(half * a)
+        return StrainMap(
+            half * a - 0.5, a, half * first, none, first, half * second,
+            a, first, second,
+        )  # fmt: skip
+
+    def free_stretch(self, g: ArrayLike) -> np.ndarray:
+        """Return cos^-β γ."""
+        return thickening_stretch(self.beta, g)
+
+    def pressure(
+        self, unsheared: Callable[[np.ndarray], np.ndarray], stretch: np.ndarray, g: ArrayLike
+    ) -> np.ndarray:
+        """Return the pressure of plates [Pa] on the area at the start."""
+        free = self.free_stretch(g)
+        return unsheared(stretch / free) / free
+
+    def in_words(self) -> str:
+        """Say what the shear does to the sheet."""
+        return f"sheared by γ the sheet is thicker by 1/cos(γ)^{self.beta:g} without pressure"
+
+
+def coupling_of(material: Any) -> Coupling | None:
+    """Return how the thickness of a material knows its shear, None for one that does not."""
+    return getattr(material, "coupling", None)
 
 
 def free_stretch(material: Any, shear_strain: ArrayLike) -> np.ndarray:
     """Return the thickness stretch that a material takes without pressure at shear strains g."""
-    return thickening_stretch(getattr(material, "shear_coupling", 0.0), shear_strain)
+    coupling = coupling_of(material)
+    if coupling is None:
+        return np.ones(np.shape(shear_strain))
+    return coupling.free_stretch(shear_strain)
 
 
 def free_shear_stress(material: Any, shear_angle: ArrayLike) -> np.ndarray:

@@ -45,6 +45,11 @@ class MaterialTable(SceneModel):
 
     @property
     def resists_rates(self) -> bool:
+        """Whether a stress depends on a rate."""
+        return False
+
+    @property
+    def resists_shear_rates(self) -> bool:
         """Whether the shear depends on its rate."""
         return False
 
@@ -67,6 +72,11 @@ class MaterialTable(SceneModel):
     def knows_rates(self) -> bool:
         """Whether any stress depends on a rate."""
         return self.resists_rates or self.bending_resists_rates
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether the compaction relaxes."""
+        return False
 
     @property
     def locks(self) -> bool:

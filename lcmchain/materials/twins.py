@@ -60,6 +60,8 @@ def twin_of(
 TOLD = (
     "remembers",
     "knows_step",
+    "relaxing_count",
+    "rate_factor_at",
     "viscous_place",
     "maxwell_count",
     "shear_friction_place",

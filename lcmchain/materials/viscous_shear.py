@@ -58,6 +58,7 @@ from lcmchain.materials.law import (
 )
 from lcmchain.materials.maxwell import Relaxation, maxwell_moment, moment_after
 from lcmchain.materials.shear_compaction import LARGEST_SQUARE
+from lcmchain.materials.temperature_field import elapsed, time_factor
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
 
 GAS_CONSTANT = 8.31446261815324  # [J/(mol K)]
@@ -151,18 +152,19 @@ class ViscousShear:
         """Return the largest dS12 over dg/dt [Pa s] of any rate at shear strains g."""
         return self.viscosity / (1.0 - np.minimum(np.square(g), LARGEST_SQUARE))
 
-    def in_step(self, g: ArrayLike, memory: np.ndarray, size: float) -> np.ndarray:
+    def in_step(self, g: ArrayLike, memory: np.ndarray, size: ArrayLike) -> np.ndarray:
         """Return the memory (3 + n, ...) at the end of a step to g; its row 1 is the stress.
 
         Parameters
         ----------
-        memory : at the start of the step. size : of the step [s]; 0: no time passes.
+        memory : at the start of the step. size : of the step [s], one or (...); 0: no time passes.
         """
+        size = np.asarray(size, dtype=float)
         before, stress, lost, *moments = np.asarray(memory, dtype=float)
         middle = 0.5 * (np.asarray(g) + before)
         secant = 1.0 / np.sqrt(1.0 - np.minimum(middle**2, LARGEST_SQUARE))
         turn = secant * (g - before)
-        rate = turn / size if size > 0.0 else np.zeros_like(turn)
+        rate = np.where(size > 0.0, turn / np.where(size > 0.0, size, 1.0), 0.0)
         after = []
         for term, moment in zip(self.terms, moments, strict=True):
             after.append(moment_after(moment, term.modulus, term.time, turn, size))
@@ -331,9 +333,8 @@ def packed_memory(law: Any, g: float, stress: float, lost: float, moments: tuple
 
 
 @equation
-def stress_of_rate(law, own, g):
+def stress_of_rate(law, own, g, size):
     """Return what comes to S12, the secant 1/cos γ of the step, and the moments after it."""
-    size = own[-2]
     secant = secant_of(0.5 * (g + own[0]))
     turn = secant * (g - own[0])
     moments = moments_after(law, own, turn, size)
@@ -343,14 +344,15 @@ def stress_of_rate(law, own, g):
 
 @equation
 def viscous_shear_stress(law, S12, C12, g, history):
-    stress, secant, _ = stress_of_rate(law, own_numbers(law, history), g)
+    own = own_numbers(law, history)
+    stress, secant, _ = stress_of_rate(law, own, g, elapsed(law, history, own[-2]))
     return S12 + stress, C12 + secant * secant * glassy_modulus(law)
 
 
 @equation
 def viscous_shear_memory(law, g, history):
     own = own_numbers(law, history)
-    stress, _, moments = stress_of_rate(law, own, g)
+    stress, _, moments = stress_of_rate(law, own, g, elapsed(law, history, own[-2]))
     work = 0.5 * (own[1] + stress) * (g - own[0])
     lost = own[2] + work - stored_more(law, own, moments)
     return packed_memory(law, g, stress, lost, moments)
@@ -359,7 +361,8 @@ def viscous_shear_memory(law, g, history):
 @equation
 def viscous_shear_bound(law, E, history):
     secant = secant_of(E[3])
-    return (None, None, None, law.viscosity * secant * secant, None, None)
+    bound = law.viscosity * secant * secant * time_factor(law, history)
+    return (None, None, None, bound, None, None)
 
 
 # --- laws -----------------------------------------------------------------------------------------
@@ -426,5 +429,5 @@ def with_viscous(law: Any, viscous: ViscousShear | None) -> Any:
 def stress_of_step(viscous: ViscousShear, E: np.ndarray, own: np.ndarray, step: Step) -> np.ndarray:
     """Return what comes to S^M (..., 6) at the end of a step to E; its own memory before."""
     S = np.zeros(np.shape(E))
-    S[..., 3] = viscous.in_step(np.asarray(E)[..., 3], own, float(step.size))[1]
+    S[..., 3] = viscous.in_step(np.asarray(E)[..., 3], own, step.size)[1]
     return S

@@ -1,17 +1,22 @@
-"""Scene tables of what resists a rate: of the shear ``[material.viscous]``, and of the bending."""
+"""Scene tables of what depends on a rate: shear and compaction, ``[material.viscous]``, and bending."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
 from lcmchain.materials.maxwell import Relaxation
+from lcmchain.materials.relaxation import CompactionRelaxation
+from lcmchain.materials.temperature_field import TemperatureField
 from lcmchain.materials.viscous_shear import ViscousShear, arrhenius_factor
 from lcmchain.quantities.entry_types import (
+    POSITIVE,
     AbsentMeans,
     ActivationEnergy,
+    Length,
     Number,
     PositiveStiffness,
     PositiveTime,
@@ -31,6 +36,15 @@ class MaxwellTable(SceneModel):
     relaxation_time: PositiveTime = Field(description="Time l in which a stress falls to 1/e.")
 
 
+class RelaxingCompactionTable(SceneModel):
+    """A part of the compaction that relaxes: a share of the law of compaction, and its time."""
+
+    share: Annotated[float, Number(0.4, POSITIVE)] = Field(
+        description="Pressure that relaxes over the pressure that stays, of a gap closed at once."
+    )
+    relaxation_time: PositiveTime = Field(description="Time l in which it falls to 1/e.")
+
+
 class CrossTable(SceneModel):
     """Viscosity that falls with the rate: η∞ + (η0 - η∞)/(1 + (M rate)^(1 - N))."""
 
@@ -41,6 +55,39 @@ class CrossTable(SceneModel):
     infinite_viscosity: Annotated[Viscosity | None, AbsentMeans("0")] = Field(
         default=None, description="Viscosity η∞ at very high rates."
     )
+
+
+class TemperatureFieldTable(SceneModel):
+    """Temperature on a grid in the coordinates of the undeformed blank, kept for the run."""
+
+    x: Annotated[tuple[Length, ...], Row('"-100 0 100 mm"', minimum_count=1)] = Field(
+        description="Coordinates x of the grid, rising."
+    )
+    y: Annotated[tuple[Length, ...], Row('"-100 100 mm"')] = Field(
+        default=(), description="Coordinates y of the grid, rising; none: the same at any y."
+    )
+    temperature: Annotated[
+        tuple[Temperature, ...], Row('["280 degC", "285 degC", "290 degC"]', units=False)
+    ] = Field(description="Temperature at every x of the first y, then of the next one.")
+
+    @property
+    def row_count(self) -> int:
+        """How many rows of temperatures there are, one for each y."""
+        return max(len(self.y), 1)
+
+    @model_validator(mode="after")
+    def _check_grid(self) -> Self:
+        for name, values in (("x", self.x), ("y", self.y)):
+            if any(after <= before for before, after in itertools.pairwise(values)):
+                raise wrong("must rise from one point to the next", field=name)
+        wanted = len(self.x) * self.row_count
+        if len(self.temperature) != wanted:
+            raise wrong(
+                f"has {len(self.temperature)} values for a grid of {len(self.x)} times "
+                f"{self.row_count} points; give {wanted}",
+                field="temperature",
+            )
+        return self
 
 
 class RateTable(SceneModel):
@@ -70,20 +117,38 @@ class RateTable(SceneModel):
 
     @model_validator(mode="after")
     def _check_entries(self) -> Self:
-        if self.viscosity is None and not self.maxwell:
-            raise wrong(
-                'needs a viscosity, as viscosity = "1000 Pa*s", or Maxwell elements, as maxwell = '
-                '[{ modulus = "0.05 MPa", relaxation_time = "0.2 s" }]'
-            )
+        if self._is_empty:
+            raise wrong(self._needs)
         given: dict[str, Any] = {
             name: getattr(self, name)
-            for name in ("temperature", "reference_temperature", "activation_energy")
+            for name in (self._own_temperature, "reference_temperature", "activation_energy")
         }
         missing = [name for name, value in given.items() if value is None]
         if 0 < len(missing) < len(given):
             there = next(name for name, value in given.items() if value is not None)
             raise wrong(f"is needed together with {there}", field=missing[0])
         return self
+
+    @property
+    def resists(self) -> bool:
+        """Whether it resists the rate, be it by a dashpot or by Maxwell elements."""
+        return self.viscosity is not None or bool(self.maxwell)
+
+    @property
+    def _is_empty(self) -> bool:
+        return not self.resists
+
+    @property
+    def _needs(self) -> str:
+        return (
+            'needs a viscosity, as viscosity = "1000 Pa*s", or Maxwell elements, as maxwell = '
+            '[{ modulus = "0.05 MPa", relaxation_time = "0.2 s" }]'
+        )
+
+    @property
+    def _own_temperature(self) -> str:
+        """The entry that says how warm the fabric is."""
+        return "temperature"
 
     @property
     def time_factor(self) -> float:
@@ -96,9 +161,9 @@ class RateTable(SceneModel):
         )
 
     @property
-    def viscous(self) -> ViscousShear:
-        """The law at the temperature of the fabric, in SI."""
-        return self._at_reference().shifted(self.time_factor)
+    def viscous(self) -> ViscousShear | None:
+        """What resists the rate at the temperature of the fabric, in SI; None for nothing."""
+        return None if not self.resists else self._at_reference().shifted(self.time_factor)
 
     def _at_reference(self) -> ViscousShear:
         return ViscousShear(
@@ -108,11 +173,29 @@ class RateTable(SceneModel):
 
 
 class ViscousTable(RateTable):
-    """What resists the rate of the shear angle: a dashpot, and Maxwell elements beside it."""
+    """What resists the rate of the shear, a dashpot and Maxwell elements, and what relaxes."""
 
     cross: Annotated[CrossTable | None, AbsentMeans("the viscosity is constant")] = Field(
         default=None, description="How the viscosity falls with the rate (Cross)."
     )
+    compaction: Annotated[
+        tuple[RelaxingCompactionTable, ...],
+        Row(
+            '[{ share = 0.4, relaxation_time = "5 s" }]',
+            maximum_count=8,
+            entries="relaxing parts",
+            units=False,
+        ),
+    ] = Field(default=(), description="Parts of the compaction that relax.")
+    temperature_field: Annotated[
+        TemperatureFieldTable | None, AbsentMeans("one temperature for the sheet")
+    ] = Field(default=None, description="Temperature over the blank, in place of one value.")
+
+    @model_validator(mode="after")
+    def _check_temperature(self) -> Self:
+        if self.temperature is not None and self.temperature_field is not None:
+            raise wrong("cannot stand beside temperature; leave one out", field="temperature_field")
+        return self
 
     @model_validator(mode="after")
     def _check_cross(self) -> Self:
@@ -128,6 +211,43 @@ class ViscousTable(RateTable):
                 field="cross.infinite_viscosity",
             )
         return self
+
+    @property
+    def _is_empty(self) -> bool:
+        return not (self.resists or self.compaction)
+
+    @property
+    def _needs(self) -> str:
+        return f"{super()._needs}, or relaxing compaction"
+
+    @property
+    def _own_temperature(self) -> str:
+        return "temperature" if self.temperature_field is None else "temperature_field"
+
+    @property
+    def field(self) -> TemperatureField | None:
+        """Temperature over the blank, None where it is one."""
+        own = self.temperature_field
+        if own is None:
+            return None
+        assert self.reference_temperature is not None and self.activation_energy is not None
+        width = len(own.x)
+        rows = tuple(own.temperature[k * width : (k + 1) * width] for k in range(own.row_count))
+        return TemperatureField(
+            own.x, own.y or (0.0,), rows, self.reference_temperature, self.activation_energy
+        )
+
+    def without_shear(self) -> Self:
+        """Return what relaxes of the compaction alone."""
+        return self.model_copy(update={"viscosity": None, "cross": None, "maxwell": ()})
+
+    @property
+    def relaxation(self) -> CompactionRelaxation | None:
+        """What relaxes of the compaction, at the temperature of the fabric."""
+        if not self.compaction:
+            return None
+        terms = tuple(Relaxation(own.share, own.relaxation_time) for own in self.compaction)
+        return CompactionRelaxation(terms).shifted(self.time_factor)
 
     def _at_reference(self) -> ViscousShear:
         found = super()._at_reference()

@@ -62,8 +62,7 @@ def require_time_for_fluid(*, time_is_found: bool, pore_pressure: bool) -> None:
 
 #: Why a sheet has a time of its own, in words.
 DEPENDS_ON_RATES = (
-    "shear or bending of the fabric depend on their rate (material.viscous, "
-    "material.bending.viscous_1)"
+    "the fabric depends on its rate or relaxes (material.viscous, material.bending.viscous_1)"
 )
 
 
@@ -88,7 +87,7 @@ def why_time_is_needed(scene: Any, is_led: bool) -> str | None:
     if scene.wet_forming is not None:
         return "resin flows while the sheet is formed (infiltration.with_forming)"
     if scene.effects.viscous_shear != "off" and any(
-        ply.material.resists_rates for ply in scene.stack
+        ply.material.resists_shear_rates for ply in scene.stack
     ):
         return "the shear of the fabric depends on its rate (material.viscous)"
     if scene.effects.viscous_bending != "off" and any(
@@ -97,6 +96,10 @@ def why_time_is_needed(scene: Any, is_led: bool) -> str | None:
         return (
             "the bending of the fabric depends on its rate (material.bending.viscous_1, viscous_2)"
         )
+    if scene.effects.compaction_relaxation != "off" and any(
+        ply.material.relaxes for ply in scene.stack
+    ):
+        return "the compaction of the fabric relaxes (material.viscous.compaction)"
     if not is_led:
         return (
             "no tool has a stroke: weight, pressures and the loads of guided tools move the sheet "

@@ -16,6 +16,7 @@ from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.materials.bending_curve import BendingCurve
 from lcmchain.materials.fabric import Fabric, FabricLaw
 from lcmchain.materials.law import Material
+from lcmchain.materials.shear_compaction import Coupling
 from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.mesh.blank import BlankMesh
@@ -43,7 +44,7 @@ CUBE = np.array(
 def md600(
     locking: ShearLocking | None = None,
     *,
-    shear_coupling: float = 0.0,
+    coupling: Coupling | None = None,
     bending_curves: tuple[BendingCurve | None, BendingCurve | None] = (None, None),
     **changes: float,
 ) -> Fabric:
@@ -61,7 +62,7 @@ def md600(
         areal_mass=0.6,
         fibre_density=1810.0,
         locking=locking,
-        shear_coupling=shear_coupling,
+        coupling=coupling,
         bending_curves=bending_curves,
     )
 

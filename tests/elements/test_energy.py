@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
+from lcmchain.materials.shear_compaction import PowerCoupling
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.verification.random_elements import CURVES
 
@@ -123,7 +124,9 @@ def test_fabric_has_a_potential(make, bending_thickness, strain, shear, compacti
 
 
 @FORMED
-@pytest.mark.parametrize("law", [{"shear_coupling": 0.8}, {"bending_curves": CURVES}], ids=list)
+@pytest.mark.parametrize(
+    "law", [{"coupling": PowerCoupling(0.8)}, {"bending_curves": CURVES}], ids=list
+)
 def test_fabric_with_all_that_a_law_can_have_has_a_potential(make, law, shear, compaction):
     assert_forces_derive_from_energy(
         *formed_fabric(make, shear, compaction, law=law),

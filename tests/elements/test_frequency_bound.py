@@ -7,6 +7,7 @@ import pytest
 
 from lcmchain.elements.solid_shell.frequency import Parts, add_pair, add_row
 from lcmchain.elements.solid_shell.reference import ElementOptions
+from lcmchain.materials.shear_compaction import PowerCoupling
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, orthotropic_stiffness
 from lcmchain.verification.random_elements import bounds_and_frequencies
 
@@ -42,7 +43,9 @@ def test_fabric_whose_thickness_knows_its_shear(make, compaction, shear):
     for element in references:
         gradient = make.sheared(np.radians(shear), compaction, rng.uniform(0.997, 1.01))
         x.append(make.deformed(rng, *element, gradient=gradient, warp=rng.uniform(0.0, 0.1)))
-    assert_close_from_above(*bounds_and_frequencies(references, x, make.md600(shear_coupling=1.0)))
+    assert_close_from_above(
+        *bounds_and_frequencies(references, x, make.md600(coupling=PowerCoupling(1.0)))
+    )
 
 
 @pytest.mark.parametrize("shape", ["flat", "curved"])

@@ -20,6 +20,7 @@ from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceEle
 from lcmchain.errors import InputError
 from lcmchain.materials.fabric_with_set import FabricWithSet
 from lcmchain.materials.law import Step
+from lcmchain.materials.shear_compaction import PowerCoupling
 from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.materials.st_venant_kirchhoff import StiffnessLaw
 from lcmchain.materials.viscous_shear import Relaxation, ViscousShear
@@ -90,7 +91,7 @@ def fabric_with_all():
         areal_mass=0.6,
         fibre_density=1810.0,
         locking=ShearLocking.from_angle(0.8, 80e6),
-        shear_coupling=0.8,
+        coupling=PowerCoupling(0.8),
         bending_curves=random_elements.CURVES,
         viscous=VISCOUS,
     )
@@ -104,7 +105,7 @@ def batch(make):
         materials = {
             "fabric": make.md600,
             "coupled fabric": lambda: make.md600(
-                shear_coupling=0.8, bending_curves=random_elements.CURVES
+                coupling=PowerCoupling(0.8), bending_curves=random_elements.CURVES
             ),
             "fabric with all": fabric_with_all,
             "orthotropic": lambda: make.orthotropic(rng),

@@ -12,6 +12,7 @@ from lcmchain.elements.solid_shell.tangent import (
     node_stiffness,
     normal_compaction,
 )
+from lcmchain.materials.shear_compaction import PowerCoupling
 from lcmchain.verification.random_elements import CURVES, corner_forces
 
 COUNT = 5
@@ -69,7 +70,7 @@ def batch(make):
     def build(kind, shape, options):
         rng = np.random.default_rng(3)
         if "fabric" in kind:
-            whole = {"shear_coupling": 0.8, "bending_curves": CURVES}
+            whole = {"coupling": PowerCoupling(0.8), "bending_curves": CURVES}
             material = make.md600(**whole if "coupled" in kind else {})
         else:
             material = make.coupled(rng, equal=kind == "equal")

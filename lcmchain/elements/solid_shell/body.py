@@ -113,7 +113,7 @@ class SolidShellBody:
         if choices.hourglass == "published" and couples_shear(material):
             raise InputError(
                 'is "published", which is derived for a thickness that does not know the shear; '
-                'use "conservative", or a shear_coupling of 0',
+                'use "conservative", or leave out shear_coupling and table of material.compaction',
                 key="element.hourglass",
             )
         if choices.hourglass == "published" and knows_step(material.law):
@@ -426,7 +426,17 @@ class SolidShellBody:
         return Unsound(worst, text, self._cause_of_collapse(worst, tools_near))
 
     def no_history(self) -> np.ndarray:
-        return np.zeros(self._padded_count * self.history_count)
+        history = np.zeros(self._padded_count * self.history_count)
+        initial = getattr(self.material, "initial_history", None)
+        if initial is not None and history_count(self.material.law):
+            centres = self.mesh.node_positions[self.mesh.elements].mean(axis=1)
+            rows = history.reshape(-1, self.history_count, LANES)
+            own = initial(centres)
+            element = np.arange(self.mesh.element_count)
+            first = self.history_count - len(own)
+            for k, values in enumerate(own):
+                rows[element // LANES, first + k, element % LANES] = values
+        return history
 
     def element_history(self, history: np.ndarray) -> np.ndarray:
         """Return what the law remembers by element (history_count, element_count)."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
-from lcmchain.materials.law import Material, Remembered, couples_shear, remembered
+from lcmchain.materials.law import Material, Remembered, remembered
+from lcmchain.materials.relaxation import relaxation_of
+from lcmchain.materials.shear_compaction import coupling_of
 from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.materials.viscous_shear import viscous_of
 
@@ -28,7 +30,7 @@ def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, t
 def _memory(material: Material) -> tuple[Remembered, ...]:
     """Return what the law remembers, but for what effects of its own tell of."""
     losses = getattr(material, "bending_losses", None)
-    apart = (viscous_of(material), shear_friction_of(material), losses)
+    apart = (viscous_of(material), relaxation_of(material), shear_friction_of(material), losses)
     told = [own for part in apart if part is not None for own in part.memory]
     return tuple(own for own in remembered(material.law) if own not in told)
 
@@ -45,10 +47,10 @@ def _compaction(material: Material, options: Options) -> tuple[bool, str]:
 
 
 def _shear_compaction(material: Material) -> tuple[bool, str]:
-    if not couples_shear(material):
+    coupling = coupling_of(material)
+    if coupling is None:
         return False, "the law of compaction does not know the shear"
-    beta = material.law.shear_coupling
-    return True, f"sheared by γ the sheet is thicker by 1/cos(γ)^{beta:g} without pressure"
+    return True, coupling.in_words()
 
 
 def _bending(material: Material, options: Options) -> str:

@@ -1,0 +1,215 @@
+"""A table of pressures from plate-to-plate tests of sheared fabric, each angle by itself.
+
+Where one exponent β does not describe how the shear changes the compaction, every angle has a curve
+of its own, Eq. (23) from its own free thickness. Points of these curves are the table that
+``material.compaction.table`` takes (:mod:`lcmchain.materials.pressure_table`): measured rows carry
+noise, which a law that meets its points would follow.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lcmchain.coupons.analytic import compaction_pressure
+from lcmchain.errors import InputError
+from lcmchain.identification.data import CouponData
+from lcmchain.identification.lack_of_fit import lack_of_fit
+from lcmchain.identification.regression import (
+    Fit,
+    coefficient_of_determination,
+    exponential,
+    fit_nonlinear,
+)
+from lcmchain.identification.result import (
+    Band,
+    Identification,
+    Panel,
+    Parameter,
+    Points,
+    accepted,
+    mega_pascal,
+)
+from lcmchain.identification.sheared_compaction import SHEAR_ANGLE, unsheared_law
+from lcmchain.materials.pressure_table import (
+    LARGEST_ANGLE,
+    MOST_ANGLES,
+    MOST_PRESSURES,
+    PressureCurve,
+    PressureTable,
+)
+
+MINIMUM_ROWS = 6  # at each angle
+# Angles that differ by less are one [rad].
+SAME_ANGLE = math.radians(1.0)
+# The free thickness is sought from the thickest pressed row up to so many times it.
+THICKEST = 1.5
+
+
+class _Angle(NamedTuple):
+    """Rows of one shear angle [rad], and the fit of their curve.
+
+    theta of the fit : ln c0, ln c1, and ln of the free thickness over t0.
+    """
+
+    angle: float
+    rows: CouponData
+    fit: Fit
+
+
+def identify_pressure_table(
+    data: CouponData,
+    *,
+    thickness: float,
+    noise_floor: float = 0.001,
+    accept: bool = False,
+    **rest: Any,
+) -> Identification:
+    """Identify c0, c1, c2 from the unsheared rows, and a table of pressures from all of them.
+
+    Parameters are those of
+    :func:`~lcmchain.identification.sheared_compaction.identify_sheared_compaction`.
+
+    Raises
+    ------
+    InputError : too many angles, too few rows at one, or points of which no law can be made.
+    FitRefusedError : a curve does not describe the rows of its angle, and ``accept`` is not given.
+    """
+    plain, is_sheared = unsheared_law(
+        data, thickness=thickness, noise_floor=noise_floor, accept=accept, **rest
+    )
+    law = np.array([plain[name].value for name in ("c0", "c1", "c2")])
+    thinnest = float(data["thickness"][~is_sheared].min()) / thickness
+    sheared = [
+        _fitted(angle, rows, thickness, law, noise_floor)
+        for angle, rows in _by_angle(data, is_sheared)
+    ]
+    curves = [_points(0.0, law, 1.0, thinnest), *(_curve(own, thickness, law) for own in sheared)]
+    if fault := PressureTable(curves, *law).fault():
+        raise InputError(f"gives a table that {fault}", file=data.file)
+    objections = [*plain.objections, *filter(None, map(_objection, sheared))]
+    pressure = np.concatenate([own.rows["pressure"] for own in sheared])
+    model = np.concatenate([own.fit.model for own in sheared])
+    result = replace(
+        plain,
+        method=f"{plain.method}; at each shear angle a curve of its own, given by points",
+        derived=(*plain.derived, *map(_free_stretch, sheared)),
+        scene_entries={**plain.scene_entries, "table": _entry(curves)},
+        point_count=plain.point_count + len(pressure),
+        r_squared=min(plain.r_squared, coefficient_of_determination(pressure, model)),
+        relative_noise=max(plain.relative_noise, *(own.fit.scale for own in sheared)),
+        panels=(*plain.panels, _panel(sheared, thickness, law)),
+        objections=tuple(objections),
+        holds=plain.holds or ("the curves of the other angles hold" if objections else ""),
+    )
+    return accepted(result, data.file, accept)
+
+
+def _by_angle(data: CouponData, is_sheared: np.ndarray) -> list[tuple[float, CouponData]]:
+    """Return the shear angles [rad] and their rows, rising.
+
+    Raises
+    ------
+    InputError : more angles, or larger ones, than a table takes, or too few rows at one.
+    """
+    angle = np.abs(data[SHEAR_ANGLE])
+    order = np.sort(angle[is_sheared])
+    starts = order[np.concatenate([[True], np.diff(order) > SAME_ANGLE])]
+    if len(starts) >= MOST_ANGLES or order[-1] > LARGEST_ANGLE:
+        raise InputError(
+            f"has {len(starts)} shear angles up to {math.degrees(order[-1]):.4g} deg; keep "
+            f"{MOST_ANGLES - 1} beside 0 deg, up to {math.degrees(LARGEST_ANGLE):g} deg",
+            file=data.file,
+        )
+    number = np.searchsorted(starts, angle, side="right")
+    found = []
+    for k, start in enumerate(starts):
+        own = is_sheared & (number == k + 1)
+        if np.count_nonzero(own) < MINIMUM_ROWS:
+            raise InputError(
+                f"has {np.count_nonzero(own)} rows at {math.degrees(start):.4g} deg; at least "
+                f"{MINIMUM_ROWS} are needed",
+                file=data.file,
+            )
+        found.append((float(angle[own].mean()), data.keep(own)))
+    return found
+
+
+def _pressure(stretch: np.ndarray, angle: float, theta: np.ndarray, c2: float) -> np.ndarray:
+    """Return the pressure [Pa] on the present area of a curve at stretches t/t0."""
+    free = exponential(theta[2])
+    law = (exponential(theta[0]), exponential(theta[1]), c2)
+    return compaction_pressure(stretch / free, *law) / (free * math.cos(angle))
+
+
+def _fitted(
+    angle: float, rows: CouponData, thickness: float, law: np.ndarray, noise_floor: float
+) -> _Angle:
+    """Return the curve of the rows of an angle."""
+    stretch = rows["thickness"] / thickness
+    thickest = math.log(stretch.max())
+    start = np.array([*np.log(law[:2]), thickest + 0.05])
+    fit = fit_nonlinear(
+        lambda theta: _pressure(stretch, angle, theta, law[2]), start, rows["pressure"],
+        noise_floor,
+        bounds=([-np.inf, -np.inf, thickest - 0.2], [np.inf, np.inf, thickest + THICKEST]),
+    )  # fmt: skip
+    return _Angle(angle, rows, fit)
+
+
+def _points(angle: float, law: np.ndarray, free: float, thinnest: float) -> PressureCurve:
+    """Return points of a curve at equal steps of its strain, down to a stretch."""
+    strain = 0.5 * ((thinnest / free) ** 2 - 1.0) * np.linspace(0.0, 1.0, 1 + MOST_PRESSURES)
+    stretch = free * np.sqrt(1.0 + 2.0 * strain)
+    theta = np.log([law[0], law[1], free])
+    pressure = _pressure(stretch, angle, theta, law[2])
+    return PressureCurve(angle, tuple(stretch), (0.0, *pressure[1:]))
+
+
+def _curve(own: _Angle, thickness: float, law: np.ndarray) -> PressureCurve:
+    c0, c1, free = np.exp(own.fit.parameters)
+    thinnest = float(own.rows["thickness"].min()) / thickness
+    return _points(own.angle, np.array([c0, c1, law[2]]), float(free), thinnest)
+
+
+def _objection(own: _Angle) -> str:
+    """Say where the curve of an angle misses its rows; empty where nowhere."""
+    rows = own.rows
+    lack = lack_of_fit(-rows["thickness"], rows["pressure"], own.fit.model, rows.specimen)
+    if not lack.is_systematic:
+        return ""
+    return lack.text(f"the curve at {math.degrees(own.angle):.4g} deg", "the thickness", "mm", -1e3)
+
+
+def _free_stretch(own: _Angle) -> Parameter:
+    value, half = own.fit.parameters[2], own.fit.half_widths()[2]
+    return Parameter(
+        f"free_stretch_at_{math.degrees(own.angle):.0f}_deg", exponential(value), "1",
+        exponential(value - half), exponential(value + half),
+    )  # fmt: skip
+
+
+def _entry(curves: list[PressureCurve]) -> str:
+    """Return the table as scene text."""
+    rows = [
+        f'  {{ shear_angle = "{math.degrees(curve.shear_angle):.6g} deg", '
+        f"stretch = [{', '.join(f'{stretch:.8g}' for stretch in curve.stretch)}], "
+        f'pressure = "{mega_pascal(*curve.pressure)}" }},'
+        for curve in curves
+    ]
+    return "\n".join(["[", *rows, "]"])
+
+
+def _panel(sheared: list[_Angle], thickness: float, law: np.ndarray) -> Panel:
+    """Return thickness against pressure at each of the shear angles."""
+    points, curves = [], []
+    for own in sheared:
+        t, name = own.rows["thickness"], f"{math.degrees(own.angle):.3g} deg"
+        points.append(Points(1e3 * t, 1e-6 * own.rows["pressure"], name))
+        grid = np.linspace(t.max(), t.min(), 100)
+        pressure = _pressure(grid / thickness, own.angle, own.fit.parameters, law[2])
+        curves.append(Band(1e3 * grid, 1e-6 * pressure, f"curve at {name}"))
+    return Panel("thickness [mm]", "pressure [MPa]", tuple(points), tuple(curves), log_y=True)

@@ -1,0 +1,277 @@
+"""Compaction that relaxes: the pressure on a held gap falls, a gap under a held pressure closes on.
+
+To the stress S of the compaction law at the strain ε that it sees come the stresses of Maxwell
+elements beside it, each a share r of the law in series with a dashpot of relaxation time l,
+
+    h_k' + h_k/l_k = r_k S',
+
+so that a gap that is closed at once and held bears S (1 + Σ r_k exp(-t/l_k)): of every pressure,
+small or large, the same part relaxes. A step takes the elements on exactly at a constant rate of S.
+
+The spring of an element follows the compaction law itself: h = r (S(ε) - S(ε_v)) with the strain
+ε_v of its dashpot, and stores
+
+    r (W(ε) - W(ε_v) - S(ε_v) (ε - ε_v)) ≥ 0,
+
+for W is convex. What is lost, r (ε - ε_v) dS(ε_v) ≥ 0, is the work of the elements less what they
+store: a law remembers the work, and the loss follows where it is asked for.
+
+Source: linear in the stress of a nonlinear spring, Fung, "Biomechanics", chapter 7 (quasi-linear
+viscoelasticity); the exponential update, Simo and Hughes, "Computational Inelasticity", chapter 10.
+That the pressure on held textiles falls by a part of itself: Robitaille and Gauvin, Polymer
+Composites 19 (1998). The energy is our own.
+
+A law with it is a class of its own, with as many elements as stated, made when it is asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from lcmchain.dispatch import optional
+from lcmchain.jit import equation
+from lcmchain.materials.compaction import compaction_of, compaction_stress_and_tangent
+from lcmchain.materials.law import Remembered, history_count, remembered, unrolled
+from lcmchain.materials.maxwell import Relaxation, maxwell_moment, moment_after
+from lcmchain.materials.shear_compaction import strain_of, thickening
+from lcmchain.materials.temperature_field import elapsed
+from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+
+#: What every relaxing law remembers before the stresses of its elements.
+OWN_MEMORY = (
+    Remembered("compaction_strain_before", "1", "strain of the compaction law a step before"),
+    Remembered("compaction_stress_before", "Pa", "stress of the compaction law a step before"),
+    Remembered("relaxing_work", "J/m3", "work on what relaxes of the compaction, per volume"),
+)
+# Strain that no compaction reaches, and halvings of what is left: to round-off.
+DEEPEST_STRAIN = -0.5
+HALVINGS = 60
+
+
+@dataclass(frozen=True)
+class CompactionRelaxation:
+    """What relaxes of a fabric's compaction, in plain NumPy.
+
+    Parameters
+    ----------
+    terms : Maxwell elements; the modulus of each is its share r of the law [1].
+    """
+
+    terms: tuple[Relaxation, ...]
+
+    @property
+    def memory(self) -> tuple[Remembered, ...]:
+        """What a law with it remembers, before all else."""
+        return memory_of(len(self.terms))
+
+    @property
+    def share_at_once(self) -> float:
+        """Σ r: pressure of a gap that is closed at once over that which stays, less one."""
+        return sum(term.modulus for term in self.terms)
+
+    def in_words(self) -> str:
+        """Say what it is made of."""
+        told = [f"{term.modulus:.4g} of the pressure in {term.time:.4g} s" for term in self.terms]
+        return f"relaxing {', '.join(told)}"
+
+    def shifted(self, factor: float) -> CompactionRelaxation:
+        """Return it with all times longer by a factor, as at another temperature."""
+        terms = tuple(term._replace(time=factor * term.time) for term in self.terms)
+        return CompactionRelaxation(terms)
+
+    def in_step(
+        self, strain: np.ndarray, stress: np.ndarray, memory: np.ndarray, size: ArrayLike
+    ) -> np.ndarray:
+        """Return the memory (3 + n, ...) at the end of a step.
+
+        Parameters
+        ----------
+        strain, stress : of the compaction law at its end (...). memory : at its start.
+        size : of the step [s], one or (...); 0: no time passes.
+        """
+        strain_before, stress_before, work, *before = memory
+        after = []
+        for term, h in zip(self.terms, before, strict=True):
+            after.append(moment_after(h, term.modulus, term.time, stress - stress_before, size))
+        work = work + 0.5 * (sum(before) + sum(after)) * (strain - strain_before)
+        return np.array(np.broadcast_arrays(strain, stress, work, *after))
+
+    def stored(self, memory: np.ndarray, law: Any, energy: Any) -> np.ndarray:
+        """Return what the elements store [J/m³] as their memory (3 + n, ...) says.
+
+        energy : returns W of the law at strains.
+        """
+        strain, stress, _, *stresses = memory
+        total = np.zeros(np.shape(strain))
+        for term, h in zip(self.terms, stresses, strict=True):
+            dashpot = stress - h / term.modulus
+            own = strain_at(dashpot, law)
+            total += term.modulus * (energy(strain) - energy(own) - dashpot * (strain - own))
+        return total
+
+
+def relaxation_of(material: Any) -> CompactionRelaxation | None:
+    """Return what relaxes of a material's compaction, None for one where nothing does."""
+    return getattr(material, "relaxation", None)
+
+
+def strain_at(stress: np.ndarray, law: Any) -> np.ndarray:
+    """Return the strain at which a compaction law has a stress [Pa], by halving."""
+    low = np.full(np.shape(stress), DEEPEST_STRAIN)
+    high = np.maximum(stress, 0.0) / law.c0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        above = compaction_of(law.c0, law.c1, law.c2, middle)[0] > stress
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    return 0.5 * (low + high)
+
+
+def memory_of(count: int) -> tuple[Remembered, ...]:
+    """Return what a law with so many elements remembers."""
+    return OWN_MEMORY + tuple(
+        Remembered(f"relaxing_compaction_{k + 1}", "Pa", f"compaction stress of element {k + 1}")
+        for k in range(count)
+    )
+
+
+# --- compiled -------------------------------------------------------------------------------------
+
+
+@optional
+def with_relaxation(law, S33, C33, strain, history):
+    """Return the stress of the compaction and its tangent, as they are for a law without."""
+    return S33, C33
+
+
+@optional
+def evolved_relaxation(law, E, history):
+    """Return what the law remembers of its relaxation; nothing for a law without."""
+    return ()
+
+
+def _numbers(law_class: Any) -> str:
+    """Return the text of what a law remembers of its relaxation, and the size of the step."""
+    own = range(len(OWN_MEMORY) + law_class.relaxing_count)
+    return "".join(f"history[{k}], " for k in (*own, history_count(law_class)))
+
+
+@unrolled(lambda own: f"lambda law, history: ({_numbers(own)})")
+def own_numbers(law: Any, history: tuple) -> tuple:
+    """Return strain, stress and work of the step before, the stresses, and the size of the step."""
+    own = len(OWN_MEMORY) + type(law).relaxing_count  # type: ignore[attr-defined]
+    return (*history[:own], history[history_count(law)])
+
+
+def _elements(law_class: Any, term: str) -> list[str]:
+    numbers = range(law_class.relaxing_count)
+    return [term.format(k=k + 1, place=len(OWN_MEMORY) + k) for k in numbers]
+
+
+def _sum(terms: list[str]) -> str:
+    return " + ".join(terms) or "0.0"
+
+
+_AFTER = "maxwell_moment(own[{place}], law.share_{k}, law.compaction_time_{k}, change, size), "
+
+
+@unrolled(
+    lambda own: f"lambda law, own, change, size: ({''.join(_elements(own, _AFTER))})",
+    maxwell_moment=maxwell_moment,
+)
+def stresses_after(law: Any, own: tuple, change: float, size: float) -> tuple:
+    """Return the stresses of the elements after a step that changes that of the law."""
+    numbers = range(1, type(law).relaxing_count + 1)  # type: ignore[attr-defined]
+    return tuple(
+        maxwell_moment(
+            own[len(OWN_MEMORY) + k - 1],
+            getattr(law, f"share_{k}"),
+            getattr(law, f"compaction_time_{k}"),
+            change,
+            size,
+        )
+        for k in numbers
+    )
+
+
+@unrolled(lambda own: f"lambda law, own: {_sum(_elements(own, 'own[{place}]'))}")
+def sum_before(law: Any, own: tuple) -> float:
+    """Return the stress of all elements before the step."""
+    return sum(own[len(OWN_MEMORY) : -1])
+
+
+@unrolled(lambda own: f"lambda law: {_sum(_elements(own, 'law.share_{k}'))}")
+def share_at_once(law: Any) -> float:
+    """Return the share of the law that all elements have together."""
+    return sum(getattr(law, f"share_{k + 1}") for k in range(type(law).relaxing_count))  # type: ignore[attr-defined]
+
+
+@unrolled(
+    lambda own: (
+        "lambda law, stresses: " + _sum([f"stresses[{k}]" for k in range(own.relaxing_count)])  # type: ignore[attr-defined]
+    )
+)
+def sum_after(law: Any, stresses: tuple) -> float:
+    """Return the stress of all elements after the step."""
+    return sum(stresses)
+
+
+@equation
+def relaxing_stress(law, S33, C33, strain, history):
+    own = own_numbers(law, history)
+    size = elapsed(law, history, own[-1])
+    stresses = stresses_after(law, own, S33 - own[1], size)
+    return S33 + sum_after(law, stresses), C33 * (1.0 + share_at_once(law))
+
+
+@equation
+def relaxing_memory(law, E, history):
+    own = own_numbers(law, history)
+    strain = strain_of(thickening(law, E[2], E[3]), E[2])
+    S33 = compaction_stress_and_tangent(law, strain)[0]
+    stresses = stresses_after(law, own, S33 - own[1], elapsed(law, history, own[-1]))
+    mean = 0.5 * (sum_before(law, own) + sum_after(law, stresses))
+    work = own[2] + mean * (strain - own[0])
+    return (strain, S33, work, *stresses)
+
+
+# --- laws -----------------------------------------------------------------------------------------
+
+
+@made_on_demand(r"Relaxing(?P<count>\d+)Compaction(?P<base>\w+)")
+def _twin(name: re.Match[str], base: Any) -> Any:
+    """Return the twin of a class of laws whose compaction relaxes."""
+    count = int(name["count"])
+    numbers = range(1, count + 1)
+    fields = [*(f"share_{k}" for k in numbers), *(f"compaction_time_{k}" for k in numbers)]
+    twin = twin_of(
+        base,
+        f"Relaxing{count}Compaction",
+        about=" and of :class:`CompactionRelaxation`.",
+        entries=[(field, float) for field in fields],
+        answers={with_relaxation: relaxing_stress, evolved_relaxation: relaxing_memory},
+    )
+    if remembered(base):
+        raise TypeError(f"{base.__name__} remembers what would have to stand behind the relaxation")
+    twin.remembers = memory_of(count)
+    twin.knows_step = True
+    twin.relaxing_count = count
+    return twin
+
+
+def __getattr__(name: str) -> Any:
+    """Return a twin by its name, as compiled kernels on disk look it up."""
+    return twin_named(name)
+
+
+def with_relaxing(law: Any, relaxation: CompactionRelaxation | None) -> Any:
+    """Return a law whose compaction relaxes, or the law itself where nothing is stated."""
+    if relaxation is None:
+        return law
+    shares, times = zip(*relaxation.terms, strict=True)
+    twin = twin_named(f"Relaxing{len(shares)}Compaction{type(law).__name__}")
+    return twin(*law, *map(float, (*shares, *times)))

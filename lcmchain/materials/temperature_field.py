@@ -1,0 +1,161 @@
+"""Temperature that differs over the blank: every element has times of its own, kept for the run.
+
+A temperature shifts all times of a fabric whose stress depends on a rate by one factor (Arrhenius,
+:func:`lcmchain.materials.viscous_shear.arrhenius_factor`). Of an element that is warmer by such a
+factor the same stress comes of the same strain in a shorter time: its law is that of the reference
+temperature, asked for a step that is as much longer. So one number per element is all that the
+field adds, the rate factor 1/a.
+
+It is a value of the element, no memory: it stands with what a law remembers, begins as the field
+says (``initial_history`` of the material), and every step hands it on. Checkpoints, rollback and
+resumed runs hold it with the rest.
+
+The field is given on a grid in the coordinates of the undeformed blank, linear between its points,
+and beyond them as at its edge.
+
+A law with it is a class of its own, made when it is asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lcmchain.dispatch import optional
+from lcmchain.jit import equation
+from lcmchain.materials.law import Remembered, history_count, remembered, unrolled
+from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+
+RATE_FACTOR = Remembered("rate_factor", "1", "how much faster than at the reference temperature")
+
+
+@dataclass(frozen=True)
+class TemperatureField:
+    """Temperatures on a grid, and how they shift times.
+
+    Parameters
+    ----------
+    x, y : coordinates of the grid [m], rising; one y where the field does not change with it.
+    temperature : (y, x) [K]. reference [K]. energy : of activation [J/mol].
+    """
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    temperature: tuple[tuple[float, ...], ...]
+    reference: float
+    energy: float
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """Return the temperatures [K] at points (..., 2 or more) of the undeformed blank."""
+        grid = np.array(self.temperature)
+        column, right = _between(np.array(self.x), points[..., 0])
+        row, above = _between(np.array(self.y), points[..., 1])
+        next_row = np.minimum(row + 1, len(self.y) - 1)
+        next_column = np.minimum(column + 1, len(self.x) - 1)
+        low = grid[row, column] * (1.0 - right) + grid[row, next_column] * right
+        high = grid[next_row, column] * (1.0 - right) + grid[next_row, next_column] * right
+        found: np.ndarray = low * (1.0 - above) + high * above
+        return found
+
+    def rate_factor(self, temperature: np.ndarray) -> np.ndarray:
+        """Return 1/a at temperatures [K]."""
+        from lcmchain.materials.viscous_shear import GAS_CONSTANT
+
+        shift = self.energy / GAS_CONSTANT * (1.0 / self.reference - 1.0 / np.asarray(temperature))
+        return np.exp(shift)
+
+    @property
+    def slowest(self) -> float:
+        """The largest factor a on times anywhere: that of the coldest point."""
+        return 1.0 / float(self.rate_factor(np.min(self.temperature)))
+
+    def in_words(self) -> str:
+        """Say what it is."""
+        low, high = np.min(self.temperature), np.max(self.temperature)
+        return f"at {low - 273.15:.4g} to {high - 273.15:.4g} degC over the blank"
+
+
+def _between(grid: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the point of a grid below x, and what part of the way to the next x lies."""
+    if len(grid) == 1:
+        return np.zeros(x.shape, dtype=int), np.zeros(x.shape)
+    inside = np.clip(x, grid[0], grid[-1])
+    below = np.clip(np.searchsorted(grid, inside, side="right") - 1, 0, len(grid) - 2)
+    return below, (inside - grid[below]) / (grid[below + 1] - grid[below])
+
+
+# --- compiled -------------------------------------------------------------------------------------
+
+
+@optional
+def kept_values(law, history):
+    """Return the values of the element that stand with what a law remembers; nothing without."""
+    return ()
+
+
+@optional
+def elapsed(law, history, size):
+    """Return the time that a step takes at the reference temperature [s]."""
+    return size
+
+
+@optional
+def time_factor(law, history):
+    """Return the factor on times of the element."""
+    return 1.0
+
+
+@unrolled(lambda own: f"lambda law, history: history[{own.rate_factor_at}]")  # type: ignore[attr-defined]
+def rate_factor_of(law, history):
+    """Return the rate factor of the element."""
+
+
+@equation
+def kept_rate_factor(law, history):
+    return (rate_factor_of(law, history),)
+
+
+@equation
+def elapsed_in_element(law, history, size):
+    return size * rate_factor_of(law, history)
+
+
+@equation
+def time_factor_of_element(law, history):
+    return 1.0 / rate_factor_of(law, history)
+
+
+# --- laws -----------------------------------------------------------------------------------------
+
+
+@made_on_demand(r"Heated(?P<base>\w+)")
+def _twin(name: re.Match[str], base: Any) -> Any:
+    """Return the twin of a class of laws whose elements have a rate factor each."""
+    twin = twin_of(
+        base,
+        "Heated",
+        about=", each element at a temperature of its own.",
+        answers={
+            kept_values: kept_rate_factor,
+            elapsed: elapsed_in_element,
+            time_factor: time_factor_of_element,
+        },
+    )
+    twin.rate_factor_at = history_count(base)
+    twin.remembers = (*remembered(base), RATE_FACTOR)
+    return twin
+
+
+def __getattr__(name: str) -> Any:
+    """Return a twin by its name, as compiled kernels on disk look it up."""
+    return twin_named(name)
+
+
+def with_field(law: Any, field: TemperatureField | None) -> Any:
+    """Return a law whose elements have a rate factor each, or the law itself without a field."""
+    if field is None:
+        return law
+    return twin_named(f"Heated{type(law).__name__}")(*law)

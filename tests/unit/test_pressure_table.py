@@ -1,0 +1,390 @@
+"""Compaction of sheared fabric by a table: its points, its potential, and the compiled law."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from lcmchain.coupling.closing.textile import of_cells
+from lcmchain.coupons.compaction import compaction
+from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
+from lcmchain.errors import InputError
+from lcmchain.fields import limits
+from lcmchain.identification.data import CouponData
+from lcmchain.identification.from_file import identify_compaction_file
+from lcmchain.identification.pressure_table import identify_pressure_table
+from lcmchain.identification.result import FitRefusedError
+from lcmchain.identification.sheared_compaction import identify_sheared_compaction
+from lcmchain.materials.law import (
+    hourglass_tangent,
+    membrane_response,
+    tangent_coupling,
+    tangent_curvature,
+    tangent_slope,
+)
+from lcmchain.materials.pressure_table import PressureCurve, PressureTable
+from lcmchain.materials.shear_compaction import PowerCoupling
+from lcmchain.scene import scene_from_text
+from lcmchain.verification import random_elements as make
+
+MD600 = (0.1563e6, 60.4653, 2.4528)
+ANGLES = (0.0, 15.0, 30.0, 45.0)
+# over the free thickness
+STRETCHES = (1.0, 0.96, 0.9, 0.82, 0.72, 0.62)
+
+
+def stiffening(degrees):
+    """β that changes with the angle, and pressures that grow with it: no exponent describes it."""
+    square = math.sin(math.radians(degrees)) ** 2
+    return 0.7 + 0.6 * square, 1.0 + square
+
+
+def measured(degrees, stretches=STRETCHES, law=stiffening):
+    """A curve at a shear angle: Eq. (23) of the fabric at the strain that β of the angle gives."""
+    angle, (beta, factor) = math.radians(degrees), law(degrees)
+    free = math.cos(angle) ** -beta
+    stretch = free * np.array(stretches)
+    fabric = make.md600(coupling=PowerCoupling(beta))
+    pressure = fabric.compaction_pressure(stretch, None, math.sin(angle)) / math.cos(angle)
+    grows = 1.0 + 0.3 * (1.0 - np.array(stretches))
+    return PressureCurve(angle, tuple(stretch), (0.0, *(factor * grows * pressure)[1:]))
+
+
+@pytest.fixture(scope="module")
+def table():
+    return PressureTable([measured(degrees) for degrees in ANGLES], *MD600)
+
+
+@pytest.fixture(scope="module")
+def fabric(table):
+    return make.md600(coupling=table)
+
+
+def voigt(E33, g):
+    E = np.zeros((np.size(g), 6))
+    E[:, 2], E[:, 3] = E33, g
+    return E
+
+
+def scene_text(curves, entries=""):
+    rows = "".join(
+        f"""
+[[material.compaction.table]]
+shear_angle = "{math.degrees(curve.shear_angle)!r} deg"
+stretch = {list(map(float, curve.stretch))}
+pressure = "{" ".join(f"{1e-6 * p!r}" for p in map(float, curve.pressure))} MPa"
+"""
+        for curve in curves
+    )
+    return f"""
+title = "table"
+process = {{ time = "1 ms" }}
+blank = {{ size = ["20 mm", "20 mm"], edge_length = "5 mm" }}
+[material]
+preset = "MD600"
+{entries}
+{rows}
+"""
+
+
+def test_the_law_meets_the_points_of_its_table(table, fabric):
+    for curve in table.curves:
+        g, cos = math.sin(curve.shear_angle), math.cos(curve.shear_angle)
+        found = fabric.compaction_pressure(curve.stretch, None, g) / cos
+        np.testing.assert_allclose(found[1:], curve.pressure[1:], rtol=1e-9)
+        assert abs(found[0]) < 1.0 and table.free_stretch(g) == pytest.approx(curve.stretch[0])
+        E33 = 0.5 * (np.array(curve.stretch) ** 2 - 1.0)
+        stress = fabric.stress_and_tangent(voigt(E33, np.full(E33.shape, g)))[0][:, 2]
+        np.testing.assert_allclose(-stress[1:] * curve.stretch[1:] / cos, curve.pressure[1:], 1e-9)
+
+
+@pytest.mark.parametrize("beta", [0.5, 1.7])
+def test_a_table_of_an_exponent_is_that_exponent(beta):
+    """At any thickness and shear, also beyond the table: f = x and L = β s are exact."""
+    plain = [measured(degrees, law=lambda _: (beta, 1.0)) for degrees in (0.0, 20.0, 40.0)]
+    grows = 1.0 + 0.3 * (1.0 - np.array(STRETCHES))
+    curves = [own._replace(pressure=tuple(np.array(own.pressure) / grows)) for own in plain]
+    tabled = make.md600(coupling=PressureTable(curves, *MD600))
+    exact = make.md600(coupling=PowerCoupling(beta))
+    for g in (0.1, 0.45, 0.8, 0.97):
+        E = voigt(np.array([-0.3, -0.1, 0.2]), np.full(3, g))
+        for ours, theirs in zip(
+            tabled.stress_and_tangent(E), exact.stress_and_tangent(E), strict=True
+        ):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-4)
+
+
+def test_between_its_points_a_finer_table_errs_less():
+    """A third angle divides the error of p by 4, a fourth by 10; five points leave 0.2 %."""
+
+    def error(angles, count):
+        strain = -0.3 * np.linspace(0.0, 1.0, count + 1)
+        stretches = np.sqrt(1.0 + 2.0 * strain)
+        fine = PressureTable([measured(d, stretches) for d in angles], *MD600)
+        own = make.md600(coupling=fine)
+        worst = 0.0
+        for degrees in (9.0, 22.0, 37.0):
+            exact = measured(degrees, (1.0, 0.93, 0.86, 0.77, 0.67))
+            g, cos = math.sin(exact.shear_angle), math.cos(exact.shear_angle)
+            found = own.compaction_pressure(exact.stretch, None, g) / cos
+            worst = max(worst, *np.abs(found / np.maximum(exact.pressure, 1.0) - 1.0)[1:])
+        return worst
+
+    assert error((0.0, 45.0), 5) > 4.0 * error((0.0, 25.0, 45.0), 5)
+    assert error((0.0, 25.0, 45.0), 5) > 10.0 * error(ANGLES, 5)
+    assert error(ANGLES, 2) > 8.0 * error(ANGLES, 3) > 16.0 * error(ANGLES, 5)
+    assert error(ANGLES, 5) < 2e-3
+
+
+def test_stress_and_tangent_follow_from_the_energy(fabric):
+    """By central differences of order four, within the table, free, and beyond it."""
+    h = 1e-4
+
+    def slope_of(function, E33, g, along):
+        def at(step):
+            return function(E33 + step * (along == 2), g + step * (along == 3))
+
+        return (8.0 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12.0 * h)
+
+    def energy(E33, g):
+        return float(fabric.membrane_energy(voigt(E33, g))[0])
+
+    def stress(component):
+        return lambda E33, g: float(fabric.stress_and_tangent(voigt(E33, g))[0][0, component])
+
+    def stabilising(k):
+        return lambda E33, g: float(
+            fabric.stabilising_tangent(voigt(E33, g))[k][0, 2, ...].flat[2 if k == 0 else 0]
+        )
+
+    def coupling(k):
+        return lambda E33, g: float(fabric.tangent_coupling(voigt(E33, g))[k][0])
+
+    for E33, g in [(-0.25, 0.3), (-0.2, -0.6), (-0.05, 0.65), (0.4, 0.2), (-0.1, 0.85)]:
+        S, C = (values[0] for values in fabric.stress_and_tangent(voigt(E33, g)))
+        _, slope, curvature = (values[0] for values in fabric.stabilising_tangent(voigt(E33, g)))
+        for component in (2, 3):
+            assert slope_of(energy, E33, g, component) == pytest.approx(S[component], rel=1e-7)
+            for other in (2, 3):
+                found = slope_of(stress(component), E33, g, other)
+                assert found == pytest.approx(C[component, other], rel=1e-6)
+        assert slope_of(stabilising(0), E33, g, 2) == pytest.approx(slope[2], rel=1e-6, abs=1e-3)
+        assert slope_of(stabilising(0), E33, g, 3) == pytest.approx(coupling(0)(E33, g), rel=1e-6)
+        found = slope_of(stabilising(1), E33, g, 2)
+        assert found == pytest.approx(curvature[2], rel=1e-5, abs=1e-3)
+        assert slope_of(coupling(0), E33, g, 2) == pytest.approx(coupling(1)(E33, g), rel=1e-5)
+        assert slope_of(coupling(0), E33, g, 3) == pytest.approx(coupling(2)(E33, g), rel=1e-5)
+
+
+def test_a_closed_loop_of_thickness_and_shear_does_no_work(fabric):
+    """A circle that leaves the table to all sides, by Gauss's rule between the kinks of the law."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    edges = np.linspace(0.0, 2.0 * np.pi, 2001)
+    half = 0.5 * np.diff(edges)[:, None]
+    phase = (0.5 * (edges[1:] + edges[:-1])[:, None] + half * nodes).ravel()
+    weight = (half * weights).ravel()
+    stretch, g = 0.85 + 0.27 * np.cos(phase), 0.4 + 0.4 * np.sin(phase)
+    S = fabric.stress_and_tangent(voigt(0.5 * (stretch**2 - 1.0), g))[0]
+    power = -S[:, 2] * stretch * 0.27 * np.sin(phase) + S[:, 3] * 0.4 * np.cos(phase)
+    assert abs(power @ weight) < 1e-10 * (np.abs(power) @ weight)
+
+
+def test_the_compiled_law_agrees_with_numpy(fabric):
+    """Inside the table and beyond, where nothing follows the shear any more, too."""
+    for E33 in (-0.3, -0.1, 0.0, 0.3):
+        for g in (0.0, 0.3, -0.6, 0.72, 0.9, 0.997):
+            E = voigt(E33, g)
+            own = tuple(map(float, E[0]))
+            S, C = membrane_response(fabric.law, own, ())
+            stress, tangent = fabric.stress_and_tangent(E)
+            np.testing.assert_allclose(S, stress[0], rtol=1e-9, atol=1e-6)
+            np.testing.assert_allclose(C, np.diag(tangent[0]), rtol=1e-9, atol=1e-4)
+            stabilising, slope, curvature = fabric.stabilising_tangent(E)
+            C_hg = hourglass_tangent(fabric.law, own, C, ())
+            np.testing.assert_allclose(C_hg, np.diag(stabilising[0]), rtol=1e-9, atol=1e-4)
+            coupling = tangent_coupling(fabric.law, own, ())
+            for ours, theirs in zip(coupling, fabric.tangent_couplings(E), strict=True):
+                assert ours == pytest.approx(float(theirs[0]), rel=1e-8, abs=1e-2)
+            found = tangent_slope(fabric.law, own, ())[2], tangent_curvature(fabric.law, own, ())[2]
+            expected = slope[0, 2], curvature[0, 2]
+            np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("curves", "message"),
+    [
+        ([(0, (1, 0.9), (0, 1e4))], "has 1 shear angles; give 2 to 4"),
+        ([(10, (1, 0.9), (0, 1e4)), (20, (1, 0.9), (0, 1e4))], "begin at 0 deg"),
+        ([(0, (1.1, 0.9), (0, 1e4)), (20, (1, 0.9), (0, 1e4))], "is free at the stretch 1.1"),
+        ([(0, (1, 0.9), (1e3, 1e4)), (20, (1, 0.9), (0, 1e4))], "the first pressure is 0"),
+        ([(0, (1, 0.9), (0, 1e4)), (20, (1, 1.1), (0, 1e4))], "at 20 deg does not rise at point 2"),
+        (
+            [(0, (1, 0.9, 0.8, 0.7), (0, 2e4, 2.01e4, 9e5)), (20, (1, 0.9), (0, 1e4))],
+            "makes the pressure fall at 0 deg",
+        ),
+    ],
+)
+def test_what_is_no_table_is_refused_by_name(curves, message):
+    rows = [
+        PressureCurve(math.radians(degrees), tuple(map(float, stretch)), tuple(map(float, p)))
+        for degrees, stretch, p in curves
+    ]
+    with pytest.raises(InputError, match=rf"material\.compaction\.table: .*{message}"):
+        scene_from_text(scene_text(rows))
+
+
+def test_table_and_exponent_together_are_refused(table):
+    with pytest.raises(InputError, match="cannot stand beside table"):
+        scene_from_text(scene_text(table.curves, "compaction.shear_coupling = 1.0"))
+
+
+def test_a_scene_takes_a_table(table):
+    material = scene_from_text(scene_text(table.curves)).material
+    assert material.couples_shear and not material.without_shear_coupling().couples_shear
+    np.testing.assert_allclose(material.build().law.pressure_table, table.numbers, rtol=1e-9)
+
+
+@pytest.mark.parametrize("law", ["fabric", "fabric-with-set"])
+def test_every_fabric_takes_a_table(law, table):
+    entries = f'law = "{law}"\nmembrane.locking_angle = "40 deg"\n'
+    entries += 'membrane.locking_stiffness = "80 MPa"\n'
+    entries += "compaction.permanent_set = 0.3\n" if law == "fabric-with-set" else ""
+    built = scene_from_text(scene_text(table.curves, entries)).material.build()
+    assert type(built.law).__name__.startswith("LockingTabledFabric")
+    past = (0.0,) * (law == "fabric-with-set")
+    S = membrane_response(built.law, (0.0, 0.0, -0.2, 0.5, 0.0, 0.0), past)[0]
+    assert S[2] == pytest.approx(float(built.stress_and_tangent(voigt(-0.2, 0.5))[0][0, 2]))
+
+
+def test_closures_refuse_a_table(fabric):
+    with pytest.raises(InputError, match=r"material\.compaction\.table: .*closures do not take"):
+        of_cells(fabric, np.full(2, fabric.areal_mass))
+
+
+def test_a_run_says_where_the_sheet_left_its_table(fabric, monkeypatch):
+    """By the shear, and by the compaction below the thinnest point at its angle."""
+    monkeypatch.setattr(limits, "sheet_areas", lambda sheet, frame: np.ones(3))
+    degrees, thickness = np.array([[10.0, 44.0, 47.0]]), fabric.thickness * np.array([0.7, 0.9, 1])
+    sheet = xr.Dataset(
+        {"shear_angle": (("t", "f"), np.radians(degrees)), "thickness": (("t", "f"), [thickness])}
+    )
+    (told,) = limits.compaction_range_warnings(sheet, fabric)
+    assert told.startswith("1 element (33.33% of the area) left the table")
+    assert "ends at 45 deg of shear and 0.62 of the free thickness" in told
+    sheet["thickness"][0, 0] *= 0.8  # 0.56 of t0, which is near the free thickness at 10 deg
+    (told,) = limits.compaction_range_warnings(sheet, fabric)
+    assert told.startswith("2 elements (66.67% of the area) left the table")
+    assert "1 element (33.33% of the area) by the shear, up to 47.0 deg" in told
+    sheet = sheet.isel(f=[1])
+    assert limits.compaction_range_warnings(sheet, fabric) == []
+
+
+# --- identification -------------------------------------------------------------------------------
+
+
+def growing(degrees):
+    """β that grows so much with the angle that no one exponent describes it."""
+    return 0.2 + 0.02 * degrees, 1.0
+
+
+def sheared_tests(noise=0.02, seed=5):
+    """Compaction of specimens at 0 to 45 degrees of the fabric whose β changes with the angle."""
+    rng = np.random.default_rng(seed)
+    columns = {"thickness": [], "pressure": [], "shear angle": []}
+    for degrees in ANGLES:
+        curve = measured(degrees, np.linspace(1.0, 0.62, 41), growing)
+        columns["thickness"].append(1.004e-3 * np.array(curve.stretch[1:]))
+        error = 1.0 + noise * rng.standard_normal(40)
+        columns["pressure"].append(np.array(curve.pressure[1:]) * error)
+        columns["shear angle"].append(np.full(40, curve.shear_angle))
+    values = {name: np.concatenate(parts) for name, parts in columns.items()}
+    return CouponData("data.csv", values, np.arange(160) + 2, np.repeat(np.arange(4), 40))
+
+
+SHEET = {"thickness": 1.004e-3, "solid_height": 0.6 / 1810.0}
+
+
+def test_where_no_exponent_holds_a_table_is_identified():
+    """Its scene gives the pressures of the fabric within 6 % of 2 % noise, at all angles."""
+    data = sheared_tests()
+    with pytest.raises(FitRefusedError, match="--table takes every angle by itself"):
+        identify_sheared_compaction(data, **SHEET)
+    found = identify_pressure_table(data, **SHEET)
+    free = found["free_stretch_at_45_deg"]
+    assert free.low < measured(45.0, law=growing).stretch[0] < free.high
+    entries = "\n".join(f"compaction.{key} = {text}" for key, text in found.scene_entries.items())
+    built = scene_from_text(scene_text((), entries)).material.build()
+    for degrees in ANGLES:
+        curve = measured(degrees, (1.0, 0.9, 0.8, 0.7), growing)
+        g, cos = math.sin(curve.shear_angle), math.cos(curve.shear_angle)
+        pressure = built.compaction_pressure(curve.stretch, None, g) / cos
+        np.testing.assert_allclose(pressure[1:], curve.pressure[1:], rtol=0.06)
+
+
+def test_a_curve_that_misses_its_angle_is_refused():
+    data = sheared_tests()
+    own = data["shear angle"] > 0.7
+    bent = 1.0 + 0.6 * np.sin(np.linspace(0.0, 9.0, np.count_nonzero(own)))
+    data["pressure"][own] *= bent
+    with pytest.raises(FitRefusedError, match="the curve at 45 deg does not follow the data"):
+        identify_pressure_table(data, **SHEET)
+
+
+def test_too_many_angles_or_too_few_rows_are_no_table(tmp_path):
+    data = sheared_tests()
+    with pytest.raises(InputError, match="has 5 rows at 45 deg; at least 6"):
+        identify_pressure_table(data.keep(np.arange(160) < 125), **SHEET)
+    data["shear angle"][-10:] = math.radians(55.0)
+    with pytest.raises(InputError, match="has 4 shear angles up to 55 deg; keep 3"):
+        identify_pressure_table(data, **SHEET)
+    file = tmp_path / "plain.csv"
+    rows = [f"{1 - 0.04 * k},{0.001 * 3**k}" for k in range(8)]
+    file.write_text("\n".join(["thickness [mm],pressure [MPa]", *rows]), encoding="utf-8")
+    with pytest.raises(InputError, match="--table: needs tests of sheared fabric"):
+        identify_compaction_file(file, {}, table=True)
+
+
+# --- elements -------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_forces_and_their_bound_know_the_table(fabric):
+    """The kernel against the element in NumPy, and the bound of its frequency."""
+    rng = np.random.default_rng(3)
+    X, fibres = map(np.array, zip(*(make.flat_reference(rng) for _ in range(20)), strict=True))
+    gradient = make.sheared(math.radians(25.0), 0.9, 1.0)
+    x = np.array(
+        [make.deformed(rng, *own, gradient=gradient) for own in zip(X, fibres, strict=True)]
+    )
+    options = ElementOptions(compaction_strain="normal", hourglass="conservative")
+    model = make.separate_elements(X, fibres, fabric, options)
+    forces = make.corner_forces(model, make.positions_of(x))
+    references = [ReferenceElement(*own, fabric, options) for own in zip(X, fibres, strict=True)]
+    for reference, own, force in zip(references, x, forces, strict=True):
+        expected = reference.evaluate(own).force
+        np.testing.assert_allclose(force, expected, rtol=0.0, atol=1e-11 * abs(expected).max())
+    elements = list(zip(X, fibres, strict=True))
+    bounds, frequencies = make.bounds_and_frequencies(elements, x, fabric, options)
+    assert np.all(bounds > frequencies * (1.0 - 1e-6)) and (bounds / frequencies).mean() < 1.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("degrees", [30.0, 45.0])
+def test_a_sheared_piece_is_pressed_as_the_table_says(table, degrees):
+    """0.1 % at the points of the table, by the simulated test."""
+    material = scene_from_text(scene_text(table.curves)).material
+    curve = next(own for own in table.curves if abs(own.shear_angle - math.radians(degrees)) < 1e-9)
+    result = compaction(
+        material, size=10e-3, shear_angle=curve.shear_angle, pressure=1.05 * curve.pressure[-1]
+    )
+    thickness, pressure = result.curves["thickness [mm]"], result.curves["pressure [MPa]"]
+    for stretch, expected in zip(curve.stretch[2:], curve.pressure[2:], strict=True):
+        # interpolated from its ratio to the law, which is smooth
+        ratio = pressure / result.curves["law pressure [MPa]"]
+        found = np.interp(-1.004 * stretch, -thickness, ratio)
+        law = material.build().compaction_pressure(stretch, None, math.sin(curve.shear_angle))
+        assert found * law / math.cos(curve.shear_angle) == pytest.approx(expected, rel=1e-3)
+    assert max(abs(c.relative) for c in result.comparisons) < 1e-3
