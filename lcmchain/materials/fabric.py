@@ -613,7 +613,7 @@ class Fabric:
         return stored + self._remembered_energy(history)
 
     def _remembered_energy(self, history: np.ndarray | None) -> ArrayLike:
-        """Return what Maxwell elements and friction of the shear, and what relaxes, store [J/m³]."""
+        """Return what Maxwell elements, friction, and what relaxes store [J/m³]."""
         stored: Any = 0.0
         if history is None:
             return stored

@@ -1,4 +1,4 @@
-"""Scene tables of what depends on a rate: shear and compaction, ``[material.viscous]``, and bending."""
+"""Scene tables of what depends on a rate: ``[material.viscous]``, and that of the bending."""
 
 from __future__ import annotations
 
