@@ -132,13 +132,13 @@ def sizes(model: Model) -> dict[str, int]:
         "ply point": 0 if plies is None else model.node_count,
         "ply facet": 0 if plies is None else len(plies.facet_node),
         "ply chunk": 0 if plies is None else model.nodes.chunk_order.size,
-        "ply list": 0 if plies is None else model.node_count + 1,
+        "ply list": 0 if plies is None else model.nodes.chunk_order.size + 1,
         "ply list entry": 0 if plies is None else 4 * model.node_count,
         "ply row number": 0 if plies is None else span_count * plies.row_size,
         "ply span": 0 if plies is None else span_count,
+        "half a ply span": 0 if plies is None else 2 * span_count,
         "lowest and highest": 2,
         "corner": 4,
-        "xyz and a zero": 4,
         "slope": SLOPES,
         "depth and offset": 2,
         "ply counter": 0 if plies is None else PLY_COUNTERS,
@@ -293,6 +293,12 @@ class State(_Arrays):
         meaning="springs of points on other plies and what their laws keep, see "
         "lcmchain.interfaces.rows",
     )
+    ply_acts: np.ndarray = entry(
+        "half a ply span",
+        unit="1",
+        meaning="whether a point of half a span is, or just was, near enough to act",
+        dtype=np.uint8,
+    )
     ply_slope: np.ndarray = entry(
         "ply facet", "slope", unit="1", meaning="of the smooth surface at the corners of a facet"
     )
@@ -446,12 +452,6 @@ class Scratch(_Arrays):
     bending_vector: np.ndarray = entry(
         "bending vector", unit="N", meaning="what they send to their neighbours, in blocks"
     )
-    ply_force: np.ndarray = entry(
-        "ply point",
-        "xyz and a zero",
-        unit="N",
-        meaning="of the other ply on a point; four numbers are added up at once",
-    )
     ply_ahead: np.ndarray = entry(
         "xyz", "ply point", unit="m", meaning="positions in the middle of the time of a spring"
     )
@@ -480,13 +480,33 @@ class Scratch(_Arrays):
     ply_start: np.ndarray = entry(
         "ply list",
         unit="1",
-        meaning="where the points of a node begin in the lists",
+        meaning="where the points that press on a chunk begin in the lists",
         dtype=np.int32,
     )
-    ply_item: np.ndarray = entry(
-        "ply list entry", unit="1", meaning="points that press on a node", dtype=np.int32
+    ply_half: np.ndarray = entry(
+        "ply list entry",
+        unit="1",
+        meaning="half of a span in which a point lies that presses on a node of the chunk",
+        dtype=np.int32,
     )
-    ply_weight: np.ndarray = entry("ply list entry", unit="1", meaning="and how much of each")
+    ply_following: np.ndarray = entry(
+        "ply list entry",
+        unit="1",
+        meaning="where the points of the next half of a span begin",
+        dtype=np.int32,
+    )
+    ply_place: np.ndarray = entry(
+        "ply list entry",
+        unit="1",
+        meaning="where the force of the point begins in its rows",
+        dtype=np.int32,
+    )
+    ply_node: np.ndarray = entry(
+        "ply list entry", unit="1", meaning="node that it presses on", dtype=np.int32
+    )
+    ply_weight: np.ndarray = entry(
+        "ply list entry", unit="1", meaning="and with which part of its force"
+    )
     chunk_sums: np.ndarray = entry(
         "chunk", "chunk sum", unit="J, N, m", meaning="energies, tool forces, gaps by chunk"
     )

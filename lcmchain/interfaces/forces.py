@@ -6,8 +6,9 @@ normal·r + offset and its share of the area is linear in r too, so that its nor
 potential. To it come the forces of the interface's laws (:mod:`lcmchain.interfaces.law`).
 
 What a point has lies in rows of its span of 16 nodes: one loop over the nodes of a span, which
-compiles to vectors, makes their forces. These are then gathered node by node, from a list of the
-points that press on a node in the order of their numbers: bit-identical for any number of threads.
+compiles to vectors, makes their forces. A span none of whose points is near enough to act rests: of
+its points the gap alone is made. Each chunk of nodes then takes the forces of those points that act
+on it from a list, in the order of their numbers: bit-identical for any number of threads.
 """
 
 from __future__ import annotations
@@ -15,17 +16,22 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from lcmchain.elements.vectors import plus
+from lcmchain.elements.blocks import NEXT_ROW, SECOND_ROW
+from lcmchain.elements.vectors import dot, plus
 from lcmchain.interfaces.rows import (
     AREA,
     DAMPED_ENERGY,
     FORCE,
+    HALF,
     HELD,
     INTERFACE,
     LAST_DAMPING,
     LAST_GAP,
     LOST_ENERGY,
     MOVED,
+    NORMAL,
+    OFFSET,
+    REACH,
     RIM,
     STORED_ENERGY,
     WAY,
@@ -41,7 +47,13 @@ from lcmchain.interfaces.rows import (
 )
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.jit import equation, kernel_part, ordered_span_routine, span_part, span_routine
-from lcmchain.tools.span_rows import SPAN, SPANS_OF_CHUNK, put_vector, vector_at
+from lcmchain.tools.span_rows import NODE_CHUNK, SPAN, SPANS_OF_CHUNK, put_vector, vector_at
+
+# Halves of spans in a chunk of nodes.
+HALVES_OF_CHUNK = NODE_CHUNK // HALF
+
+# Rows of the scratch of a span: ways, and gaps without the depth held [m].
+GAP, WAY_ROWS = 3, 4
 
 # Columns of the sums of the points of a chunk of nodes.
 STORED = 0  # in the springs and laws [J]
@@ -102,8 +114,8 @@ def force_in_lane(laws, values, starts, rows, at, rate, time):
 
 
 @span_part
-def load_ways(position, corner, first, count, rows, row):
-    """Write to three rows the way from the weighted corners to each point of a span."""
+def load_ways(vectors, corner, first, count, rows, ways):
+    """Write to ``ways`` the way from the weighted corners to each point of a span."""
     for i in range(count):
         point = np.uint64(first + i)
         a, b = np.uint64(corner[point, 0]), np.uint64(corner[point, 1])
@@ -111,9 +123,28 @@ def load_ways(position, corner, first, count, rows, row):
         wa, wb = rows[WEIGHT * SPAN + i], rows[(WEIGHT + 1) * SPAN + i]
         wc, wd = rows[(WEIGHT + 2) * SPAN + i], rows[(WEIGHT + 3) * SPAN + i]
         for k in range(3):
-            x = position[k]
+            x = vectors[k]
             on_facet = wa * x[a] + wb * x[b] + wc * x[c] + wd * x[d]
-            rows[(row + k) * SPAN + i] = x[point] - on_facet
+            ways[k * SPAN + i] = x[point] - on_facet
+
+
+@span_part
+def find_gaps(rows, ways):
+    """Write the gaps of a span behind its ways; return the points that act or just did, as bits."""
+    found = 0
+    for i in range(SPAN):
+        gap = dot(vector_at(rows, NORMAL, i), vector_at(ways, 0, i)) + rows[OFFSET * SPAN + i]
+        ways[GAP * SPAN + i] = gap
+        near = min(gap, rows[LAST_GAP * SPAN + i]) < rows[REACH * SPAN + i]
+        found |= (1 << i) if near else 0
+    return found
+
+
+@span_part
+def put_rows(source, row, factor, rows, into, count):
+    """Write some rows times a factor into others."""
+    for k in range(count * SPAN):
+        rows[into * SPAN + k] = factor * source[row * SPAN + k]
 
 
 @span_part
@@ -124,11 +155,33 @@ def forces_of_span(laws, interface, rows, rate, time):
         force_in_lane(laws, values, starts, rows, lane, rate, time)
 
 
+@span_part
+def row_sum(rows, row):
+    """Return the sum of a row."""
+    total = 0.0
+    for i in range(SPAN):
+        total += rows[row * SPAN + i]
+    return total
+
+
 @span_routine
-def force_of_point(laws, interface, rows, lane, rate, time):
-    """Make the force of one point, in a span of points on several interfaces."""
-    values, starts = all_parameters(laws, interface), memory_rows(laws)
-    force_in_lane(laws, values, starts, rows, lane, rate, time)
+def force_of_point(laws, rows, at, rate, time):
+    """Make the force of one point; ``at`` is its place in the first row."""
+    values = all_parameters(laws, int(rows[at + INTERFACE * SPAN]))
+    force_in_lane(laws, values, memory_rows(laws), rows, at, rate, time)
+
+
+@ordered_span_routine
+def leave_rest(laws, rows, at, time):
+    """Let the laws of a point that rested keep what they would, had they been asked all the time.
+
+    Out of its reach a point has no force, and what its laws keep goes with its last way alone. The
+    rows have its present way and how much that has changed in the last step.
+    """
+    way = vector_at(rows, WAY, at)
+    put_vector(rows, WAY, at, plus(-1.0, vector_at(rows, MOVED, at), way))
+    force_of_point(laws, rows, at, 0.0, time)
+    put_vector(rows, WAY, at, way)
 
 
 @kernel_part
@@ -139,14 +192,17 @@ def forces_of_points(data, first, second, third, fourth, fifth, sixth, arrays, d
     """
     for chunk in prange(arrays.ply_sums.shape[0]):
         laws = (first, second, third, fourth, fifth, sixth)
-        forces_of_chunk(data, laws, arrays, chunk, dt_last)
+        ways = np.zeros(WAY_ROWS * SPAN)
+        forces_of_chunk(data, laws, arrays, chunk, dt_last, ways)
 
 
 @ordered_span_routine
-def forces_of_chunk(data, laws, arrays, chunk, dt_last):
-    """Write the force on every point of a chunk of nodes, and its energies."""
+def forces_of_chunk(data, laws, arrays, chunk, dt_last, ways):
+    """Write the force on every point of a chunk of nodes, and its energies.
+
+    ways : scratch for the ways and gaps of a span.
+    """
     rate = data.damping_time / dt_last if dt_last > 0.0 else 0.0
-    size = memory_rows(laws)[6] * SPAN
     stored, lost, damped = 0.0, 0.0, 0.0
     begin, end = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
     for place in range(SPANS_OF_CHUNK):
@@ -155,24 +211,30 @@ def forces_of_chunk(data, laws, arrays, chunk, dt_last):
         if low > high:
             continue
         count = min(SPAN, end - first)
-        rows = arrays.ply_rows[span * size : (span + 1) * size]
-        load_ways(arrays.position, arrays.ply_corner, first, count, rows, WAY)
-        if any_uses_sliding(laws):
-            load_ways(arrays.velocity, arrays.ply_corner, first, count, rows, MOVED)
-            for i in range(3 * SPAN):
-                rows[MOVED * SPAN + i] *= dt_last
+        rows = arrays.ply_rows[span * data.row_size : (span + 1) * data.row_size]
+        halves = arrays.ply_acts[2 * span : 2 * span + 2]
+        load_ways(arrays.position, arrays.ply_corner, first, count, rows, ways)
+        near = find_gaps(rows, ways)
+        rested = not (halves[0] or halves[1])
+        halves[0], halves[1] = near % (1 << HALF) > 0, near >> HALF > 0
+        if near == 0 and rested:
+            put_rows(ways, GAP, 1.0, rows, LAST_GAP, 1)
+            continue
+        put_rows(ways, 0, 1.0, rows, WAY, 3)
+        if rested or any_uses_sliding(laws):
+            load_ways(arrays.velocity, arrays.ply_corner, first, count, rows, ways)
+            put_rows(ways, 0, dt_last, rows, MOVED, 3)
+        if rested:
+            for i in range(count):
+                leave_rest(laws, rows, i, dt_last)
         if low == high:
             forces_of_span(laws, low, rows, rate, dt_last)
         else:
             for i in range(count):
-                interface = int(rows[INTERFACE * SPAN + i])
-                force_of_point(laws, interface, rows, i, rate, dt_last)
-        for i in range(count):
-            for d in range(3):
-                arrays.ply_force[first + i, d] = rows[(FORCE + d) * SPAN + i]
-            stored += rows[STORED_ENERGY * SPAN + i]
-            lost += rows[LOST_ENERGY * SPAN + i]
-            damped += rows[DAMPED_ENERGY * SPAN + i]
+                force_of_point(laws, rows, i, rate, dt_last)
+        stored += row_sum(rows, STORED_ENERGY)
+        lost += row_sum(rows, LOST_ENERGY)
+        damped += row_sum(rows, DAMPED_ENERGY)
     arrays.ply_sums[chunk, STORED] = stored
     arrays.ply_sums[chunk, LOST] = lost
     arrays.ply_sums[chunk, DAMPED] = damped
@@ -180,48 +242,49 @@ def forces_of_chunk(data, laws, arrays, chunk, dt_last):
 
 @ordered_span_routine
 def list_points(data, arrays):
-    """List for every node the points whose facets it is a corner of, in their order.
+    """List for every chunk of nodes the points that press on them, in their order.
 
-    And for every point the corners, for every span the lowest and the highest number of the
-    interfaces that its points are on; the lowest is above the highest where none is.
+    And for every point the corners of its facet, for every span the lowest and the highest number
+    of the interfaces that its points are on; the lowest is above the highest where none is.
     """
-    start, item, weight = arrays.ply_start, arrays.ply_item, arrays.ply_weight
-    facet_node, facets, rows = data.facet_node, arrays.ply_facet, arrays.ply_rows
+    start, facets, rows = arrays.ply_start, arrays.ply_facet, arrays.ply_rows
     corner, interface = arrays.ply_corner, arrays.ply_interface
     interface[:, 0], interface[:, 1] = data.interface_count, NONE
-    for point in range(facets.size):
-        facet = facets[point]
-        span = data.lane[point] // SPAN
-        for k in range(4):
-            corner[point, k] = point
-            if facet >= 0:
-                corner[point, k] = facet_node[facet, k]
-        if facet >= 0:
-            number = data.interface[data.ply[point], data.facet_ply[facet]]
-            interface[span, 0] = min(interface[span, 0], number)
-            interface[span, 1] = max(interface[span, 1], number)
     start[:] = 0
     for point in range(facets.size):
         facet = facets[point]
+        for k in range(4):
+            corner[point, k] = data.facet_node[facet, k] if facet >= 0 else point
         if facet >= 0:
+            span = data.lane[point] // SPAN
+            number = data.interface[data.ply[point], data.facet_ply[facet]]
+            interface[span, 0] = min(interface[span, 0], number)
+            interface[span, 1] = max(interface[span, 1], number)
             for k in range(4):
-                start[facet_node[facet, k] + 1] += 1
-    for node in range(facets.size):
-        start[node + 1] += start[node]
-    total = start[facets.size]
-    for point in range(facets.size - 1, -1, -1):
-        facet = facets[point]
-        if facet >= 0:
+                start[data.lane[corner[point, k]] // NODE_CHUNK + 1] += 1
+    for chunk in range(start.size - 1):
+        start[chunk + 1] += start[chunk]
+    # filled up from its start, the list of a chunk ends where that of the next one begins
+    for point in range(facets.size):
+        if facets[point] >= 0:
+            at = row_start(data, point)
             for k in range(4):
-                node = facet_node[facet, k]
-                start[node + 1] -= 1
-                place = start[node + 1]
-                item[place] = point
-                weight[place] = rows[row_start(data, point) + (WEIGHT + k) * SPAN]
-    # filled from their ends, the lists now begin one entry further on
-    for node in range(facets.size):
-        start[node] = start[node + 1]
-    start[facets.size] = total
+                node = corner[point, k]
+                chunk = data.lane[node] // NODE_CHUNK
+                item = start[chunk]
+                start[chunk] += 1
+                arrays.ply_half[item] = data.lane[point] // HALF
+                arrays.ply_place[item] = at + FORCE * SPAN
+                arrays.ply_node[item] = node
+                arrays.ply_weight[item] = rows[at + (WEIGHT + k) * SPAN]
+    for chunk in range(start.size - 1, 0, -1):
+        start[chunk] = start[chunk - 1]
+    start[0] = 0
+    for chunk in range(start.size - 1):
+        end = start[chunk + 1]
+        for item in range(end - 1, start[chunk] - 1, -1):
+            goes_on = item + 1 < end and arrays.ply_half[item] == arrays.ply_half[item + 1]
+            arrays.ply_following[item] = arrays.ply_following[item + 1] if goes_on else item + 1
 
 
 @ordered_span_routine
@@ -230,24 +293,39 @@ def add_ply_forces(data, arrays, chunk, first, last):
 
     Return the energy of the springs of these points, and what sliding and damping took [J].
     """
-    start, item, weight = arrays.ply_start, arrays.ply_item, arrays.ply_weight
-    ply_force, force = arrays.ply_force, arrays.force
-    for node in range(first, last):
-        begin, end = start[node], start[node + 1]
-        x, y, z, nothing = 0.0, 0.0, 0.0, 0.0
-        if arrays.ply_facet[node] >= 0:
-            x, y, z = ply_force[node, 0], ply_force[node, 1], ply_force[node, 2]
-        elif begin == end:
-            continue
-        for k in range(begin, end):
-            point, share = np.uint64(item[k]), weight[k]
-            x -= share * ply_force[point, 0]
-            y -= share * ply_force[point, 1]
-            z -= share * ply_force[point, 2]
-            nothing -= share * ply_force[point, 3]
-        force[0, node] += x
-        force[1, node] += y
-        # the fourth number lets the compiler take all four at once
-        force[2, node] += z + nothing
+    add_own_forces(data, arrays, chunk, first, last)
+    add_forces_on_facets(arrays, arrays.ply_start[chunk], arrays.ply_start[chunk + 1])
     sums = arrays.ply_sums[chunk]
     return sums[STORED], sums[LOST], sums[DAMPED]
+
+
+@span_part
+def add_own_forces(data, arrays, chunk, first, last):
+    """Add the forces on the points of a chunk."""
+    for half in range(chunk * HALVES_OF_CHUNK, (chunk + 1) * HALVES_OF_CHUNK):
+        if arrays.ply_acts[half]:
+            begin = first + (half - chunk * HALVES_OF_CHUNK) * HALF
+            at = half // 2 * data.row_size + half % 2 * HALF
+            for d in range(3):
+                own = arrays.ply_rows[at + (FORCE + d) * SPAN : at + (FORCE + d) * SPAN + HALF]
+                force = arrays.force[d, begin:last]
+                for i in range(min(HALF, last - begin)):
+                    force[i] += own[i]
+
+
+@span_part
+def add_forces_on_facets(arrays, begin, end):
+    """Take the items of a list of points off the nodes that they press on."""
+    rows, weight = arrays.ply_rows, arrays.ply_weight
+    force_x, force_y, force_z = arrays.force[0], arrays.force[1], arrays.force[2]
+    item = begin
+    while item < end:
+        if not arrays.ply_acts[arrays.ply_half[item]]:
+            item = arrays.ply_following[item]
+            continue
+        place, node = np.uint64(arrays.ply_place[item]), np.uint64(arrays.ply_node[item])
+        part = weight[item]
+        force_x[node] -= part * rows[place]
+        force_y[node] -= part * rows[place + NEXT_ROW]
+        force_z[node] -= part * rows[place + SECOND_ROW]
+        item += 1

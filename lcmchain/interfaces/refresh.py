@@ -28,7 +28,7 @@ import math
 import numpy as np
 from numba import prange
 
-from lcmchain.elements.vectors import cross, dot, plus
+from lcmchain.elements.vectors import cross, dot, plus, scaled
 from lcmchain.interfaces.forces import (
     BOOKED,
     DEEPEST,
@@ -42,6 +42,7 @@ from lcmchain.interfaces.forces import (
     STEPS_LEFT,
     TOO_DEEP,
     WAY_SINCE_SEARCH,
+    leave_rest,
     list_points,
 )
 from lcmchain.interfaces.law import carried, load_memory, memory_size, store_memory
@@ -54,14 +55,17 @@ from lcmchain.interfaces.rows import (
     LAST_DAMPING,
     LAST_DEPTH,
     LAST_GAP,
+    MOVED,
     NORMAL,
     OFFSET,
     PATH,
+    REACH,
     RIM,
     SHARE,
     SLIP,
     START,
     STIFFNESS,
+    WAY,
     WEIGHT,
     all_parameters,
     memory_rows,
@@ -133,7 +137,7 @@ def refresh(data, laws, arrays, dt_last, dt):
     look_ahead(arrays, 0.5 * counters[LAST_STEPS] * dt)
     everywhere = counters[REFRESHES_LEFT] <= 0 or clock[WAY_SINCE_SEARCH] > SEARCH_WAY * data.reach
     if everywhere:
-        grid = build_grid(arrays.ply_ahead, data)
+        grid = build_grid(arrays.ply_ahead, data, arrays.ply_slope)
         counters[REFRESHES_LEFT] = REFRESHES_PER_SEARCH
         clock[WAY_SINCE_SEARCH] = 0.0
     else:
@@ -143,6 +147,9 @@ def refresh(data, laws, arrays, dt_last, dt):
         data, first, second, third, fourth, fifth, sixth, arrays, everywhere, grid, dt_last, dt
     )
     list_points(data, arrays)
+    for span in range(arrays.ply_interface.shape[0]):
+        faces = arrays.ply_interface[span, 0] <= arrays.ply_interface[span, 1]
+        arrays.ply_acts[2 * span], arrays.ply_acts[2 * span + 1] = faces, faces
 
     booked, steps, fastest, deepest = 0.0, float(MOST_STEPS), 0.0, 0.0
     for chunk in range(arrays.ply_sums.shape[0]):
@@ -248,11 +255,16 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     presses = False
     before = touch_of(rows, at, none, none, dt_last)
     if held >= 0:
+        r = way_to_facet(arrays.position, data.facet_node, held, rows, at, point)
+        before = touch_of(rows, at, r, none, dt_last)
+        if before.gap < rows[at + REACH * SPAN] and rests(data, arrays, point):
+            v = way_to_facet(arrays.velocity, data.facet_node, held, rows, at, point)
+            put_vector(rows, WAY, at, r)
+            put_vector(rows, MOVED, at, scaled(dt_last, v))
+            leave_rest(laws, rows, at, dt_last)
         sums[BOOKED] -= energy_before(
             laws, arrays.position, arrays.velocity, data.facet_node, held, rows, at, dt_last, point
         )
-        r = way_to_facet(arrays.position, data.facet_node, held, rows, at, point)
-        before = touch_of(rows, at, r, none, dt_last)
         presses = before.gap < rows[at + HELD * SPAN]
         if touches(data, rows, at, before.gap, point, held):
             slip, path = slip_of(arrays.position, data, arrays.ply_slope, held, rows, at, point)
@@ -311,6 +323,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     rows[at + OFFSET * SPAN] = offset + baseline - offset_held
     rows[at + STIFFNESS * SPAN] = 0.5 * data.penalty[interface] * data.area[point]
     rows[at + AREA * SPAN] = 0.5 * data.area[point]
+    rows[at + REACH * SPAN] = data.near[ply, other] if offset_held == 0.0 else math.inf
     rows[at + INTERFACE * SPAN] = interface
     start, _ = way_along(arrays.position, data, arrays.ply_slope, facet, rows, at, point)
     put_vector(rows, START, at, start)
@@ -337,6 +350,13 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     sums[BOOKED] += energy_before(
         laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
     )
+
+
+@equation
+def rests(data, arrays, point):
+    """Tell whether the span of a point rested in the last step."""
+    first = data.lane[point] // SPAN * 2
+    return not (arrays.ply_acts[first] or arrays.ply_acts[first + 1])
 
 
 @inlined_routine

@@ -37,16 +37,20 @@ LAST_DAMPING = 16  # force at the last step [N]
 BASELINE = 17  # depth in the other ply at which the spring has no force [m]
 AREA = 18  # half of what the point stands for [m²]
 INTERFACE = 19  # number of the interface
-WAY = 20  # r [m]
-MOVED = 23  # change of r in the last step [m]
-FORCE = 26  # on the point [N]
-STORED_ENERGY = 29  # [J]
-LOST_ENERGY = 30  # in this step [J]
-DAMPED_ENERGY = 31  # in this step [J]
-SLIP = 32  # on other plies when the spring was made, turned with the surface [m]
-PATH = 35  # length of the way that it slid [m]
-START = 36  # along the facet when the spring was made [m]
-SPRING_ROWS = 39  # then the memory of the laws
+REACH = 20  # gap below which it acts; infinite for one with a depth that is held [m]
+WAY = 21  # r [m]
+MOVED = 24  # change of r in the last step [m]
+FORCE = 27  # on the point [N]
+STORED_ENERGY = 30  # [J]
+LOST_ENERGY = 31  # in this step [J]
+DAMPED_ENERGY = 32  # in this step [J]
+SLIP = 33  # on other plies when the spring was made, turned with the surface [m]
+PATH = 36  # length of the way that it slid [m]
+START = 37  # along the facet when the spring was made [m]
+SPRING_ROWS = 40  # then the memory of the laws
+
+#: Points that rest or act together: those of half a span, which the widest vectors hold.
+HALF = SPAN // 2
 
 
 def row_count(laws: tuple[Any, ...]) -> int:

@@ -41,9 +41,10 @@ CELLS_PER_FACET, CELL_SIZE = 4, 0.6
 # Points face a facet from beside it, up to this part of the widest edge.
 BESIDE, BESIDE_A_RIM = 0.1, 0.8
 # What is left out before a point is projected: facets whose middle lies further aside than this
-# multiple of their radius, at rims with what points may lie beside them, and further off than this
-# part of the radius, by which they can curve.
-ASIDE, CURVED = 1.1, 0.35
+# multiple of their radius, at rims with what points may lie beside them, and further off than they
+# curve: by at most this part of the radius, and away from rims by this multiple of what their
+# corners and the slopes there tell.
+ASIDE, CURVED, CURVED_BY_SLOPES = 1.1, 0.35, 2.0
 # What a half edge beside a facet counts, in gaps of half the thickness of the thinnest ply.
 BESIDE_COST = 4.0
 
@@ -139,7 +140,8 @@ class Grid(NamedTuple):
     cells : (3,) how many there are along x, y, z.
     start : (cell_count + 1,) where the facets of each cell begin in ``entry``.
     middle, outwards : (facet_count, 3) middles of the facets [m] and their normals.
-    radius : (facet_count,) from its middle to the furthest corner [m].
+    radius : (facet_count,) from its middle to the furthest corner [m]. curved : (facet_count,) how
+        far the smooth surface may lie off the plane at its middle [m].
     """
 
     low: np.ndarray
@@ -150,13 +152,14 @@ class Grid(NamedTuple):
     middle: np.ndarray
     outwards: np.ndarray
     radius: np.ndarray
+    curved: np.ndarray
 
 
 @routine
 def no_grid():
     """Return a grid for a refresh without a search."""
     numbers, none = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-    return Grid(np.zeros(3), 1.0, numbers, numbers, numbers, none, none, np.zeros(0))
+    return Grid(np.zeros(3), 1.0, numbers, numbers, numbers, none, none, np.zeros(0), np.zeros(0))
 
 
 @equation
@@ -176,8 +179,25 @@ def extent_of(position, data, facet, d):
     return least, most
 
 
+@equation
+def curved_by(data, slopes, facet, radius, warp):
+    """Return how far a smooth surface may lie off the plane at the middle of its facet [m].
+
+    radius : of the facet, warp : of its corners off the plane [m].
+    """
+    most = CURVED * radius
+    # beyond a rim points see it further outside than its corners are
+    if data.rim_start[facet] == data.rim_start[facet + 1]:
+        steepest = 0.0
+        for k in range(4):
+            slope = abs(slopes[facet, 2 * k]) + abs(slopes[facet, 2 * k + 1])
+            steepest = max(steepest, slope)
+        most = min(most, CURVED_BY_SLOPES * (warp + steepest * radius))
+    return most
+
+
 @routine
-def build_grid(position, data):
+def build_grid(position, data, slopes):
     """Sort the facets into cells: into all that points can lie in which face them."""
     low = np.full(3, math.inf)
     high = np.full(3, -math.inf)
@@ -228,20 +248,23 @@ def build_grid(position, data):
             for cell in range(start.size - 1):
                 start[cell] = start[cell + 1]
     facets = data.facet_node.shape[0]
-    middle, outwards, radius = np.empty((facets, 3)), np.empty((facets, 3)), np.empty(facets)
+    middle, outwards = np.empty((facets, 3)), np.empty((facets, 3))
+    radius, curved = np.empty(facets), np.empty(facets)
     quarter = (0.25, 0.25, 0.25, 0.25)
     for facet in range(facets):
         corners = corners_of(position, data.facet_node, facet)
         _, _, normal = frame_of(corners)
         centre = weighted(quarter, corners[0], corners[1], corners[2], corners[3])
-        furthest = 0.0
+        furthest, warp = 0.0, 0.0
         for k in range(4):
             way = minus(corners[k], centre)
             furthest = max(furthest, dot(way, way))
+            warp = max(warp, abs(dot(way, normal)))
         radius[facet] = math.sqrt(furthest)
+        curved[facet] = curved_by(data, slopes, facet, radius[facet], warp)
         for d in range(3):
             middle[facet, d], outwards[facet, d] = centre[d], normal[d]
-    return Grid(low, size, count, start, entry, middle, outwards, radius)
+    return Grid(low, size, count, start, entry, middle, outwards, radius, curved)
 
 
 @inlined_routine
@@ -274,8 +297,10 @@ def nearest_facet(position, data, slopes, point, grid):
         aside = ASIDE * radius
         if data.rim_start[facet] != data.rim_start[facet + 1]:
             aside += data.spacing[point]
-        off = data.far[ply, other] + CURVED * radius
-        if abs(height) > off or dot(away, away) - height * height > aside * aside:
+        curved = grid.curved[facet]
+        if height > data.far[ply, other] + curved or -height > data.depth[ply, other] + curved:
+            continue
+        if dot(away, away) - height * height > aside * aside:
             continue
         if dot(across, outwards) > -0.5 * FACING * thickness:
             continue

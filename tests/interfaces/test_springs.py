@@ -12,8 +12,10 @@ from lcmchain.interfaces import forces
 from lcmchain.interfaces.forces import add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.refresh import refresh, renew_slopes
 from lcmchain.interfaces.rims import share_over
-from lcmchain.interfaces.rows import AREA, HELD, SHARE
+from lcmchain.interfaces.rows import AREA, FORCE, HALF, HELD, SHARE, row_start
 from lcmchain.interfaces.springs import project, spring_at
+from lcmchain.interfaces.table import Interface
+from lcmchain.tools.span_rows import SPAN
 
 DEPTH = 20e-6  # of one ply in the other [m]
 
@@ -140,16 +142,23 @@ def test_shares_add_up_to_the_area_that_lies_over_the_other_ply(angle):
     assert covered[lower].sum() == pytest.approx(0.5e-6 * 16.0 * 12.0, rel=2e-2)
 
 
-def test_points_stand_in_the_list_of_their_facets_corners_in_order(sim):
+def test_points_stand_in_the_lists_of_the_chunks_that_they_press_on_in_order(sim):
     data, arrays = sim.model.ply_contact.data, sim.arrays
     list_points(data, arrays)
-    for node in range(0, sim.model.node_count, 7):
-        found = arrays.ply_item[arrays.ply_start[node] : arrays.ply_start[node + 1]]
-        facets = sim.state.ply_facet
-        held = np.flatnonzero(facets >= 0)
-        wanted = held[(data.facet_node[facets[held]] == node).any(axis=1)]
-        assert list(dict.fromkeys(found.tolist())) == wanted.tolist()
-        assert (np.diff(found) >= 0).all()
+    facets = sim.state.ply_facet
+    point = np.repeat(np.flatnonzero(facets >= 0), 4)
+    node = data.facet_node[facets[facets >= 0]].ravel()
+    at = np.array([row_start(data, p) for p in point])
+    for chunk, (first, last) in enumerate(pairwise(arrays.chunk_start.tolist())):
+        items = slice(*arrays.ply_start[chunk : chunk + 2])
+        on = (node >= first) & (node < last)
+        half = data.lane[point[on]] // HALF
+        assert arrays.ply_node[items].tolist() == node[on].tolist()
+        assert arrays.ply_half[items].tolist() == half.tolist()
+        assert arrays.ply_place[items].tolist() == (at[on] + FORCE * SPAN).tolist()
+        # each leads to the first one of another half
+        following = np.searchsorted(half, half, side="right") + items.start
+        assert arrays.ply_following[items].tolist() == following.tolist()
 
 
 def test_a_refresh_at_rest_changes_nothing(sim):
@@ -257,3 +266,61 @@ def test_a_point_once_found_is_held_without_a_search():
     assert sim.arrays.ply_counters[forces.REFRESHES_LEFT] > 0
     renew(sim)
     assert (sim.state.ply_facet == found).all()
+
+
+@pytest.fixture
+def parted():
+    """Two plies with friction, the upper one 1 µm over the lower one."""
+    plies = [
+        ply("a", width=30.0, height=15.0, z=0.5 * T),
+        ply("b", width=30.0, height=15.0, z=1.5 * T + 1e-3, angle=30.0, edge=4.0),
+    ]
+    sim = stack(plies, scene_of(), Interface(friction=0.2))
+    renew(sim)
+    return sim
+
+
+def glide(sim, way, asked=False):
+    """Move the upper ply on by a way [m] in one step; make the forces, and return them.
+
+    asked : ask the laws of all points, also of those that rest.
+    """
+    (data, laws), arrays, dt = sim.model.ply_contact, sim.arrays, 1e-6
+    upper = slice(sim.model.bodies[1].first_node, None)
+    arrays.velocity[:, upper] = np.reshape(way, (3, 1)) / dt
+    arrays.position[:, upper] += np.reshape(way, (3, 1))
+    if asked:
+        arrays.ply_acts[:] = 1
+    list_points(data, arrays)
+    forces_of_points(data, *laws, arrays, dt)
+    return np.stack([of_points(sim, FORCE + d) for d in range(3)])
+
+
+# it slides over the lower ply, comes down on it while it slides, and goes on
+WAYS = [(3e-7, 0.0, 0.0)] * 4 + [(3e-7, 1e-7, -1.05e-6)] + [(3e-7, 1e-7, 0.0)] * 2
+
+
+def test_points_that_rested_have_the_slip_of_those_whose_laws_were_asked(parted):
+    """Its force is elastic: less than friction times pressure, which an old anchor would give."""
+    start = parted.state.copy()
+    asked = [glide(parted, way, asked=True) for way in WAYS]
+    parted.restore(start)
+    for way, wanted in zip(WAYS, asked, strict=True):
+        np.testing.assert_allclose(glide(parted, way), wanted, rtol=1e-9, atol=1e-12)
+    pressure, shear = np.abs(asked[4][2]).sum(), np.abs(asked[4][0]).sum()
+    assert 0.0 < shear < 0.5 * 0.2 * pressure or shear == pytest.approx(0.2 * pressure)
+
+
+def test_spans_whose_points_are_apart_rest(parted):
+    """After a renewal all are asked once; a point that comes down wakes its span alone."""
+    data, arrays = parted.model.ply_contact.data, parted.arrays
+    assert (arrays.ply_acts > 0).any()
+    glide(parted, (0.0, 0.0, 0.0))
+    assert not arrays.ply_acts.any()
+    lower_face = np.flatnonzero((data.ply == 1) & (parted.state.ply_facet >= 0))
+    away = parted.state.position[:2, lower_face].T - (3.75e-3, 0.0)
+    point = int(lower_face[np.argmin(np.linalg.norm(away, axis=1))])
+    arrays.position[2, point] -= 1.2e-6
+    force = glide(parted, (0.0, 0.0, 0.0))
+    assert np.flatnonzero(arrays.ply_acts).tolist() == [data.lane[point] // HALF]
+    assert np.flatnonzero(force[2]).tolist() == [point]

@@ -86,9 +86,9 @@ sys.path.insert(0, {tests!r})
 from drag import DragTable
 from stacks import T, ply, scene_of, stack
 from lcmchain.interfaces.forces import LOST, forces_of_points, list_points
-from lcmchain.interfaces.rows import AREA, NORMAL, SHARE, WEIGHT, row_start
+from lcmchain.interfaces.rows import AREA, FORCE, NORMAL, REACH, SHARE, WEIGHT, row_start
 from lcmchain.interfaces.table import Interface
-from lcmchain.tools.span_rows import SPAN
+from lcmchain.tools.span_rows import SPAN, vector_at
 
 between = Interface().with_laws(DragTable(coefficient=50.0, fastest=10.0))
 sim = stack([ply("bed", z=0.5 * T), ply("sled", z=1.5 * T)], scene_of(), between)
@@ -97,14 +97,14 @@ point = sim.model.bodies[1].first_node
 arrays.velocity[0, point] = {speed}
 arrays.ply_facet[point] = sim.model.bodies[0].mesh.element_count  # the first one of its upper face
 at = row_start(data, point)
-rows = {{WEIGHT: 1.0, NORMAL + 2: 1.0, SHARE: 1.0, AREA: {area}}}
+rows = {{WEIGHT: 1.0, NORMAL + 2: 1.0, SHARE: 1.0, AREA: {area}, REACH: 1e-5}}
 for row, value in rows.items():
     arrays.ply_rows[at + row * SPAN] = value
 list_points(data, arrays)
 forces_of_points(data, *laws, arrays, dt)
 stats = forces_of_points.for_python.stats
 print(json.dumps({{
-    "force": arrays.ply_force[point].tolist()[:3],
+    "force": vector_at(arrays.ply_rows, FORCE, at),
     "lost": float(arrays.ply_sums[:, LOST].sum() / dt),
     "rate": float(data.sliding_rate),
     "words": between.in_words(),
