@@ -1062,7 +1062,7 @@ class FabricMaterial(FabricTable):
 
     @property
     def resists_shear_rates(self) -> bool:
-        return self.viscous is not None and self.viscous.resists_shear
+        return self.viscous is not None and self.viscous.resists
 
     @property
     def relaxes(self) -> bool:
