@@ -296,7 +296,7 @@ class State(_Arrays):
     ply_acts: np.ndarray = entry(
         "half a ply span",
         unit="1",
-        meaning="whether a point of half a span is, or just was, near enough to act",
+        meaning="whether a point of half a span is near enough to act",
         dtype=np.uint8,
     )
     ply_slope: np.ndarray = entry(

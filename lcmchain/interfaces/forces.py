@@ -130,13 +130,12 @@ def load_ways(vectors, corner, first, count, rows, ways):
 
 @span_part
 def find_gaps(rows, ways):
-    """Write the gaps of a span behind its ways; return the points that act or just did, as bits."""
+    """Write the gaps of a span behind its ways; return a bit for each point near enough to act."""
     found = 0
     for i in range(SPAN):
         gap = dot(vector_at(rows, NORMAL, i), vector_at(ways, 0, i)) + rows[OFFSET * SPAN + i]
         ways[GAP * SPAN + i] = gap
-        near = min(gap, rows[LAST_GAP * SPAN + i]) < rows[REACH * SPAN + i]
-        found |= (1 << i) if near else 0
+        found |= (1 << i) if gap < rows[REACH * SPAN + i] else 0
     return found
 
 
@@ -217,6 +216,7 @@ def forces_of_chunk(data, laws, arrays, chunk, dt_last, ways):
         near = find_gaps(rows, ways)
         rested = not (halves[0] or halves[1])
         halves[0], halves[1] = near % (1 << HALF) > 0, near >> HALF > 0
+        # the step in which points part still has to say what that took
         if near == 0 and rested:
             put_rows(ways, GAP, 1.0, rows, LAST_GAP, 1)
             continue
@@ -302,15 +302,17 @@ def add_ply_forces(data, arrays, chunk, first, last):
 @span_part
 def add_own_forces(data, arrays, chunk, first, last):
     """Add the forces on the points of a chunk."""
+    rows = arrays.ply_rows
+    force_x, force_y, force_z = arrays.force[0], arrays.force[1], arrays.force[2]
     for half in range(chunk * HALVES_OF_CHUNK, (chunk + 1) * HALVES_OF_CHUNK):
         if arrays.ply_acts[half]:
             begin = first + (half - chunk * HALVES_OF_CHUNK) * HALF
-            at = half // 2 * data.row_size + half % 2 * HALF
-            for d in range(3):
-                own = arrays.ply_rows[at + (FORCE + d) * SPAN : at + (FORCE + d) * SPAN + HALF]
-                force = arrays.force[d, begin:last]
-                for i in range(min(HALF, last - begin)):
-                    force[i] += own[i]
+            at = half // 2 * data.row_size + half % 2 * HALF + FORCE * SPAN
+            for i in range(min(HALF, last - begin)):
+                node, place = np.uint64(begin + i), np.uint64(at + i)
+                force_x[node] += rows[place]
+                force_y[node] += rows[place + NEXT_ROW]
+                force_z[node] += rows[place + SECOND_ROW]
 
 
 @span_part

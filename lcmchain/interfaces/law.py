@@ -11,6 +11,9 @@ A law says with ``remembers()`` how many numbers every point of contact keeps fo
 :data:`MOST_MEMORY`, zero at first. Kernels hand them over as a tuple. It has a ``title()``, and its
 ``reason()`` says in a few words how strong it is, for the list of effects.
 
+A span of points none of which is pressed or within the reach of its laws rests: nobody asks them
+until one comes near. They are then asked once at the touch of the step before.
+
 A point stands for half the area around its node: the points of both faces that meet carry half of
 what acts each. Forces are those on the point; what it stands on takes the opposite.
 """
@@ -212,7 +215,11 @@ class InterfaceLawTable(SceneModel):
         raise NotImplementedError
 
     def reach(self) -> float:
-        """Return the gap up to which the law acts [m]; 0 for one that acts under pressure alone."""
+        """Return the gap up to which the law acts [m]; 0 for one that acts under pressure alone.
+
+        Beyond it, without pressure, a law has no force and stores nothing, and what it keeps goes
+        with its last touch alone: it is not asked at every step there.
+        """
         return 0.0
 
     def stiffness(self) -> float:
