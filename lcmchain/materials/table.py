@@ -64,11 +64,6 @@ class MaterialTable(SceneModel):
         return False
 
     @property
-    def knows_rates(self) -> bool:
-        """Whether any stress depends on a rate."""
-        return self.resists_rates or self.bending_resists_rates
-
-    @property
     def locks(self) -> bool:
         """Whether the fabric locks in shear."""
         return False
