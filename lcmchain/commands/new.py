@@ -179,7 +179,7 @@ def new_coupon(
     file = _new_file(out, "coupon")
     sheet = _sheet(preset, blank_size, edge_length, fibre_angle, friction, time)
     _write(file, coupon_scene(sheet, file.name))
-    for name in ("bias-extension", "picture-frame", "compaction", "cantilever"):
+    for name in ("bias-extension", "picture-frame", "compaction", "cantilever", "pure-bending"):
         say(f"Coupon test:  lcmchain coupon {name} --scene {file}")
 
 

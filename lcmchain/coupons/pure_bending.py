@@ -200,9 +200,10 @@ def _draw(path: Path, curves, title: str) -> None:
             (right, "time [s]", "time [s]"),
         ):
             x = curves[heading]
-            axis.plot(x, curves["moment [N]"], "o", ms=2.5, color=SERIES[0], label="simulated")
-            axis.plot(x, curves["analytic moment [N]"], "-", lw=1.2, color=INK, label="law")
+            found, law = 1e3 * curves["moment [N]"], 1e3 * curves["analytic moment [N]"]
+            axis.plot(x, found, "o", ms=2.5, color=SERIES[0], label="simulated")
+            axis.plot(x, law, "-", lw=1.2, color=INK, label="law")
             axis.set_xlabel(label)
-            axis.set_ylabel("moment per width [N]")
+            axis.set_ylabel("moment per width [mN]")
             finish_loop(axis)
         left.legend(loc="upper left")

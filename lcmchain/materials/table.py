@@ -69,11 +69,6 @@ class MaterialTable(SceneModel):
         return False
 
     @property
-    def knows_rates(self) -> bool:
-        """Whether any stress depends on a rate."""
-        return self.resists_rates or self.bending_resists_rates
-
-    @property
     def relaxes(self) -> bool:
         """Whether the compaction relaxes."""
         return False

@@ -18,12 +18,16 @@ from lcmchain.elements.solid_shell.kernel import (
 )
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError
+from lcmchain.materials.bending_losses import BendingLosses, DirectionLosses
+from lcmchain.materials.dahl import Friction
 from lcmchain.materials.fabric_with_set import FabricWithSet
 from lcmchain.materials.law import Step
+from lcmchain.materials.maxwell import Relaxation
 from lcmchain.materials.shear_compaction import PowerCoupling
+from lcmchain.materials.shear_friction import ShearFriction
 from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.materials.st_venant_kirchhoff import StiffnessLaw
-from lcmchain.materials.viscous_shear import Relaxation, ViscousShear
+from lcmchain.materials.viscous_shear import ViscousShear
 from lcmchain.verification import random_elements
 
 # Every combination of effect slots that is compiled once; numbers (moments, the weight of the
@@ -60,6 +64,14 @@ VISCOUS = ViscousShear(
     exponent=0.3,
     terms=(Relaxation(0.3e6, 1e-3), Relaxation(0.1e6, 0.5)),
 )
+RUBBING = ShearFriction(5e3, 0.02, 0.3)
+LOSSES = BendingLosses(
+    (
+        DirectionLosses(Friction(0.02, 4.0), 3e-4, (Relaxation(0.01, 1e-3),)),
+        DirectionLosses(Friction(0.01, 2.0), 0.0, (Relaxation(0.02, 0.1),)),
+    ),
+    random_elements.THICKNESS,
+)
 STEP = Step(2e-4, 0.3)
 CURVED = {"flat": (), "aligned": (), "curved": range(ELEMENT_COUNT)}
 
@@ -83,7 +95,7 @@ class Batch:
 
 
 def fabric_with_all():
-    """A fabric that remembers, locks, thickens by shear, bends by curves, and resists rates."""
+    """A fabric that remembers, locks, thickens by shear, bends by curves, rubs, resists rates."""
     return FabricWithSet(
         random_elements.md600().law,
         0.3,
@@ -94,6 +106,8 @@ def fabric_with_all():
         coupling=PowerCoupling(0.8),
         bending_curves=random_elements.CURVES,
         viscous=VISCOUS,
+        bending_losses=LOSSES,
+        shear_friction=RUBBING,
     )
 
 
@@ -327,16 +341,20 @@ def fabric_with_all_compiled(batch, make):
 def test_forces_that_depend_on_the_rate_agree_with_the_reference_element(
     fabric_with_all_compiled, make
 ):
-    """And so does what the law remembers afterwards, behind the largest compaction."""
+    """And on friction; and so does what the law remembers, behind the largest compaction."""
     kernel, case = fabric_with_all_compiled
     elements = [
         ReferenceElement(*own, case.material, case.options) for own in zip(case.X, case.fibres)
     ]
-    strain = np.array([own.strain(x)[0]["centre"] for own, x in zip(elements, case.x)])
+    strains = [own.strain(x)[0] for own, x in zip(elements, case.x)]
+    strain = np.array([own["centre"] for own in strains])
+    curvature = np.array([own["zeta"][:2] / e.height for own, e in zip(strains, elements)]).T
     rng = np.random.default_rng(11)
-    past = np.zeros((6, ELEMENT_COUNT))
-    past[1] = strain[:, 3] + rng.uniform(-5e-3, 5e-3, ELEMENT_COUNT)
-    past[2:] = rng.uniform(-1e4, 1e4, (4, ELEMENT_COUNT))
+    past = np.zeros((9 + len(LOSSES.memory), ELEMENT_COUNT))
+    past[1:9] = rng.uniform(-1e4, 1e4, (8, ELEMENT_COUNT))
+    past[[1, 6]] = strain[:, 3] + rng.uniform(-5e-3, 5e-3, (2, ELEMENT_COUNT))
+    past[9:] = rng.uniform(-0.05, 0.05, (len(LOSSES.memory), ELEMENT_COUNT))
+    past[9:11] = curvature + rng.uniform(-1.0, 1.0, (2, ELEMENT_COUNT))
     history = in_blocks(np.concatenate([np.zeros((4, ELEMENT_COUNT)), past]).T)
     arguments = arguments_of(case, make, history)
     kernel(*arguments, *STEP)
@@ -350,8 +368,12 @@ def test_forces_that_depend_on_the_rate_agree_with_the_reference_element(
     changes = [abs(own.force - still.force).max() for own, still in zip(results, frozen)]
     assert np.median(np.divide(changes, scales)) > 1e-4
     after = case.model.body.element_history(history)
-    expected = VISCOUS.in_step(strain[:, 3], past[1:], STEP.size)
-    np.testing.assert_allclose(after[1:], expected, rtol=1e-9)
+    expected = VISCOUS.in_step(strain[:, 3], past[1:6], STEP.size)
+    np.testing.assert_allclose(after[1:6], expected, rtol=1e-9)
+    expected = RUBBING.in_step(strain[:, 3], past[6:9], case.material._shear(strain[:, 3])[0])
+    np.testing.assert_allclose(after[6:9], expected, rtol=1e-9)
+    expected = LOSSES.in_step(curvature, past[9:], STEP.size)
+    np.testing.assert_allclose(after[9:], expected, rtol=1e-8, atol=1e-12)
     assert (after[0] < 0.0).any()
 
 

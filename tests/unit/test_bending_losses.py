@@ -7,10 +7,12 @@ import pickle
 
 import numpy as np
 import pytest
+from dead_loads import loaded
 
 from lcmchain.check import check_scene
 from lcmchain.coupons.pure_bending import bent_ends, pure_bending
 from lcmchain.coupons.specimen import Loop
+from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.materials import bending_losses as module
 from lcmchain.materials.bending_losses import BendingLosses, DirectionLosses
@@ -112,7 +114,7 @@ def test_a_closed_loop_loses_its_area_and_no_step_size_changes_that():
         assert lost[-1] - lost[-1 - 2 * count] == pytest.approx(expected, rel=1e-4)
         assert np.diff(lost).min() >= 0.0
     # a loop by its points: the area that the moments enclose
-    fine = np.linspace(amplitude, -amplitude, 20_001)
+    fine = np.linspace(amplitude, -amplitude, 4_001)
     rows = followed(losses, along_first(np.concatenate([fine, -fine, fine, -fine])))
     moment = column(losses, rows, "bending_friction_moment_1")[-2 * fine.size :]
     assert abs(np.trapezoid(moment, np.concatenate([fine, -fine]))) == pytest.approx(
@@ -192,7 +194,7 @@ def test_the_compiled_law_is_the_plain_one(kind):
     assert type(law).__name__ == name and pickle.loads(pickle.dumps(type(law))) is type(law)
     assert history_count(law) == len(losses.memory) and knows_step(law) == (kind == "both")
     before = followed(losses, np.array([[3.0, -5.0], [2.0, -6.0]]), 1e-3)[-1]
-    curvature = np.array([2.5, 4.0])
+    curvature = np.array([1.2, 4.0])  # back along the one, on along the other
     E = (*(curvature * height), 0.01, 0.02, -0.03, 0.04)
     for size in (2e-4, 0.0):
         step = (size, 0.5) if kind == "both" else ()
@@ -408,3 +410,64 @@ def test_a_stiff_dashpot_limits_the_step_and_damps():
     with np.errstate(all="ignore"):
         unbound._advance(400, 0.9 * 2.0 / omega)
     assert not np.abs(unbound.state.velocity).max() < 1e3
+
+
+@pytest.mark.slow
+def test_a_strip_that_is_let_go_keeps_the_curvature_of_the_law():
+    """Bent to 12 1/m, led back to 5 1/m and let go, damped: no moment, within 3 % of the set."""
+    text = 'time = "0.5 s", mass_damping = "20000 1/s"'
+    loop = Loop([0.0, -12.0, -5.0], 0.05)
+    led = type("Led", (), {"travel": staticmethod(lambda t: loop.travel(min(t, loop.duration)))})
+    held = Simulation(build_model(scene(RUBBED, text), bent_ends(led)))
+    held.advance_to(loop.duration)
+    free = Simulation(build_model(scene(RUBBED, text), lambda blank: bent_ends(led)(blank)[:1]))
+    for name in ("position", "history", "work"):
+        getattr(free.state, name)[:] = getattr(held.state, name)
+    free.advance_to(0.5)
+    body, losses = free.model.body, only_friction()
+    past = body.element_history(free._history(body))
+    own = losses.own_memory(body.material.law, past).T
+    stays = column(losses, own, "curvature_before_1")
+    rubs = column(losses, own, "bending_friction_moment_1")
+    back = np.linspace(12.0, 0.0, 2001)
+    rubbed = followed(losses, along_first(np.array([12.0, *back])))[1:]
+    stiffness = body.material.law.B11 * THICKNESS**3 / 12.0
+    total = stiffness * back + column(losses, rubbed, "bending_friction_moment_1")
+    np.testing.assert_allclose(stiffness * stays + rubs, 0.0, atol=0.01 * 0.02)
+    np.testing.assert_allclose(stays, np.interp(0.0, total[::-1], back[::-1]), rtol=0.03)
+
+
+@pytest.mark.slow
+def test_a_strip_under_a_constant_moment_creeps():
+    """Kelvin-Voigt: κ = m/B (1 - exp(-B t/η)), within 0.5 %; what is lost is work less stored."""
+    viscosity, stress = 2e6, 400.0
+    the_scene = scene(f'bending.viscous_1 = {{ viscosity = "{viscosity} Pa*s" }}', 'time = "80 ms"')
+
+    def clamp(blank):
+        x = blank.node_positions[:, 0]
+        return [Support("clamp", np.flatnonzero(x < x.min() + 1e-9), "xyz")]
+
+    model = build_model(the_scene, clamp)
+    body = model.body
+    x, y, z = model.node_positions.T
+    # a couple of forces along x at the free end, a linear stress over the thickness
+    share = np.where(np.abs(y) > 5e-3, 0.5, 1.0) * 0.01
+    moment = stress * THICKNESS**2 / 6.0  # per width
+    side = np.sign(z - z.mean())
+    along = np.where(x > x.max() - 1e-9, -side * share * moment / THICKNESS, 0.0)
+    simulation = Simulation(loaded(model, np.array([along, np.zeros_like(x), np.zeros_like(x)])))
+    stiffness = body.material.law.B11
+    lost = []
+    for until in (0.02, 0.04, 0.08):
+        simulation.advance_to(until)
+        past = body.element_history(simulation._history(body))
+        own = body.material.bending_losses.own_memory(body.material.law, past).T
+        bent = column(body.material.bending_losses, own, "curvature_before_1").mean()
+        expected = 12.0 * moment / THICKNESS**3 / stiffness
+        expected *= -math.expm1(-stiffness * until / viscosity)
+        assert abs(bent) == pytest.approx(expected, rel=5e-3)
+        lost.append(simulation.energy()["viscous"])
+    energy = simulation.energy()
+    spent = energy["internal"] + energy["hourglass"] + energy["kinetic"]
+    assert energy["viscous"] == pytest.approx(energy["external"] - spent, rel=1e-3)
+    assert np.all(np.diff(lost) > 0.0)

@@ -50,6 +50,8 @@ def test_compaction_writes_curve_picture_and_comparisons(tmp_path, capsys):
         (["bias-extension", "--width", "160"], "--width"),
         (["picture-frame", "--shear-angle", "60 mm"], "--shear-angle"),
         (["picture-frame", "--side", "0 mm"], "--side: must be positive"),
+        (["pure-bending", "--curvature", "20 mm"], "--curvature"),
+        (["pure-bending", "--fibre", "3"], "--fibre"),
         (["compaction", "--scene", "missing.toml"], "missing.toml"),
         (["cantilever", "--set", "material.preset=MD60"], "MD600"),
     ],

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import math
 import pickle
-from typing import NamedTuple
 
 import numpy as np
 import pytest
+from dead_loads import loaded
 from numpy.polynomial.legendre import leggauss
 
 from lcmchain.check import check_scene
 from lcmchain.coupling.closing.textile import at_rest
 from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.picture_frame import picture_frame
-from lcmchain.dispatch import implements
-from lcmchain.effects.interaction import add_to_nodes, on_nodes
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
-from lcmchain.jit import equation
 from lcmchain.materials import viscous_shear
 from lcmchain.materials.fabric import FabricLaw
 from lcmchain.materials.law import (
@@ -34,10 +31,9 @@ from lcmchain.materials.law import (
 )
 from lcmchain.materials.viscous_shear import Relaxation, ViscousShear, arrhenius_factor
 from lcmchain.mesh.blank import build_blank
-from lcmchain.model import Model, assemble_sheet, build_model
+from lcmchain.model import assemble_sheet, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.state import EXTERNAL
 from lcmchain.statics import StaticProblem
 from lcmchain.threads import use_threads
 
@@ -394,27 +390,6 @@ def test_a_held_frame_relaxes():
         np.testing.assert_allclose(past[1], held / math.cos(largest), rtol=5e-3)
 
 
-class Dead(NamedTuple):
-    """Forces on the nodes that keep size and direction (3, node_count) [N]."""
-
-    force: np.ndarray
-
-
-@implements(on_nodes, Dead)
-@equation
-def dead_on_nodes(interaction):
-    return interaction
-
-
-@implements(add_to_nodes, Dead)
-@equation
-def add_dead(acting, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
-    for i in range(first, last):
-        for d in range(3):
-            arrays.force[d, i] += acting.force[d, i]
-            sums[EXTERNAL] += dt_last * acting.force[d, i] * arrays.velocity[d, i]
-
-
 @pytest.mark.slow
 def test_a_sheet_under_a_constant_load_creeps():
     """Kelvin-Voigt: η γ' = τ cos(γ/2) - s0 sin γ cos γ under dead shear tractions τ."""
@@ -430,14 +405,7 @@ def test_a_sheet_under_a_constant_load_creeps():
     share = 0.5 * traction * 1.004e-3 * 0.01
     ends = [np.where(np.abs(along) > 5e-3, 0.5, 1.0) for along in (x, y)]
     force = share * np.array([np.sign(y) * ends[0], np.sign(x) * ends[1], np.zeros_like(x)])
-
-    class Loaded(Model):
-        @property
-        def interactions(self):
-            return (*super().interactions, Dead(force))
-
-    object.__setattr__(model, "__class__", Loaded)
-    simulation = Simulation(model)
+    simulation = Simulation(loaded(model, force))
     body = model.body
     angle = np.linspace(0.0, 0.41, 20001)
     speed = traction * np.cos(0.5 * angle) - modulus * np.sin(angle) * np.cos(angle)
