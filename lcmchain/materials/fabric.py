@@ -568,7 +568,7 @@ class Fabric:
         stored = self._energy_in_plane(E) + self._compaction_energy(self._seen(np.asarray(E)))
         return stored + self._relaxing_energy(history)
 
-    def _relaxing_energy(self, history: np.ndarray | None) -> ArrayLike:
+    def _relaxing_energy(self, history: np.ndarray | None) -> np.ndarray | float:
         """Return what Maxwell elements store [J/m³]."""
         if history is None:
             return 0.0
@@ -577,7 +577,7 @@ class Fabric:
             of_shear = self.viscous.stored(history[len(history) - len(self.viscous.terms) :])
         return of_shear + self._stored_by_relaxation(history)
 
-    def _stored_by_relaxation(self, history: np.ndarray) -> ArrayLike:
+    def _stored_by_relaxation(self, history: np.ndarray) -> np.ndarray | float:
         if self.relaxation is None:
             return 0.0
         own = history[: len(self.relaxation.memory)]
@@ -956,6 +956,10 @@ class FabricMaterial(FabricTable):
     @property
     def relaxes(self) -> bool:
         return self.viscous is not None and bool(self.viscous.compaction)
+
+    @property
+    def temperature_varies(self) -> bool:
+        return self.viscous is not None and self.viscous.field is not None
 
     def without_rates(self) -> Self:
         """Return the fabric of which nothing depends on a rate."""

@@ -111,7 +111,7 @@ def time_factor(law, history):
 
 def rate_factor_of(law: Any, history: tuple) -> float:
     """Return the rate factor of the element."""
-    return history[type(law).rate_factor_at]  # type: ignore[attr-defined]
+    return history[type(law).rate_factor_at]
 
 
 @overload(rate_factor_of, jit_options=INLINED, strict=False)

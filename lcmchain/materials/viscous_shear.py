@@ -327,15 +327,18 @@ def moments_after(law: Any, own: tuple, turn: float, size: float) -> tuple:
     )
 
 
+def _moments(law_class: Any) -> range:
+    """Return where the moments stand in the numbers of a law's own."""
+    return range(3, 3 + law_class.maxwell_count)
+
+
 def sum_of(terms: list[str]) -> str:
     """Return the text of a sum."""
     return " + ".join(terms) or "0.0"
 
 
 @unrolled(
-    lambda own: (
-        "lambda law, moments: " + sum_of([f"moments[{k}]" for k in range(own.maxwell_count)])
-    )  # type: ignore[attr-defined]
+    lambda own: "lambda law, moments: " + sum_of([f"moments[{k - 3}]" for k in _moments(own)])
 )
 def sum_of_moments(law: Any, moments: tuple) -> float:
     """Return the moment of all Maxwell elements."""
