@@ -153,7 +153,7 @@ def require_one_temperature(material: AnyMaterial) -> None:
     ------
     InputError : the material has one.
     """
-    if material.resists_rates and material.viscous.field is not None:
+    if material.temperature_varies:
         raise InputError(
             "differs over the blank, and a coupon has one temperature; give "
             "material.viscous.temperature instead",

@@ -612,7 +612,7 @@ class Fabric:
         stored = self._energy_in_plane(E) + self._compaction_energy(self._seen(np.asarray(E)))
         return stored + self._remembered_energy(history)
 
-    def _remembered_energy(self, history: np.ndarray | None) -> ArrayLike:
+    def _remembered_energy(self, history: np.ndarray | None) -> Any:
         """Return what Maxwell elements, friction, and what relaxes store [J/m³]."""
         stored: Any = 0.0
         if history is None:
@@ -624,7 +624,7 @@ class Fabric:
             stored += moment**2 / (2.0 * self.shear_friction.modulus)
         return stored + self._stored_by_relaxation(history)
 
-    def _stored_by_relaxation(self, history: np.ndarray) -> ArrayLike:
+    def _stored_by_relaxation(self, history: np.ndarray) -> np.ndarray | float:
         if self.relaxation is None:
             return 0.0
         own = history[: len(self.relaxation.memory)]
@@ -1067,6 +1067,10 @@ class FabricMaterial(FabricTable):
     @property
     def relaxes(self) -> bool:
         return self.viscous is not None and bool(self.viscous.compaction)
+
+    @property
+    def temperature_varies(self) -> bool:
+        return self.viscous is not None and self.viscous.field is not None
 
     def without_rates(self) -> Self:
         """Return the fabric of which nothing depends on a rate."""

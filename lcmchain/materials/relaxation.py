@@ -163,7 +163,7 @@ def _numbers(law_class: Any) -> str:
 @unrolled(lambda own: f"lambda law, history: ({_numbers(own)})")
 def own_numbers(law: Any, history: tuple) -> tuple:
     """Return strain, stress and work of the step before, the stresses, and the size of the step."""
-    own = len(OWN_MEMORY) + type(law).relaxing_count  # type: ignore[attr-defined]
+    own = len(OWN_MEMORY) + type(law).relaxing_count
     return (*history[:own], history[history_count(law)])
 
 
@@ -185,7 +185,7 @@ _AFTER = "maxwell_moment(own[{place}], law.share_{k}, law.compaction_time_{k}, c
 )
 def stresses_after(law: Any, own: tuple, change: float, size: float) -> tuple:
     """Return the stresses of the elements after a step that changes that of the law."""
-    numbers = range(1, type(law).relaxing_count + 1)  # type: ignore[attr-defined]
+    numbers = range(1, type(law).relaxing_count + 1)
     return tuple(
         maxwell_moment(
             own[len(OWN_MEMORY) + k - 1],
@@ -207,7 +207,7 @@ def sum_before(law: Any, own: tuple) -> float:
 @unrolled(lambda own: f"lambda law: {_sum(_elements(own, 'law.share_{k}'))}")
 def share_at_once(law: Any) -> float:
     """Return the share of the law that all elements have together."""
-    return sum(getattr(law, f"share_{k + 1}") for k in range(type(law).relaxing_count))  # type: ignore[attr-defined]
+    return sum(getattr(law, f"share_{k + 1}") for k in range(type(law).relaxing_count))
 
 
 @unrolled(

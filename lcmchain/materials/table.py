@@ -74,6 +74,11 @@ class MaterialTable(SceneModel):
         return False
 
     @property
+    def temperature_varies(self) -> bool:
+        """Whether the temperature differs over the blank."""
+        return False
+
+    @property
     def locks(self) -> bool:
         """Whether the fabric locks in shear."""
         return False
