@@ -515,11 +515,11 @@ def test_a_run_is_bit_identical_with_its_memory():
 
 @pytest.mark.slow
 def test_the_example_resists_a_faster_punch_by_more(tmp_path):
-    """On a coarse mesh: the force above that of the dry fabric, and what is lost to the rate."""
+    """The force above that of the dry fabric, and what is lost to the rate."""
     compare = runpy.run_path(str(EXAMPLE / "compare.py"))
     force, lost = {}, {}
     for name, time in (("wet", 400.0), ("wet", 100.0), ("dry", 100.0)):
-        cells = [cell.strip() for cell in compare["row"](name, time, tmp_path, 20.0).split("|")]
+        cells = [cell.strip() for cell in compare["row"](name, time, tmp_path, 10.0).split("|")]
         force[name, time], lost[name, time] = float(cells[3]), float(cells[5])
     slow, fast = force["wet", 400.0], force["wet", 100.0]
     dry = force["dry", 100.0]
